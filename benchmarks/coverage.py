@@ -23,7 +23,7 @@ from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.rig import Rig
 from ptt.rig.simulate import RunResult, simulate
 from ptt.run.problem import Problem, build_problem
@@ -158,7 +158,7 @@ def _curve(hidden: Draw, problem: Problem, fitted: FitResult) -> np.ndarray:
     q = problem.view.q.numpy()
     rig, none = hidden.rig, (0.0, 0.0, 0.0)
     curve = rig.drive.model_copy(update=dict.fromkeys(("homing_mm", "scale_um_per_m", "turn_um", "turn2_um"), none))
-    shift = screw_error(curve, q, q, draw_machine(rig.spec).home, rig.drive.curve_span_mm, rig.spec.screw_lead_mm)
+    shift = screw_error(curve, q, q, ideal_machine(rig.spec).home, rig.drive.curve_span_mm, rig.spec.screw_lead_mm)
     return _in_shapes(fitted, problem, shift)
 
 

@@ -22,7 +22,7 @@ from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import make_volume
@@ -99,7 +99,7 @@ def run(seed: int) -> Score:
     """Build, fit, compensate, measure again."""
     rig, truth, sigma = build(seed)
     rows = ROWS[seed % 2]
-    drawing = draw_machine(rig.spec)
+    drawing = ideal_machine(rig.spec)
     measured = simulate(rig, make_volume(drawing, rows, seed))
     problem = build_problem(rig.machine, table_of(measured.frame))
     model = Model(rig.machine)

@@ -34,7 +34,7 @@ from ptt.machine import format_machine, parse_machine  # noqa: E402
 from ptt.mechanisms import build_mechanism  # noqa: E402
 from ptt.plan.space import build_space, draw_poses  # noqa: E402
 from ptt.rig import parse_rig, simulate, write_run  # noqa: E402
-from ptt.rig.nominal import draw_machine, nominal_sliders  # noqa: E402
+from ptt.rig.nominal import ideal_machine, nominal_sliders  # noqa: E402
 from ptt.rig.rig import Rig  # noqa: E402
 from ptt.run.table import make_table  # noqa: E402
 
@@ -111,7 +111,7 @@ def formats(name: str, rig: Rig, comp: Compensator, folder: Path) -> list[str]:
     """Rows of the table of formats."""
     file = rig.machine
     place = build_mechanism(file.machine).forward(draw_poses(build_space(file), 400, np.random.default_rng(9))).numpy()
-    before = missed(rig, place, nominal_sliders(draw_machine(rig.spec), place))
+    before = missed(rig, place, nominal_sliders(ideal_machine(rig.spec), place))
     whole = missed(rig, place, compensate(comp.model, make_table(place)).q)
     rows = [f"| {name} | drawing | | {before:.1f} | |", f"| | whole model (`ptt predict`) | | {whole:.1f} | |"]
     for each in FORMATS:
@@ -142,7 +142,7 @@ def programs(rig: Rig, comp: Compensator, paths: list[Path]) -> list[str]:
             way = gcode.execute(each)
             head = next(number for number, move in enumerate(way) if len(move["path"]) and all(move["known"]))
             driven = gcode.dense(gcode.whole_path(way[head + 1 :]), 0.5)
-            heights = pd.DataFrame(nominal_sliders(draw_machine(rig.spec), driven), columns=["b1", "b2", "b3"])
+            heights = pd.DataFrame(nominal_sliders(ideal_machine(rig.spec), driven), columns=["b1", "b2", "b3"])
             truth = simulate(rig, _frame(driven), sliders=heights, noise=False).truth
             off.append(1e3 * gcode.beside(truth[5 :: max(len(truth) // 1500, 1)], wanted))
         figures = f"{_rms(off[0]):.0f} | {_rms(off[1]):.1f} | {off[1].max():.1f}"

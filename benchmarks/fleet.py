@@ -34,7 +34,7 @@ from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.reading import read_table
@@ -76,7 +76,7 @@ def year(folder: Path, machines: int, months: int, rows: int) -> None:
             spec = {"machine": drawing, "seed": 1000 * machine + month, **faults(machine, month, months)}
             rig = replace(parse_rig(spec), machine=file)
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_run(simulate(rig, make_volume(draw_machine(rig.spec), rows, machine)).frame, path)
+            write_run(simulate(rig, make_volume(ideal_machine(rig.spec), rows, machine)).frame, path)
             when = read_date(f"{2026 + month // 12}-{month % 12 + 1:02d}-05")
             add_run(store, f"machine {machine:02d}", path, read_table(path), when, ordered=False, units_said=False)
     start, cpu = time.perf_counter(), time.process_time()

@@ -380,13 +380,13 @@ def _judge_outputs(paths: list[Path]) -> tuple[str, str]:
     """Whether we can read our own outputs."""
     import pandas as pd
 
-    from ptt.commands.outputs import kind_of
+    from ptt.commands.outputs import file_kind
     from ptt.errors import PttError
     from ptt.machine import load_machine
 
     for path in paths:
         try:
-            if kind_of(path) == "machine":  # by what it holds: a command line may call it anything
+            if file_kind(path) == "machine":  # by what it holds: a command line may call it anything
                 load_machine(path)
             elif path.suffix == ".csv" and not path.read_bytes().lstrip().startswith(OTHERS):
                 pd.read_csv(path, comment="#")

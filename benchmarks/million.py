@@ -21,7 +21,7 @@ from typing import Any
 
 from ptt.machine import load_machine
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 
 MACHINE = Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml"
@@ -49,7 +49,7 @@ def make_run(path: Path, rows: int, seed: int = 5) -> None:
     }
     drawing = file.machine.model_dump(mode="json", exclude_none=True)
     rig = replace(parse_rig({"machine": drawing, "seed": seed, "conditions": conditions, **FAULTS}), machine=file)
-    frame = simulate(rig, make_volume(draw_machine(rig.spec), cycle, 3)).frame
+    frame = simulate(rig, make_volume(ideal_machine(rig.spec), cycle, 3)).frame
     write_run(frame.drop(columns=["name"]).round(7), path)
 
 
@@ -99,7 +99,7 @@ def print_pulls(told: dict[str, Any]) -> None:
 
 def time_parts(run: Path) -> None:
     """Print when each part of the diagnosis begins."""
-    from ptt.commands.common import Reading, open_run
+    from ptt.commands.common import ReadOptions, open_run
     from ptt.diagnosis.telling.long import diagnose_long
 
     start = time.perf_counter()
@@ -108,7 +108,7 @@ def time_parts(run: Path) -> None:
         print(f"{time.perf_counter() - start:8.1f} s  {what}", flush=True)
 
     tell("read")
-    opened = open_run(run, MACHINE, Reading(json=True))
+    opened = open_run(run, MACHINE, ReadOptions(json=True))
     tell("rows are seen through the machine")
     diagnose_long(opened.model, opened.problem, opened.library, progress=tell)
     tell("done")

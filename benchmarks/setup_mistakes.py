@@ -20,7 +20,7 @@ from ptt.machine import MachineFile, ThreePttSpec
 from ptt.rig.draw_faults import KNOWN, Scene
 from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.draw_odd import UNKNOWN
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.schema import Section
 from ptt.rig.simulate import simulate
@@ -84,7 +84,7 @@ def _harm(rig: Rig, protocol: str, random: Random, room: np.ndarray) -> Rig:
     kinds = (UNKNOWN, KNOWN) if random.random() < 0.3 else (KNOWN,)
     fits = next(found for kind in kinds if (found := [item for item in kind if protocol in item.protocols]))
     item = fits[int(random.integers(len(fits)))]
-    values = item.draw(random, Scene(draw_machine(rig.spec), rig.spec, room))
+    values = item.draw(random, Scene(ideal_machine(rig.spec), rig.spec, room))
     values = {key: value for key, value in values.items() if not key.endswith("_share")}
     if item.section == "odd":
         content = {key: value for key, value in rig.spec.model_dump(mode="json").items() if value is not None}

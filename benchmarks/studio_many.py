@@ -19,7 +19,7 @@ from ptt.commands.main import run
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
-from ptt.show.studio.store import Store
+from ptt.show.studio.store import SessionStore
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -35,7 +35,7 @@ def main() -> None:
 
 
 async def _all(folder: Path, clients: int) -> None:
-    store, pool = Store(folder), Pool(verb=run)
+    store, pool = SessionStore(folder), Pool(verb=run)
     memory: list[tuple[int, int]] = []
     watching = asyncio.create_task(_watch(memory))
     began = time.monotonic()

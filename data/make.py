@@ -11,7 +11,7 @@ import pandas as pd
 
 from ptt.files import write_text
 from ptt.rig import load_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import as_targets, make_helix, make_volume
 
 POINTS, CYCLES = 180, 7
@@ -184,7 +184,7 @@ def write_rigs(folder: Path) -> None:
 def write_targets(folder: Path) -> dict[str, pd.DataFrame]:
     """The paper's path, the same one backwards, one that was never measured, and the volume."""
     helix = make_helix(POINTS)
-    drawing = draw_machine(load_rig(folder / "rigs" / "volume.toml").spec)
+    drawing = ideal_machine(load_rig(folder / "rigs" / "volume.toml").spec)
     tables = {
         "targets": as_targets(helix),
         "targets_reversed": as_targets(helix[::-1], "r"),

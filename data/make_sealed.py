@@ -18,7 +18,7 @@ from ptt.effects import library
 from ptt.rig import parse_rig
 from ptt.rig.draw import DrawnRig, draw_rig
 from ptt.rig.draw_faults import KNOWN
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 
 ONE_SEED, THREE_SEED = 33, 544
@@ -63,7 +63,7 @@ def draw_three(seed: int) -> DrawnRig:
     machine = {key: value for key, value in plain.spec.model_dump(mode="json").items() if value is not None}
     content = {"machine": machine, "seed": seed, "conditions": CONDITIONS, "tracker": {"station_mm": STATION_MM}}
     rig = replace(parse_rig(content), machine=plain.machine)
-    drawn = DrawnRig(rig, make_volume(draw_machine(rig.spec), POSES, seed), {}, "warmup")
+    drawn = DrawnRig(rig, make_volume(ideal_machine(rig.spec), POSES, seed), {}, "warmup")
     tables = [
         [fault.name for fault in KNOWN if fault.protocols[0] in kinds and fault.section != "tracker"] for kinds in KINDS
     ]

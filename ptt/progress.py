@@ -10,7 +10,7 @@ SMOOTH = 3  # steps of a stage before its pace says anything
 
 
 @dataclass
-class Pace:
+class StagePace:
     """Follows what `Progress` is told; a stage ends where the count starts anew.
 
     Attributes:

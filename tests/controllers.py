@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ptt.rig.nominal import draw_machine, nominal_sliders
+from ptt.rig.nominal import ideal_machine, nominal_sliders
 
 
 def klipper(path: Path, ends, p: np.ndarray) -> np.ndarray:
@@ -126,7 +126,7 @@ def screw(trims: np.ndarray, place: np.ndarray, way: float) -> np.ndarray:
 
 def siemens(path: Path, spec, p: np.ndarray) -> np.ndarray:
     """The controller's own kinematics are the drawing's."""
-    place = nominal_sliders(draw_machine(spec), p)
+    place = nominal_sliders(ideal_machine(spec), p)
     return np.column_stack([siemens_axis(path, axis, place[:, axis]) for axis in range(3)])
 
 

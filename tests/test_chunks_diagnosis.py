@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptt.diagnosis.evidence.ansatz import Ansatz, open_run
+from ptt.diagnosis.evidence.ansatz import Ansatz, open_long_run
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.hidden import held_out
-from ptt.diagnosis.evidence.row_system import RowSystem, build_system
+from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
 from ptt.diagnosis.evidence.sampled import spread
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.summed import sum_up
@@ -32,7 +32,7 @@ from ptt.fitting.solve import fit
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
@@ -53,7 +53,7 @@ def _run(folder: Path, change: Callable[[pd.DataFrame], None] | None = None, **f
     drawing = FILE.machine.model_dump(mode="json", exclude_none=True)
     conditions = {"dwell_s": 4.0, "room": {"start_c": 20.0, "rise_k": 6.0, "time_constant_s": 8000.0}, "cycles": 4}
     rig = replace(parse_rig({"machine": drawing, "seed": 4, "conditions": conditions, **faults}), machine=FILE)
-    frame = simulate(rig, make_volume(draw_machine(rig.spec), ROWS // 4, 3)).frame
+    frame = simulate(rig, make_volume(ideal_machine(rig.spec), ROWS // 4, 3)).frame
     if change is not None:
         change(frame)
     write_run(frame, folder / "run.csv")
@@ -85,14 +85,14 @@ def _both(problem: Problem, size: int, memory: Memory) -> tuple[RowSystem, Summe
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ptt.diagnosis.evidence.narrow.WIDE", np.inf)  # sums keep every column as it is
         patch.setattr("ptt.diagnosis.evidence.narrow.MAP", np.inf)
-        whole = build_system(fitted, problem, candidates, noise, 0.0, problem.used, periods, shapes)
+        whole = build_row_system(fitted, problem, candidates, noise, 0.0, problem.used, periods, shapes)
     blocks = [atom for atom in whole.atoms.values() if atom.name in BLOCKS]
     levers = {atom.block.place.residual: atom.block.place.lever for atom in blocks if atom.block is not None}
     assert len(blocks) == len(BLOCKS)
     span = replace(span_of(problem), levers=levers)
     at = Ansatz(fitted, tuple(blocks), periods, noise, 0.0, memory)
     chunks = cut(problem, size)
-    run = open_run(problem, chunks, span)
+    run = open_long_run(problem, chunks, span)
     summed, gross = sum_up(run, at, trials, problem, problem.used)
     other, _ = sum_up(replace(run, chunks=chunks[::-1]), at, trials, problem, problem.used)
     np.testing.assert_allclose(other.sums(memory).gram, summed.sums(memory).gram, rtol=1e-9, atol=1e-6)

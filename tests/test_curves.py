@@ -11,7 +11,7 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search import instead
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.found import Found
-from ptt.diagnosis.search.moves import LEAST
+from ptt.diagnosis.search.moves import LEAST_NATS
 from ptt.diagnosis.search.turn import still_missed
 from ptt.diagnosis.telling import steps
 from ptt.diagnosis.telling.verdict import diagnose
@@ -69,7 +69,7 @@ def test_a_curve_does_not_keep_out_what_only_an_exact_score_tells():
     assert all(gain.nats < 0.0 for gain in found.scorer.screen(curve))
     more = instead._beside(found.scorer, curve, "guide-straightness")
     names = {found.system.atoms[key].name for key in more.keys}
-    assert "tower-position" in names and more.total > curve.total + LEAST
+    assert "tower-position" in names and more.total > curve.total + LEAST_NATS
 
 
 def test_a_row_that_a_law_that_bends_reaches_after_all_is_no_gross_error():

@@ -16,7 +16,7 @@ from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.evidence import score
 from ptt.diagnosis.evidence.candidates import first_of
-from ptt.diagnosis.evidence.hidden import Trial
+from ptt.diagnosis.evidence.hidden import HiddenTrial
 from ptt.diagnosis.evidence.product import nats_of_none, nats_of_product
 from ptt.diagnosis.evidence.screen import Gain
 from ptt.diagnosis.noise.gross import alone, stand_out
@@ -195,7 +195,7 @@ class Sums:
 
 def gaining(more):
     """A trial in which each of ten blocks is worse by so much without an atom."""
-    return Trial(np.full(10, 3.0), np.full(10, 3.0 + more), 100.0, np.zeros(1), 30, np.full(10, more))
+    return HiddenTrial(np.full(10, 3.0), np.full(10, 3.0 + more), 100.0, np.zeros(1), 30, np.full(10, more))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from ptt.challenge.cases import LITTLE, SIZES_OF_DRAWING, draw, plan
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.evidence.atoms import is_field
 from ptt.diagnosis.evidence.effect_atoms import atoms_of
-from ptt.diagnosis.evidence.row_system import build_system
+from ptt.diagnosis.evidence.row_system import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search import drawing as drawing_module
@@ -138,7 +138,7 @@ def _scorer(problem: Problem, *further: str) -> Scorer:
     model, noise = Model(bench()), Noise(np.eye(3) * NOISE**2, "machine file")
     fitted = fit(model, problem, noise=noise)
     candidates = [make_effect(library(), name) for name in (*SIZES_OF_DRAWING, *further)]
-    return Scorer(build_system(fitted, problem, candidates, noise, 1e3, problem.used))
+    return Scorer(build_row_system(fitted, problem, candidates, noise, 1e3, problem.used))
 
 
 def test_once_one_size_is_off_further_ones_cost_no_name_against_an_unknown(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ import torch
 
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.evidence.candidates import first_of
-from ptt.diagnosis.evidence.row_system import build_system
+from ptt.diagnosis.evidence.row_system import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.turn import moments_of, unlike
@@ -123,7 +123,7 @@ def test_what_comes_and_goes_within_five_readings_is_no_two_events():
     slip = library()["homing-slip"]()
     shapes = {slip.key: [{"after": torch.tensor([moment], dtype=torch.float64)} for moment in (55.0, 59.0, 62.0, 64.0)]}
     noise = Noise(np.eye(3) * 9e-6, "machine file")
-    system = build_system(fitted, problem, [slip], noise, 1000.0, problem.used, shapes=shapes)
+    system = build_row_system(fitted, problem, [slip], noise, 1000.0, problem.used, shapes=shapes)
     scorer = Scorer(system)
     state = scorer.score(["setup-jump"], WHITE)
     open_ = {system.atoms[gain.key].moment for gain in scorer.all_gains(state, lambda atom: atom.name == slip.name)}
@@ -132,7 +132,7 @@ def test_what_comes_and_goes_within_five_readings_is_no_two_events():
     likely = {moment: np.isfinite(scorer.score((*state.keys, key), WHITE).total) for moment, key in slips.items()}
     assert likely == {55.0: True, 59.0: True, 62.0: False, 64.0: True}
     both = model + Term(slip, torch.tensor([0.1, 0.0, 0.0, 62.0], dtype=torch.float64))
-    told = Scorer(build_system(fit(both, problem, robust=False), problem, [], noise, 1000.0, problem.used))
+    told = Scorer(build_row_system(fit(both, problem, robust=False), problem, [], noise, 1000.0, problem.used))
     less = told.score(["setup-jump"], WHITE)  # what the model has may be taken out and come back
     assert [gain.key for gain in told.screen(less, lambda atom: atom.name == slip.key)] == [slip.key]
 

@@ -25,7 +25,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
 from ptt.plan.space import build_space, draw_poses
 from ptt.rig import parse_rig, simulate
-from ptt.rig.nominal import can_reach, draw_machine, nominal_sliders
+from ptt.rig.nominal import can_reach, ideal_machine, nominal_sliders
 from ptt.run.table import make_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -89,7 +89,7 @@ def targets(file: MachineFile, count: int = 160) -> np.ndarray:
     """Places all over the workspace, in no order."""
     heights = draw_poses(build_space(file), count, np.random.default_rng(5))
     place = build_mechanism(file.machine).forward(heights).numpy()
-    return place[can_reach(draw_machine(file.machine), place)]
+    return place[can_reach(ideal_machine(file.machine), place)]
 
 
 def missed(file: MachineFile, sliders: np.ndarray, *, everything: bool) -> float:
@@ -123,7 +123,7 @@ def test_what_a_delta_holds_is_gone_on_the_machine(name: str, tmp_path: Path) ->
     assert set(result.holds) == {"homing-offset", "link-length", "tower-position"} and not result.cannot_hold
     left = missed(FILE, sliders(name, FILE, tmp_path / "out"), everything=False)
     assert left < 0.1 and result.error_um.format < 0.1
-    plain = missed(FILE, nominal_sliders(draw_machine(FILE.machine), targets(FILE)), everything=False)
+    plain = missed(FILE, nominal_sliders(ideal_machine(FILE.machine), targets(FILE)), everything=False)
     assert plain > 200.0 and result.error_um.drawing > 200.0
 
 
@@ -248,7 +248,7 @@ def test_lineardeltakins_is_what_linuxcnc_has() -> None:
 def test_a_bare_drawing_is_said_exactly(tmp_path: Path) -> None:
     for name in (*DELTAS, "siemens"):
         export(name, compensator(FILE), tmp_path / name)
-        wanted = nominal_sliders(draw_machine(FILE.machine), targets(FILE))
+        wanted = nominal_sliders(ideal_machine(FILE.machine), targets(FILE))
         np.testing.assert_allclose(sliders(name, FILE, tmp_path / name), wanted, atol=5e-5)
     export("linuxcnc", compensator(FILE), tmp_path / "delta.ini")
     np.testing.assert_allclose(sliders("linuxcnc", FILE, tmp_path / "delta.ini"), wanted, atol=5e-5)
@@ -257,14 +257,14 @@ def test_a_bare_drawing_is_said_exactly(tmp_path: Path) -> None:
 def test_wider_platforms_and_clockwise_sliders(tmp_path: Path) -> None:
     wide = drawn(base_radius_mm=80.0, platform_radius_mm=210.0)
     export("klipper", compensator(wide), tmp_path / "k")
-    wanted = nominal_sliders(draw_machine(wide.machine), targets(wide))
+    wanted = nominal_sliders(ideal_machine(wide.machine), targets(wide))
     np.testing.assert_allclose(sliders("klipper", wide, tmp_path / "k"), wanted, atol=1e-5)
     round_ = drawn(slider_azimuth_deg=[0.0, 240.0, 120.0])
     for name in ("klipper", "marlin", "linuxcnc"):
         with pytest.raises(InputError, match="clockwise"):
             export(name, compensator(round_), tmp_path / "no")
     export("reprapfirmware", compensator(round_), tmp_path / "r")
-    wanted = nominal_sliders(draw_machine(round_.machine), targets(round_))
+    wanted = nominal_sliders(ideal_machine(round_.machine), targets(round_))
     np.testing.assert_allclose(sliders("reprapfirmware", round_, tmp_path / "r"), wanted, atol=5e-5)
 
 

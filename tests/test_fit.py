@@ -121,10 +121,10 @@ def test_fit_agrees_with_scipy_on_the_same_residual() -> None:
     problem, _ = hidden_backlash(80)
     result = fitted(["homing-offset", "link-length"], problem, robust=False)
     layout, whitener = result.layout, result.noise.whitener
-    from ptt.fitting.whitened import build_system
+    from ptt.fitting.whitened import build_whitened
 
     def residual(unknowns: np.ndarray) -> np.ndarray:
-        system = build_system(layout, problem, whitener, unknowns)
+        system = build_whitened(layout, problem, whitener, unknowns)
         return np.concatenate([system.residual.ravel(), np.sqrt(result.prior.weight) * unknowns])
 
     peer = optimize.least_squares(residual, layout.start(), method="lm", xtol=1e-14, ftol=1e-14)
@@ -491,13 +491,13 @@ def test_windup_length_is_found() -> None:
 
 def test_the_drawing_after_alignment_is_one_figure_whoever_prints_it() -> None:
     """Also with a frame of base reflectors, which a best motion of all readings would bend toward the errors."""
-    from ptt.commands.common import Reading, open_run
+    from ptt.commands.common import ReadOptions, open_run
     from ptt.judge.compare.comparison import compare_run
     from ptt.judge.ladder.climb import climb
 
     data = Path(__file__).resolve().parents[1] / "data"
     for run, drawing in (("experiment1.csv", "machine.toml"), ("sealed_one/run.csv", "sealed_one/machine.toml")):
-        opened = open_run(data / run, data / drawing, Reading())
+        opened = open_run(data / run, data / drawing, ReadOptions())
         ladder = climb(opened.model, opened.problem, [KNOWN["link-length"]()])
         compared = compare_run(opened.model, opened.problem).to_dict()["rms_um"]["total"]
         told = [ladder.report.rms_um[stage]["total"] for stage in ("aligned", "given")]

@@ -21,7 +21,7 @@ from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model
-from ptt.rig.nominal import draw_machine, nominal_sliders
+from ptt.rig.nominal import ideal_machine, nominal_sliders
 from ptt.rig.rig import parse_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import Problem, build_problem
@@ -122,7 +122,7 @@ def test_exports_send_what_predict_sends(star: MachineFile, tmp_path):
 def test_the_virtual_machine_counts_from_where_its_sliders_stand_at_zero(lean: float, side: str) -> None:
     """A rail that leans past the link has its slider on the other side of it, and elsewhere than upright."""
     spec = parse_machine(STAR).machine.model_copy(update={"slider_lean_deg": (lean,) * 3, "sliders": side})
-    drawing, mechanism = draw_machine(spec), build_mechanism(spec)
+    drawing, mechanism = ideal_machine(spec), build_mechanism(spec)
     zero = np.zeros((1, 3))
     np.testing.assert_allclose(drawing.home, mechanism.home().numpy(), atol=1e-9)
     np.testing.assert_allclose(nominal_sliders(drawing, zero)[0], drawing.home, atol=1e-9)

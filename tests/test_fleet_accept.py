@@ -26,7 +26,7 @@ from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine, parse_machine
 from ptt.model.entries import read_model
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.reading import read_table
 from ptt.show.fleet.page import render
@@ -55,7 +55,7 @@ def measure(folder: Path, day: str, gaps: list[float]) -> Path:
     faults = {"drive": {"backlash_mm": gaps}, "geometry": {"link_mm": [0.08, -0.05, 0.0]}, "tracker": tracker}
     rig = parse_rig({"machine": machine, "seed": seed, **faults})
     path = folder / f"mill-{day}.csv"
-    write_run(simulate(rig, make_volume(draw_machine(rig.spec), 70, seed)).frame, path)
+    write_run(simulate(rig, make_volume(ideal_machine(rig.spec), 70, seed)).frame, path)
     return path
 
 

@@ -12,7 +12,7 @@ from test_fleet_store import MACHINE
 from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError, ModelError, SetupError
 from ptt.fitting.layout import lay_out
-from ptt.fitting.whitened import build_system
+from ptt.fitting.whitened import build_whitened
 from ptt.fleet import log as logs
 from ptt.fleet.fit_log import fit_file, fit_log
 from ptt.fleet.log import open_log, to_parquet
@@ -23,7 +23,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
 from ptt.model.model import Model, Term
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.base_frame import into_base
 from ptt.run.noise import Noise
@@ -78,7 +78,7 @@ def test_parts_say_what_the_whole_says_also_of_memory_speed_and_a_slider_that_st
     share = Passes(log, layout, noise)(unknowns, np.zeros(0, int))
     problem = build_problem(machine, made(900))
     read = into_base(problem.table.measured, problem.frame, log.whole.rotation, log.whole.shift)
-    whole = build_system(layout, replace(problem, measured=read), noise.whitener, unknowns)
+    whole = build_whitened(layout, replace(problem, measured=read), noise.whitener, unknowns)
     for one, other in zip(share.total, whole.sums(problem.used), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
@@ -96,7 +96,7 @@ def test_what_the_machine_was_given_comes_back_and_rows_far_off_are_left_out(tmp
     drawing = file.machine.model_dump(mode="json", exclude_none=True)
     rig = replace(parse_rig({"machine": drawing, "seed": 5, "drive": {"backlash_mm": truth.tolist()}}), machine=file)
     path, out = tmp_path / "log.csv", tmp_path / "solved.toml"
-    write_run(simulate(rig, make_volume(draw_machine(rig.spec), 600, 3)).frame, path)
+    write_run(simulate(rig, make_volume(ideal_machine(rig.spec), 600, 3)).frame, path)
     rows = path.read_text().splitlines()
     titles, cells = rows[0].split(","), rows[300].split(",")
     place = titles.index("x_meas")

@@ -11,7 +11,7 @@ from ptt.fleet.alarms import Names, amount, of_movement, unlike
 from ptt.fleet.overview import Standing
 from ptt.fleet.past import Past, of_changes, of_runs
 from ptt.fleet.trends import Moves, Series, movements
-from ptt.fleet.words import format_machine
+from ptt.fleet.words import machine_in_words
 
 COUNT, ROWS, DAYS = 5, 120, 30.4
 
@@ -172,6 +172,6 @@ def test_what_the_last_run_shows_otherwise_is_an_alarm_before_it_is_a_trend():
 def test_a_value_that_no_run_tells_is_shown_as_none():
     names = Names(("a x 1", "a x 2"), ("x of joint 1", "x of joint 2"), ("rad", "rad"), np.full(2, 1e-4))
     moves = Moves((), np.array([[1.0, -2e3], [1.1, 3e3]]), np.array([[0.1, 5e3], [0.1, np.inf]]), np.zeros((2, 2)), 1.0)
-    text = format_machine(Standing("arm", "", (past(1, "same"), past(2, "same")), (), names, np.arange(2.0), moves))
+    text = machine_in_words(Standing("arm", "", (past(1, "same"), past(2, "same")), (), names, np.arange(2.0), moves))
     told, untold = (line.split() for line in text.splitlines() if line.startswith("x of joint"))
     assert told[4:6] == ["100", "+-"] and untold[4:] == ["-", "-"]

@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 import ptt
 from ptt import files
 from ptt.commands.main import run
-from ptt.commands.outputs import kind_of
+from ptt.commands.outputs import file_kind
 from ptt.correct.training.notes import check_notes
 from ptt.documents import parse_toml
 from ptt.door.run import read
@@ -150,19 +150,19 @@ def test_a_target_that_the_rig_cannot_reach_is_named_by_the_line_of_its_file(pla
 def test_kinds_of_files_are_told_by_what_they_begin_with(place):
     write_text(place / "a.html", "<!doctype html>\n<p>x")
     (place / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n")
-    kinds = {name: kind_of(place / name) for name in ("run.csv", "targets.csv", "machine.toml", "a.html", "a.png")}
+    kinds = {name: file_kind(place / name) for name in ("run.csv", "targets.csv", "machine.toml", "a.html", "a.png")}
     assert kinds == {"run.csv": "readings", "targets.csv": "table", "machine.toml": "machine", "a.html": "page",
                      "a.png": "picture"}  # fmt: skip
-    assert (kind_of(place / "rig.toml"), kind_of(place / "thesis.tex")) == ("rig", "other")
+    assert (file_kind(place / "rig.toml"), file_kind(place / "thesis.tex")) == ("rig", "other")
     put(place, "%\n(slot)\nN10 G1 X3\n", "old.ngc")
     put(place, "# bench (three-ptt), exported by ptt 1.0 on 2026-01-02\n[printer]\n", "printer.cfg")
-    assert (kind_of(place / "part.ngc"), kind_of(place / "old.ngc")) == ("program", "program")
-    assert kind_of(place / "printer.cfg") == "export"
-    assert kind_of(put(place, "[printer]\nkinematics: delta\n", "own.cfg")) == "other"
-    assert kind_of(put(place, "[\n  1.5, 2]\n", "list.json")) == "json"
+    assert (file_kind(place / "part.ngc"), file_kind(place / "old.ngc")) == ("program", "program")
+    assert file_kind(place / "printer.cfg") == "export"
+    assert file_kind(put(place, "[printer]\nkinematics: delta\n", "own.cfg")) == "other"
+    assert file_kind(put(place, "[\n  1.5, 2]\n", "list.json")) == "json"
     wide = put(place, "", "wide.csv")
     wide.write_bytes(RUN.encode("utf-16"))
-    assert kind_of(wide) == "readings"
+    assert file_kind(wide) == "readings"
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only the administrator may make a device")

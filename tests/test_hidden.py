@@ -8,7 +8,7 @@ import pytest
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.evidence.hidden import FAITHFUL, Trial, hold_back
+from ptt.diagnosis.evidence.hidden import FAITHFUL, HiddenTrial, hold_back
 from ptt.diagnosis.evidence.row_sums import hide_rows
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.plainest import PLAIN
@@ -20,10 +20,10 @@ from ptt.rig import simulate
 from ptt.run.problem import build_problem
 
 
-def trial(*gained: float, shown: float = 100.0, base: Sequence[float] = (0.0,), left: float = 30.0) -> Trial:
+def trial(*gained: float, shown: float = 100.0, base: Sequence[float] = (0.0,), left: float = 30.0) -> HiddenTrial:
     """Blocks of ten rows that leave as much as they should, and more by some amounts without the atom."""
     with_it = np.full(len(gained), left)
-    return Trial(with_it, with_it + np.array(gained), shown, np.array(base), 30 * len(gained), np.array(gained))
+    return HiddenTrial(with_it, with_it + np.array(gained), shown, np.array(base), 30 * len(gained), np.array(gained))
 
 
 def test_a_block_counts_as_far_as_the_shown_rows_tell_it() -> None:

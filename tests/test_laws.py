@@ -12,7 +12,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.probability import near_sets, weigh_sets
-from ptt.diagnosis.evidence.row_system import RowSystem, build_system
+from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.laws import _arrivals, by_laws, laws_of
@@ -179,7 +179,7 @@ def test_what_is_scored_beside_laws_is_no_set_of_the_system_without_them() -> No
     noise = Noise(np.eye(3) * 1.6e-5, "machine file")
     fitted = fit(Model(MACHINE), problem, noise=noise, robust=False)
     candidates, _ = present_candidates(fitted, problem, library())
-    scorer = Scorer(build_system(fitted, problem, candidates, noise, 100.0, problem.used))
+    scorer = Scorer(build_row_system(fitted, problem, candidates, noise, 100.0, problem.used))
     state = scorer.score(("slider 1 on b1", "rail 2 on b2"), WHITE)
     wider, best = by_laws(scorer, state)
     assert any(key.startswith("law ") for key in best.keys)
@@ -193,7 +193,7 @@ def test_rows_that_are_hidden_tell_nothing_not_even_how_large_a_curve_is() -> No
     noise = Noise(np.eye(3) * 1.6e-5, "machine file")
     fitted = fit(Model(MACHINE), problem, noise=noise, robust=False)
     candidates, _ = present_candidates(fitted, problem, library())
-    system = build_system(fitted, problem, candidates, noise, 100.0, problem.used)
+    system = build_row_system(fitted, problem, candidates, noise, 100.0, problem.used)
     hidden = 4
     dented = np.where((system.block == hidden)[:, None], system.values + 100.0, system.values)
 

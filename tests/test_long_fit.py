@@ -14,7 +14,7 @@ from ptt.judge.ladder import climb as ladder
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
@@ -32,7 +32,7 @@ def problem(tmp_path_factory) -> Problem:
     conditions = {"dwell_s": 1.0, "room": {"start_c": 20.0, "rise_k": 6.0, "time_constant_s": 2000.0}}
     rig = replace(parse_rig({"machine": drawing, "seed": 5, "conditions": conditions, **faults}), machine=file)
     path = tmp_path_factory.mktemp("run") / "long.csv"
-    write_run(simulate(rig, make_volume(draw_machine(rig.spec), ROWS, 3)).frame, path)
+    write_run(simulate(rig, make_volume(ideal_machine(rig.spec), ROWS, 3)).frame, path)
     table = read_table(path)
     table.measured[np.random.default_rng(1).choice(ROWS, 12, replace=False)] += 0.8
     return build_problem(file, table)

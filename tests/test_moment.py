@@ -11,7 +11,7 @@ from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.telling.explanation import UNNAMED
 from ptt.diagnosis.telling.verdict import diagnose
-from ptt.diagnosis.unknown.moment import Along, best_row, joined
+from ptt.diagnosis.unknown.moment import MomentSums, best_row, joined
 from ptt.effects import HomingSlip
 from ptt.effects.sudden import EDGE
 from ptt.model.model import Model
@@ -21,11 +21,11 @@ from ptt.run.table import make_table
 from ptt.run.viewing import build_view
 
 
-def seen(rows: slice, frame: np.ndarray, own: np.ndarray, left: np.ndarray) -> Along:
+def seen(rows: slice, frame: np.ndarray, own: np.ndarray, left: np.ndarray) -> MomentSums:
     both = np.concatenate([frame, own], axis=2)[rows]
     gram = np.einsum("ncp,ncq->npq", both, both)
     side, read = np.einsum("ncp,nc->np", both, left[rows]), left[rows].any(axis=1)
-    return Along(side, np.ones(len(both), int), gram[:, :, -1:], gram.sum(axis=0), read)
+    return MomentSums(side, np.ones(len(both), int), gram[:, :, -1:], gram.sum(axis=0), read)
 
 
 def test_a_jump_is_found_beside_the_frames_of_three_runs_and_in_chunks_alike() -> None:

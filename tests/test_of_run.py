@@ -15,7 +15,7 @@ from ptt.machine import load_machine, save_machine
 from ptt.machine_schema import TrackerSpec
 from ptt.model.entries import read_model
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.table import make_table
 
@@ -25,7 +25,7 @@ DRIVE = {"homing_mm": [0.2, -0.15, 0.1], "scale_um_per_m": [60.0, -50.0, 30.0]}
 KNOCK = {"knock_row": 70, "knock_um": [120.0, -90.0, 150.0], "knock_mrad": [0.3, -0.2, 0.4]}
 DRIFT = {"drift_um_per_h": [150.0, -100.0, 120.0]}
 MACHINES = ("homing-offset", "lead-scale")
-PATH = make_volume(draw_machine(FILE.machine), 150, 4)
+PATH = make_volume(ideal_machine(FILE.machine), 150, 4)
 
 
 def run_of(seed: int, tracker: dict | None = None, drive: dict | None = None) -> pd.DataFrame:

@@ -20,7 +20,7 @@ from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.machine_schema import EffectEntry, ParameterEntry, TargetsSpec
 from ptt.model.entries import read_model
 from ptt.rig import parse_rig, simulate
-from ptt.rig.nominal import draw_machine, nominal_sliders
+from ptt.rig.nominal import ideal_machine, nominal_sliders
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 FILE = load_machine(DATA / "machine.toml")
@@ -128,7 +128,7 @@ def tool_path(rig, text: str) -> np.ndarray:
     """Where the virtual machine's tool goes when a controller with the drawing's kinematics runs a program."""
     path = gcode.dense(gcode.whole_path(gcode.execute(text)), 0.4)
     frame = pd.DataFrame(path, columns=["x_cmd", "y_cmd", "z_cmd"])
-    heights = nominal_sliders(draw_machine(rig.spec), path)
+    heights = nominal_sliders(ideal_machine(rig.spec), path)
     return simulate(rig, frame, sliders=pd.DataFrame(heights, columns=["b1", "b2", "b3"]), noise=False).truth
 
 

@@ -5,14 +5,14 @@ from pathlib import Path
 from ptt.machine import load_machine
 from ptt.model.entries import read_model
 from ptt.plan.first_run import plan_first_run
-from ptt.progress import Pace
+from ptt.progress import StagePace
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 
 
 def test_rate_and_time_left_are_of_the_present_stage():
     now = [0.0]
-    pace, told = Pace(lambda: now[0]), []
+    pace, told = StagePace(lambda: now[0]), []
     for done in range(0, 41, 10):
         told.append(pace.words(done, 100))
         now[0] += 5.0

@@ -26,7 +26,7 @@ from ptt.model.entries import read_model
 from ptt.model.model import Model, Term
 from ptt.model.of_run import for_runs
 from ptt.rig import parse_rig, simulate
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import write_table
@@ -53,7 +53,7 @@ def run_of(seed: int, rows: int = 80, room: tuple[float, ...] | None = None, **s
         content[name] = {**content.get(name, {}), **values}
     rig = parse_rig({"machine": MACHINE, "seed": seed, **content})
     half = () if room is None else (np.array(room),)
-    table = table_of(simulate(rig, make_volume(draw_machine(rig.spec), rows, seed, *half)).frame)
+    table = table_of(simulate(rig, make_volume(ideal_machine(rig.spec), rows, seed, *half)).frame)
     file = parse_machine(f'{format_machine(rig.machine)}\n[tracker]\nframe = "fitted"\nsigma_mm = {SIGMA}\n')
     return build_problem(file, table)
 

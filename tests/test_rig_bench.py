@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from ptt.errors import WorkspaceError
 from ptt.rig import Rig, parse_rig, simulate
-from ptt.rig.nominal import draw_machine, nominal_sliders
+from ptt.rig.nominal import ideal_machine, nominal_sliders
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared"
 TARGET = ["x_cmd", "y_cmd", "z_cmd"]
@@ -109,7 +109,7 @@ def test_forward_undoes_inverse_on_any_machine(
     poses = np.random.default_rng(seed).uniform(-reach, reach, (20, 3))
     rig = bench(machine)
     np.testing.assert_allclose(truth(rig, poses), poses, atol=1e-9)
-    sent = nominal_sliders(draw_machine(rig.spec), poses)
+    sent = nominal_sliders(ideal_machine(rig.spec), poses)
     back = simulate(rig, pd.DataFrame(sent, columns=COMMAND), noise=False)
     np.testing.assert_allclose(back.truth, poses, atol=1e-9)
 
@@ -117,7 +117,7 @@ def test_forward_undoes_inverse_on_any_machine(
 def test_inverse_is_the_textbook_formula() -> None:
     poses = volume(50)
     _, w = link_parts(poses)
-    got = nominal_sliders(draw_machine(bench({"joint_height_mm": 12.0}).spec), poses)
+    got = nominal_sliders(ideal_machine(bench({"joint_height_mm": 12.0}).spec), poses)
     np.testing.assert_allclose(got, poses[:, 2:] + 12.0 - w, atol=1e-10)
 
 

@@ -14,7 +14,7 @@ from ptt.errors import InputError
 from ptt.machine import MachineFile, load_machine
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.draw import PROTOCOLS, draw_rig, fault_names
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.schema import Section
 from ptt.rig.targets import make_loop, make_volume, there_and_back
 
@@ -119,7 +119,7 @@ def test_bad_draws(machine: MachineFile) -> None:
 
 
 def test_volume_has_repeats_both_directions_and_datum_visits(machine: MachineFile) -> None:
-    targets = make_volume(draw_machine(machine.machine), 300, 4)
+    targets = make_volume(ideal_machine(machine.machine), 300, 4)
     assert 290 <= len(targets) <= 300
     frame = simulate(parse_rig({"machine": BENCH}), targets, noise=False).frame
     direction = np.sign(np.diff(frame[COMMAND].to_numpy(), axis=0, prepend=frame[COMMAND].to_numpy()[:1]))

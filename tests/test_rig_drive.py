@@ -11,7 +11,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.rig import parse_rig, simulate
 from ptt.rig.drive import friction, play, windup
 from ptt.rig.motion import run_path, slider_speed, travel_direction
-from ptt.rig.nominal import draw_machine, nominal_sliders
+from ptt.rig.nominal import ideal_machine, nominal_sliders
 from ptt.rig.targets import make_loop
 
 COMMAND = ["b1_cmd", "b2_cmd", "b3_cmd"]
@@ -207,7 +207,7 @@ def test_one_number_stands_for_all_legs() -> None:
 
 
 def test_a_straight_path_passes_every_turn_of_its_sliders() -> None:
-    drawing = draw_machine(bench_machine().machine)
+    drawing = ideal_machine(bench_machine().machine)
     tool = np.random.default_rng(0).uniform(-60.0, 60.0, (100, 3))
     command = nominal_sliders(drawing, tool)
     path = run_path(drawing, tool, command, np.zeros(100, dtype=int), straight=True, lead_in=1.0)

@@ -15,7 +15,7 @@ from ptt.rig.draw_foreign import CONDITIONS, draw_foreign
 from ptt.rig.draw_machine import GRID, draw_machine_file, safety
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
 from ptt.rig.loaded import nominal_tool
-from ptt.rig.nominal import draw_machine, nominal_sliders
+from ptt.rig.nominal import ideal_machine, nominal_sliders
 from ptt.rig.paths import CURVES, NINE, PATHS, draw_plan, make_path
 from ptt.rig.schedule import TARGET
 from ptt.rig.schema import Tracker
@@ -43,7 +43,7 @@ def test_drawings_are_of_many_kinds_and_can_be_written() -> None:
 @pytest.mark.parametrize("seed", range(0, 40, 4))
 def test_workspaces_are_reached_and_far_from_singularities(seed: int) -> None:
     foreign = draw_machine_file(seed)
-    drawing, tool = draw_machine(foreign.file.machine), GRID * foreign.room
+    drawing, tool = ideal_machine(foreign.file.machine), GRID * foreign.room
     height = nominal_sliders(drawing, tool)
     low, high = foreign.file.machine.slider_travel_mm
     assert (height > low).all() and (height < high).all()
@@ -62,7 +62,7 @@ def test_turning_is_held_where_the_constraint_equation_says_so() -> None:
     spec = draw_machine_file(0).file.machine.model_copy(
         update={"slider_azimuth_deg": (0.0, 120.0, 240.0), "slider_lean_deg": (0.0, 0.0, 0.0)}
     )
-    drawing = draw_machine(spec)
+    drawing = ideal_machine(spec)
     rho, link = spec.base_radius_mm - spec.platform_radius_mm, spec.link_length_mm
     tool = np.random.default_rng(0).uniform(-1.0, 1.0, (400, 3)) * 0.55 * link
     q = tool[:, None, :2] - rho * drawing.outward[:, :2]
@@ -117,7 +117,7 @@ def test_poses_of_a_run_without_stops_lie_close() -> None:
 
 def test_forms_of_repeats() -> None:
     foreign = draw_machine_file(2)
-    drawing = draw_machine(foreign.file.machine)
+    drawing = ideal_machine(foreign.file.machine)
 
     def plan(form: str):
         return draw_plan(5, drawing, foreign.room, 240, "cloud", form)

@@ -6,7 +6,7 @@ from test_rig_bench import bench, inverse_jacobian, link_parts, slider_space, ta
 
 from ptt.rig import simulate
 from ptt.rig.legs import build_legs
-from ptt.rig.nominal import draw_machine, nominal_sliders
+from ptt.rig.nominal import ideal_machine, nominal_sliders
 from ptt.rig.platform import solve_platform
 
 POSES = volume(60)
@@ -116,7 +116,7 @@ def test_centre_gains_of_a_slider_error() -> None:
 
 def test_leaning_rail_keeps_its_length() -> None:
     """The slider moves along its own rail: at 20 mrad the cosine counts, which no first-order law has."""
-    drawing = draw_machine(bench().spec)
+    drawing = ideal_machine(bench().spec)
     slider = nominal_sliders(drawing, POSES)
     still = np.zeros(len(POSES))
     faults = bench(geometry={"lean_radial_mrad": 20.0, "lean_tangential_mrad": -10.0}).geometry
@@ -145,7 +145,7 @@ def skewed(**more: object) -> dict[str, object]:
 
 def solved(geometry: dict[str, object]):
     rig = bench(geometry=geometry)
-    drawing = draw_machine(rig.spec)
+    drawing = ideal_machine(rig.spec)
     still = np.zeros(len(POSES))
     legs = build_legs(
         drawing,
@@ -237,7 +237,7 @@ def test_given_guide_is_followed() -> None:
     knots = [180.0, 230.0, 280.0, 330.0, 380.0]
     lists = [[0.0, 5.0, -3.0, 2.0, 0.0], [0.0] * 5, [0.0] * 5]
     rig = bench(geometry={"straightness_height_mm": knots, "straightness_tangential_um": lists})
-    drawing = draw_machine(rig.spec)
+    drawing = ideal_machine(rig.spec)
     pose = np.array([[0.0, 0.0, 230.0 - drawing.home[0]]])
     error = truth(rig, pose) - pose
     q, w = link_parts(pose)

@@ -16,10 +16,10 @@ from ptt.errors import InputError
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.draw_unseen import ALWAYS, BESIDES, describable
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.odd_law import random_law, variable
 from ptt.rig.odd_schema import Odd, RandomLaw, Variable
-from ptt.rig.odd_state import State
+from ptt.rig.odd_state import RunState
 
 POSES = volume(80)
 COMMAND = ["b1_cmd", "b2_cmd", "b3_cmd"]
@@ -161,11 +161,11 @@ def law(**changes) -> RandomLaw:
     return RandomLaw.model_validate(usual | changes)
 
 
-def anywhere(rows: int, seed: int = 0) -> State:
+def anywhere(rows: int, seed: int = 0) -> RunState:
     """A run whose variables fill their spans, one by one."""
     random = np.random.default_rng(seed)
-    return State(
-        drawing=draw_machine(bench().spec),
+    return RunState(
+        drawing=ideal_machine(bench().spec),
         slider=random.uniform(230.0, 330.0, (rows, 3)),
         tool=random.uniform(-60.0, 60.0, (rows, 3)),
         direction=random.choice([-1.0, 1.0], (rows, 3)),

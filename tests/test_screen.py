@@ -18,11 +18,11 @@ from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import BROAD, Basis, Screen
 from ptt.diagnosis.noise.gains import MANY, STRETCH
-from ptt.diagnosis.noise.memory import WHITE, Memory, Sums
+from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock, Wander, filtered, innovations, likelihoods
 from ptt.diagnosis.search.periods import _spectrum
-from ptt.diagnosis.search.spectrum import Along, _telling
+from ptt.diagnosis.search.spectrum import JointWave, _telling
 from ptt.effects import library
 from ptt.fitting.evidence import learn
 from ptt.fitting.linear import linear_columns
@@ -44,7 +44,7 @@ def evidence(columns: np.ndarray, prior: np.ndarray, values: np.ndarray) -> floa
     return float(-0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * known * np.log((FREEDOM + square) / known))
 
 
-def _same(sums: Sums, memory: Memory) -> Sums:
+def _same(sums: MemorySums, memory: Memory) -> MemorySums:
     return sums
 
 
@@ -161,7 +161,7 @@ def test_a_line_in_the_spectrum_takes_what_least_squares_take() -> None:
     system = SimpleNamespace(rows=np.arange(50), poses=poses_of(pose))
     for size in (0.0, 2.0):
         told = _telling(system, size)
-        along = Along(0, q[:, 0], told * (slope * left).sum(axis=1), told * np.square(slope).sum(axis=1))
+        along = JointWave(0, q[:, 0], told * (slope * left).sum(axis=1), told * np.square(slope).sum(axis=1))
         turns, gain = _spectrum(along)
         inverse = np.linalg.inv(np.eye(50) + size * (pose[:, None] == pose))
         for place in (0, 7, len(turns) - 1):

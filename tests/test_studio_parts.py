@@ -26,7 +26,7 @@ from ptt.rig.draw_arm import draw_arm
 from ptt.run.readers import load_mapping
 from ptt.show.card.bar import bar_html, parts_of_bar
 from ptt.show.card.ghost import ghosts_of
-from ptt.show.card.scene import Lines, legs_at_fault, moved, parts_of, usual_times
+from ptt.show.card.scene import PoseLines, legs_at_fault, moved, parts_of, usual_times
 from ptt.show.card.solids import arrows
 from ptt.show.card.words import how_sure, in_prose, length, parameter_in_words, prefixed, pretty, spoken
 from ptt.show.studio import jobs
@@ -48,7 +48,7 @@ from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Learned, Source, Trained
 from ptt.show.studio.seal_table import seal_html, truth_in_words
 from ptt.show.studio.session import Session
-from ptt.show.studio.store import Place, Store
+from ptt.show.studio.store import SessionFolder, SessionStore
 from ptt.show.studio.tool_tables import dexterity_html
 from ptt.show.studio.verbs import use
 
@@ -97,9 +97,9 @@ def test_a_session_is_taken_up_as_it_was(here: Path, learned: Learned, tmp_path:
     session = Session().opened(RUN, MACHINE).remembering(look=look, learned=learned)
     session = session.changed("add", ("backlash",), added).switched("backlash", False).undone()
     session = session.remembering(trained=Trained({"share": 0.5}, b"zip"))
-    place = Store(tmp_path).fresh(OWNER)
+    place = SessionStore(tmp_path).fresh(OWNER)
     place.save(session)
-    again = Store(tmp_path).find(place.key, OWNER)
+    again = SessionStore(tmp_path).find(place.key, OWNER)
     assert again is not None
     back = again.load()
     assert (back.source, back.now, back.past, back.future) == (
@@ -120,13 +120,13 @@ def test_a_session_is_taken_up_as_it_was(here: Path, learned: Learned, tmp_path:
 
 
 def test_the_newest_state_gets_on_the_disk_and_a_full_disk_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    place, said, written = Store(tmp_path).fresh(OWNER), [], []
+    place, said, written = SessionStore(tmp_path).fresh(OWNER), [], []
     states = [replace(Session().opened(RUN, MACHINE), first=f"2026-01-0{day}") for day in (1, 2, 3, 4)]
 
     def slow(session: Session) -> None:
         time.sleep(0.05)
         written.append(session.first)
-        Place.save(place, session)
+        SessionFolder.save(place, session)
 
     async def keep() -> None:
         keeper = Keeper(place, said.append)
@@ -160,7 +160,7 @@ def test_the_newest_state_gets_on_the_disk_and_a_full_disk_says_so(tmp_path: Pat
 
 
 def test_a_session_belongs_to_the_browser_that_made_it(here: Path, tmp_path: Path):
-    store = Store(tmp_path)
+    store = SessionStore(tmp_path)
     place = store.fresh(OWNER)
     place.save(Session().opened(RUN, MACHINE))
     assert store.find(place.key, "b" * 43) is None and store.find("../../etc", OWNER) is None
@@ -169,7 +169,7 @@ def test_a_session_belongs_to_the_browser_that_made_it(here: Path, tmp_path: Pat
 
 
 def test_what_cannot_be_read_is_worked_out_anew(here: Path, tmp_path: Path):
-    place = Place(tmp_path, "abcdefghijkm", OWNER)
+    place = SessionFolder(tmp_path, "abcdefghijkm", OWNER)
     place.save(Session().opened(RUN, MACHINE).remembering(look=jobs.look(RUN, MACHINE, silent)))
     (found,) = (place.folder / "found").iterdir()
     found.write_bytes(found.read_bytes()[:100])
@@ -308,7 +308,7 @@ def test_an_undo_waits_for_nothing_that_is_worked_out(here: Path, tmp_path: Path
         async def slow(folder: Path, job: str, arguments: tuple, *given: object, **how: object) -> object:
             return jobs.change(*arguments, silent) if job == "change" else await asyncio.Event().wait()
 
-        studio = Studio(Store(tmp_path).fresh(OWNER), cast(Pool, SimpleNamespace(run=slow)))
+        studio = Studio(SessionStore(tmp_path).fresh(OWNER), cast(Pool, SimpleNamespace(run=slow)))
         studio.client = cast(Client, SimpleNamespace(is_deleted=True))
         studio.session = Session().opened(RUN, MACHINE).remembering(compared=jobs.compare(RUN, MACHINE, silent))
         adding = asyncio.create_task(studio.change("add", "backlash"))  # of what it leaves no picture comes
@@ -398,7 +398,8 @@ def test_a_report_from_the_page_diagnoses_nothing_anew(
     handed = jobs.report(RUN, MACHINE, None, learned.whole, b"", silent).decode()
     clock = re.compile(r"\d\d:\d\d(:\d\d)?")
     assert clock.sub("", handed) == clock.sub("", anew)
-    place = Store(tmp_path).fresh(OWNER)  # what is on a disk could run where it is unpacked: none of it gets there
+    # What is on a disk could run where it is unpacked: none of it gets there.
+    place = SessionStore(tmp_path).fresh(OWNER)
     place.save(session)
     kept = place.load().lesson
     assert kept is not None and kept.whole == b"" and kept.data == learned.data
@@ -443,7 +444,7 @@ def test_a_later_run_is_held_beside_the_first_and_by_date(here: Path):
     assert "\\u00b5m" in drawn and "um]" not in drawn
 
     session = replace(Session().opened(RUN, MACHINE), first="2026-01-10", later=(("later.csv", "2026-02-10"),))
-    place = Store(here / "kept").fresh(OWNER)
+    place = SessionStore(here / "kept").fresh(OWNER)
     place.save(session)
     assert (place.load().first, place.load().later) == (session.first, session.later)
     assert date_in("mill 2026-03-15 b.csv") == "2026-03-15" and date_in("20260315.csv") == "2026-03-15"
@@ -581,11 +582,11 @@ def test_a_ghost_is_on_the_part_that_has_the_fault(values: list[float], effect: 
     shift = ghosts_of(opened.model, opened.problem, (effect,))["shift"][effect]
     assert legs_at_fault(shift) == (kind, (leg,))
     look = jobs.look(RUN, MACHINE, silent)
-    lines = Lines(look.drawing.rails, look.drawing.chains[5], look.drawing.platform[5])
+    lines = PoseLines(look.drawing.rails, look.drawing.chains[5], look.drawing.platform[5])
     there = moved(lines, shift, 0, 1.0)
     if kind == "link":  # the linear ghost makes the link longer by what it is
         rows = ghosts_of(opened.model, opened.problem, (effect,))["rows"]
-        at = Lines(look.drawing.rails, look.drawing.chains[rows[0]], look.drawing.platform[rows[0]])
+        at = PoseLines(look.drawing.rails, look.drawing.chains[rows[0]], look.drawing.platform[rows[0]])
         grown = np.linalg.norm(np.diff(moved(at, shift, 0, 1.0).chains, axis=1)[:, 0], axis=1) - 300.0
         np.testing.assert_allclose(grown, values, atol=2e-4)
     else:
@@ -595,7 +596,7 @@ def test_a_ghost_is_on_the_part_that_has_the_fault(values: list[float], effect: 
 
 def test_solids_of_a_machine_are_closed_and_where_the_lines_are(here: Path):
     look = jobs.look(RUN, MACHINE, silent)
-    lines = Lines(look.drawing.rails, look.drawing.chains[0], look.drawing.platform[0])
+    lines = PoseLines(look.drawing.rails, look.drawing.chains[0], look.drawing.platform[0])
     for name, solid in parts_of(lines).items():
         edges = np.sort(
             np.concatenate([solid.faces[:, [0, 1]], solid.faces[:, [1, 2]], solid.faces[:, [2, 0]]]), axis=1
@@ -663,7 +664,7 @@ def test_the_machine_form_writes_files_that_are_read(tmp_path: Path):
 def test_a_store_that_cannot_be_written_is_refused(tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
-        Store(tmp_path / "file" / "store")
+        SessionStore(tmp_path / "file" / "store")
 
 
 @pytest.mark.parametrize(
@@ -693,5 +694,5 @@ def test_a_variable_of_a_joint_has_an_article_in_prose_and_a_column_of_ones_own_
 
 def test_a_store_that_is_named_from_here_is_the_same_from_anywhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    store = Store(Path("sessions"))
+    store = SessionStore(Path("sessions"))
     assert store.root == tmp_path / "sessions" and store.root.is_dir()

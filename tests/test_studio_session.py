@@ -518,9 +518,9 @@ def test_a_large_run_is_thinned_but_what_is_picked_is_drawn(look: Look):
     spread = look.target[many] + np.random.default_rng(0).normal(size=(len(many), 3))
     large = replace(look, line=np.arange(len(many)), target=spread, residual=look.residual[many], kept=look.kept[many])
     rows = figures.shown_rows(large, [3, 1001])
-    assert figures.MOST <= len(rows) <= figures.MOST + 2 and {3, 1001} <= set(rows.tolist())
+    assert figures.MOST_READINGS <= len(rows) <= figures.MOST_READINGS + 2 and {3, 1001} <= set(rows.tolist())
     means = arrow_figure.mean_arrows(large)
-    assert len(means.place) <= arrow_figure.SHOWN and means.count.sum() == large.kept.sum()
+    assert len(means.place) <= arrow_figure.SHOWN_ARROWS and means.count.sum() == large.kept.sum()
     whole = (means.count[:, None] * means.error).sum(axis=0)  # every reading is in one mean, and once
     np.testing.assert_allclose(whole, large.residual[large.kept].sum(axis=0), atol=1e-9)
     apart = np.linalg.norm(large.target[means.row] - means.place, axis=1)

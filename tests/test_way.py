@@ -14,7 +14,7 @@ from ptt.diagnosis.telling.verdict import diagnose
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import draw_machine
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
@@ -56,7 +56,7 @@ def _told(folder: Path, lacks: str) -> Diagnosis:
     drawing = FILE.machine.model_dump(mode="json", exclude_none=True)
     tracker = {"white_mm": 0.004}
     rig = replace(parse_rig({"machine": drawing, "seed": 8, "tracker": tracker}), machine=FILE)
-    frame: pd.DataFrame = simulate(rig, make_volume(draw_machine(rig.spec), 240, 5)).frame
+    frame: pd.DataFrame = simulate(rig, make_volume(ideal_machine(rig.spec), 240, 5)).frame
     frame["feed_mm_s"] = np.random.default_rng(2).choice([10.0, 40.0, 90.0], len(frame))
     p = frame[TARGET].ffill().bfill().to_numpy()
     came, turns = ways_of(p, np.arange(len(p)) == 0)

@@ -10,12 +10,12 @@ from ptt.errors import ModelError
 from ptt.fitting.kept import Kept, kept_covariance
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.unnamed import Unnamed
-from ptt.judge.history import Entry, read_entries
+from ptt.judge.history import HistoryEntry, read_entries
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 
 ANYTHING = 1e2  # usual sizes: what a run cannot judge may be anything
-LEAST = 1e-6  # share of the largest uncertainty below which one is none
+LEAST_SHARE = 1e-6  # of the largest uncertainty below which one is none
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Before:
     layout: Layout
     values: np.ndarray
     root: np.ndarray
-    last: Entry | None
+    last: HistoryEntry | None
     left: float
     notes: tuple[str, ...]
     blind: frozenset[str] = frozenset()
@@ -139,10 +139,10 @@ def _uncertainty(
     if kept is not None:
         # What the last fit held, because its run could not test it, is as uncertain as it was before.
         told = kept.rows(names)
-        held = np.linalg.norm(told, axis=1) < LEAST * std
+        held = np.linalg.norm(told, axis=1) < LEAST_SHARE * std
         rows = np.hstack([told, np.diag(np.where(held, std, 0.0))]) / scale[:, None]
         ways, size, _ = np.linalg.svd(rows, full_matrices=False)
-        some = size > LEAST * size.max(initial=0.0)
+        some = size > LEAST_SHARE * size.max(initial=0.0)
         return ways[:, some] * size[some], []
     note = "the model keeps no covariance of its values as they are: each is taken to be as uncertain as it says"
     return np.diag(np.where(np.isfinite(std), std / scale, 1.0)), [note]
@@ -152,7 +152,7 @@ def _stated(term: Term) -> torch.Tensor:
     return torch.full_like(term.theta, torch.nan) if term.std is None else term.std
 
 
-def _left(last: Entry | None) -> float:
+def _left(last: HistoryEntry | None) -> float:
     """What was left of held-out rows beyond the noise of that run, um."""
     if last is None:
         return 0.0

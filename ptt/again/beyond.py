@@ -8,7 +8,7 @@ import torch
 
 from ptt.again.before import Before
 from ptt.effects.shapes import SHAPES, smooth_shapes
-from ptt.fitting.linear import Place, tried_sizes
+from ptt.fitting.linear import LinearPoint, tried_sizes
 from ptt.model.model import Term
 from ptt.run.problem import Problem
 
@@ -72,7 +72,7 @@ def given_of(term: Term, joints: int) -> dict[str, torch.Tensor]:
     return found
 
 
-def columns_beyond(before: Before, at: Place, problem: Problem) -> np.ndarray:
+def columns_beyond(before: Before, at: LinearPoint, problem: Problem) -> np.ndarray:
     """How curves may go on beyond the heights that their run visited, (n, 3, c) whitened, each as far as is usual.
 
     A curve has a slope that wanders at random along the axis, so beyond its end its slope is as uncertain as at the
@@ -87,7 +87,7 @@ def columns_beyond(before: Before, at: Place, problem: Problem) -> np.ndarray:
     return np.concatenate([np.zeros((problem.table.rows, 3, 0)), *parts], axis=2)
 
 
-def _going_on(end: End, at: Place, problem: Problem) -> np.ndarray:
+def _going_on(end: End, at: LinearPoint, problem: Problem) -> np.ndarray:
     """One rail's or screw's curves beyond one of their ends, (n, 3, c)."""
     effect, joints = end.term.effect, problem.view.joints
     shape = {stem: value.clone() for stem, value in given_of(end.term, joints).items()}

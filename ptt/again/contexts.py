@@ -4,7 +4,7 @@ from typing import Any
 
 from ptt.again.before import Before
 from ptt.run.problem import Problem
-from ptt.run.ranges import LEAST, SEEN, ranges_of
+from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of
 
 
 def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
@@ -23,12 +23,12 @@ def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
     needs = {context for term in before.model.terms for context in term.effect.requires}
     lines = []
     for column, (low, high) in ranges_of(problem).items():
-        context, unit = SEEN[column]
+        context, unit = QUANTITIES[column]
         has = "follows" if context in needs else "has no effect that follows"
-        now = f"{low:.3g} to {high:.3g} {unit}" if high - low > LEAST[column] else f"{high:.3g} {unit}"
+        now = f"{low:.3g} to {high:.3g} {unit}" if high - low > LEAST_BEYOND[column] else f"{high:.3g} {unit}"
         if column in then:
             beyond = max(then[column][0] - low, high - then[column][1])
-            if beyond > LEAST[column]:
+            if beyond > LEAST_BEYOND[column]:
                 old = f"{then[column][0]:.3g} to {then[column][1]:.3g}"
                 lines.append(f"{context} goes beyond the model's run ({now}; then {old}), and the model {has} it")
         elif column != "feed_mm_s" and (told or context not in needs) and _matters(column, low, high, problem):
@@ -39,4 +39,4 @@ def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
 
 def _matters(column: str, low: float, high: float, problem: Problem) -> bool:
     usual = problem.file.machine.reference_temp_c if column == "temp_c" else 0.0
-    return max(abs(low - usual), abs(high - usual)) > LEAST[column]
+    return max(abs(low - usual), abs(high - usual)) > LEAST_BEYOND[column]

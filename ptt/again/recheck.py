@@ -14,7 +14,7 @@ from ptt.again.contexts import context_notes
 from ptt.again.cures import with_cures
 from ptt.again.figures import Moved, errors_of, every_value, made_by, moved_of
 from ptt.again.news import News, look_for_news
-from ptt.again.result import Changed, Recheck, Verdict
+from ptt.again.result import ChangedValue, Recheck, Verdict
 from ptt.again.supposed import model_at
 from ptt.again.then import THEN, Then
 from ptt.again.weigh import Weighed, moved_by, weigh
@@ -154,12 +154,12 @@ def _named(found: Weighed) -> tuple[Change, ...]:
     return tuple(c for c in found.changed if c.key in named or c.effect.key in found.before.cured)
 
 
-def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[Changed, ...]:
+def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[ChangedValue, ...]:
     """What has changed, value by value, the surest first."""
     changes = _named(found)
     if not changes:
         return ()
-    values, rows, at = moved_of(found, changes), list[Changed](), 0
+    values, rows, at = moved_of(found, changes), list[ChangedValue](), 0
     for change in changes:
         own = values[at : at + len(change.names)]
         at += len(own)
@@ -188,7 +188,9 @@ def _clear_then(found: Weighed, change: Change) -> tuple[str, ...]:
     return tuple(name for name, sure in zip(change.names, clear, strict=True) if sure)
 
 
-def _rows_of(found: Weighed, change: Change, values: Sequence[Moved], problem: Problem, gone: bool) -> list[Changed]:
+def _rows_of(
+    found: Weighed, change: Change, values: Sequence[Moved], problem: Problem, gone: bool
+) -> list[ChangedValue]:
     """The values of one change that are clearly otherwise, each with its words; one sentence where they are one."""
     since, alike, known = found.before.since, _alike(found, change), _clear_then(found, change)
     pairs = list(zip(values, change.at, strict=True))
@@ -197,9 +199,9 @@ def _rows_of(found: Weighed, change: Change, values: Sequence[Moved], problem: P
     clear = sure or clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
         words = say_whole(change.effect, change.at, values, problem.view, since)
-        return [Changed(value, gone or is_repaired(value), alike, words) for value, _ in clear]
+        return [ChangedValue(value, gone or is_repaired(value), alike, words) for value, _ in clear]
     return [
-        Changed(value, cured, alike, say_change(change.effect, int(place), value, problem.view, since, cured))
+        ChangedValue(value, cured, alike, say_change(change.effect, int(place), value, problem.view, since, cured))
         for value, place in clear
         for cured in [gone or is_repaired(value)]
     ]

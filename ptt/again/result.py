@@ -10,11 +10,11 @@ from ptt.model.model import Model
 from ptt.record import Record
 
 Verdict = Literal["same", "changed", "new"]
-SHOWN = 12  # values of a table that anybody reads
+SHOWN_VALUES = 12  # of a table that anybody reads
 
 
 @dataclass(frozen=True)
-class Changed(Record):
+class ChangedValue(Record):
     """One value that is otherwise than it was.
 
     Attributes:
@@ -59,7 +59,7 @@ class Recheck(Record):
     )
 
     verdict: Verdict
-    changed: tuple[Changed, ...]
+    changed: tuple[ChangedValue, ...]
     new: Diagnosis | None
     parameters: tuple[Moved, ...]
     error_um: dict[str, float]
@@ -95,9 +95,9 @@ class Recheck(Record):
         rows = [
             f"{'*' if (one.effect, one.name) in named else ' '} {f'{one.effect} {one.name}':<38} {one.before:>12.5g} "
             f"{one.now:>12.5g} {one.std:>10.2g} {one.z:>7.1f}"
-            for one in order[:SHOWN]
+            for one in order[:SHOWN_VALUES]
         ]
-        more = [f"  and {len(order) - SHOWN} more in --json"] if len(order) > SHOWN else []
+        more = [f"  and {len(order) - SHOWN_VALUES} more in --json"] if len(order) > SHOWN_VALUES else []
         marks = ["* has changed; the others as if each had changed by itself besides"]
         return [head, *rows, *more, *marks]
 

@@ -9,7 +9,7 @@ from ptt.again.before import Before
 from ptt.again.beyond import columns_beyond
 from ptt.again.changes import Change, atoms_of_changes
 from ptt.again.then import atoms_then
-from ptt.diagnosis.evidence.row_system import RowSystem, build_system
+from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear, Shape, linear_columns
 from ptt.fitting.solve import FitResult, fit, hold
@@ -103,7 +103,7 @@ def suppose(
         those of how its curves go on beyond the heights that they were seen at, (m, 3, c); and of how far sizes of the
         drawing that it does not have may move the readings, (m, 3, r).
     """
-    system = build_system(at.fitted, problem, candidates, noise, freedom, rows, shapes=shapes)
+    system = build_row_system(at.fitted, problem, candidates, noise, freedom, rows, shapes=shapes)
     linear = linear_columns(at.fitted, problem, [], noise)
     own = linear.columns[rows][:, :, : before.width]
     assert linear.at is not None

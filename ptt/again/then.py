@@ -11,7 +11,7 @@ from ptt.effects import Effect, library
 from ptt.effects.layout import linear_size
 from ptt.fitting.kept import Kept, rows_by_name
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
-from ptt.fitting.linear import Place
+from ptt.fitting.linear import LinearPoint
 from ptt.fitting.masked import read_masked
 from ptt.run.view import View
 
@@ -55,7 +55,7 @@ class Rooms:
         """Number of their values."""
         return sum(room.seen.shape[1] for room in self.each)
 
-    def columns(self, at: Place, own: np.ndarray, gone: np.ndarray) -> np.ndarray:
+    def columns(self, at: LinearPoint, own: np.ndarray, gone: np.ndarray) -> np.ndarray:
         """What each adds to the readings less what the model's values have of it already, (n, 3, p) whitened.
 
         Args:

@@ -12,12 +12,12 @@ from ptt.rig import Rig
 from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_faults import KNOWN, Scene
 from ptt.rig.draw_more import MORE
-from ptt.rig.draw_odd import SHOWN, UNKNOWN
-from ptt.rig.draw_unseen import UNSEEN
-from ptt.rig.nominal import draw_machine
+from ptt.rig.draw_odd import SHOWN_FAULTS, UNKNOWN
+from ptt.rig.draw_unseen import UNSEEN_FAULTS
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.odd_schema import Odd
 
-FAULTS = {fault.name: fault for fault in (*KNOWN, *MORE, *UNKNOWN, *SHOWN, *UNSEEN)}
+FAULTS = {fault.name: fault for fault in (*KNOWN, *MORE, *UNKNOWN, *SHOWN_FAULTS, *UNSEEN_FAULTS)}
 _ODD: TypeAdapter[Any] = TypeAdapter(Odd)
 
 
@@ -38,7 +38,7 @@ def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int, times: float =
     """
     random = np.random.default_rng([seed, 51])
     rig, truth = drawn.rig, dict(drawn.truth)
-    scene = Scene(draw_machine(rig.spec), rig.spec, drawn.room, drawn.protocol)
+    scene = Scene(ideal_machine(rig.spec), rig.spec, drawn.room, drawn.protocol)
     for name in names:
         if name not in FAULTS or FAULTS[name].called in {FAULTS[other].called for other in truth}:
             raise InputError(f"fault '{name}' is not known or hidden already", fix=f"use others of {', '.join(FAULTS)}")

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.challenge.remeasure import ToolError, remeasure
-from ptt.challenge.truth import MICRO, UNSEEN, Fault, Truth
+from ptt.challenge.truth import MICRO, UNSEEN, HiddenFault, Truth
 from ptt.correct.compensate import Correction
 from ptt.model.model import Model, parameter_names, told_values
 from ptt.run.noise import Noise
@@ -52,7 +52,7 @@ class Score:
     """
 
     judgement: Judgement
-    faults: tuple[Fault, ...]
+    faults: tuple[HiddenFault, ...]
     parameters: dict[str, tuple[tuple[str, float, float | None], ...]]
     noise: Noise
     left_um: float
@@ -80,7 +80,7 @@ class Score:
             "tool_error_um": self.tool.to_dict(),
         }
 
-    def _hidden(self, fault: Fault) -> dict[str, Any]:
+    def _hidden(self, fault: HiddenFault) -> dict[str, Any]:
         return {
             "effect": fault.name,
             "is": self.judgement.faults[fault.name],
@@ -157,7 +157,7 @@ def score(model: Model, truth: Truth, correction: Correction | None = None) -> S
     )
 
 
-def _explained(fault: Fault, keys: Sequence[str], truth: Truth) -> bool:
+def _explained(fault: HiddenFault, keys: Sequence[str], truth: Truth) -> bool:
     """Whether the effects named do all the work of a fault that was not."""
     if fault.known:
         return truth.left(keys) - truth.left([*keys, fault.name]) < UNSEEN

@@ -37,7 +37,7 @@ GROUPS = {
 
 
 @dataclass(frozen=True)
-class Fault:
+class HiddenFault:
     """One hidden fault as it shows in the readings.
 
     Attributes:
@@ -73,7 +73,7 @@ class Truth:
     known: Library
     noise: Noise
     problem: Problem
-    faults: tuple[Fault, ...]
+    faults: tuple[HiddenFault, ...]
 
     @property
     def hidden(self) -> tuple[str, ...]:
@@ -232,7 +232,7 @@ def rms_length(shift: np.ndarray) -> float:
     return float(np.sqrt(np.square(shift).sum(axis=1).mean()))
 
 
-def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library_has: bool) -> Fault:
+def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library_has: bool) -> HiddenFault:
     without = table_of(simulate(clear_faults(drawn.rig, drawn.truth, [key]), drawn.targets, noise=False).frame)
     poses = problem.used
     shift = (problem.table.measured - without.measured)[poses]
@@ -241,7 +241,9 @@ def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library
     signature = np.full_like(problem.table.measured, np.nan)
     signature[poses] = off_set_up(drawn.rig, shift, problem.table.target[poses], problem.table.run[poses])
     size = rms_length(signature[poses])
-    return Fault(called(drawn.rig, key), drawn.truth[key], signature, size, size >= COUNTS * noise.total, library_has)
+    return HiddenFault(
+        called(drawn.rig, key), drawn.truth[key], signature, size, size >= COUNTS * noise.total, library_has
+    )
 
 
 def _numbers(frame: pd.DataFrame, columns: str | list[str]) -> np.ndarray:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, ReadOptions, Run, Set, Targets
 
 if TYPE_CHECKING:
     from ptt.door.changing import Changed
@@ -40,7 +40,7 @@ def add(
     from ptt.commands.common import load_both, note, progress
     from ptt.door.changing import add as climb
 
-    loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
+    loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
         result = climb(loaded, rows, *effect, sizes=sizes, anyway=anyway, progress=tell, note=note)
     finish(result, out, plots, json)

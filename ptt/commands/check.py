@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Also, Effects, Json, Map, Reading, Set, Targets, asker, note, show
+from ptt.commands.common import Also, Effects, Json, Map, ReadOptions, Set, Targets, asker, note, show
 
 if TYPE_CHECKING:
     from ptt.door.checking import Checked
@@ -45,7 +45,7 @@ def check(
         return
     if model is None:
         raise InputError("no machine to hold it against", where=str(run), fix="add --model MACHINE.toml")
-    reading = Reading(also, targets, set_, map_, effects, json)
+    reading = ReadOptions(also, targets, set_, map_, effects, json)
     loaded = load(model, effects=effects or ())
     found = check_path(loaded, run, reading, ask=asker(reading), note=note)
     _write(found, out_run, out_model, several=bool(also))

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ptt.commands.output import Progress, note, plain, progress, show, tell_notes
-from ptt.door.options import Reading, parse_settings
+from ptt.door.options import ReadOptions, parse_settings
 from ptt.door.outputs import refuse_readings
 
 if TYPE_CHECKING:
@@ -65,13 +65,13 @@ Anyway = Annotated[bool, typer.Option("--anyway", help="Go on although the set-u
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else; never ask.")]
 
 __all__ = [
-    "Also", "Anyway", "Context", "Effects", "Json", "Map", "ModelPath", "Progress", "Reading", "Run", "Set", "Targets",
-    "asker", "load_both", "note", "open_library", "open_model", "open_run", "parse_settings", "plain", "progress",
-    "read_rows", "refuse_idle", "refuse_readings", "show", "tell_notes",
+    "Also", "Anyway", "Context", "Effects", "Json", "Map", "ModelPath", "Progress", "ReadOptions", "Run", "Set",
+    "Targets", "asker", "load_both", "note", "open_library", "open_model", "open_run", "parse_settings", "plain",
+    "progress", "read_rows", "refuse_idle", "refuse_readings", "show", "tell_notes",
 ]  # fmt: skip
 
 
-def load_both(run: Path, model: Path, reading: Reading) -> "tuple[Model, Rows]":
+def load_both(run: Path, model: Path, reading: ReadOptions) -> "tuple[Model, Rows]":
     """Read a model and a run for it.
 
     Args:
@@ -92,7 +92,7 @@ def load_both(run: Path, model: Path, reading: Reading) -> "tuple[Model, Rows]":
     return loaded, read_path(run, loaded, reading, ask=asker(reading), note=note)
 
 
-def open_run(run: Path, model: Path, reading: Reading) -> "Opened":
+def open_run(run: Path, model: Path, reading: ReadOptions) -> "Opened":
     """Read a run and a model and bring them together.
 
     Args:
@@ -112,7 +112,7 @@ def open_run(run: Path, model: Path, reading: Reading) -> "Opened":
     return meet(*load_both(run, model, reading), anyway=reading.anyway, note=note)
 
 
-def open_library(reading: Reading) -> "Library":
+def open_library(reading: ReadOptions) -> "Library":
     """The effects that are known, the user's own files included."""
     from ptt.effects.registry import library
 
@@ -135,7 +135,7 @@ def open_model(path: Path, library: "Library | None" = None) -> "Compensator":
 
 
 def read_rows(
-    path: Path, file: "MachineFile | None", reading: Reading, purpose: str = "run", *, checked: bool = False
+    path: Path, file: "MachineFile | None", reading: ReadOptions, purpose: str = "run", *, checked: bool = False
 ) -> "Table":
     """Read a table for a machine, and tell what was understood of it.
 
@@ -175,7 +175,7 @@ def refuse_idle(given: Mapping[str, object], what: str, fix: str) -> None:
             raise InputError(what, where=option, fix=fix)
 
 
-def asker(reading: Reading) -> "Ask | None":
+def asker(reading: ReadOptions) -> "Ask | None":
     """Who answers what a file leaves open: nobody where a program is listening or no terminal is there."""
     if reading.json or not sys.stdin.isatty():
         return None

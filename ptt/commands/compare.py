@@ -13,7 +13,7 @@ from ptt.commands.common import (
     Json,
     Map,
     ModelPath,
-    Reading,
+    ReadOptions,
     Run,
     Set,
     Targets,
@@ -45,7 +45,7 @@ def compare(
     """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on."""
     from ptt.door.comparing import compare as held_against
 
-    reading = Reading(also, targets, set_, map_, effects, json, context=context)
+    reading = ReadOptions(also, targets, set_, map_, effects, json, context=context)
     loaded, rows = load_both(run, model, reading)
     later = None if after is None else load_both(after, model, replace(reading, also=None))[1]
     with progress() as tell:

@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from ptt.commands.common import Json, Map, Reading, note, open_model, read_rows, show
+from ptt.commands.common import Json, Map, ReadOptions, note, open_model, read_rows, show
 
-SHOWN = 12
+SHOWN_ROWS = 12
 RARE = 0.03  # share of walks below which a family is a crossing of others
 
 
@@ -28,7 +28,7 @@ def dexterity(
     from ptt.mechanisms.dexterity_report import describe_dexterity
 
     file = open_model(machine).model.file
-    table = None if targets is None else read_rows(targets, file, Reading(map_=map_, json=json), "targets")
+    table = None if targets is None else read_rows(targets, file, ReadOptions(map_=map_, json=json), "targets")
     data = describe_dexterity(file, None if table is None else torch.tensor(table.target))
     if table is not None:
         for entry, line, name in zip(data["targets"], table.line, table.name, strict=True):
@@ -101,5 +101,5 @@ def _targets(entries: list[dict[str, Any]]) -> list[str]:
     counts = {status: sum(entry["status"] == status for entry in entries) for status in {e["status"] for e in entries}}
     lines = ["targets: " + ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))]
     odd = [entry for entry in entries if entry["status"] != "ok"]
-    lines += [f"  row {entry['line']} {entry['name']}: {entry['status']}" for entry in odd[:SHOWN]]
-    return [*lines, f"  and {len(odd) - SHOWN} more"] if len(odd) > SHOWN else lines
+    lines += [f"  row {entry['line']} {entry['name']}: {entry['status']}" for entry in odd[:SHOWN_ROWS]]
+    return [*lines, f"  and {len(odd) - SHOWN_ROWS} more"] if len(odd) > SHOWN_ROWS else lines

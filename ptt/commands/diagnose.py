@@ -13,7 +13,7 @@ from ptt.commands.common import (
     Json,
     Map,
     ModelPath,
-    Reading,
+    ReadOptions,
     Run,
     Set,
     Targets,
@@ -56,7 +56,7 @@ def diagnose(
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
     from ptt.door.diagnosing import diagnose as learn
 
-    reading = Reading(also, targets, set_, map_, effects, json, anyway, context)
+    reading = ReadOptions(also, targets, set_, map_, effects, json, anyway, context)
     loaded, rows = load_both(run, model, reading)
     with progress() as tell:
         result = learn(loaded, rows, steps=steps, chunk_rows=chunk_rows, anyway=anyway, progress=tell, note=note)

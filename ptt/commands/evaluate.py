@@ -12,7 +12,7 @@ from ptt.commands.common import (
     Effects,
     Json,
     Map,
-    Reading,
+    ReadOptions,
     Run,
     Set,
     Targets,
@@ -66,11 +66,11 @@ def evaluate(
     from ptt.errors import InputError
 
     goals = None if goal is None else _goals(goal)
-    reading = Reading(also, targets, set_, map_, effects, json, anyway)
+    reading = ReadOptions(also, targets, set_, map_, effects, json, anyway)
     result: Evaluated
     if after is not None:
         machine = None if model is None else load(model, effects=effects or ())
-        second = Reading(None, targets, set_, map_, None, json)
+        second = ReadOptions(None, targets, set_, map_, None, json)
         before_rows, after_rows = (
             run_rows(path, machine, how, asker(how), note) for path, how in ((run, reading), (after, second))
         )

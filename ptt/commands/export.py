@@ -11,7 +11,7 @@ from ptt.commands.common import (
     Json,
     Map,
     ModelPath,
-    Reading,
+    ReadOptions,
     Set,
     Targets,
     asker,
@@ -45,7 +45,7 @@ def export(
     from ptt.door.reading import read_rows
 
     chosen = find_format(to)
-    reading = Reading(also, targets, set_, map_, effects, json)
+    reading = ReadOptions(also, targets, set_, map_, effects, json)
     if run is None:
         idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_}
         refuse_idle(idle, "says how a run is read, and no run is named", "add --run RUN.csv")

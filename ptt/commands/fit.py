@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from ptt.commands.add import Plots
-from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, ReadOptions, Run, Set, Targets
 
 Out = Annotated[Path | None, typer.Option("--out", metavar="M2.toml", help="Where the refitted model is written.")]
 
@@ -29,7 +29,7 @@ def fit(
     from ptt.commands.common import load_both, note, progress
     from ptt.door.changing import fit as refit
 
-    loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
+    loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
         result = refit(loaded, rows, anyway=anyway, progress=tell, note=note)
     finish(result, out, plots, json)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ptt.commands.common import Anyway, Json, Map, Reading, Set, Targets, note, progress, read_rows, show
+from ptt.commands.common import Anyway, Json, Map, ReadOptions, Set, Targets, note, progress, read_rows, show
 
 app = typer.Typer(
     help="Keep runs of many machines, work on what is new, and see who is going bad.", no_args_is_help=True,
@@ -63,7 +63,7 @@ def add(
 
     opened, when = open_store(store), None if date is None else read_date(date)
     file = drawing_of(opened, machine, model)
-    reading = Reading(None, targets, set_, map_, None, json)
+    reading = ReadOptions(None, targets, set_, map_, None, json)
     ordered = any(text.startswith("order=") for text in set_ or ())
     added, refused = [], list[PttError | OSError]()
     for path in run:
@@ -147,10 +147,10 @@ def show_(store: StorePath, machine: OneMachine = None, json: Json = False) -> N
     """How each machine stands, what moves, and what somebody should look at."""
     from ptt.fleet.overview import overview
     from ptt.fleet.store import open_store
-    from ptt.fleet.words import format_machine
+    from ptt.fleet.words import machine_in_words
 
     found = overview(open_store(store), machine)
-    text = str(found) if machine is None else format_machine(found.machines[0])
+    text = str(found) if machine is None else machine_in_words(found.machines[0])
     show(found.to_dict(), text, json)
 
 

@@ -10,7 +10,7 @@ from ptt.commands.common import (
     Effects,
     Json,
     Map,
-    Reading,
+    ReadOptions,
     Set,
     Targets,
     open_library,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ptt.mechanisms.protocol import Mechanism
     from ptt.run.table import Table
 
-SHOWN = 5  # gross readings that anybody reads
+SHOWN_GROSS = 5  # that anybody reads
 
 
 def iso(
@@ -47,8 +47,8 @@ def iso(
     from ptt.errors import TableError
     from ptt.judge.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
-    if effects:
-        open_library(Reading(effects=effects))  # no figure needs them; a file that cannot be used is said all the same
+    if effects:  # no figure needs them; a file that cannot be used is said all the same
+        open_library(ReadOptions(effects=effects))
     result: IsoAxes | IsoPoses
     if is_axis_file(run):
         idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_, "--any-direction": any_direction}
@@ -127,7 +127,7 @@ def _gross_lines(figures: dict[str, Any]) -> list[str]:
     """Readings that no machine explains, which count all the same, and what the figures would be without them."""
     if not figures["gross"]:
         return []
-    named, rest = figures["gross"][:SHOWN], len(figures["gross"]) - SHOWN
+    named, rest = figures["gross"][:SHOWN_GROSS], len(figures["gross"]) - SHOWN_GROSS
     rows = f"{', '.join(named)}{f' and {rest} more' if rest > 0 else ''}"
     told = figures["without_gross"]
     if told is None:

@@ -9,7 +9,7 @@ import typer
 
 from ptt.door.result import plain
 from ptt.errors import HostError
-from ptt.progress import Pace, Progress, unwatched
+from ptt.progress import Progress, StagePace, unwatched
 
 _waiting: list[str] = []
 
@@ -93,7 +93,7 @@ def progress() -> Iterator[Progress]:
 
     console = Console(stderr=True)
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[pace]}")
-    pace = Pace()
+    pace = StagePace()
     with Bar(*columns, TimeElapsedColumn(), console=console, transient=True) as bar:
         task = bar.add_task("reading", total=None, pace="")
 

@@ -123,7 +123,7 @@ def require_outputs(values: Mapping[str, Any], metavars: Mapping[str, str]) -> N
         _require_kind(out, metavars.get(name, ""))
 
 
-def kind_of(path: Path) -> str:
+def file_kind(path: Path) -> str:
     """What a file is by what it begins with: a key of `WORDS`."""
     with path.open("rb") as file:
         head = file.read(HEAD)
@@ -177,7 +177,7 @@ def _require_kind(out: Path, metavar: str) -> None:
     if expected is None or (metavar == "PATH" and target.is_dir()):
         return
     require_plain(target, out)
-    found = kind_of(target) if target.exists() else ""
+    found = file_kind(target) if target.exists() else ""
     if found and found not in expected:
         what = "holds readings" if found == "readings" else f"is {WORDS[found]}, which would be lost"
         raise InputError(f"{what}; nothing was written", where=str(out), fix="name another file")

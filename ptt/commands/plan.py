@@ -8,7 +8,7 @@ import typer
 from ptt.commands.common import (
     Effects,
     Json,
-    Reading,
+    ReadOptions,
     open_library,
     open_model,
     progress,
@@ -53,7 +53,7 @@ def plan(
     from ptt.run.table import write_table
 
     refuse_readings(out)
-    reading = Reading(effects=effects, json=json)
+    reading = ReadOptions(effects=effects, json=json)
     known = open_library(reading)
     model = open_model(machine, known).model
     if candidates is not None:
@@ -71,7 +71,7 @@ def plan(
 
 
 def _choose(
-    candidates: Path, rows: int, out: Path, model: "Model", known: "Library", reading: Reading, seed: int
+    candidates: Path, rows: int, out: Path, model: "Model", known: "Library", reading: ReadOptions, seed: int
 ) -> None:
     """Choose D-optimal rows of a list and say how observable they make the geometry."""
     from ptt.plan.arm import choose_from

@@ -12,7 +12,7 @@ from ptt.commands.common import (
     Json,
     Map,
     ModelPath,
-    Reading,
+    ReadOptions,
     Set,
     asker,
     note,
@@ -61,7 +61,7 @@ def predict(
     from ptt.door.run import targets_path
 
     refuse_readings(out)
-    reading = Reading(set_=set_, map_=map_, effects=effects, json=json, anyway=anyway)
+    reading = ReadOptions(set_=set_, map_=map_, effects=effects, json=json, anyway=anyway)
     loaded = load(model, effects=effects or ())
     way: Literal["software", "none"] | None = None if reversal is None else reversal.value
     asked: dict[str, Any] = {"reversal": way, "limit_mm": limit_mm, "anyway": anyway, "note": note}
@@ -79,7 +79,7 @@ def predict(
 
 
 def _in_parts(
-    model: "Model", targets: Path, reading: Reading, out: Path, asked: dict[str, Any]
+    model: "Model", targets: Path, reading: ReadOptions, out: Path, asked: dict[str, Any]
 ) -> "Streamed | Predicted | None":
     """Commands of a long list, written; None where it is short, or has to be read at once."""
     from ptt.door.streaming import NotInParts, is_long, predict_file

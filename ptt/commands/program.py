@@ -9,7 +9,7 @@ from ptt.commands.common import (
     Effects,
     Json,
     ModelPath,
-    Reading,
+    ReadOptions,
     Set,
     note,
     open_library,
@@ -56,7 +56,7 @@ def program(
 
     _refuse_itself(source, out)
     refuse_readings(out)
-    compensator = open_model(model, open_library(Reading(effects=effects, json=json)))
+    compensator = open_model(model, open_library(ReadOptions(effects=effects, json=json)))
     text, encoding, end = _read(source)
     result = correct_program(
         compensator,

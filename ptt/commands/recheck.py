@@ -12,7 +12,7 @@ from ptt.commands.common import (
     Json,
     Map,
     ModelPath,
-    Reading,
+    ReadOptions,
     Run,
     Set,
     Targets,
@@ -40,7 +40,7 @@ def recheck(
     """Hold a new run against a solved model: the same, what has changed, or what is new."""
     from ptt.door.rechecking import recheck as hold_against
 
-    loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
+    loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
         result = hold_against(loaded, rows, anyway=anyway, progress=tell, note=note)
     if plots is not None:

@@ -1,7 +1,7 @@
 """`ptt remove`: take effects out of a model, refit, and show whether the error rises."""
 
 from ptt.commands.add import EffectNames, Out, Plots
-from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, Reading, Run, Set, Targets
+from ptt.commands.common import Also, Anyway, Effects, Json, Map, ModelPath, ReadOptions, Run, Set, Targets
 
 
 def remove(
@@ -23,7 +23,7 @@ def remove(
     from ptt.commands.common import load_both, note, progress
     from ptt.door.changing import remove as descend
 
-    loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json, anyway))
+    loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
         result = descend(loaded, rows, *effect, anyway=anyway, progress=tell, note=note)
     finish(result, out, plots, json)

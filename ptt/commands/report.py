@@ -13,7 +13,7 @@ from ptt.commands.common import (
     Json,
     Map,
     ModelPath,
-    Reading,
+    ReadOptions,
     Run,
     Set,
     Targets,
@@ -55,7 +55,7 @@ def report(
     """Write one HTML page that needs nothing else: data, error, verdict, ladder, parameters, before and after."""
     from ptt.show.report.of_run import report_run
 
-    reading = Reading(also, targets, set_, map_, effects, json, anyway)
+    reading = ReadOptions(also, targets, set_, map_, effects, json, anyway)
     opened = open_run(run, model, reading)
     later = None if after is None else (after, open_run(after, model, replace(reading, also=None)).table)
     with progress() as tell:

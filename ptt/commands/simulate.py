@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ptt.commands.common import Json, Map, Reading, asker, note, show
+from ptt.commands.common import Json, Map, ReadOptions, asker, note, show
 
 
 def simulate(
@@ -29,7 +29,7 @@ def simulate(
     from ptt.door.simulating import simulate_path
     from ptt.rig import load_rig, write_run
 
-    reading = Reading(map_=map_, json=json)
+    reading = ReadOptions(map_=map_, json=json)
     result = simulate_path(
         load_rig(rig), targets, sliders, reading, noise=noise, seed=seed, ask=asker(reading), note=note
     )

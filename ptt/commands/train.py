@@ -12,7 +12,7 @@ from ptt.commands.common import (
     Effects,
     Json,
     Map,
-    Reading,
+    ReadOptions,
     Run,
     Set,
     Targets,
@@ -50,7 +50,7 @@ def train(
     from ptt.door.training import train as train_model
 
     require_folder(out)
-    loaded, rows = load_both(run, machine, Reading(also, targets, set_, map_, effects, json, anyway))
+    loaded, rows = load_both(run, machine, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
         result = train_model(loaded, rows, hold_out=hold_out.value, anyway=anyway, progress=tell, note=note)
     result.save(out)

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from ptt.correct.settle import Solved, hand_on, settle
-from ptt.correct.task import Behind, Task
+from ptt.correct.task import Behind, CommandTask
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.corners import shows_feed
@@ -21,7 +21,7 @@ ROWS = CHUNK - 2 * BESIDE  # of a block, so that with those beside it is one chu
 
 
 @dataclass(frozen=True)
-class Block:
+class RowBlock:
     """Some rows of a task, and those beside.
 
     Attributes:
@@ -47,10 +47,10 @@ class Block:
         return slice(self.first - self.low, self.last - self.low)
 
 
-Settled = tuple[Block, Task, Solved, np.ndarray, np.ndarray]
+Settled = tuple[RowBlock, CommandTask, Solved, np.ndarray, np.ndarray]
 
 
-def settle_blocks(task: Task) -> Iterator[Settled]:
+def settle_blocks(task: CommandTask) -> Iterator[Settled]:
     """Invert block after block.
 
     Args:
@@ -69,7 +69,7 @@ def settle_blocks(task: Task) -> Iterator[Settled]:
         behind = leave_block(settled) if last < table.rows else None
 
 
-def settle_block(task: Task, first: int, last: int, behind: Behind | None) -> Settled:
+def settle_block(task: CommandTask, first: int, last: int, behind: Behind | None) -> Settled:
     """Invert one block.
 
     Args:
@@ -81,7 +81,7 @@ def settle_block(task: Task, first: int, last: int, behind: Behind | None) -> Se
     Returns:
         As `settle_blocks`.
     """
-    block = Block(first, last, _seen_to(task, first, last, behind), behind)
+    block = RowBlock(first, last, _seen_to(task, first, last, behind), behind)
     part = cut(task, block)
     return block, part, *settle(part)
 
@@ -104,7 +104,7 @@ def ahead(run: np.ndarray, first: int, last: int, behind: Behind | None) -> int:
     return CHUNK if behind is None or first == 0 or (run[first:last] != run[first - 1]).any() else BESIDE
 
 
-def cut(task: Task, block: Block) -> Task:
+def cut(task: CommandTask, block: RowBlock) -> CommandTask:
     """The task of a block and the rows beside it."""
     rows = slice(block.low, block.high)
     if (block.low, block.high) == (0, task.targets.rows):
@@ -116,7 +116,7 @@ def cut(task: Task, block: Block) -> Task:
     return replace(task, targets=take_rows(task.targets, index), clock=clock, behind=block.behind, **own)
 
 
-def _seen_to(task: Task, first: int, last: int, behind: Behind | None) -> int:
+def _seen_to(task: CommandTask, first: int, last: int, behind: Behind | None) -> int:
     """How far a block looks ahead: until each joint of a run that has begun in it was seen to move.
 
     A joint that stands longer than a chunk is taken to go on upward, as one that never moves.

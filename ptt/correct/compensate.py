@@ -12,7 +12,7 @@ from ptt.correct.commands import ROUNDING, UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, approach_doubt, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
 from ptt.correct.settle import Solved, first_order, nearest_commands
-from ptt.correct.task import Task
+from ptt.correct.task import CommandTask
 from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
@@ -89,7 +89,7 @@ def compensate(
 
 
 @dataclass(frozen=True)
-class Plan:
+class InversionPlan:
     """What an inversion is to do, whatever the targets are.
 
     Attributes:
@@ -115,13 +115,17 @@ class Plan:
         return any("speed" in each.requires or not type(each).__module__.startswith("ptt.") for each in effects)
 
 
-def plan_of(model: Model, reversal: Reversal | None, limit: float, network: NetworkError | None) -> Plan:
+def plan_of(model: Model, reversal: Reversal | None, limit: float, network: NetworkError | None) -> InversionPlan:
     """What an inversion is to do; arguments as `compensate`."""
-    return Plan(model, *split_terms(model, reversal), limit, network)
+    return InversionPlan(model, *split_terms(model, reversal), limit, network)
 
 
 def finish(
-    plan: Plan, part: Task, own: slice, settled: tuple[Solved, np.ndarray, np.ndarray], inside: Inside | None
+    plan: InversionPlan,
+    part: CommandTask,
+    own: slice,
+    settled: tuple[Solved, np.ndarray, np.ndarray],
+    inside: Inside | None,
 ) -> Commands:
     """The commands of a block whose inversion has settled, without the nearest ones of rows that are not sent.
 
@@ -188,7 +192,9 @@ def _posture(model: Model, targets: Table) -> Tensor | None:
     return torch.as_tensor(np.array(targets.command, dtype=float))
 
 
-def prepare(plan: Plan, targets: Table, correction: Correction | None, time: Tensor | None = None) -> Task:
+def prepare(
+    plan: InversionPlan, targets: Table, correction: Correction | None, time: Tensor | None = None
+) -> CommandTask:
     """What an inversion of some targets begins with.
 
     Args:
@@ -217,4 +223,6 @@ def prepare(plan: Plan, targets: Table, correction: Correction | None, time: Ten
         without_empty(targets).replace(time_s=None, feed_mm_s=None),
     )
     ways = plan.steady, plan.turning
-    return Task(plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, clock=clock)
+    return CommandTask(
+        plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, clock=clock
+    )

@@ -11,7 +11,7 @@ from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.blanks import without_empty
-from ptt.run.ranges import LEAST, SEEN
+from ptt.run.ranges import LEAST_BEYOND, QUANTITIES
 from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import build_view
@@ -80,12 +80,12 @@ def beyond_context(model: Model, targets: Table) -> tuple[Beyond, ...]:
     steps = [step for step in model.file.history if isinstance(step.get("ranges"), Mapping)]
     then: Mapping[str, tuple[float, float]] = steps[-1]["ranges"] if steps else {}
     found = []
-    for column, (need, _) in SEEN.items():
+    for column, (need, _) in QUANTITIES.items():
         values = getattr(targets, column)
         if column not in then or values is None or not np.isfinite(values).any():
             continue
         low, high = then[column]
-        beyond = (values < low - LEAST[column]) | (values > high + LEAST[column])
+        beyond = (values < low - LEAST_BEYOND[column]) | (values > high + LEAST_BEYOND[column])
         users = _followers(model, targets, need) if beyond.any() else []
         if users:
             worst = float(np.nanmax(np.maximum(low - values, values - high)))
@@ -102,7 +102,7 @@ def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> l
         rows: of the whole list.
     """
     lines = []
-    for column, (need, unit) in SEEN.items():
+    for column, (need, unit) in QUANTITIES.items():
         own = [each for part in parts for each in part if each.column == column]
         if own:
             (low, high), users = own[0].run, list(dict.fromkeys(user for each in own for user in each.users))

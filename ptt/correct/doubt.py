@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.task import Task
+from ptt.correct.task import CommandTask
 from ptt.fitting.kept import Kept, kept_covariance
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.model.chain import Shifts
@@ -30,7 +30,7 @@ class NetworkError:
 
 
 def command_sigma(
-    model: Model, task: Task, terms: Shifts, q: Tensor, in_domain: np.ndarray, network: NetworkError | None
+    model: Model, task: CommandTask, terms: Shifts, q: Tensor, in_domain: np.ndarray, network: NetworkError | None
 ) -> tuple[np.ndarray, float | None]:
     """What parameters and network leave uncertain at each target.
 
@@ -58,7 +58,7 @@ def command_sigma(
     return np.maximum(sigma, np.where(in_domain, network.inside, network.outside)), network.inside
 
 
-def approach_doubt(task: Task, terms: Shifts, q: Tensor) -> np.ndarray:
+def approach_doubt(task: CommandTask, terms: Shifts, q: Tensor) -> np.ndarray:
     """What hangs on from which side the joints came to the first row, where the targets do not say (`dir1..`).
 
     A drive that winds up has not turned over for dozens of small steps. The first row itself arrives as the second

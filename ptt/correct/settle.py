@@ -10,7 +10,7 @@ from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL,
 from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_ways
 from ptt.correct.newton import MISSED, gaps_of, holding, invert, invert_together, least_move, open_gaps
-from ptt.correct.task import Behind, Task
+from ptt.correct.task import Behind, CommandTask
 from ptt.effects.memory import Passed
 from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.protocol import Mechanism
@@ -40,7 +40,7 @@ class Solved:
     reached: np.ndarray
 
 
-def settle(task: Task) -> tuple[Solved, np.ndarray, np.ndarray]:
+def settle(task: CommandTask) -> tuple[Solved, np.ndarray, np.ndarray]:
     """Invert what can be inverted, and say of every row what becomes of it.
 
     Args:
@@ -66,7 +66,7 @@ def settle(task: Task) -> tuple[Solved, np.ndarray, np.ndarray]:
     return solved, status, shift
 
 
-def hand_on(task: Task, solved: Solved, rows: int, beside: int) -> Behind | None:
+def hand_on(task: CommandTask, solved: Solved, rows: int, beside: int) -> Behind | None:
     """What the rows behind must know of those before them.
 
     Args:
@@ -87,7 +87,7 @@ def hand_on(task: Task, solved: Solved, rows: int, beside: int) -> Behind | None
     return Behind(passed, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
 
 
-def nearest_commands(task: Task, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
+def nearest_commands(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
     """Commands that work beside targets that are not sent.
 
     Args:
@@ -106,7 +106,7 @@ def nearest_commands(task: Task, rows: np.ndarray, nearest: Nearest) -> tuple[np
     return q, distance
 
 
-def _nearest(task: Task, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
+def _nearest(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
     """The same for some rows that are not sent, (m,) int."""
     q, distance = np.full((len(rows), task.nominal.shape[1]), np.nan), np.full(len(rows), np.nan)
     goal = task.wanted[rows]
@@ -148,7 +148,7 @@ def first_order(mechanism: Mechanism, wanted: Tensor, height: Tensor, sent: np.n
     return simple
 
 
-def _before(task: Task) -> np.ndarray:
+def _before(task: CommandTask) -> np.ndarray:
     """What the drawing and the network say of each row, before the model is asked; the gravest last."""
     status = np.full(len(task.wanted), OK, dtype=object)
     status[near_singular(task.mechanism, task.wanted, task.nominal).numpy()] = NEAR_SINGULAR
@@ -157,7 +157,7 @@ def _before(task: Task) -> np.ndarray:
     return status
 
 
-def _standing(task: Task) -> Solved:
+def _standing(task: CommandTask) -> Solved:
     """Before anything was sent: where the rows before left the machine, else where the search will begin."""
     height = q = task.start
     if task.behind is not None:
@@ -167,7 +167,7 @@ def _standing(task: Task) -> Solved:
     return Solved(height, q, torch.full_like(task.asked, torch.inf), np.zeros(len(q), dtype=bool))
 
 
-def _solve(task: Task, near: Tensor, sent: np.ndarray) -> Solved:
+def _solve(task: CommandTask, near: Tensor, sent: np.ndarray) -> Solved:
     """Commands that start from those near by: first for the steady effects, then for those that remember the way."""
     given, behind, task = np.arange(len(sent)) < task.given, task.behind, task.paced(sent)
     near = near if behind is None else torch.cat([behind.height, near[task.given :]])
@@ -191,7 +191,7 @@ def _solve(task: Task, near: Tensor, sent: np.ndarray) -> Solved:
     return Solved(height, q, left, reached & torch.isfinite(left).all(dim=1).numpy())
 
 
-def _after(task: Task, solved: Solved) -> np.ndarray:
+def _after(task: CommandTask, solved: Solved) -> np.ndarray:
     """What becomes of each row once the model has been asked; the gravest last."""
     limits = task.mechanism.limits().T
     status = np.full(len(solved.q), OK, dtype=object)
@@ -202,7 +202,7 @@ def _after(task: Task, solved: Solved) -> np.ndarray:
     return status
 
 
-def _lead(task: Task, sent: np.ndarray) -> Lead | None:
+def _lead(task: CommandTask, sent: np.ndarray) -> Lead | None:
     """How commands run ahead of axes that lag; None where none does."""
     if task.pace is None or not task.late:
         return None

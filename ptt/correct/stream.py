@@ -11,10 +11,10 @@ from torch import Tensor
 
 from ptt.correct.blocks import ROWS, ahead, leave_block, settle_block, with_one_clock
 from ptt.correct.commands import Commands
-from ptt.correct.compensate import Correction, Inside, Plan, finish, prepare
+from ptt.correct.compensate import Correction, Inside, InversionPlan, finish, prepare
 from ptt.correct.nearest import Nearest, nearest_of
 from ptt.correct.settle import nearest_commands
-from ptt.correct.task import Behind, Task
+from ptt.correct.task import Behind, CommandTask
 from ptt.fitting.chunks import stretches
 from ptt.progress import Progress
 from ptt.run.spool import Spool
@@ -51,7 +51,7 @@ class Stream:
         sent: whether every row has a command.
     """
 
-    def __init__(self, plan: Plan, spool: Spool, aid: Aid, folder: Path) -> None:
+    def __init__(self, plan: InversionPlan, spool: Spool, aid: Aid, folder: Path) -> None:
         self._plan, self._spool, self._aid, self._folder = plan, spool, aid, folder
         self.bounds = stretches(spool.rows, ROWS)
         self.sent = True
@@ -94,7 +94,7 @@ class Stream:
                 nearest, gap = nearest_commands(self._task(first, last, 0.0), rows, near)
                 self._keep(index, replace(part, commands=replace(part.commands, nearest=nearest, nearest_gap=gap)))
 
-    def _task(self, low: int, high: int, start: float) -> Task:
+    def _task(self, low: int, high: int, start: float) -> CommandTask:
         table = self._spool.take(low, high).replace(command=None)  # it tells the frame of targets, and that is known
         task = prepare(self._plan, table, self._aid(table)[0], elapsed(table) + start)
         if task.clock is None or len(self.bounds) == 1:

@@ -21,7 +21,7 @@ from ptt.run.viewing import build_view
 
 
 @dataclass(frozen=True)
-class Task:
+class CommandTask:
     """All that an inversion begins with, n rows.
 
     Attributes:
@@ -89,7 +89,7 @@ class Task:
             view = replace(view, velocity=torch.as_tensor(self.pace.velocity(q.numpy())), paces=None)
         return view if self.behind is None else go_on(view, self.behind.passed)
 
-    def paced(self, sent: np.ndarray) -> "Task":
+    def paced(self, sent: np.ndarray) -> "CommandTask":
         """The same with the pace of its travel: that of the targets, since a correction does not change a program's.
 
         Args:

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from ptt.effects import Effect
-from ptt.effects.dated import Place, at_place, is_dated
+from ptt.effects.dated import RunPlace, at_place, is_dated
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
 
@@ -47,7 +47,7 @@ def left_to_controller(model: Model) -> list[str]:
 
 def _now(effect: Effect) -> Effect:
     """What happened to the machine at some moment of a run is the state that it is in now."""
-    return at_place(effect, Place(())) if is_dated(effect) else effect
+    return at_place(effect, RunPlace(())) if is_dated(effect) else effect
 
 
 def _keys(terms: Shifts) -> str:

@@ -5,7 +5,7 @@ import numpy as np
 from ptt.dependence.chance import log_chance
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.curves import choose_columns
-from ptt.dependence.strata import Poses
+from ptt.dependence.strata import RepeatedPoses
 
 CLEAR = 10.0  # log chance by which a varying direction must beat what it is made of
 BETTER = 6.0  # by which the information criterion must speak for the position
@@ -14,7 +14,7 @@ PATH_STEP = 0.1  # of the workspace's diagonal
 
 
 def position_explains_more(
-    residual: str, on: str, data: dict[str, np.ndarray], contexts: dict[str, np.ndarray], poses: Poses
+    residual: str, on: str, data: dict[str, np.ndarray], contexts: dict[str, np.ndarray], poses: RepeatedPoses
 ) -> bool:
     """Whether a smooth field over the workspace explains joint residuals better than the joint itself does.
 

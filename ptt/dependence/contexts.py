@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 ENOUGH = 12  # rows beyond the number of slopes before anything is taken out
 FAR = 6.0  # robust standard deviations
 CHANCE = 1e-3  # of a sound run that its frame is levelled
-FEWEST = 3  # rows that each direction, level or run needs
+LEAST_ROWS = 3  # that each direction, level or run needs
 COORDINATES = ("x", "y", "z")
 WIDE = 1.5  # times the short moves or pauses of a run that long ones take, for that to be worth a look
 SHORT = 0.05  # lever, as a share of the usual one (of the longest), below which a joint hardly moves the tool
@@ -279,8 +279,8 @@ def own_joint(residual: str, on: str) -> bool:
 
 def _varies(name: str, values: np.ndarray) -> bool:
     known = values[np.isfinite(values)]
-    if len(known) < 2 * FEWEST or np.ptp(known) <= 1e-6:
+    if len(known) < 2 * LEAST_ROWS or np.ptp(known) <= 1e-6:
         return False
     if name.startswith("direction") or name == "run":
-        return bool((np.unique(known, return_counts=True)[1] >= FEWEST).sum() >= 2)
+        return bool((np.unique(known, return_counts=True)[1] >= LEAST_ROWS).sum() >= 2)
     return True

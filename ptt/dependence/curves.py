@@ -6,7 +6,7 @@ import numpy as np
 
 from ptt.dependence.periods import harmonics, refine_frequency
 from ptt.dependence.regressors import Atoms, build_atoms, orthonormal, raised_cosine
-from ptt.dependence.strata import Poses
+from ptt.dependence.strata import RepeatedPoses
 
 ROUNDING = 1e-3  # of the range of a variable
 BINS = 12
@@ -50,7 +50,7 @@ def describe(
     second: np.ndarray | None,
     atoms: tuple[Atoms, ...],
     toll: np.ndarray,
-    poses: Poses,
+    poses: RepeatedPoses,
 ) -> list[FittedCurve]:
     """Describe how residuals follow one variable.
 
@@ -74,7 +74,7 @@ def describe(
     return [_finish(choice, centred[:, i], values, second, atoms, amount) for i, choice in enumerate(chosen)]
 
 
-def _independent(values: np.ndarray, poses: Poses) -> float:
+def _independent(values: np.ndarray, poses: RepeatedPoses) -> float:
     """How many independent rows the data amount to for this variable (Kish's design effect)."""
     if len(poses.size) == len(values) or not poses.holds(values):
         return float(len(values))

@@ -10,7 +10,7 @@ from ptt.dependence.chance import gumbel_tail
 from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views
 from ptt.dependence.curves import LOCAL, FittedCurve, describe
 from ptt.dependence.scores import Score, Variable, build_scores
-from ptt.dependence.strata import FEWEST, Poses, find_poses
+from ptt.dependence.strata import LEAST_POSES, RepeatedPoses, find_poses
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.tails import median_sigma
@@ -80,7 +80,7 @@ def depends_on(
     """
     rows = _rows(residuals, groups, seed)
     contexts = _tidy(contexts, rows)
-    if len(rows) < FEWEST or not contexts or not residuals:
+    if len(rows) < LEAST_POSES or not contexts or not residuals:
         return ()
     values = np.column_stack([_cut(column[rows], (noise or {}).get(name, 0.0)) for name, column in residuals.items()])
     data = (values / np.maximum(values.std(axis=0), 1e-15)).astype(np.float32)
@@ -149,7 +149,10 @@ def _cut(values: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _describe(
-    found: list[tuple[Score, int, float]], data: dict[str, np.ndarray], contexts: dict[str, np.ndarray], poses: Poses
+    found: list[tuple[Score, int, float]],
+    data: dict[str, np.ndarray],
+    contexts: dict[str, np.ndarray],
+    poses: RepeatedPoses,
 ) -> list[Dependence]:
     names, described = list(data), []
     for score in {id(item[0]): item[0] for item in found}.values():
@@ -192,7 +195,7 @@ def _only_clear(
 
 
 def _settle(
-    described: list[Dependence], data: dict[str, np.ndarray], contexts: dict[str, np.ndarray], poses: Poses
+    described: list[Dependence], data: dict[str, np.ndarray], contexts: dict[str, np.ndarray], poses: RepeatedPoses
 ) -> tuple[Dependence, ...]:
     """Sort by share; at the top, the more likely cause of a tie stays and names the others as its rivals."""
     ranked = sorted(described, key=lambda item: -item.share)

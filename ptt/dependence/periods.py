@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 LONGEST = 3.0  # periods that the range must hold at least
-MOST = 120.0  # periods that it may hold at most: finer than this no bench run can see
+MOST_PERIODS = 120.0  # finer than this no bench run can see
 FINER = 2.0  # trial frequencies in one line width
 
 
@@ -64,7 +64,7 @@ def trial_frequencies(height: np.ndarray) -> np.ndarray:
         return np.zeros(0)
     span = places[-1] - places[0]
     # Unevenly spread heights show more than their mean spacing would; the median spacing is the shorter one.
-    finest = min(MOST, span / (2.0 * float(np.median(np.diff(places)))), 0.5 * len(places) * 1.5)
+    finest = min(MOST_PERIODS, span / (2.0 * float(np.median(np.diff(places)))), 0.5 * len(places) * 1.5)
     step = 1.0 / FINER
     return np.arange(LONGEST, max(finest, LONGEST + step), step) / span
 

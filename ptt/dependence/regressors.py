@@ -10,7 +10,7 @@ from ptt.dependence.periods import harmonics, trial_frequencies
 LEVELS = 8  # a variable with at most so many values is a category
 CUTS = 40  # places at which a step is tried
 WIDTHS = (1 / 30, 1 / 20, 1 / 12, 1 / 8, 1 / 5)  # of bumps, foot to foot, as shares of the range
-FEWEST = 4  # rows that a bump must hold
+LEAST_ROWS = 4  # that a bump must hold
 DEAD = 1e-3  # a column that loses all but this share of its length to the nuisances says nothing
 
 
@@ -151,7 +151,7 @@ def _bumps(values: np.ndarray, levels: np.ndarray) -> list[Atoms]:
     inside = column > 0.25
     # One pose, however often it was visited, is no place.
     poses = (np.searchsorted(levels, middle + width / 3) - np.searchsorted(levels, middle - width / 3)) >= 3
-    kept = (inside.sum(axis=0) >= FEWEST) & poses
+    kept = (inside.sum(axis=0) >= LEAST_ROWS) & poses
     if not kept.any():
         return []
     return [Atoms("bump", 1, column[:, kept], (middle - width / 2)[kept], (middle + width / 2)[kept])]

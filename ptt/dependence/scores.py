@@ -8,7 +8,7 @@ import numpy as np
 from ptt.dependence.chance import log_chance, slow_excess, slow_spectrum, spread
 from ptt.dependence.contexts import is_joint
 from ptt.dependence.regressors import Atoms, build_atoms, build_varying, orthonormal
-from ptt.dependence.strata import FEWEST, Poses, Stratum, build_stratum
+from ptt.dependence.strata import LEAST_POSES, RepeatedPoses, Stratum, build_stratum
 
 STIFF = 4  # directions of a curve that cannot follow slow error closely
 SECOND = ("temperature", "payload")  # what a play may open with
@@ -97,7 +97,7 @@ class Score:
 
 
 def build_scores(
-    residual: np.ndarray, contexts: dict[str, np.ndarray], poses: Poses, *, permutations: int, seed: int
+    residual: np.ndarray, contexts: dict[str, np.ndarray], poses: RepeatedPoses, *, permutations: int, seed: int
 ) -> list[Score]:
     """Score every variable against every residual.
 
@@ -121,7 +121,7 @@ def build_scores(
 def _variables(contexts: dict[str, np.ndarray], rows: Stratum, means: Stratum) -> Iterator[Variable]:
     for name, column in contexts.items():
         stratum = means if means is not rows and rows.poses.holds(column) else rows
-        if stratum.rows < FEWEST:
+        if stratum.rows < LEAST_POSES:
             continue
         yield _variable(name, None, stratum, build_atoms(stratum.values(column), periodic=is_joint(name)))
     for name, column in contexts.items():

@@ -6,11 +6,11 @@ import numpy as np
 
 LARGEST_RATIO = 1e4
 ENOUGH = 30  # degrees of freedom within poses that tell slow error from a pose's own
-FEWEST = 12  # poses below which nothing is said about where they are
+LEAST_POSES = 12  # below which nothing is said about where they are
 
 
 @dataclass(frozen=True)
-class Poses:
+class RepeatedPoses:
     """Repeated visits.
 
     Attributes:
@@ -57,7 +57,7 @@ class Stratum:
         within: (n, r) what visits of one pose differ by, None with too few of them.
     """
 
-    poses: Poses
+    poses: RepeatedPoses
     means: bool
     white: np.ndarray
     nuisance: np.ndarray
@@ -82,7 +82,7 @@ class Stratum:
         return columns[self.poses.number] if self.means else columns
 
 
-def find_poses(residual: np.ndarray, group: np.ndarray) -> Poses:
+def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
     """Estimate how far repeats of a pose share their error, by analysis of variance.
 
     Args:
@@ -97,7 +97,7 @@ def find_poses(residual: np.ndarray, group: np.ndarray) -> Poses:
     rank[np.argsort(first)] = np.arange(len(first))
     number = rank[inverse.reshape(-1)]
     size, rows = np.bincount(number).astype(float), len(number)
-    poses = Poses(number, np.sort(first), size, 0.0)
+    poses = RepeatedPoses(number, np.sort(first), size, 0.0)
     if len(size) < 3 or rows - len(size) < 3:
         return poses
     mean = poses.mean(residual)
@@ -105,10 +105,10 @@ def find_poses(residual: np.ndarray, group: np.ndarray) -> Poses:
     between = (size[:, None] * np.square(mean - residual.mean(axis=0))).sum(axis=0) / (len(size) - 1)
     usual = max((rows - np.square(size).sum() / rows) / (len(size) - 1), 1e-9)
     ratio = float(np.max((between / np.maximum(within, 1e-30) - 1.0) / usual))
-    return Poses(number, np.sort(first), size, min(max(ratio, 0.0), LARGEST_RATIO))
+    return RepeatedPoses(number, np.sort(first), size, min(max(ratio, 0.0), LARGEST_RATIO))
 
 
-def build_stratum(residual: np.ndarray, poses: Poses, *, means: bool, permutations: int, seed: int) -> Stratum:
+def build_stratum(residual: np.ndarray, poses: RepeatedPoses, *, means: bool, permutations: int, seed: int) -> Stratum:
     """Whiten residuals and permute them.
 
     Args:
@@ -135,7 +135,7 @@ def build_stratum(residual: np.ndarray, poses: Poses, *, means: bool, permutatio
     return Stratum(poses, means, white, flat, shuffled / np.sqrt(np.maximum(length, 1e-12)), within)
 
 
-def whiten(columns: np.ndarray, poses: Poses, *, means: bool) -> np.ndarray:
+def whiten(columns: np.ndarray, poses: RepeatedPoses, *, means: bool) -> np.ndarray:
     """Give columns independent errors of equal variance.
 
     Rows of one pose share an error of their own: v - (1 - root) mean(v), root = 1 / sqrt(1 + size x ratio) (Fuller and

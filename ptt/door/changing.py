@@ -18,7 +18,7 @@ from ptt.fitting.beside_unnamed import unnamed_sizes
 from ptt.fitting.report import format_fit
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb, descend
-from ptt.judge.ladder.ladder import Ladder, Step
+from ptt.judge.ladder.ladder import Ladder, LadderStep
 from ptt.judge.ladder.text import format_ladder
 from ptt.plan.elsewhere import Elsewhere, elsewhere
 from ptt.progress import Progress, unwatched
@@ -55,7 +55,7 @@ class Changed(Result):
         return model_of(record(self.ladder, self.verb, self.opened.files), self.library)
 
     @property
-    def steps(self) -> tuple[Step, ...]:
+    def steps(self) -> tuple[LadderStep, ...]:
         """The steps, the model as given first."""
         return self.ladder.steps
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import find_mistakes
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.door.reading import purpose_of, read_rows
 from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Run, Targets
@@ -119,11 +119,11 @@ def check(model: Any, run: RowsLike = None) -> Checked | Described:
         return Checked(find_mistakes(machine.file, run), machine.file)
     if hasattr(run, "columns"):
         return Checked(find_mistakes(machine.file, as_run(run, machine, USAGE)), machine.file)
-    return check_path(machine, run, Reading(json=True))
+    return check_path(machine, run, ReadOptions(json=True))
 
 
 def check_path(
-    model: Model, run: RowsLike, reading: Reading, *, ask: Ask | None = None, note: Note = unheard
+    model: Model, run: RowsLike, reading: ReadOptions, *, ask: Ask | None = None, note: Note = unheard
 ) -> Checked:
     """Check a file as the command line does: rows out of order are a finding, not a refusal.
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-SHOWN = 0.1  # of a held-out error: with less the sum of both squares is the same
+DOUBT_SHARE = 0.1  # of a held-out error: with less the sum of both squares is the same
 USAGE = "diagnose(model, run)"
 
 
@@ -241,7 +241,7 @@ def _candidates(result: "Diagnosis") -> list[str]:
     lines += ["held out: blocks of travel hidden in turn, all linearised where the path ended; `ptt add` fits each"]
     lines += ["step anew, so that its held-out figures differ somewhat"]
     last = result.candidates[len(result.suggested) - 1] if result.suggested else None
-    if last is not None and (doubt := doubt_in_words(last.heldout_after, last.tool_doubt, SHOWN)):
+    if last is not None and (doubt := doubt_in_words(last.heldout_after, last.tool_doubt, DOUBT_SHARE)):
         lines += [f"{doubt}: others that fit as well have the machine stand elsewhere"]
     return lines
 

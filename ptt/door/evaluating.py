@@ -10,7 +10,7 @@ from ptt.correct.training.train import PROTOCOLS
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import meet
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.door.reading import read_rows, require_mm
 from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.run import Rows, Run
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Frame = Literal["fitted", "fitted-per-run", "trusted", "measured"]
 SHIFTING = ("tracker-frame", "tracker-scale")  # effects that shift all readings of a trusted frame
 USAGE = "evaluate(before, after) or evaluate(model, run)"
-SHOWN = 5
+SHOWN_ROWS = 5
 HELD_OUT = ("blocks", "random")
 UNALIGNED = (
     "without frame alignment (readings as they come: where the tracker was set up anew, its place counts as error):"
@@ -167,7 +167,7 @@ def computed(
 
 
 def run_rows(
-    path: RowsLike, model: Model | None, reading: Reading, ask: Ask | None = None, note: Note = unheard
+    path: RowsLike, model: Model | None, reading: ReadOptions, ask: Ask | None = None, note: Note = unheard
 ) -> Table:
     """Read one of two runs as the command line does: no set-up is checked, so another unit is refused."""
     return read_rows(path, None if model is None else model.file, reading, ask=ask, note=note)
@@ -187,7 +187,7 @@ def _rows_of(given: RowsLike, model: Model | None) -> Table:
         return given.table
     if isinstance(given, Rows):
         raise InputError(f"{USAGE}: got {type(given).__name__}, which hold no readings", fix="give two measured runs")
-    return run_rows(given, model, Reading(json=True))
+    return run_rows(given, model, ReadOptions(json=True))
 
 
 def _goals(goal: float | tuple[float, float, float] | None) -> dict[str, float] | None:
@@ -220,13 +220,13 @@ def _gross(before: Table, after: Table, result: Evaluation) -> list[str]:
     places = [runs[side].place(row) for side, rows in result.gross.items() for row in rows]
     if not places:
         return []
-    would, more = "", f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
+    would, more = "", f" and {len(places) - SHOWN_ROWS} more" if len(places) > SHOWN_ROWS else ""
     if result.without is not None:
         pairs = (result.before, result.after), result.without
         counted, rest = (compare_errors(*pair)["length"]["reduction_percent"] for pair in pairs)
         if counted is not None and rest is not None:
             would = f"; without them the error falls by {rest:.1f} %, not {counted:.1f}"
-    return [f"gross readings count: {', '.join(places[:SHOWN])}{more}{would}"]
+    return [f"gross readings count: {', '.join(places[:SHOWN_ROWS])}{more}{would}"]
 
 
 def _frame_known_false(model: Model | None, frame: Frame | None) -> str:
@@ -255,8 +255,8 @@ def _text(data: dict[str, Any], judged: bool) -> str:
         lines += ["", f"noise floor, one standard deviation in um: {figures} (from {noise['source']})"]
     for side, rows in data["unmatched"].items():
         if rows:
-            more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
-            lines.append(f"without counterpart in {side}: {', '.join(rows[:SHOWN])}{more}")
+            more = f" and {len(rows) - SHOWN_ROWS} more" if len(rows) > SHOWN_ROWS else ""
+            lines.append(f"without counterpart in {side}: {', '.join(rows[:SHOWN_ROWS])}{more}")
     return "\n".join(lines)
 
 

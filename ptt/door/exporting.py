@@ -6,8 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from ptt.correct.exports.format import ErrorLeft, Format, Options, said_held
-from ptt.correct.exports.format import Exported as Written
+from ptt.correct.exports.format import ErrorLeft, Format, Options, Written, said_held
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import load_compensator
 from ptt.door.handed import RowsLike

@@ -9,7 +9,7 @@ import numpy as np
 from ptt.correct.training.compensator import Compensator
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.door.model import Model, load
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.door.reading import require_commands
 from ptt.door.result import Heard, Note, unheard
 from ptt.door.run import Run, Targets, read_path
@@ -83,7 +83,7 @@ class Opened:
 
 
 def open_run(
-    run: str | Path, model: str | Path, reading: Reading, *, ask: Ask | None = None, note: Note = unheard
+    run: str | Path, model: str | Path, reading: ReadOptions, *, ask: Ask | None = None, note: Note = unheard
 ) -> Opened:
     """Read a run and a model and bring them together.
 

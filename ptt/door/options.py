@@ -8,7 +8,7 @@ from ptt.errors import InputError
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadOptions:
     """How runs are read.
 
     Attributes:

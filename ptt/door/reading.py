@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.door.result import Note, unheard
 from ptt.errors import TableError
 from ptt.machine import MachineFile
@@ -21,7 +21,7 @@ from ptt.run.watched import watch
 def read_rows(
     path: str | Path,
     file: MachineFile | None,
-    reading: Reading,
+    reading: ReadOptions,
     purpose: str = "run",
     *,
     checked: bool = False,
@@ -68,7 +68,7 @@ def read_rows(
     return table
 
 
-def require_mm(table: Table, file: MachineFile | None, reading: Reading) -> None:
+def require_mm(table: Table, file: MachineFile | None, reading: ReadOptions) -> None:
     """Refuse metres in a mm column; a person who answered on units knows better.
 
     Args:
@@ -85,7 +85,7 @@ def require_mm(table: Table, file: MachineFile | None, reading: Reading) -> None
     _require_size(table, file, reading)
 
 
-def _require_size(table: Table, file: MachineFile | None, reading: Reading) -> None:
+def _require_size(table: Table, file: MachineFile | None, reading: ReadOptions) -> None:
     hint = None if file is None else unit_hint(table, _size_of(file))
     if hint and not reading.states_units:
         raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)}, or give their unit in a file for --map")
@@ -126,7 +126,7 @@ def beyond_travel(file: MachineFile, table: Table) -> list[str]:
     ]
 
 
-def purpose_of(path: str | Path, reading: Reading) -> str:
+def purpose_of(path: str | Path, reading: ReadOptions) -> str:
     """'run' where a file holds readings or is paired with targets, else 'targets'."""
     from ptt.run.readers import Mapping as Answers
     from ptt.run.readers.export import Request, read_any

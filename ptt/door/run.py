@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ptt.door.handed import Handed, RowsLike, answers_of, called_in, file_of, pairs, path_of, positions, titles, worded
 from ptt.door.model import Model, as_model
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.door.reading import beyond_travel, read_rows
 from ptt.door.result import Note, unheard
 from ptt.run.blanks import fill_between, fill_blanks
@@ -33,7 +33,7 @@ class Rows:
 
     table: Table
     files: tuple[Path, ...]
-    reading: Reading
+    reading: ReadOptions
     notes: tuple[str, ...] = ()
     _kept: tuple[object, ...] = field(default=(), repr=False)
 
@@ -105,13 +105,15 @@ def read(
     paths = [each.path for each in written]
     beside = None if targets is None else file_of(positions(targets), usage, "targets")
     answers = answers_of(map)
-    reading = Reading(paths[1:], path_of(beside), pairs(set), path_of(answers), json=True, context=titles(context))
+    reading = ReadOptions(paths[1:], path_of(beside), pairs(set), path_of(answers), json=True, context=titles(context))
     written += [each for each in (beside, answers) if each is not None]
     with worded(written):
         return _renamed(read_path(paths[0], machine, reading), written)
 
 
-def read_path(path: str | Path, model: Model, reading: Reading, *, ask: Ask | None = None, note: Note = unheard) -> Run:
+def read_path(
+    path: str | Path, model: Model, reading: ReadOptions, *, ask: Ask | None = None, note: Note = unheard
+) -> Run:
     """Read a run as the command line does.
 
     Args:
@@ -157,14 +159,14 @@ def read_targets(
     machine = as_model(model, "read_targets(targets, model)")
     written = [file_of(positions(targets), "read_targets(targets, model)")]
     answers = answers_of(map)
-    reading = Reading(set_=pairs(set), map_=path_of(answers), json=True)
+    reading = ReadOptions(set_=pairs(set), map_=path_of(answers), json=True)
     written += [each for each in (answers,) if each is not None]
     with worded(written):
         return _renamed(targets_path(written[0].path, machine, reading), written)
 
 
 def targets_path(
-    path: str | Path, model: Model, reading: Reading, *, ask: Ask | None = None, note: Note = unheard
+    path: str | Path, model: Model, reading: ReadOptions, *, ask: Ask | None = None, note: Note = unheard
 ) -> Targets:
     """Read targets as the command line does; arguments as `read_path`."""
     table, blanks = fill_between(read_rows(path, model.file, reading, "targets", checked=True, ask=ask, note=note))

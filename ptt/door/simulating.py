@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from ptt.door.handed import RowsLike, as_file
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.door.reading import read_rows
 from ptt.door.result import Note, Result, unheard
 from ptt.errors import InputError, TableError, WorkspaceError
@@ -115,7 +115,7 @@ def simulate(
         WorkspaceError: targets that the machine cannot reach.
     """
     machine = _rig(rig)
-    reading = Reading(map_=None if map is None else Path(map), json=True)
+    reading = ReadOptions(map_=None if map is None else Path(map), json=True)
     with as_file(targets, "simulate(rig, targets)") as path:
         if sliders is None:
             return simulate_path(machine, path, None, reading, noise=noise, seed=seed)
@@ -127,7 +127,7 @@ def simulate_path(
     machine: Rig,
     targets: Path,
     sliders: Path | None,
-    reading: Reading,
+    reading: ReadOptions,
     *,
     noise: bool = True,
     seed: int | None = None,

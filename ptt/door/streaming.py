@@ -16,7 +16,7 @@ from ptt.correct.stream import Stream
 from ptt.correct.training.train import correction_of
 from ptt.door.model import Model
 from ptt.door.opened import check_rows
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.door.outputs import refuse_readings
 from ptt.door.predicting import require_reversal, tell_frames, warnings_of
 from ptt.door.result import Note, Result, unheard
@@ -76,7 +76,7 @@ def is_long(path: Path) -> bool:
 def predict_file(
     model: Model,
     path: Path,
-    reading: Reading,
+    reading: ReadOptions,
     out: Path,
     *,
     reversal: Reversal | None = None,
@@ -138,7 +138,7 @@ def predict_file(
     return Streamed(str(out), counted, compensator.network is not None, limit_mm, tuple(frames), warnings)
 
 
-def _read(model: Model, path: Path, reading: Reading, folder: Path, ask: Ask | None, progress: Progress) -> Spool:
+def _read(model: Model, path: Path, reading: ReadOptions, folder: Path, ask: Ask | None, progress: Progress) -> Spool:
     spool, machine = Spool(folder), model.file.machine
     parts = read_targets_in_parts(
         path, machine.joints, joint_prefix=machine.letter, set_values=reading.values, mapping=reading.map_, ask=ask

@@ -15,7 +15,7 @@ Kind = TypeVar("Kind", bound=Effect)
 
 
 @dataclass(frozen=True)
-class Place:
+class RunPlace:
     """Where the run that an effect belongs to lies in a table.
 
     Attributes:
@@ -45,7 +45,7 @@ def is_dated(effect: Effect) -> bool:
     return effect.of_run or isinstance(effect, Sudden)
 
 
-def at_place(effect: Kind, place: Place) -> Kind:
+def at_place(effect: Kind, place: RunPlace) -> Kind:
     """The same effect as rows of other runs see it.
 
     What a set-up did is nothing there. What happened to the machine at some moment stays: runs before know nothing of
@@ -73,18 +73,18 @@ def at_place(effect: Kind, place: Place) -> Kind:
     return made(**{each.name: getattr(effect, each.name) for each in fields(effect)})
 
 
-def _basis(own: type[Effect], effect: Effect, view: View, shape: Mapping[str, Tensor], place: Place) -> Tensor:
+def _basis(own: type[Effect], effect: Effect, view: View, shape: Mapping[str, Tensor], place: RunPlace) -> Tensor:
     return _share(effect, view, place)[..., None] * own.basis(effect, _local(effect, view, place), shape)
 
 
-def _share(effect: Effect, view: View, place: Place) -> Tensor:
+def _share(effect: Effect, view: View, place: RunPlace) -> Tensor:
     """(n, 1), 0 in rows that a set-up of another run does not touch."""
     if not effect.of_run:
         return torch.ones(view.rows, 1, dtype=view.q.dtype)
     return place.own(view).to(view.q.dtype)[:, None]
 
 
-def _local(effect: Effect, view: View, place: Place) -> View:
+def _local(effect: Effect, view: View, place: RunPlace) -> View:
     """The view by the clock of the run: long before its first row in runs before, long after in runs behind."""
     own = place.own(view)
     behind = ~own if not place.runs else view.run > max(place.runs)

@@ -24,7 +24,7 @@ from ptt.run.view import View
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,59}")
 STEM = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
-MOST = 10_000  # values of one effect; a joint error map of seven joints has 84
+MOST_VALUES = 10_000  # of one effect; a joint error map of seven joints has 84
 KINDS = ("three-ptt", "serial")
 ROLES = ("linear", "searched", "given")
 METHODS = tuple(name for name, own in vars(Effect).items() if inspect.isfunction(own) and not name.startswith("_"))
@@ -165,8 +165,9 @@ def _broken(parameter: Parameter) -> str:
     texts = (parameter.stem, parameter.unit, parameter.meaning)
     if not all(isinstance(text, str) for text in texts) or not STEM.fullmatch(parameter.stem):
         return "its name is letters, digits and _, its unit and meaning are texts"
-    if isinstance(parameter.count, bool) or not isinstance(parameter.count, int) or not 1 <= parameter.count <= MOST:
-        return f"count = {shown(parameter.count)}, not a whole number from 1 to {MOST}"
+    count = parameter.count
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_VALUES:
+        return f"count = {shown(count)}, not a whole number from 1 to {MOST_VALUES}"
     if parameter.role not in ROLES:
         return f"role {shown(parameter.role)}, none of {', '.join(ROLES)}"
     sizes = (parameter.usual, parameter.lower, parameter.upper)

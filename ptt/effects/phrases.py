@@ -7,7 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
-SHOWN = {  # unit -> factor and unit in words
+SHOWN_UNITS = {  # unit -> factor and unit in words
     "mm": (1e3, "um"),
     "rad": (1e6, "urad"),
     "1": (1e6, "um/m"),
@@ -23,9 +23,9 @@ SHARE_OF_TURN = (1e6, "urad/rad")  # what a joint that turns does too much
 UNIT = re.compile("(?P<prefix>[nmu\N{MICRO SIGN}]?)(?P<base>rad|m|s)(?P<per>[/ ].*)?")
 PREFIXES = ("n", "u", "m", "")  # of m, rad and s, by thousands
 LARGE, LARGEST = 1e3, 1e4  # the least and the largest of some sizes from which the next prefix is said
-LEAST = 1e-2  # the largest of some sizes below which the prefix before is said
+LEAST_SIZE = 1e-2  # the largest of some, below which the prefix before is said
 FULL = 720.0  # deg from which the turns of a screw are said
-MOST = 6  # values of one effect that anybody reads
+MOST_VALUES = 6  # of one effect that anybody reads
 SMALL = 0.02  # share of the largest value below which nobody would turn a screw
 ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
 ABSURD = 30.0  # usual sizes that no machine is off by, but a drawing with a wrong sign or figure is
@@ -123,7 +123,7 @@ def said(
     """
     side, arm = int(value < 0.0), kind == "serial"
     who = phrase.arm_who or phrase.who if arm else phrase.who
-    factor, shown = SHARE_OF_TURN if arm and not who and unit == "1" else SHOWN.get(unit, (1.0, unit))
+    factor, shown = SHARE_OF_TURN if arm and not who and unit == "1" else SHOWN_UNITS.get(unit, (1.0, unit))
     factor *= phrase.times
     mend = (phrase.arm_mend if arm else phrase.mend)[side]
     turn = "" if lead is None else f" ({_turned(abs(value) / lead * 360.0)} of its screw)"
@@ -150,7 +150,7 @@ def remedies(parts: Sequence[Said], noun: str) -> str:
     Returns:
         For example 'raise slider 2 by 250 um (18 deg of its screw)'; '' where nothing can be turned.
     """
-    worth = [part for part in worth_saying(parts) if part.mend][:MOST]
+    worth = [part for part in worth_saying(parts) if part.mend][:MOST_VALUES]
     each = [part.mend.format(who=f"{noun} {part.joint}", what=sizes_in_words([part])) for part in worth]
     return listed(each) if each else ""
 
@@ -169,9 +169,9 @@ def compose(parts: Sequence[Said], noun: str) -> str:
         return ""
     sure = worth_saying(parts)
     shown = sure or [max(parts, key=lambda part: part.worth)]
-    few = f" (and {len(shown) - MOST} smaller ones)" if len(shown) > MOST else ""
+    few = f" (and {len(shown) - MOST_VALUES} smaller ones)" if len(shown) > MOST_VALUES else ""
     first = {part.text: index for index, part in reversed(list(enumerate(shown)))}
-    shown = sorted(shown[:MOST], key=lambda part: (part.who, first[part.text], part.joint))
+    shown = sorted(shown[:MOST_VALUES], key=lambda part: (part.who, first[part.text], part.joint))
     words, before = "", ""
     for (who, text), group in groupby(shown, key=lambda part: (part.who, part.text)):
         subject, rest = _clause(who, text, list(group), noun)
@@ -233,7 +233,7 @@ def scaled(sizes: Sequence[float], unit: str) -> tuple[float, str]:
     at = PREFIXES.index(found["prefix"].replace("\N{MICRO SIGN}", "u"))
     while at < PREFIXES.index("") and factor * (1.0 + 1e-9) >= min(LARGE / min(said), LARGEST / max(said)):
         at, factor = at + 1, factor / 1e3
-    while at > 0 and factor * max(said) < LEAST:
+    while at > 0 and factor * max(said) < LEAST_SIZE:
         at, factor = at - 1, factor * 1e3
     return factor, f"{PREFIXES[at].replace('u', micro)}{found['base']}{found['per'] or ''}"
 

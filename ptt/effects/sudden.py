@@ -11,7 +11,7 @@ from ptt.run.view import View
 
 MOMENTS = 48
 EDGE = 5  # readings before and after any moment
-LEAST = 20  # readings from which there may be one
+LEAST_READINGS = 20  # from which there may be one
 AFTER = Parameter("after", "1", 1.0, "last moment before it: seconds, or rows where there is no clock", role="given")
 ALWAYS = {"after": torch.tensor([-torch.inf], dtype=torch.float64)}  # the shape of what is there all along
 
@@ -22,7 +22,7 @@ class Sudden(Effect):
 
     def needs(self, view: View) -> str | None:
         """Readings enough on both sides of any moment."""
-        return None if len(self._told(view)) >= LEAST else f"at least {LEAST} rows with a reading"
+        return None if len(self._told(view)) >= LEAST_READINGS else f"at least {LEAST_READINGS} rows with a reading"
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """Moments spread over the rows, and the end of each run, with at least a few readings on either side.

@@ -18,10 +18,10 @@ from ptt.run.problem import Problem
 LAGS = 16  # rows apart, from neighbours to half the rows, whose products are looked at
 CONSTANTS = 9  # time constants between two steps of the clock and half the run
 SURE = 3.5  # standard deviations: one sound run in a hundred passes in some axis at some constant
-LEAST = 24  # rows from which products tell anything
+LEAST_ROWS = 24  # from which products tell anything
 TINY = 1e-300
 COUNTED = 0.9  # share of a row's own scatter that may last at most: rounding must not make the rest negative
-MOST = 0.8  # share of its energy that a fit may have swallowed before the rest says nothing
+MOST_SWALLOWED = 0.8  # share of its energy that a fit may have, before the rest says nothing
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def alike_in_time(residual: np.ndarray, times: Times) -> Alike | None:
         None where rows are too few, or may well be independent.
     """
     gap, product = _products(residual, times)
-    if len(residual) < LEAST or not len(gap):
+    if len(residual) < LEAST_ROWS or not len(gap):
         return None
     shortest = 2.0 * float(np.median(gap[: len(residual) - 1])) or 1.0
     longest = max(0.5 * float(np.ptp(times.time)), shortest)
@@ -130,7 +130,7 @@ def excess(
     counted = np.minimum(told.variance, COUNTED * scatter)
     joined, own = _joined(jacobian, told, times), np.einsum("nai,naj,a->ij", jacobian, jacobian, counted)
     whole = len(residual) * float(told.variance.sum())
-    swallowed = min(float(np.einsum("ij,ji->", inverse, joined)) / whole, MOST)
+    swallowed = min(float(np.einsum("ij,ji->", inverse, joined)) / whole, MOST_SWALLOWED)
     return joined / (1.0 - swallowed) - own
 
 

@@ -10,7 +10,7 @@ from ptt.effects import Effect, library
 from ptt.effects.registry import parse_key
 from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
 from ptt.fitting.evidence import NARROWEST, WIDEST, learn
-from ptt.fitting.linear import Trial, linear_columns
+from ptt.fitting.linear import ShapeTrial, linear_columns
 from ptt.fitting.posterior import Posterior
 from ptt.fitting.prior import FRAME
 from ptt.fitting.result import FitResult
@@ -107,7 +107,7 @@ def _sizes(fitted: FitResult, problem: Problem) -> tuple[tuple[_Size, ...], Tota
     return sizes, (times * gram, times * side, times * square, round(times * count))
 
 
-def _size(trial: Trial, keys: Sequence[str], problem: Problem) -> _Size:
+def _size(trial: ShapeTrial, keys: Sequence[str], problem: Problem) -> _Size:
     part, twin = TWICE.get(trial.effect.name, ("", ""))
     there = twin in {parse_key(key)[0] for key in keys}
     linear = [parameter for parameter in trial.effect.parameters if parameter.role == "linear"]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ptt.record import Record
 
-SEEN = 1.0  # information in usual sizes from which a direction counts as seen, as in a fit
+SEEN_INFORMATION = 1.0  # in usual sizes, from which a direction counts as seen, as in a fit
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def observability_indices(information: np.ndarray, poses: int) -> Indices:
         The indices over the directions that are seen; zeros where none is.
     """
     values = np.linalg.eigvalsh(information) if len(information) else np.zeros(0)
-    singular = np.sqrt(values[values >= SEEN])[::-1]
+    singular = np.sqrt(values[values >= SEEN_INFORMATION])[::-1]
     count = len(singular)
     if not count:
         return Indices(0.0, 0.0, 0.0, 0.0, 0.0, 0, len(information), poses)

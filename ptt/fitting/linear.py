@@ -23,7 +23,7 @@ from ptt.effects.layout import linear_size, usual_values
 from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.sums import Sums, accumulate
-from ptt.fitting.whitened import build_system, turned, whiten
+from ptt.fitting.whitened import build_whitened, turned, whiten
 from ptt.model.chain import Chain, signature
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -36,7 +36,7 @@ Shapes = Sequence[Shape] | Mapping[str, Sequence[Shape]]
 
 
 @dataclass(frozen=True)
-class Trial:
+class ShapeTrial:
     """One shape of one candidate.
 
     Attributes:
@@ -80,12 +80,12 @@ class Linear:
     rows: np.ndarray
     frame: np.ndarray
     present: dict[str, np.ndarray]
-    trials: tuple[Trial, ...]
+    trials: tuple[ShapeTrial, ...]
     scale: np.ndarray
     held: np.ndarray
     base_columns: np.ndarray
     base_values: np.ndarray
-    at: "Place | None" = field(repr=False)
+    at: "LinearPoint | None" = field(repr=False)
 
     @property
     def simple(self) -> np.ndarray:
@@ -113,7 +113,7 @@ class Linear:
 
 
 @dataclass(frozen=True)
-class Place:
+class LinearPoint:
     """Where a problem was linearised: gives the columns of effects and shapes that come up later.
 
     Attributes:
@@ -195,8 +195,8 @@ def assemble(
     Returns:
         The columns.
     """
-    system = build_system(layout, problem, noise.whitener, unknowns, crossed=False)  # as columns of candidates are
-    at = Place(system.chain, problem, noise.whitener, layout.frame_parameters(unknowns))
+    system = build_whitened(layout, problem, noise.whitener, unknowns, crossed=False)  # as columns of candidates are
+    at = LinearPoint(system.chain, problem, noise.whitener, layout.frame_parameters(unknowns))
     trials, blocks = _try(at, candidates, shapes, len(unknowns))
     own = layout.owner >= 0
     residual = np.nan_to_num(system.residual)
@@ -218,8 +218,8 @@ def assemble(
 
 
 def _try(
-    at: Place, candidates: Sequence[Effect], shapes: Shapes | None, start: int
-) -> tuple[list[Trial], list[np.ndarray]]:
+    at: LinearPoint, candidates: Sequence[Effect], shapes: Shapes | None, start: int
+) -> tuple[list[ShapeTrial], list[np.ndarray]]:
     """Every candidate in all its shapes: what it is, and its columns."""
     trials, blocks, sizes = [], list[Tensor](), list[np.ndarray]()
     for effect in candidates:
@@ -227,7 +227,7 @@ def _try(
         tried = effect.search(at.problem.view) if own is None else own
         usual = tried_sizes(effect, at.problem)
         for shape, block in zip(tried, at.shifts(effect, tried), strict=True):
-            trials.append(Trial(effect, dict(shape), np.arange(start, start + len(usual)), len(tried)))
+            trials.append(ShapeTrial(effect, dict(shape), np.arange(start, start + len(usual)), len(tried)))
             blocks.append(block)
             sizes.append(usual)
             start += len(usual)
@@ -257,7 +257,7 @@ def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:
     return usual_values(effect, problem.view)[: linear_size(effect, problem.view.joints)].numpy()
 
 
-def detailed_columns(at: Place, effect: Effect, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+def detailed_columns(at: LinearPoint, effect: Effect, shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     """Columns of an effect with its fine detail, (n, 3, P), whitened, and the usual sizes they are in, (P,)."""
     sizes = usual_sizes(effect, at.problem)
     return at.join([signature(at.chain, effect, shape)], sizes), sizes
@@ -277,7 +277,7 @@ def held_values(effect: Effect, problem: Problem) -> np.ndarray:
     return np.concatenate([np.zeros(0), *(np.full(item.size(problem.view.joints), item.held) for item in parameters)])
 
 
-def few_shapes(trials: Sequence[Trial], simple: np.ndarray) -> np.ndarray:
+def few_shapes(trials: Sequence[ShapeTrial], simple: np.ndarray) -> np.ndarray:
     """The present model's columns and every candidate's, of long searches only every sixth shape."""
     seen: dict[str, int] = {}
     chosen = [simple]

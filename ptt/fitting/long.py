@@ -15,7 +15,7 @@ from ptt.fitting.chunks import CHUNK, cut, map_sums, stretches
 from ptt.fitting.gauss_newton import bounded_step
 from ptt.fitting.layout import Layout
 from ptt.fitting.result import FitResult
-from ptt.fitting.whitened import System, Total, build_system
+from ptt.fitting.whitened import Total, WhitenedSystem, build_whitened
 from ptt.model.chain import Prediction
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -113,7 +113,7 @@ class LongEvaluator:
     def _base(self, unknowns: np.ndarray) -> Total | None:
         if self.problem.base is None or not self.layout.frames:
             return None
-        system = build_system(self.layout, self._chunks[0](), self.noise.whitener, unknowns)
+        system = build_whitened(self.layout, self._chunks[0](), self.noise.whitener, unknowns)
         return system.sums(np.zeros(len(system.residual), dtype=bool))
 
 
@@ -130,7 +130,7 @@ def add_lists(one: list[Total], other: list[Total]) -> list[Total]:
 def _sum_chunk(
     layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, chunk: Problem, kept: np.ndarray
 ) -> tuple[tuple[np.ndarray, Prediction], Total]:
-    system = build_system(layout, chunk, whitener, unknowns)
+    system = build_whitened(layout, chunk, whitener, unknowns)
     return (system.residual, system.prediction), _rows_alone(system).sums(kept)
 
 
@@ -138,22 +138,22 @@ def _sum_parts(
     layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, parts: int, chunk: Problem,
     own: tuple[np.ndarray, np.ndarray],
 ) -> tuple[None, list[Total]]:  # fmt: skip
-    system, (kept, part) = _rows_alone(build_system(layout, chunk, whitener, unknowns)), own
+    system, (kept, part) = _rows_alone(build_whitened(layout, chunk, whitener, unknowns)), own
     return None, [system.sums(kept & (part == index)) for index in (*range(parts), -1)]
 
 
 def _move_chunk(
     layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, steps: np.ndarray, chunk: Problem, part: np.ndarray
 ) -> tuple[np.ndarray, int]:
-    system = build_system(layout, chunk, whitener, unknowns)
+    system = build_whitened(layout, chunk, whitener, unknowns)
     change = np.einsum("ncu,nu->nc", system.jacobian, steps[part])
     return np.where((part >= 0)[:, None], system.residual - change, system.residual), 0
 
 
-def _rows_alone(system: System) -> System:
+def _rows_alone(system: WhitenedSystem) -> WhitenedSystem:
     """The system without base reflectors, which every chunk sees and only one may count."""
     width = system.jacobian.shape[-1]
-    return System(
+    return WhitenedSystem(
         system.residual, system.jacobian, np.zeros((0, 3)), np.zeros((0, 3, width)), system.prediction, system.chain
     )
 

@@ -15,7 +15,7 @@ from ptt.run.problem import Problem
 
 FEW = 12  # values up to which an effect is kept: curves would outgrow the file
 LONG = 10_000  # rows
-LEAST = 0.03  # of the root: what a thousand usual sizes would hardly show says nothing
+LEAST_ROOT = 0.03  # what a thousand usual sizes would hardly show says nothing
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
     size, ways = np.linalg.eigh((gram[np.ix_(more, more)] - cross.T @ absorbed) / wide)
     root = np.sqrt(np.maximum(size, 0.0))
     score = ways.T @ (left[more] - absorbed.T @ left[simple]) / wide
-    said = np.where(root > LEAST, score / np.maximum(root, LEAST), 0.0)
+    said = np.where(root > LEAST_ROOT, score / np.maximum(root, LEAST_ROOT), 0.0)
     keys = tuple(trial.effect.key for trial in linear.trials)
     return Masked(keys, absorbed[: int(own.sum())], root[:, None] * ways.T, said)
 

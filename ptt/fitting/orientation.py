@@ -11,7 +11,7 @@ from ptt.fitting.gauss_newton import descend
 from ptt.fitting.layout import Layout
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
-from ptt.fitting.whitened import build_system
+from ptt.fitting.whitened import build_whitened
 from ptt.mechanisms.rotations import from_quaternion, rotation_vector
 from ptt.mechanisms.serial import Serial
 from ptt.model.chain import Prediction, Shifts, differentiate, predict
@@ -105,7 +105,7 @@ def fit_poses(model: Model, problem: Problem, *, length_mm: float | None = None)
     turned = begun.rows
 
     def equations(unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        residual, jacobian = build_system(layout, problem, noise.whitener, unknowns).stacked(kept)
+        residual, jacobian = build_whitened(layout, problem, noise.whitener, unknowns).stacked(kept)
         angle, by_angle = _angles(layout, problem, measured, unknowns, turned)
         pull = first.prior.pull(unknowns)
         normal = jacobian.T @ jacobian + weight**2 * by_angle.T @ by_angle + np.diag(first.prior.weight)
@@ -113,7 +113,7 @@ def fit_poses(model: Model, problem: Problem, *, length_mm: float | None = None)
         return normal, side, float(residual @ residual + weight**2 * angle @ angle + first.prior.cost(unknowns))
 
     ended = descend(equations, first.unknowns, layout.lower, layout.upper)
-    system = build_system(layout, problem, noise.whitener, ended.unknowns)
+    system = build_whitened(layout, problem, noise.whitener, ended.unknowns)
     terms = tuple(
         replace(term, theta=theta, std=None, measured=None)
         for term, theta in zip(layout.terms, layout.thetas(ended.unknowns), strict=True)

@@ -19,7 +19,7 @@ from ptt.record import Record
 from ptt.run.problem import Problem
 
 IN_PART = 0.98  # share in unseen directions from which nothing of a parameter is measured
-SHOWN = 12  # outliers and correlations listed in the text
+SHOWN_LINES = 12  # of outliers, and of correlations
 MOST_LISTED = 8  # values of one curve that are listed: the picture of a longer one says more than its values
 MEASURED = {
     "yes": "measured", "in part": "measured in combinations", "at least": "known from below",
@@ -257,7 +257,7 @@ def _words(value: Value) -> str:
 def _outliers(report: FitReport) -> list[str]:
     if not report.outliers:
         return []
-    worst = sorted(report.outliers, key=lambda item: -item[1])[:SHOWN]
+    worst = sorted(report.outliers, key=lambda item: -item[1])[:SHOWN_LINES]
     listed = ", ".join(f"line {line} ({distance:.3f} mm)" for line, distance in worst)
     more = f", and {len(report.outliers) - len(worst)} more" if len(report.outliers) > len(worst) else ""
     return [f"[[gross errors left out]]  {len(report.outliers)}", f"    {listed}{more}"]
@@ -267,9 +267,9 @@ def _pairs(report: FitReport) -> list[str]:
     if not report.correlations:
         return []
     lines = ["[[correlations above 0.9]]"]
-    lines += [f"    {pair.first} / {pair.second} = {pair.value:+.3f}" for pair in report.correlations[:SHOWN]]
-    if len(report.correlations) > SHOWN:
-        lines.append(f"    and {len(report.correlations) - SHOWN} more")
+    lines += [f"    {pair.first} / {pair.second} = {pair.value:+.3f}" for pair in report.correlations[:SHOWN_LINES]]
+    if len(report.correlations) > SHOWN_LINES:
+        lines.append(f"    and {len(report.correlations) - SHOWN_LINES} more")
     return lines
 
 

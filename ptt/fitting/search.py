@@ -22,7 +22,7 @@ from ptt.run.problem import Problem
 Choice = dict[str, tuple[Shape, np.ndarray]]  # of each new effect its shape, and its amplitudes in usual sizes
 
 WIDE = 1e5  # variance in usual sizes that a new effect may have: what rows hardly see may still be large
-SEEN = 1.0  # information, in usual sizes, below which a direction is left out
+SEEN_INFORMATION = 1.0  # in usual sizes, below which a direction is left out
 WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
 OPENING = 0.05  # where amplitudes that cannot be negative start at the least, in usual sizes
 
@@ -189,7 +189,7 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     """Basis of what columns (n, 3, P) span, (3 n, r); P is zero where the frame is trusted and nothing else known."""
     flat = columns.reshape(3 * len(columns), columns.shape[-1])
     strength, directions = np.linalg.eigh(flat.T @ flat)
-    seen = strength > max(SEEN, 1e-12 * strength.max(initial=0.0))
+    seen = strength > max(SEEN_INFORMATION, 1e-12 * strength.max(initial=0.0))
     return flat @ (directions[:, seen] / np.sqrt(strength[seen]))
 
 
@@ -198,7 +198,7 @@ def _amplitudes(stage: _Stage, blocks: dict[str, np.ndarray]) -> dict[str, np.nd
     flat = np.concatenate(list(blocks.values()), axis=-1)
     flat = flat.reshape(-1, flat.shape[-1])
     strength, directions = np.linalg.eigh(flat.T @ flat + np.diag(stage.linear.held.astype(float)))
-    seen = strength > max(SEEN, 1e-12 * strength.max(initial=0.0))
+    seen = strength > max(SEEN_INFORMATION, 1e-12 * strength.max(initial=0.0))
     solution = directions[:, seen] @ ((directions[:, seen].T @ (flat.T @ stage.values.ravel())) / strength[seen])
     ends = np.cumsum([block.shape[-1] for block in blocks.values()])
     return dict(zip(blocks, np.split(solution, ends[:-1]), strict=True))

@@ -18,8 +18,8 @@ from ptt.fitting.reach import require_reach
 from ptt.fitting.result import FitResult
 from ptt.fitting.rounds import Settled, settle
 from ptt.fitting.search import open_terms
-from ptt.fitting.stated import Witness, conclude
-from ptt.fitting.whitened import Evaluator, System, Total
+from ptt.fitting.stated import Witness, state_fit
+from ptt.fitting.whitened import Evaluator, Total, WhitenedSystem
 from ptt.model.chain import read_base
 from ptt.model.model import Model, Term
 from ptt.run.holdout import pose_groups
@@ -146,7 +146,7 @@ def _begin(
     return evaluate, unknowns, kept, usual_prior(layout)
 
 
-def _stood(system: System) -> np.ndarray:
+def _stood(system: WhitenedSystem) -> np.ndarray:
     """Rows at which the machine can stand, (n,) bool."""
     reached = np.isfinite(system.prediction.reading.numpy()).all(axis=1)
     return np.asarray(reached & np.isfinite(system.jacobian).all(axis=(1, 2)))
@@ -165,7 +165,7 @@ def _begin_long(
     return evaluate, few.unknowns, kept, few.prior
 
 
-def _without_outliers(system: System, problem: Problem, layout: Layout, noise: Noise) -> np.ndarray:
+def _without_outliers(system: WhitenedSystem, problem: Problem, layout: Layout, noise: Noise) -> np.ndarray:
     """Rows that remain after a robust fit of the linearised problem, (n,) bool."""
     width = system.jacobian.shape[-1]
     base = np.concatenate(
@@ -191,12 +191,12 @@ def _result(
         model, layout, unknowns, empty, empty, system.prediction, system.residual @ np.linalg.inv(noise.whitener).T,
         problem.used & ~kept, noise, 0.0, 1, 0, empty, found.prior, evaluate.calls, found.status,
     )  # fmt: skip
-    return conclude(result, unknowns, information, chi2, count, None if coarse else _witness(system, problem, kept))
+    return state_fit(result, unknowns, information, chi2, count, None if coarse else _witness(system, problem, kept))
 
 
-def _witness(system: System | LongSystem, problem: Problem, kept: np.ndarray) -> Witness | None:
+def _witness(system: WhitenedSystem | LongSystem, problem: Problem, kept: np.ndarray) -> Witness | None:
     """What tells whether rows err alike; None for a long run, whose rows are never held at once."""
-    if not isinstance(system, System) or not system.jacobian.shape[-1]:
+    if not isinstance(system, WhitenedSystem) or not system.jacobian.shape[-1]:
         return None
     times = times_of(problem, kept)
     return lambda inverse, scatter: excess(system.jacobian[kept], system.residual[kept], times, inverse, scatter)

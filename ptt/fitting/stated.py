@@ -10,12 +10,12 @@ from ptt.fitting.factor import inverse
 from ptt.fitting.result import FitResult
 from ptt.model.model import Term
 
-SEEN = 1.0  # a direction counts as seen where the data know it better than its usual size
+SEEN_INFORMATION = 1.0  # a direction counts as seen where the data know it better than its usual size
 ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
 Witness = Callable[[np.ndarray, float], np.ndarray | None]
 
 
-def conclude(
+def state_fit(
     fitted: FitResult,
     unknowns: np.ndarray,
     information: np.ndarray,
@@ -88,4 +88,4 @@ def unseen_directions(information: np.ndarray) -> np.ndarray:
     if not len(information):
         return np.zeros((0, 0))
     strength, directions = np.linalg.eigh(information)
-    return directions[:, strength < max(SEEN, ROUNDING * strength[-1])]
+    return directions[:, strength < max(SEEN_INFORMATION, ROUNDING * strength[-1])]

@@ -12,7 +12,7 @@ from ptt.run.problem import Problem
 from ptt.run.same_pose import number_alike
 from ptt.run.tails import poisson_sf
 
-LEAST = 3  # rows from which a stretch is no chance: with one reading in twelve lost, one run in six has such three
+LEAST_ROWS = 3  # from which a stretch is no chance: with one reading in twelve lost, one run in six has such three
 OWN_SIZE = 1.0  # mm: a machine is off by as much in all, but not from one row to the next; reflectors and knocks are
 SHARE = 0.25  # of all rows: a minority that the others outvote; of halves nobody can say which is right
 AGREE = 0.5  # share of their size by which two far readings may differ and still tell of the same place
@@ -130,12 +130,12 @@ def in_a_row(far: np.ndarray, problem: Problem) -> list[np.ndarray]:
         problem: the readings; rows that do not count stand in nobody's way, runs end a stretch.
 
     Returns:
-        Row numbers of each stretch of at least `LEAST` rows.
+        Row numbers of each stretch of at least `LEAST_ROWS` rows.
     """
     order = np.flatnonzero(problem.used)
     flag, run = far[order], problem.table.run[order]
     cuts = np.flatnonzero((flag[1:] != flag[:-1]) | (run[1:] != run[:-1])) + 1
-    return [part for part in np.split(order, cuts) if len(part) >= LEAST and far[part[0]]]
+    return [part for part in np.split(order, cuts) if len(part) >= LEAST_ROWS and far[part[0]]]
 
 
 def shifted_stretches(
@@ -173,7 +173,7 @@ def _shifts(whole: np.ndarray, error: np.ndarray, limit: float) -> list[np.ndarr
         return [whole]
     step = np.square(np.diff(error[whole], axis=0)).sum(axis=1)
     parts = np.split(whole, np.flatnonzero(step > 2.0 * limit) + 1)  # a difference has twice the variance
-    return [part for part in parts if len(part) >= LEAST and _is_shift(error[part], limit)]
+    return [part for part in parts if len(part) >= LEAST_ROWS and _is_shift(error[part], limit)]
 
 
 def _is_shift(whitened: np.ndarray, limit: float) -> bool:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-SEEN = 1.0  # information, in usual sizes, from which a direction counts as seen
+SEEN_INFORMATION = 1.0  # in usual sizes, from which a direction counts as seen
 TRACE = 1e-7  # share of a column's information below which what is its own is a trace of the linearisation
 
 
@@ -85,7 +85,9 @@ class Solution:
     values: np.ndarray
 
 
-def solve(gram: np.ndarray, side: np.ndarray, square: float, chosen: np.ndarray, least: float = SEEN) -> Solution:
+def solve(
+    gram: np.ndarray, side: np.ndarray, square: float, chosen: np.ndarray, least: float = SEEN_INFORMATION
+) -> Solution:
     """Least squares on chosen columns; directions that the rows do not see are left at zero.
 
     Args:
@@ -131,7 +133,7 @@ class Projected:
         In very many rows even the thousandth part by which two columns differ only because of where they were
         linearised would count, and be blown up into anything.
         """
-        return max(SEEN, TRACE * float(self.before[chosen].max(initial=0.0)))
+        return max(SEEN_INFORMATION, TRACE * float(self.before[chosen].max(initial=0.0)))
 
 
 def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray) -> Projected:
@@ -149,7 +151,7 @@ def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray)
     if not len(base):
         return Projected(gram, side, square, 0, np.diag(gram))
     strength, directions = linalg.eigh(gram[np.ix_(base, base)])
-    seen = strength > SEEN
+    seen = strength > SEEN_INFORMATION
     root = directions[:, seen] / np.sqrt(strength[seen])
     cross = root.T @ gram[base]  # shape: (s, P)
     along = root.T @ side[base]

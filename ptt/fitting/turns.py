@@ -25,7 +25,7 @@ from ptt.model.model import Term, parameter_names
 from ptt.run.problem import Problem
 from ptt.run.view import View
 
-SEEN = 4.0  # squared standard deviations by which wind-up over a travel has to differ from play to be told from it
+SEEN_SQUARE = 4.0  # of standard deviations by which wind-up over a travel has to differ from play to be told from it
 SHORTER = np.geomspace(1.0, 1e-3, 25)  # of the usual travel: wind-up over none longer is as likely as play
 LONG_TRAVEL = 0.25  # of the usual travel: nearer to a reversal hardly a command ends
 FURTHER = 5.0  # standard errors by which a gap is tried larger, a fifth of it at the least
@@ -55,8 +55,8 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
     for share in SHORTER:
         trial = torch.full_like(lengths, usual * float(share))
         square = (unturned(terms, few.view, jacobian, trial)[used] / sigma).square().sum(dim=(0, 1)) / CHANCE
-        lengths = torch.where(open_yet & (square < SEEN), trial, lengths)
-        open_yet = open_yet & (square >= SEEN)
+        lengths = torch.where(open_yet & (square < SEEN_SQUARE), trial, lengths)
+        open_yet = open_yet & (square >= SEEN_SQUARE)
     least = [name for term in fitted.model.terms for name in _never_taken_up(term, few, sigma)]
     own, covariance = np.flatnonzero(np.isin(fitted.layout.names, least)), fitted.covariance.copy()
     covariance[own, own] += fitted.layout.scale[own] ** 2

@@ -16,7 +16,7 @@ Total = tuple[np.ndarray, np.ndarray, float, int]  # J^T J, J^T r, r^T r, number
 
 
 @dataclass(frozen=True)
-class System:
+class WhitenedSystem:
     """Whitened residual and Jacobian at one point.
 
     Attributes:
@@ -68,22 +68,22 @@ class Evaluator:
         self.layout, self.problem, self.noise, self.coarse = layout, problem, noise, coarse
         self.calls = 0
         self._at: np.ndarray | None = None
-        self._system: System | None = None
+        self._system: WhitenedSystem | None = None
 
-    def __call__(self, unknowns: np.ndarray) -> System:
+    def __call__(self, unknowns: np.ndarray) -> WhitenedSystem:
         """The system at these unknowns, (u,) in usual sizes."""
         if self._system is None or self._at is None or not np.array_equal(self._at, unknowns):
             self.calls += 1
-            self._system = build_system(
+            self._system = build_whitened(
                 self.layout, self.problem, self.noise.whitener, unknowns, crossed=not self.coarse
             )
             self._at = unknowns.copy()
         return self._system
 
 
-def build_system(
+def build_whitened(
     layout: Layout, problem: Problem, whitener: np.ndarray, unknowns: np.ndarray, *, crossed: bool = True
-) -> System:
+) -> WhitenedSystem:
     """Linearise the model and the frames at a point.
 
     Args:
@@ -111,7 +111,7 @@ def build_system(
     jacobian = whiten(blocks, whitener, layout.scale)
     residual = (problem.measured - reading.numpy()) @ whitener.T
     base = _base_rows(problem, layout, terms, motion, whitener)
-    return System(residual, jacobian, *base, at.prediction, at.chain)
+    return WhitenedSystem(residual, jacobian, *base, at.prediction, at.chain)
 
 
 def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy import stats
 
-from ptt.effects.phrases import SHOWN, figure
+from ptt.effects.phrases import SHOWN_UNITS, figure
 from ptt.fleet.trends import ALPHA, Movement, Moves
 from ptt.record import Record
 from ptt.run.dates import day_at
@@ -144,7 +144,7 @@ def _alarm(names: Names, place: int, trend: Trend, words: str, size: float, std:
 
 def amount(value: float, unit: str, std: float | None = None, *, sign: bool = False) -> str:
     """A value in the units of a workshop, with its standard error where one is given."""
-    factor, name = SHOWN.get(unit, (1.0, unit))
+    factor, name = SHOWN_UNITS.get(unit, (1.0, unit))
     text = figure(abs(value) * factor)
     if std is not None:  # two figures of the error, and the value to its last one: GUM, JCGM 100:2008, 7.2.6
         error = figure(std * factor)

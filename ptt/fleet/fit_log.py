@@ -21,7 +21,7 @@ from ptt.fitting.prior import usual_prior
 from ptt.fitting.result import FitResult
 from ptt.fitting.rounds import Settled, settle
 from ptt.fitting.search import open_terms
-from ptt.fitting.stated import conclude
+from ptt.fitting.stated import state_fit
 from ptt.fleet.log import Log, enter_part, open_log, read_part, to_parquet
 from ptt.fleet.shares import Passes, Share
 from ptt.fleet.sound import require_sound
@@ -200,4 +200,4 @@ def _result(model: Model, layout: Layout, noise: Noise, found: Settled, share: S
         model, layout, found.unknowns, blank, blank, Prediction(none, none, none, none), np.zeros((0, 3)),
         np.zeros(0, bool), noise, 0.0, 1, 0, blank, found.prior, passes, found.status,
     )  # fmt: skip
-    return conclude(empty, found.unknowns, information, chi2, count)
+    return state_fit(empty, found.unknowns, information, chi2, count)

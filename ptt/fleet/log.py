@@ -40,7 +40,7 @@ Part = tuple[int, int]  # first row, and the row after the last
 
 
 @dataclass(frozen=True)
-class State:
+class LogState:
     """What one part of a log hands on to the next.
 
     Attributes:
@@ -158,7 +158,7 @@ def read_part(log: Log, part: Part) -> Problem:
     )  # fmt: skip
 
 
-def enter_part(problem: Problem, part: Part, state: State | None) -> Problem:
+def enter_part(problem: Problem, part: Part, state: LogState | None) -> Problem:
     """The rows of a part alone, entered as the part before left them.
 
     Args:
@@ -177,10 +177,10 @@ def enter_part(problem: Problem, part: Part, state: State | None) -> Problem:
     return take_entered(problem, [(part[0] - low, part[1] - low)], [state.entry if state else None])
 
 
-def hand_on(problem: Problem, part: Part, state: State | None) -> State:
+def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
     """What a part hands on to the next: cheap, and the only thing that is done one part after the other."""
     view = enter_part(problem, part, state).view
-    return State(leave(view, 0), view.direction[-1])
+    return LogState(leave(view, 0), view.direction[-1])
 
 
 def _require_one_run(problem: Problem, path: Path) -> None:

@@ -15,8 +15,8 @@ from ptt.fitting.layout import Layout
 from ptt.fitting.long import add_totals
 from ptt.fitting.outliers import EXCEPTIONS, limit_of
 from ptt.fitting.prior import design_effect
-from ptt.fitting.whitened import Total, build_system
-from ptt.fleet.log import Log, Part, State, enter_part, hand_on, read_part
+from ptt.fitting.whitened import Total, build_whitened
+from ptt.fleet.log import Log, LogState, Part, enter_part, hand_on, read_part
 from ptt.progress import Progress, unwatched
 from ptt.run.noise import Noise
 from ptt.run.same_pose import SAME_POSE
@@ -26,7 +26,7 @@ EDGES = np.linspace(np.log(1e-9), np.log(1e12), 5000)  # of squared distances: a
 POSES = 4096  # drawers that poses are sorted into, by cells: no part knows which rows of another are of the same pose
 CELL = 10.0 * SAME_POSE  # mm: poses as wide as may be are cut by so few edges that their rows crowd by a tenth less
 EDGE = 0.345  # of a cell, where it begins: no target that is written to the micron or a tenth of it is cut by rounding
-MOST = 0.02  # share of a part's rows that may be gross errors; a share beyond is the machine or the model
+MOST_GROSS_SHARE = 0.02  # of a part's rows; more is the machine or the model
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Share:
         """Gross errors, rows beyond the limit that eleven in twelve and their median set, (m,) int in rising order.
 
         Nobody holds all rows, so neither other visits of a pose nor rows before and after are asked, as they are of a
-        run: `MOST` keeps what many rows of a part have from being left out.
+        run: `MOST_GROSS_SHARE` keeps what many rows of a part have from being left out.
         """
         shares = np.cumsum(self.far) / max(self.far.sum(), 1)
         places = [(part, int(np.searchsorted(shares, part))) for part in (1.0 - EXCEPTIONS, 0.5)]
@@ -130,7 +130,7 @@ class Passes:
 
 
 def share_of(
-    log: Log, layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, part: Part, state: State | None,
+    log: Log, layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, part: Part, state: LogState | None,
     out: np.ndarray,
 ) -> Share:  # fmt: skip
     """What one part says at a point.
@@ -148,7 +148,7 @@ def share_of(
         Its share.
     """
     problem = enter_part(read_part(log, part), part, state)
-    system = build_system(layout, problem, whitener, unknowns)
+    system = build_whitened(layout, problem, whitener, unknowns)
     squared = np.einsum("nc,nc->n", system.residual, system.residual)
     used = problem.used & np.isfinite(squared)
     kept = used.copy()
@@ -157,7 +157,7 @@ def share_of(
     left = system.residual[kept]
     drawer = drawers_of(problem.target[kept])
     poses = np.stack([np.bincount(drawer, column, POSES) for column in (*left.T, squared[kept])], axis=1)
-    most = np.flatnonzero(used)[np.argsort(squared[used])[::-1][: int(MOST * len(kept)) + 1]]
+    most = np.flatnonzero(used)[np.argsort(squared[used])[::-1][: int(MOST_GROSS_SHARE * len(kept)) + 1]]
     most = most[squared[most] > limit_of(1.0, log.rows)]
     square = np.square(left @ np.linalg.inv(whitener).T).sum(axis=0)
     distant = most + part[0], squared[most]

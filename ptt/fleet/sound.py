@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ptt.door.opened import check_rows
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.door.reading import require_commands
 from ptt.door.result import Note, unheard
 from ptt.door.run import Run
@@ -47,7 +47,7 @@ def require_sound(machine: MachineFile, rows: Path, log: Path, *, anyway: bool =
 
 def _require_set_up(machine: MachineFile, table: Table, log: Path, anyway: bool, note: Note) -> None:
     """The first rows tell of axes, units, sliders and lengths; of the order of all rows the clock has told."""
-    check = check_rows(machine, Run(table, (log,), Reading(set_=["order=rows"])), anyway=anyway, note=note)
+    check = check_rows(machine, Run(table, (log,), ReadOptions(set_=["order=rows"])), anyway=anyway, note=note)
     if not check.sure:
         require_commands(machine, table)
 

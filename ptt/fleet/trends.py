@@ -16,7 +16,7 @@ import numpy as np
 from ptt.fleet.scatter import RIDGE, scatter_of_all, scatter_of_one
 
 ALPHA = 0.01  # chance that a machine on which nothing moves is said to move
-MOST = 8  # movements that are looked for on one machine
+MOST_MOVEMENTS = 8  # that are looked for on one machine
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def movements(series: Series, alpha: float = ALPHA) -> Moves:
     chosen: list[Course] = []
     tried = max(len(candidates), 1)
     found: list[float] = []
-    for _ in range(MOST):
+    for _ in range(MOST_MOVEMENTS):
         best = _best(series, chosen, candidates)
         if best is None or best[1] * tried > alpha:
             break

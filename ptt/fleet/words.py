@@ -1,12 +1,12 @@
 """One machine of a fleet as text: run by run, what moves, what somebody should look at."""
 
-from ptt.fitting.sums import SEEN
+from ptt.fitting.sums import SEEN_INFORMATION
 from ptt.fleet.alarms import amount
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
 
 
-def format_machine(machine: Standing) -> str:
+def machine_in_words(machine: Standing) -> str:
     """One machine as a person reads it.
 
     Args:
@@ -32,7 +32,9 @@ def format_machine(machine: Standing) -> str:
             usual, unit = float(machine.names.usual[place]), machine.names.units[place]
             values, errors = machine.moves.values[:, place], machine.moves.std[:, place]
             ends = [
-                amount(float(values[row]) * usual, unit, float(errors[row]) * usual) if errors[row] < SEEN else "-"
+                amount(float(values[row]) * usual, unit, float(errors[row]) * usual)
+                if errors[row] < SEEN_INFORMATION
+                else "-"
                 for row in (0, -1)
             ]
             lines.append(f"{label:<44}  {ends[0]:>16}  {ends[1]:>16}")

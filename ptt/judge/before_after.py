@@ -13,7 +13,7 @@ from ptt.machine import MachineFile
 from ptt.run.table import Table
 
 PARTS = ("low", "middle", "high")
-SHOWN = 5  # poses that got worse
+SHOWN_POSES = 5  # that got worse
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class BeforeAfter:
         """Figures for JSON."""
         first, second = self.before.to_dict(), self.after.to_dict()
         fall = {key: _percent(first["rms_um"][key], second["rms_um"][key]) for key in ("x", "y", "z", "total")}
-        order = np.argsort(self.gained, kind="stable")[:SHOWN]
+        order = np.argsort(self.gained, kind="stable")[:SHOWN_POSES]
         worse = [
             {"row": self.names[i], "before_um": 1e3 * self.shared[i, 0], "after_um": 1e3 * self.shared[i, 1]}
             for i in order

@@ -10,7 +10,7 @@ from typing import Any
 from ptt.errors import MachineError
 from ptt.files import sha256
 from ptt.fitting.kept import keep_covariance
-from ptt.judge.ladder.ladder import Ladder, Step
+from ptt.judge.ladder.ladder import Ladder, LadderStep
 from ptt.machine import MachineFile
 from ptt.model.entries import write_model
 from ptt.model.model import Model
@@ -19,7 +19,7 @@ AXES = ("x", "y", "z", "total")
 
 
 @dataclass(frozen=True)
-class Entry:
+class HistoryEntry:
     """One step that led to a model.
 
     Attributes:
@@ -97,7 +97,7 @@ def _source(file: str | Path | Mapping[str, str]) -> dict[str, str]:
     return dict(file) if isinstance(file, Mapping) else {"file": Path(file).name, "sha256": sha256(file)}
 
 
-def read_entries(file: MachineFile) -> tuple[Entry, ...]:
+def read_entries(file: MachineFile) -> tuple[HistoryEntry, ...]:
     """Read the steps back.
 
     Args:
@@ -119,7 +119,7 @@ def read_entries(file: MachineFile) -> tuple[Entry, ...]:
         raise MachineError(words, where=file.source, fix="remove that [[history]]") from None
 
 
-def runs_of(entries: Sequence[Entry]) -> list[list[Entry]]:
+def runs_of(entries: Sequence[HistoryEntry]) -> list[list[HistoryEntry]]:
     """Cut a history into ladders: steps of one command on the same files at one time.
 
     Args:
@@ -128,7 +128,7 @@ def runs_of(entries: Sequence[Entry]) -> list[list[Entry]]:
     Returns:
         One list for each ladder.
     """
-    ladders: list[list[Entry]] = []
+    ladders: list[list[HistoryEntry]] = []
     for entry in entries:
         if ladders and (ladders[-1][-1].date, ladders[-1][-1].files) == (entry.date, entry.files):
             ladders[-1].append(entry)
@@ -137,7 +137,7 @@ def runs_of(entries: Sequence[Entry]) -> list[list[Entry]]:
     return ladders
 
 
-def _entry(before: Step, step: Step, ladder: Ladder, head: Mapping[str, Any]) -> dict[str, Any]:
+def _entry(before: LadderStep, step: LadderStep, ladder: Ladder, head: Mapping[str, Any]) -> dict[str, Any]:
     change = {step.kind: [step.effect]} if step.kind in ("added", "removed") else {}
     return {
         **head,
@@ -176,9 +176,9 @@ def _number(value: float | tuple[float, ...]) -> float | list[float]:
     return list(value) if isinstance(value, tuple) else value
 
 
-def _read(row: Mapping[str, Any]) -> Entry:
+def _read(row: Mapping[str, Any]) -> HistoryEntry:
     changed = row.get("added") or row.get("removed") or ["refit"]
-    return Entry(
+    return HistoryEntry(
         str(row["date"]), str(row["command"]), str(changed[0]), str(row["kind"]),
         tuple({"file": str(item["file"]), "sha256": str(item["sha256"])} for item in row["files"]), int(row["rows"]),
         _plain(row["error_before_um"]), _plain(row["error_after_um"]), _plain(row["heldout_before_um"]),

@@ -45,7 +45,7 @@ class Arm(Protocol):
 
 
 @dataclass(frozen=True)
-class Task:
+class PoseTask:
     """Poses that an arm is asked to reach.
 
     Attributes:
@@ -60,7 +60,7 @@ class Task:
     rotation: Tensor | None = None
     geometry: Tensor | None = None
 
-    def rows(self, index: Tensor) -> Task:
+    def rows(self, index: Tensor) -> PoseTask:
         """Keep some rows only; `index` is (m,) row numbers or an (n,) mask."""
         shared = self.geometry is None or len(self.geometry) == 1
         return replace(
@@ -86,7 +86,7 @@ class Task:
         return torch.cat([jacobian[..., :3, :], self.arm.length_mm * jacobian[..., 3:, :]], -2)
 
 
-def descend(task: Task, q: Tensor) -> tuple[Tensor, Tensor]:
+def descend(task: PoseTask, q: Tensor) -> tuple[Tensor, Tensor]:
     """Go from joint values toward the task's poses by damped least squares within the limits.
 
     Args:
@@ -114,7 +114,7 @@ def descend(task: Task, q: Tensor) -> tuple[Tensor, Tensor]:
     return q, length(error)
 
 
-def free_columns(task: Task, q: Tensor, uphill: Tensor) -> Tensor:
+def free_columns(task: PoseTask, q: Tensor, uphill: Tensor) -> Tensor:
     """Mark the joints that may move: not at a limit, or pulled back from it.
 
     Args:
@@ -134,7 +134,7 @@ def length(vectors: Tensor) -> Tensor:
     return torch.linalg.vector_norm(vectors, dim=-1)
 
 
-def _step(task: Task, q: Tensor, error: Tensor, damping: Tensor) -> Tensor:
+def _step(task: PoseTask, q: Tensor, error: Tensor, damping: Tensor) -> Tensor:
     """Damped least-squares step, (n, k) rad, joints held that would leave their limits."""
     jacobian = task.jacobian(q)
     uphill = (jacobian.mT @ error[..., None]).squeeze(-1)

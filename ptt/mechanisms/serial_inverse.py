@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from ptt.mechanisms.serial_descent import TOLERANCE_MM, Arm, Task, descend, length
+from ptt.mechanisms.serial_descent import TOLERANCE_MM, Arm, PoseTask, descend, length
 from ptt.mechanisms.serial_redundancy import Redundancy, settle
 
 STARTS = 12  # further tries for rows that the first start does not bring home
@@ -61,7 +61,7 @@ def solve_inverse(
     Returns:
         Joint values, mask and what was left to go.
     """
-    task = Task(arm, p, rotation, geometry)
+    task = PoseTask(arm, p, rotation, geometry)
     first = (middle(arm)[None] if near is None else near).expand(len(p), -1)
     parts = torch.arange(len(p)).split(ROWS_AT_ONCE)
     solved = [_solve(task.rows(rows), first[rows], redundancy, starts) for rows in parts] or [
@@ -100,7 +100,7 @@ def spread(arm: Arm, count: int) -> Tensor:
     return low + (high - low) * engine.draw(count, dtype=torch.float64)
 
 
-def _solve(task: Task, first: Tensor, redundancy: Redundancy, starts: int) -> tuple[Tensor, Tensor]:
+def _solve(task: PoseTask, first: Tensor, redundancy: Redundancy, starts: int) -> tuple[Tensor, Tensor]:
     q, error = first.clone(), torch.full_like(task.p[:, 0], math.inf)
     inside = torch.isfinite(task.p).all(-1) & torch.isfinite(first).all(-1) & (length(task.p) <= _farthest(task))
     rows = torch.nonzero(inside).flatten()
@@ -114,7 +114,7 @@ def _solve(task: Task, first: Tensor, redundancy: Redundancy, starts: int) -> tu
     return q, error
 
 
-def _retry(task: Task, q: Tensor, error: Tensor, rows: Tensor, starts: int) -> None:
+def _retry(task: PoseTask, q: Tensor, error: Tensor, rows: Tensor, starts: int) -> None:
     """Start the given rows again from joint values whose poses are close; better answers go into `q` and `error`."""
     if not len(rows) or not starts:
         return
@@ -130,7 +130,7 @@ def _retry(task: Task, q: Tensor, error: Tensor, rows: Tensor, starts: int) -> N
         q[again[better]], error[again[better]] = trial[better], trial_error[better]
 
 
-def _closest(task: Task, candidates: Tensor, count: int) -> Tensor:
+def _closest(task: PoseTask, candidates: Tensor, count: int) -> Tensor:
     """Numbers (n, count) of the candidates whose poses lie closest to the task's, the closest first."""
     p, rotation = task.arm.pose(candidates)
     if task.rotation is None:
@@ -146,7 +146,7 @@ def _finite_limits(arm: Arm) -> tuple[Tensor, Tensor]:
     return torch.where(open_, -math.pi, low), torch.where(open_, math.pi, high)
 
 
-def _farthest(task: Task) -> float | Tensor:
+def _farthest(task: PoseTask) -> float | Tensor:
     """How far from the base the tool may be at most, with room for geometry errors."""
     spare = 0.0 if task.geometry is None else task.geometry.abs().sum(-1)
     return task.arm.reach_mm + spare

@@ -6,7 +6,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from ptt.mechanisms.serial_descent import LONGEST_STEP_RAD, TOLERANCE_MM, Task, descend, free_columns, length
+from ptt.mechanisms.serial_descent import LONGEST_STEP_RAD, TOLERANCE_MM, PoseTask, descend, free_columns, length
 
 Redundancy = Literal["near", "manipulability"]
 
@@ -16,7 +16,7 @@ GIVE_UP = 1e-4
 FIRST_GAIN = {"near": 1.0, "manipulability": 0.1}
 
 
-def settle(task: Task, q: Tensor, near: Tensor, redundancy: Redundancy) -> tuple[Tensor, Tensor]:
+def settle(task: PoseTask, q: Tensor, near: Tensor, redundancy: Redundancy) -> tuple[Tensor, Tensor]:
     """Slide along the self-motion until a second wish is met as well as it can be nearby.
 
     Gradient projection (Liegeois, Automatic supervisory control of multibody mechanisms, 1977): a step in the null
@@ -52,7 +52,7 @@ def settle(task: Task, q: Tensor, near: Tensor, redundancy: Redundancy) -> tuple
     return q, error
 
 
-def _wish(task: Task, q: Tensor, near: Tensor, redundancy: Redundancy) -> tuple[Tensor, Tensor]:
+def _wish(task: PoseTask, q: Tensor, near: Tensor, redundancy: Redundancy) -> tuple[Tensor, Tensor]:
     """Value (n,) of the second wish and its slope (n, k) by the joints."""
     if redundancy == "near":
         return -(q - near).square().sum(-1) / 2, near - q
@@ -65,7 +65,7 @@ def _wish(task: Task, q: Tensor, near: Tensor, redundancy: Redundancy) -> tuple[
     return value.detach().nan_to_num(-math.inf), slope.nan_to_num(0.0)
 
 
-def _null_part(task: Task, q: Tensor, uphill: Tensor) -> Tensor:
+def _null_part(task: PoseTask, q: Tensor, uphill: Tensor) -> Tensor:
     """Part (n, k) of a direction that leaves the tool where it is, joints held that would leave their limits."""
     free = free_columns(task, q, uphill)
     jacobian = task.jacobian(q) * free[:, None, :]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.effects.dated import Place, at_place, is_dated
+from ptt.effects.dated import RunPlace, at_place, is_dated
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 from ptt.run.table import Table
@@ -43,26 +43,26 @@ def for_runs(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
     return replace(model, terms=tuple(terms), aside=tuple(aside)), tuple(lines)
 
 
-def _partly(term: Term, place: Place) -> str:
+def _partly(term: Term, place: RunPlace) -> str:
     if term.effect.of_run:
         return f"{term.effect.key} applies to the rows of its own run alone ({term.runs[0][:12]})"
     when = "from the first row of the runs behind it" if place.runs else "from the first row"
     return f"{term.effect.key} happened in run {term.runs[0][:12]}: it holds {when}"
 
 
-def _find(term: Term, problem: Problem) -> Place | None:
+def _find(term: Term, problem: Problem) -> RunPlace | None:
     """Where the runs of an effect lie in the table; None where the table is nothing but they."""
     files, codes = _files(problem.table)
     if files == term.runs:
         return None
     if not term.runs or term.runs[0] not in files:
-        return Place(())
+        return RunPlace(())
     first = last = files.index(term.runs[0])
     while last + 1 < len(files) and files[first : last + 2] == term.runs[: last + 2 - first]:
         last += 1
     runs = tuple(code for at in range(first, last + 1) for code in codes[at])
     row = int(np.argmax(np.isin(problem.table.run, runs)))
-    return Place(runs, float(problem.view.time[row]), float(row))
+    return RunPlace(runs, float(problem.view.time[row]), float(row))
 
 
 def _files(table: Table) -> tuple[tuple[str, ...], list[list[int]]]:

@@ -12,7 +12,7 @@ from ptt.effects.layout import usual_values
 from ptt.effects.metrology import TrackerFrame
 from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.result import PRIOR_SHARE
-from ptt.fitting.sums import SEEN
+from ptt.fitting.sums import SEEN_INFORMATION
 from ptt.machine import MachineFile
 from ptt.model.chain import Chain, linearise, trace
 from ptt.model.chain import signature as signature_of
@@ -148,7 +148,7 @@ def _foresee(case: _Case) -> Foresight:
     held = np.array([p.held for p in sizes], dtype=float)
     information = case.information() + np.diag(held)
     strength, ways = np.linalg.eigh(information)
-    unseen = ways[:, strength < SEEN]
+    unseen = ways[:, strength < SEEN_INFORMATION]
     seen = len(usual) - unseen.shape[1] - int(held.sum())
     variance = np.diag(np.linalg.inv(information + unseen @ unseen.T))
     told = np.square(unseen).sum(axis=1) <= PRIOR_SHARE

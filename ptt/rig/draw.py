@@ -11,7 +11,7 @@ from ptt.errors import InputError
 from ptt.machine import MachineFile
 from ptt.rig.draw_faults import KNOWN, Fault, Scene
 from ptt.rig.draw_odd import UNKNOWN
-from ptt.rig.nominal import Array, Drawing, draw_machine
+from ptt.rig.nominal import Array, Drawing, ideal_machine
 from ptt.rig.rig import SECTIONS, Rig, parse_rig
 from ptt.rig.schema import Section
 from ptt.rig.targets import HALF_SIZE, as_targets, make_helix, make_loop, make_volume, there_and_back
@@ -74,7 +74,7 @@ def draw_rig(
     chosen, protocol = _choose(level, random, protocol, fault)
     base = parse_rig({"machine": {"kind": "three-ptt", **_bare(machine)}, "seed": seed})
     rig = replace(base, machine=machine)
-    drawing = draw_machine(rig.spec)
+    drawing = ideal_machine(rig.spec)
     scene = Scene(drawing, rig.spec, HALF_SIZE, protocol)
     targets, conditions = _measure(protocol, drawing, rows, seed)
     settings: dict[str, dict[str, Any]] = {"conditions": conditions, "tracker": _frame(random)}

@@ -42,7 +42,7 @@ class Scene:
 
 Draw = Callable[[Random, Scene], dict[str, Any]]
 STATIC = ("volume",)
-MOST = ("path", "volume")
+PATH_OR_VOLUME = ("path", "volume")
 
 
 @dataclass(frozen=True)
@@ -166,11 +166,11 @@ def _knock(random: Random) -> dict[str, Any]:
 
 
 KNOWN: tuple[Fault, ...] = (
-    Fault("homing-offset", "drive", MOST, lambda r, s: {"homing_mm": some_legs(r, 0.05, 1.0)}),
+    Fault("homing-offset", "drive", PATH_OR_VOLUME, lambda r, s: {"homing_mm": some_legs(r, 0.05, 1.0)}),
     Fault("lead-scale", "drive", STATIC, lambda r, s: {"scale_um_per_m": some_legs(r, 30.0, 150.0)}),
     Fault("screw-error-map", "drive", STATIC, lambda r, s: _curve(r, s)),
-    Fault("once-per-rev", "drive", MOST, lambda r, s: _turn(r)),
-    Fault("backlash", "drive", MOST, lambda r, s: {"backlash_mm": some_legs(r, 0.008, 0.2, signed=False)}),
+    Fault("once-per-rev", "drive", PATH_OR_VOLUME, lambda r, s: _turn(r)),
+    Fault("backlash", "drive", PATH_OR_VOLUME, lambda r, s: {"backlash_mm": some_legs(r, 0.008, 0.2, signed=False)}),
     Fault("windup", "drive", ("path",), lambda r, s: _windup(r)),
     Fault(
         "following-error", "drive", ("speed",), lambda r, s: {"following_s": some_legs(r, 0.005, 0.033, signed=False)}
@@ -196,5 +196,5 @@ KNOWN: tuple[Fault, ...] = (
     Fault("column-bend", "structure", ("payload",), lambda r, s: _bend(r)),
     Fault("frame-growth", "thermal", ("warmup",), lambda r, s: _frame_growth(r)),
     Fault("tracker-drift", "tracker", STATIC, lambda r, s: _drift(r)),
-    Fault("setup-jump", "tracker", MOST, lambda r, s: _knock(r)),
+    Fault("setup-jump", "tracker", PATH_OR_VOLUME, lambda r, s: _knock(r)),
 )

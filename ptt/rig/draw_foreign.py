@@ -11,7 +11,7 @@ from ptt.machine_schema import TrackerSpec
 from ptt.rig.draw import DrawnRig, Protocol
 from ptt.rig.draw_machine import Foreign, draw_machine_file
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
-from ptt.rig.nominal import Array, draw_machine
+from ptt.rig.nominal import Array, ideal_machine
 from ptt.rig.paths import PER_TURN, SMOOTH, draw_plan
 from ptt.rig.rig import parse_rig
 
@@ -60,7 +60,7 @@ def draw_foreign(
         path = str(random.choice(SMOOTH))
     repeats = "none" if cycles > 1 else repeats  # what is run through under every load is repeated thereby
     count = max(rows // cycles, PER_TURN if moving else 8)
-    plan = draw_plan(seed, draw_machine(spec), foreign.room, count, path, repeats, smooth=moving)
+    plan = draw_plan(seed, ideal_machine(spec), foreign.room, count, path, repeats, smooth=moving)
     conditions["cycles"] = cycles if cycles > 1 else plan.cycles
     per_run = foreign.file.tracker.frame == "fitted-per-run"
     conditions["run_per_cycle"] = per_run

@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.machine import MachineFile, ThreePttSpec
 from ptt.machine_schema import BasePoint, TrackerSpec
-from ptt.rig.nominal import Array, Drawing, draw_machine, nominal_sliders
+from ptt.rig.nominal import Array, Drawing, ideal_machine, nominal_sliders
 
 Frame = Literal["fitted", "trusted", "fitted-per-run", "measured"]
 LEAST_SLOPE = 0.35  # cosine between link and rail: 20 degrees from the inverse singularity
@@ -50,12 +50,12 @@ def draw_machine_file(seed: int, *, steep: bool = False) -> Foreign:
         values = _draw_lengths(random) | (_draw_leans(leaning) if steep else {})
         spec = ThreePttSpec(kind="three-ptt", slider_travel_mm=(0.0, 1e5), **values)
         room = _draw_room(random, spec.link_length_mm)
-        room = _shrink(draw_machine(spec), room)
+        room = _shrink(ideal_machine(spec), room)
         if room[0] >= LEAST_ROOM * spec.link_length_mm:
             break
     else:
         raise AssertionError("no machine has room to move in")
-    travel = _travel(draw_machine(spec), room)
+    travel = _travel(ideal_machine(spec), room)
     spec = spec.model_copy(update={"slider_travel_mm": travel})
     return Foreign(MachineFile(spec, tracker=_draw_tracker(random, spec), source=f"foreign {seed}"), room)
 

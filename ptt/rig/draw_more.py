@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ptt.rig.draw_faults import MOST, STATIC, Fault, Random, Scene, log_uniform, some_legs
+from ptt.rig.draw_faults import PATH_OR_VOLUME, STATIC, Fault, Random, Scene, log_uniform, some_legs
 
 
 def _slip(random: Random, scene: Scene) -> dict[str, Any]:
@@ -33,9 +33,9 @@ def _offsets(random: Random, scene: Scene) -> dict[str, Any]:
 
 
 MORE: tuple[Fault, ...] = (
-    Fault("homing-slip", "drive", MOST, _slip),
+    Fault("homing-slip", "drive", PATH_OR_VOLUME, _slip),
     Fault("link-compliance", "geometry", ("payload",), _soft_links),
-    Fault("over-compensation", "controller", MOST, _too_much, effect="backlash"),
+    Fault("over-compensation", "controller", PATH_OR_VOLUME, _too_much, effect="backlash"),
     Fault("tracker-scale", "tracker", STATIC, _scale),
     Fault("joint-offset", "geometry", STATIC, _offsets),
 )

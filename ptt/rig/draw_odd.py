@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.rig.draw_faults import MOST, STATIC, Fault, Random, Scene, log_uniform
+from ptt.rig.draw_faults import PATH_OR_VOLUME, STATIC, Fault, Random, Scene, log_uniform
 from ptt.rig.nominal import Array
 
 
@@ -75,9 +75,9 @@ def _warm(random: Random, scene: Scene) -> dict[str, Any]:
 
 
 UNKNOWN: tuple[Fault, ...] = (
-    Fault("scale-splice", "odd", MOST, _splice),
-    Fault("guide-damage", "odd", MOST, _damage),
-    Fault("roller-period", "odd", MOST, _roller),
+    Fault("scale-splice", "odd", PATH_OR_VOLUME, _splice),
+    Fault("guide-damage", "odd", PATH_OR_VOLUME, _damage),
+    Fault("roller-period", "odd", PATH_OR_VOLUME, _roller),
     Fault("hose", "odd", STATIC, _hose),
     Fault("warm-backlash", "odd", ("warmup",), _warm, kin=("backlash",)),
 )
@@ -136,10 +136,10 @@ def _table(random: Random, scene: Scene) -> dict[str, Any]:
     return {"kind": "settling-table", "urad_per_kg_mm": tilt, "moving_kg": 10.0, "pivot_mm": pivot}
 
 
-SHOWN: tuple[Fault, ...] = (
-    Fault("worn-spot", "odd", MOST, _worn),
+SHOWN_FAULTS: tuple[Fault, ...] = (
+    Fault("worn-spot", "odd", PATH_OR_VOLUME, _worn),
     Fault("cross-coupling", "odd", STATIC, _coupled),
-    Fault("cable-drag", "odd", MOST, _cable, kin=("backlash", "windup")),
+    Fault("cable-drag", "odd", PATH_OR_VOLUME, _cable, kin=("backlash", "windup")),
     Fault("load-backlash", "odd", ("payload",), _loaded_nut, kin=("backlash",)),
     Fault("loose-joint", "odd", STATIC, _rattle),
     Fault("settling-table", "odd", ("volume", "payload"), _table),

@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Callable
 from typing import Any
 
-from ptt.rig.draw_faults import MOST, STATIC, Fault, Random, Scene, log_uniform
+from ptt.rig.draw_faults import PATH_OR_VOLUME, STATIC, Fault, Random, Scene, log_uniform
 from ptt.rig.draw_odd import log_signed, some_height, some_leg
 
 ALWAYS = ("b1", "b2", "b3", "x", "y", "z", "direction1", "direction2", "direction3", "time")
@@ -137,14 +137,16 @@ def _span(name: str, scene: Scene) -> list[float]:
 
 ACTS = ("slider", "rail", "link", "tool", "sight")
 LAWS = tuple(
-    Fault(f"random-{acts}-{form}", "odd", (*MOST, "payload", "warmup", "speed"), _law(acts, form), unseen=True)
+    Fault(
+        f"random-{acts}-{form}", "odd", (*PATH_OR_VOLUME, "payload", "warmup", "speed"), _law(acts, form), unseen=True
+    )
     for acts, form in itertools.product(ACTS, ("smooth", "jumpy"))
 )
-UNSEEN: tuple[Fault, ...] = (
+UNSEEN_FAULTS: tuple[Fault, ...] = (
     Fault("loose-clamp", "odd", STATIC, _clamp, unseen=True),
     Fault("motor-heat", "odd", ("volume", "speed"), _motor, unseen=True),
     Fault("scale-pitch", "odd", STATIC, _pitch, unseen=True),
-    Fault("stick-slip", "odd", MOST, _stick, kin=("backlash", "windup"), unseen=True),
+    Fault("stick-slip", "odd", PATH_OR_VOLUME, _stick, kin=("backlash", "windup"), unseen=True),
     Fault("slipping-coupling", "odd", STATIC, _coupling, unseen=True),
     Fault("carriage-tip", "odd", STATIC, _tip, kin=("backlash",), unseen=True),
     *LAWS,

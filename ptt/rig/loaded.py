@@ -8,7 +8,7 @@ from ptt.rig import odd
 from ptt.rig.legs import build_legs, guide_wander
 from ptt.rig.nominal import Array, Drawing
 from ptt.rig.odd_schema import Hose
-from ptt.rig.odd_state import State
+from ptt.rig.odd_state import RunState
 from ptt.rig.platform import Pose, link_tension, solve_platform
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import Schedule
@@ -46,7 +46,7 @@ def nominal_tool(drawing: Drawing, slider: Array) -> Array:
 
 
 def load_platform(
-    rig: Rig, drawing: Drawing, schedule: Schedule, warmth: Warmth, slider: Array, tool: Array, state: State
+    rig: Rig, drawing: Drawing, schedule: Schedule, warmth: Warmth, slider: Array, tool: Array, state: RunState
 ) -> tuple[Pose, Array, Array]:
     """Solve the platform, load it, let drives, links and joints give way, and solve it again.
 
@@ -96,7 +96,7 @@ def _solve(
     slider: Array,
     stretch: Array,
     start: Array,
-    state: State,
+    state: RunState,
 ) -> Pose:
     spec, thermal = rig.spec, rig.thermal
     strange = odd.shift_all(rig.odd, replace(state, slider=slider))

@@ -45,7 +45,7 @@ class Drawing:
     travel: Array
 
 
-def draw_machine(spec: ThreePttSpec) -> Drawing:
+def ideal_machine(spec: ThreePttSpec) -> Drawing:
     """Work out directions and home heights of a drawing.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 from ptt.rig import odd_schema as kinds
 from ptt.rig.nominal import Array
 from ptt.rig.odd_law import random_law
-from ptt.rig.odd_state import State
+from ptt.rig.odd_state import RunState
 from ptt.rig.thermal import lag
 
 MICRO, MILLI = 1e-3, 1e-3  # mm per um, rad per mrad
@@ -33,7 +33,7 @@ class Strange:
     sight: Array
 
 
-def shift_all(odd: Sequence[kinds.Odd], state: State) -> Strange:
+def shift_all(odd: Sequence[kinds.Odd], state: RunState) -> Strange:
     """What the odd faults shift.
 
     Args:
@@ -106,7 +106,7 @@ def _add(total: Strange, place: str, leg: int | None, size: Array) -> None:
         total.slider[:, leg - 1, WAYS.index(place)] += MICRO * size
 
 
-def _profile(fault: kinds.OnLeg, state: State) -> Array:
+def _profile(fault: kinds.OnLeg, state: RunState) -> Array:
     """Size of a fault of one leg, (n,) um."""
     leg = fault.leg - 1
     height = state.slider[:, leg]
@@ -135,7 +135,7 @@ def _profile(fault: kinds.OnLeg, state: State) -> Array:
             return _remember(fault, state)
 
 
-def _remember(fault: kinds.OnLeg, state: State) -> Array:
+def _remember(fault: kinds.OnLeg, state: RunState) -> Array:
     """Size of a fault of one leg that knows where it comes from, (n,) um."""
     leg = fault.leg - 1
     match fault:
@@ -154,7 +154,7 @@ def _remember(fault: kinds.OnLeg, state: State) -> Array:
             raise AssertionError(f"nobody says what {type(fault).__name__} does")
 
 
-def _settle(fault: kinds.SettlingTable, state: State) -> Array:
+def _settle(fault: kinds.SettlingTable, state: RunState) -> Array:
     """(n, 3) mm, a small rotation about the pivot: towards the side on which the load is."""
     mass = state.payload + state.platform + fault.moving_kg
     x, y, z = state.tool.T

@@ -4,7 +4,7 @@ import numpy as np
 
 from ptt.rig.nominal import Array
 from ptt.rig.odd_schema import RandomLaw
-from ptt.rig.odd_state import State
+from ptt.rig.odd_state import RunState
 from ptt.rig.thermal import lag
 
 WAVES = 8  # cosines in a smooth law
@@ -13,7 +13,7 @@ STEPS = (1, 4)  # steps in a jumpy law
 SAMPLES = 4000  # over which a law is brought to zero mean and unit size
 
 
-def random_law(law: RandomLaw, state: State) -> Array:
+def random_law(law: RandomLaw, state: RunState) -> Array:
     """Size of a law at every row.
 
     Args:
@@ -32,7 +32,7 @@ def random_law(law: RandomLaw, state: State) -> Array:
     return law.size_um * (here - usual.mean()) / max(float(usual.std()), 1e-9)
 
 
-def variable(name: str, state: State, memory_s: float = 1200.0) -> Array:
+def variable(name: str, state: RunState, memory_s: float = 1200.0) -> Array:
     """A variable of a run.
 
     Args:
@@ -56,7 +56,7 @@ def variable(name: str, state: State, memory_s: float = 1200.0) -> Array:
     return np.asarray(columns[name[:-1]][:, int(name[-1]) - 1])
 
 
-def _scaled(law: RandomLaw, state: State) -> Array:
+def _scaled(law: RandomLaw, state: RunState) -> Array:
     """(n, k), the variables with their spans at -1 ... 1."""
     columns = [variable(name, state, law.memory_s) for name in law.variables]
     spans = np.array(law.span)

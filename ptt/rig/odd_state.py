@@ -11,7 +11,7 @@ from ptt.rig.thermal import Warmth
 
 
 @dataclass(frozen=True)
-class State:
+class RunState:
     """A run as it happens.
 
     Attributes:
@@ -52,7 +52,7 @@ def look_at_run(
     speed: Array,
     time: Array,
     platform: float,
-) -> State:
+) -> RunState:
     """Gather a run.
 
     Args:
@@ -74,7 +74,7 @@ def look_at_run(
     turned[1:] &= direction[:-1] != 0  # the first move is no reversal
     step = np.zeros_like(tool)
     np.add.at(step, path.row, np.abs(np.diff(path.slider, axis=0, prepend=path.slider[:1])))
-    return State(
+    return RunState(
         drawing=drawing,
         slider=slider,
         tool=tool,

@@ -13,7 +13,7 @@ from ptt.rig import motion, odd, tracker
 from ptt.rig.actuate import drive_sliders, follow_warmth
 from ptt.rig.arm_faults import arm_faults, tool_on_drawing, within_limits
 from ptt.rig.loaded import load_platform, nominal_tool
-from ptt.rig.nominal import Array, Drawing, draw_machine, nominal_sliders
+from ptt.rig.nominal import Array, Drawing, ideal_machine, nominal_sliders
 from ptt.rig.odd_state import look_at_run
 from ptt.rig.platform import carried, small_rotation
 from ptt.rig.rig import Rig
@@ -78,7 +78,7 @@ def simulate(
     _require_rows(rig, len(commands))
     if rig.serial is not None:
         return _simulate_arm(rig, rig.serial, commands, sliders, noise=noise, seed=rig.seed if seed is None else seed)
-    drawing = draw_machine(rig.spec)
+    drawing = ideal_machine(rig.spec)
     schedule = plan_rows(rig, commands, sliders)
     tool, command = _settle(rig, drawing, schedule)
     time = tell_time(rig, schedule, tool)

@@ -7,9 +7,9 @@ import numpy as np
 
 from ptt.run.frames import kabsch
 
-LEAST = 1.5  # mm: a knock amid a round, and a drawing in whole millimetres, are less
+LEAST_MM = 1.5  # a knock amid a round, and a drawing in whole millimetres, are less
 FAR = 20.0  # standard deviations of one coordinate as stated
-SHOWN = 4  # reflectors
+SHOWN_REFLECTORS = 4
 STRETCH = 2e-3  # share by which a tracker may read all lengths too long or too short: ten times a wrong station
 
 
@@ -29,7 +29,7 @@ def misplaced(
     """
     names = [*visits]
     read, spots = _rounds(visits, rows), np.array([place[name] for name in names])
-    limit, off = max(LEAST, FAR * sigma), _off(read, spots)
+    limit, off = max(LEAST_MM, FAR * sigma), _off(read, spots)
     if off.max() <= limit:
         return ""
     exchanged = []
@@ -43,7 +43,7 @@ def misplaced(
             f"base reflectors '{exchanged[0][0]}' and '{exchanged[0][1]}' were read under each other's name: as they "
             f"are, the base does not fit by {off.max():.1f} mm"
         )
-    each = ", ".join(f"'{names[index]}' by {off[index]:.1f} mm" for index in np.argsort(-off)[:SHOWN])
+    each = ", ".join(f"'{names[index]}' by {off[index]:.1f} mm" for index in np.argsort(-off)[:SHOWN_REFLECTORS])
     return f"base reflectors do not lie to each other as the machine file has them, best laid on them {each}"
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 BLOCKS = 10
 APIECE = 5  # blocks that a frame's own rows are cut into: what is left of them has to tell it
-MOST = 40  # of runs in chunks the sums over each are kept side by side
+MOST_BLOCKS = 40  # of runs in chunks the sums over each are kept side by side
 PLACED = 3  # joints up to which the tool position tells the pose
 _numbered: "WeakKeyDictionary[Table, np.ndarray]" = WeakKeyDictionary()  # a long table takes seconds, and all ask
 
@@ -106,7 +106,7 @@ def blocks_beside(frames: int) -> int:
     Args:
         frames: that are fitted.
     """
-    return min(max(BLOCKS, APIECE * frames), MOST)
+    return min(max(BLOCKS, APIECE * frames), MOST_BLOCKS)
 
 
 def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from ptt.run.table import Table
 
-MOST = 5  # that anybody looks up
+MOST_ROWS = 5  # that anybody looks up
 
 
 def named_rows(table: Table, rows: np.ndarray) -> str:
@@ -20,9 +20,9 @@ def named_rows(table: Table, rows: np.ndarray) -> str:
     """
     index = np.flatnonzero(rows) if np.asarray(rows).dtype == bool else np.asarray(rows, dtype=int)
     files: dict[str, list[str]] = {}
-    for row in index[:MOST]:
+    for row in index[:MOST_ROWS]:
         files.setdefault(table.place(int(row)).rpartition(" row ")[0], []).append(str(table.line[row]))
-    more = len(index) - MOST
+    more = len(index) - MOST_ROWS
     parts = [f"{file} line{'s' * (len(lines) > 1)} {_listed(lines, more > 0)}" for file, lines in files.items()]
     return "; ".join(parts) + (f" and {more} more" if more > 0 else "")
 

@@ -5,8 +5,8 @@ import numpy as np
 from ptt.run.problem import Problem
 
 COLUMNS = ("payload_kg", "temp_c", "feed_mm_s")
-SEEN = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
-LEAST = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # that is worth a word
+QUANTITIES = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
+LEAST_BEYOND = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # that is worth a word
 
 
 def ranges_of(problem: Problem) -> dict[str, list[float]]:

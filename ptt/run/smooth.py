@@ -5,7 +5,7 @@ from dataclasses import replace
 from ptt.run.problem import Problem
 from ptt.run.travel import on_the_way, read_travel
 
-LEAST = 3  # readings at which a joint arrives otherwise: fewer could be gross errors
+LEAST_READINGS = 3  # at which a joint arrives otherwise: fewer could be gross errors
 MOSTLY = 0.5  # of the readings that are passed without a corner: of poses at random it is one in ten
 LIKELIER = 5.0  # nats by which a smooth way has to do better than what the machine file says, for names and for fits
 SMOOTHLY = (
@@ -32,7 +32,7 @@ def smoothly(problem: Problem) -> Problem | None:
         return None
     travel = read_travel(view.mechanism, view.q, view.p, problem.table, straight=False, smooth=True)
     other = (travel.direction != view.direction).any(dim=1).numpy() & problem.used
-    if other.sum() < LEAST:
+    if other.sum() < LEAST_READINGS:
         return None
     machine = problem.file.machine.model_copy(update={"moves": "smooth"})
     two_sided = bool((travel.direction.amin(dim=0) < travel.direction.amax(dim=0)).any())

@@ -26,8 +26,8 @@ PURE = 0.01  # share of the way that a motion leaves over where nothing but a ri
 TURNED = 0.01  # rad: a correction turns the tool's path less, 2 mm over 200 mm
 SHIFTED = 1.0  # mm: no correction is so large and so even that a hundredth of it is all that is no rigid motion
 WORTH = 0.1  # a smaller turn is believed where it leaves less than this share of what a shift alone leaves
-LEAST = 4  # rows from which a turn is found
-SEEN = 0.05  # mm: a shift below is not worth a word
+LEAST_ROWS = 4  # from which a turn is found
+SEEN_MM = 0.05  # a shift below is not worth a word
 
 Source = Literal["base", "stated", "commands", "unknown", "contrary"]
 
@@ -180,8 +180,8 @@ def kept_frame(spec: TargetsSpec, frames: Sequence[RunFrame]) -> TargetsSpec:
         return spec
     specs = {_spec(frame, spec) for frame in told}
     first = specs.pop()
-    alike = all(np.allclose(each.origin_mm, first.origin_mm, atol=SEEN) for each in specs)
-    alike &= all(np.allclose(each.turn_deg, first.turn_deg, atol=np.degrees(SEEN / 1e3)) for each in specs)
+    alike = all(np.allclose(each.origin_mm, first.origin_mm, atol=SEEN_MM) for each in specs)
+    alike &= all(np.allclose(each.turn_deg, first.turn_deg, atol=np.degrees(SEEN_MM / 1e3)) for each in specs)
     alike &= all(each.frame == first.frame for each in specs)
     return first if alike else TargetsSpec(frame="unknown")
 
@@ -210,7 +210,7 @@ def find_frame(target: np.ndarray, place: np.ndarray, spec: TargetsSpec, *, arm:
     pure = own.left < PURE * best.left
     sure = pure and not arm and (angle > TURNED or best.left > SHIFTED)
     if best.left <= (ARM_LIMIT if arm else LIMIT) and not sure:
-        return replace(best, doubt=best.left if pure and best.left > SEEN and not arm else 0.0)
+        return replace(best, doubt=best.left if pure and best.left > SEEN_MM and not arm else 0.0)
     if own.left <= LIMIT and spec.frame != "base" and not _mirrored(wanted, asked, own):
         return own
     return replace(best, source="unknown" if arm else "contrary", left=min(best.left, own.left))
@@ -221,7 +221,7 @@ def _own_frame(target: np.ndarray, place: np.ndarray) -> RunFrame:
     shifted = RunFrame("commands", np.eye(3), np.median(place - target, axis=0))
     shifted = replace(shifted, left=_left(shifted, target, place), rows=len(target))
     spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False) / np.sqrt(len(target))
-    if len(target) < LEAST or spread[1] < 1.0:  # mm: points on a line leave the turn about it open
+    if len(target) < LEAST_ROWS or spread[1] < 1.0:  # mm: points on a line leave the turn about it open
         return shifted
     turn, shift = align(target, place)
     turned = RunFrame("commands", turn, shift)

@@ -19,7 +19,7 @@ from ptt.setup.result import Finding
 from ptt.setup.rows import slipped
 from ptt.setup.setup import Hypothesis, Setup, Undo, used_rows
 
-FEWEST, MOST_ROWS = 12, 90  # rows: fewer leave the station, the reflector and link errors free to fit anything
+LEAST_ROWS, MOST_ROWS = 12, 90  # fewer leave the station, the reflector and link errors free to fit anything
 BROKEN = 0.004  # of the reach: what an arm misses by, out of the box, is less
 FOREIGN = 0.05  # of the reach: the lightest arms yield by a hundredth, and another drawing is off by a tenth and more
 LEADERS = 4
@@ -27,7 +27,7 @@ PLACES, MOST_PLACES = 12, 24  # rows at which a missed reading is tried, roughly
 TURNS = {"90 deg": np.pi / 2.0, "-90 deg": -np.pi / 2.0, "180 deg": np.pi}
 TIE = 1.5
 SAME = ("z negated", "y and z swapped")  # of the ways to mirror readings, all one where the frame is free
-LEAST = 0.01  # mm: agreement beyond this is no further proof
+LEAST_MM = 0.01  # agreement beyond this is no further proof
 Judged = tuple[float, list[Hypothesis], Setup]
 
 
@@ -41,7 +41,7 @@ def find_arm(setup: Setup) -> tuple[list[Finding], Setup]:
         At most one finding, and the files with it undone.
     """
     rows = _choose_rows(setup)
-    if len(rows) < FEWEST:
+    if len(rows) < LEAST_ROWS:
         return [], setup
     before = judge_arm(setup, rows)
     reach = Serial.from_spec(arm_spec(setup)).reach_mm
@@ -71,7 +71,7 @@ def unexplained_arm(setup: Setup) -> list[str]:
         setup: both files, with what was found undone.
     """
     rows = _choose_rows(setup)
-    if len(rows) < FEWEST:
+    if len(rows) < LEAST_ROWS:
         return []
     left, most = judge_arm(setup, rows), BROKEN * Serial.from_spec(arm_spec(setup)).reach_mm
     if left < most:
@@ -102,7 +102,7 @@ def _tried(setup: Setup, rows: np.ndarray, hypotheses: list[Hypothesis]) -> list
             for step in steps:
                 cured = step.undo(cured)
             judged.append((judge_arm(cured, rows), [step for step in steps if step.undone], cured))
-    return sorted(judged, key=lambda item: np.log(item[0] + LEAST) + sum(step.cost + 0.1 for step in item[1]))
+    return sorted(judged, key=lambda item: np.log(item[0] + LEAST_MM) + sum(step.cost + 0.1 for step in item[1]))
 
 
 def _is_proof(judged: list[Judged], before: float, reach: float) -> bool:

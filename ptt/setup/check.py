@@ -7,7 +7,7 @@ import numpy as np
 from ptt.machine import MachineFile, ThreePttSpec
 from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import stated_frame
-from ptt.setup.arm import FEWEST as FEWEST_OF_ARM
+from ptt.setup.arm import LEAST_ROWS as FEWEST_OF_ARM
 from ptt.setup.arm import find_arm, unexplained_arm
 from ptt.setup.base import find_base
 from ptt.setup.candidates import read_off
@@ -21,7 +21,7 @@ from ptt.setup.order import find_disorder
 from ptt.setup.reach import find_reach, find_speck, find_travel
 from ptt.setup.result import Check, Finding
 from ptt.setup.rows import find_shifted_rows, find_slip
-from ptt.setup.score import FEWEST
+from ptt.setup.score import LEAST_ROWS
 from ptt.setup.setup import Setup, used_rows, written
 from ptt.setup.shuffled import find_shuffled
 from ptt.setup.stations import find_stations
@@ -88,7 +88,7 @@ def too_little(file: MachineFile, table: Table) -> str:
     rows = used_rows(table) & sent
     read = rows & np.isfinite(table.measured).all(axis=1)
     rows, what = (read, "a reading") if read.any() else (rows, "a place")
-    poses, least = len(np.unique(np.round(place[rows], 6), axis=0)), FEWEST_OF_ARM if arm else FEWEST
+    poses, least = len(np.unique(np.round(place[rows], 6), axis=0)), FEWEST_OF_ARM if arm else LEAST_ROWS
     if poses >= least:
         return ""
     return f"{poses} different pose{'' if poses == 1 else 's'} with {what}, and it takes {least}"

@@ -11,10 +11,10 @@ from ptt.setup.rows import places
 from ptt.setup.score import build
 from ptt.setup.setup import Setup, drawn, used_rows
 
-FEWEST = 20  # moves of a joint whose direction is stated
+LEAST_MOVES = 20  # of a joint whose direction is stated
 BOTH = 0.2  # of them each way at the least: a joint that overtravels to arrive from one side always is stated so
 NEARLY_ALL = 0.9  # of them against the moves: where only some overtravel, the others go with theirs
-SEEN = 5.0  # standard errors by which readings lag behind the stated directions, or run ahead of them
+SEEN_SIGMAS = 5.0  # by which readings lag behind the stated directions, or run ahead of them
 
 
 def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -37,7 +37,7 @@ def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
         else np.inf
         for number in range(stated.shape[1])
     ]  # fmt: skip
-    wrong = [number for number, each in enumerate(lag) if each < SEEN]
+    wrong = [number for number, each in enumerate(lag) if each < SEEN_SIGMAS]
     if not wrong:
         return [], setup
     titles = ", ".join(f"dir{number + 1}" for number in wrong)
@@ -48,7 +48,7 @@ def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
     )
     fix = f"write {titles} with the other sign (+1: the command grew), or leave them out: the rows tell as much"
     # Without play that the readings show, a machine that overtravels in every move is stated alike.
-    sure = all(lag[number] < -SEEN for number in wrong)
+    sure = all(lag[number] < -SEEN_SIGMAS for number in wrong)
     turned = stated.copy()
     turned[:, wrong] *= -1.0
     return [said(setup, "direction-sign", words, fix, sure)], setup.with_rows(direction=turned)
@@ -56,7 +56,7 @@ def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
 
 def _is_opposite(stated: np.ndarray, against: np.ndarray) -> bool:
     """Whether directions of the moves of one joint, (m,), are opposite to nearly all of them, both ways."""
-    if len(stated) < FEWEST or against.mean() < NEARLY_ALL:
+    if len(stated) < LEAST_MOVES or against.mean() < NEARLY_ALL:
         return False
     return bool(BOTH <= (stated > 0.0).mean() <= 1.0 - BOTH)
 
@@ -93,7 +93,7 @@ def _lag(setup: Setup, joint: np.ndarray, number: int) -> float:
     known = np.isfinite(columns).all(axis=1) & np.isfinite(error)
     known &= np.nan_to_num(distance[0], nan=np.inf) <= TRIM * np.nanmedian(distance[0])
     freedom = known.sum() - columns.shape[1]
-    if freedom < FEWEST:
+    if freedom < LEAST_MOVES:
         return 0.0
     at = columns.shape[1] - setup.table.direction.shape[1] + number
     inverse = np.linalg.pinv(columns[known].T @ columns[known])

@@ -9,7 +9,7 @@ from ptt.setup.setup import Setup, drawn
 
 USUAL = {"homing": 0.5, "lead": 0.1, "joint": 0.5, "link": 0.5, "lean": 0.3, "play": 0.1}
 """mm; lead and lean for each 100 mm of travel."""
-MOST = 3.0  # times the usual size: what is larger is no ordinary fault
+MOST_TIMES = 3.0  # the usual size: what is larger is no ordinary fault
 LOOSE = 0.02  # mm: how closely the faults are made to fit
 TIGHTEN, TRIES = 30.0, 5
 
@@ -71,7 +71,7 @@ def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarra
     for _ in range(TRIES):
         penalty = np.r_[np.full(count, loose**2), np.full(matrix.shape[2] - count, 1e-9)]
         size = np.linalg.solve(normal + np.diag(penalty), right)
-        if np.abs(size[:count]).max(initial=0.0) <= MOST:
+        if np.abs(size[:count]).max(initial=0.0) <= MOST_TIMES:
             break
         loose *= TIGHTEN
     return np.asarray(np.linalg.norm(left - matrix @ size, axis=1))

@@ -10,7 +10,7 @@ from ptt.setup.rows import places
 from ptt.setup.setup import Setup
 
 DAY = 86400.0
-FEWEST = 11  # names: from ten on, the order of letters differs from that of numbers
+LEAST_NAMES = 11  # from ten on, the order of letters differs from that of numbers
 POSES = 30  # one after the other along an axis, which no chance does
 LEAP = 0.15  # of the range of the other axes between poses: half of what poses in any order leap by at the median
 
@@ -48,7 +48,7 @@ def _by_time(setup: Setup) -> tuple[list[Finding], Setup] | None:
 
 def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:
     table = setup.table
-    if table.time_s is not None or len(set(table.name.tolist())) < FEWEST:
+    if table.time_s is not None or len(set(table.name.tolist())) < LEAST_NAMES:
         return None
     parts = [re.fullmatch(r"(\D*)(\d+)", name) for name in table.name.tolist()]
     if not all(parts) or len({part[1] for part in parts if part}) > 1:

@@ -10,7 +10,7 @@ from ptt.setup.result import Finding
 from ptt.setup.score import agree, build
 from ptt.setup.setup import Setup, drawn, used_rows
 
-FEWEST = 5
+LEAST_ROWS = 5
 NEARLY_ALL, NEARLY_NONE = 0.9, 0.05
 SPECK = 2e-3  # of a link
 AGREED = 0.02  # of the spread: what ordinary faults leave
@@ -98,7 +98,7 @@ def _out_of_travel(setup: Setup) -> float | None:
     if mechanism is None or command is None:
         return None
     sent = command[np.isfinite(command).all(axis=1)]
-    if len(sent) < FEWEST or np.ptp(sent, axis=0).max() < 1e-9:
+    if len(sent) < LEAST_ROWS or np.ptp(sent, axis=0).max() < 1e-9:
         return None
     low, high = mechanism.limits().numpy()
     rim = MARGIN * (high - low)
@@ -118,7 +118,7 @@ def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
         return [], setup
     target, size = setup.table.target[used_rows(setup.table)], drawn(setup).link_length_mm
     target = target[np.isfinite(target).all(axis=1)]
-    if len(target) < FEWEST:
+    if len(target) < LEAST_ROWS:
         return [], setup
     width = float(np.linalg.norm(np.ptp(target, axis=0)))
     if not 1e-6 < width < SPECK * size:
@@ -141,7 +141,7 @@ def out_of_reach(setup: Setup) -> float | None:
     target = setup.table.target[used_rows(setup.table)]
     target = target[np.isfinite(target).all(axis=1)]
     mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
-    if len(target) < FEWEST or np.ptp(target, axis=0).max() < 1e-6:
+    if len(target) < LEAST_ROWS or np.ptp(target, axis=0).max() < 1e-6:
         return None
     if mechanism is None or not isinstance(spec, ThreePttSpec):
         return 1.0

@@ -10,13 +10,13 @@ from ptt.setup.score import forward_many
 from ptt.setup.setup import Setup
 
 SLIPS = (1, -1, 2, -2)
-FEWEST = 8  # rows
+LEAST_KNOWN = 8  # rows, with target and reading
 LEAST_ROWS = 3  # a block of fewer rows is gross errors
 ALIKELY = 1.5  # where every row moves on by the same, a missed reading is a shift of all that follow
 MOST_SLIPS, HELPS = 3, 0.9  # of the mean distance: what each further slip has to leave at most
 BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
 MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
-SEEN = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no reading stands beside another row
+SEEN_GAP = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no reading stands beside another row
 AT_ONCE = 200_000  # rows of all starts that are aligned together: 100 MB
 ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
 
@@ -62,7 +62,7 @@ def find_slip(setup: Setup) -> tuple[list[Finding], Setup]:
     """
     place, reading = places(setup), setup.table.measured
     known = np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1)
-    if known.sum() < FEWEST or not _slip_is_possible(place, reading, setup.free):
+    if known.sum() < LEAST_KNOWN or not _slip_is_possible(place, reading, setup.free):
         return [], setup
     far = last = _mean_distance(place, reading, setup.free)
     slips: list[tuple[int, int]] = []
@@ -119,7 +119,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
     """
     place, reading = places(setup), setup.table.measured.copy()
     known = np.flatnonzero(np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1))
-    if len(known) < FEWEST:
+    if len(known) < LEAST_KNOWN:
         return [], setup
     left, turn = _most_fitting(place[known], reading[known], setup.free)
     findings, before, shifts = [], float(np.sqrt(np.mean(left**2) * 3.0)), list[np.ndarray]()
@@ -172,13 +172,13 @@ def _slip_is_possible(place: np.ndarray, reading: np.ndarray, free: bool) -> boo
     step = np.linalg.norm(np.diff(place, axis=0), axis=1)
     _, _, distance = align_many(place[None], reading[None], free)
     usual = float(np.nanmedian(step[step > 0.0])) if (step > 0.0).any() else np.inf
-    return int((distance[0] > min(SEEN[0] * usual, SEEN[1])).sum()) >= LEAST_ROWS
+    return int((distance[0] > min(SEEN_GAP[0] * usual, SEEN_GAP[1])).sum()) >= LEAST_ROWS
 
 
 def _best_slip(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[float, int, int]:
     """Cost, slip and first row at which readings that slipped by so many rows fit best, from several starts each."""
     count = len(place)
-    third = max(FEWEST // 2, count // 3)
+    third = max(LEAST_KNOWN // 2, count // 3)
     head, tail = np.arange(count) < third, np.arange(count) >= count - third
     parts = [(False, head), (True, tail), (True, head), (True, head | True)]
     starts = [(slip, moved, part) for slip in SLIPS for moved, part in parts]
@@ -221,7 +221,7 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
         else:
             distances.append(left_after_faults(place, values, columns, setup.free))
     known = np.stack([np.isfinite(distance) for distance in distances])
-    if known.sum(axis=1).min() < FEWEST:
+    if known.sum(axis=1).min() < LEAST_KNOWN:
         return 0.0, np.inf
     known[1] &= distances[1] <= TRIM * np.nanmedian(distances[1]) + 1e-9
     both = known.all(axis=0)
@@ -234,7 +234,7 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
 def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
     """What stays in the frame that suits most rows, (n, 3) mm in the base frame, and its rotation."""
     count, row = len(place), np.arange(len(place))
-    quarter = max(FEWEST // 2, count // 4)
+    quarter = max(LEAST_KNOWN // 2, count // 4)
     edges = range(0, count - quarter + 1, max(1, quarter // 2))
     starts = np.stack([row >= 0, *((row >= at) & (row < at + quarter) for at in edges)])
     best: tuple[int, np.ndarray, np.ndarray] | None = None
@@ -254,7 +254,7 @@ def _best_start(
         turn, shift, _ = align_many(spread, np.where(kept[..., None], reading, np.nan), free)
         left = (reading - shift[:, None]) @ turn - place
         near = np.linalg.norm(left, axis=2) < BLOCK_SHIFT / 2.0
-        enough = near.sum(axis=1) >= FEWEST // 2
+        enough = near.sum(axis=1) >= LEAST_KNOWN // 2
         if again:
             kept = np.where(enough[:, None], near, kept)
     best = int(np.argmax(near.sum(axis=1)))

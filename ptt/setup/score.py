@@ -13,7 +13,7 @@ from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.setup.rigid import align_many, middle, rms
 from ptt.setup.setup import Setup
 
-FEWEST = 5  # rows: with fewer a rigid motion alone explains nearly everything
+LEAST_ROWS = 5  # with fewer a rigid motion alone explains nearly everything
 LOST = 100.0  # mm that a command which does not close is wrong by, at least: links in metres are short
 FLOOR = 0.05  # mm: agreement beyond this is no further proof
 
@@ -154,4 +154,4 @@ def _between(target: np.ndarray, commanded: np.ndarray, sent: np.ndarray, sizes:
 
 
 def _enough(values: np.ndarray, distance: np.ndarray, lost: np.ndarray) -> np.ndarray:
-    return np.where((np.isfinite(distance) | lost).sum(axis=1) >= FEWEST, values, np.nan)
+    return np.where((np.isfinite(distance) | lost).sum(axis=1) >= LEAST_ROWS, values, np.nan)

@@ -10,8 +10,8 @@ from ptt.setup.rigid import align_many
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup, used_rows
 
-FEWEST, LEAST = 12, 6  # rows and different poses: fewer match anything
-MOST = 600  # rows that are matched: the pairing costs their cube
+LEAST_ROWS, LEAST_POSES = 12, 6  # fewer match anything
+MOST_ROWS = 600  # the pairing costs their cube
 ROUNDS = 25  # a matching settles within a dozen
 APART = 5.0  # times what is left that poses have to lie apart for a match to mean anything
 MOVED = 0.2  # of the rows that belong elsewhere: a few are gross errors, or a reading that was missed
@@ -32,7 +32,7 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
     place, used = places(setup), used_rows(setup.table)
     poses, read = (np.flatnonzero(used & np.isfinite(points).all(axis=1)) for points in (place, setup.table.measured))
     both = np.intersect1d(poses, read)
-    if not FEWEST <= len(read) <= len(poses) <= MOST or not len(both):
+    if not LEAST_ROWS <= len(read) <= len(poses) <= MOST_ROWS or not len(both):
         return [], setup
     before = _root_mean_square(align_many(place[None, both], setup.table.measured[None, both], setup.free)[2][0])
     if before < BEYOND_FAULTS:
@@ -135,7 +135,7 @@ def _apart(one: np.ndarray, other: np.ndarray) -> bool:
 def _crowded(a: np.ndarray, left: float) -> bool:
     """Whether poses, repeats taken as one, lie so close together that any order would match."""
     unique = np.unique(np.round(a, 3), axis=0)
-    if len(unique) < LEAST:
+    if len(unique) < LEAST_POSES:
         return True
     from scipy.spatial import cKDTree
 

@@ -10,7 +10,7 @@ from ptt.setup.judged import thinned
 from ptt.setup.proof import BEYOND_FAULTS, FALL
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many, rms
-from ptt.setup.rows import FEWEST, places
+from ptt.setup.rows import LEAST_KNOWN, places
 from ptt.setup.setup import Setup
 
 MOVED = 20.0  # mm: homing and links that all change by up to 4 mm from file to file move readings by 10 mm
@@ -33,7 +33,7 @@ def find_stations(setups: Sequence[Setup]) -> tuple[list[Finding], MachineFile]:
     if file.tracker.frame != "fitted" or not isinstance(file.machine, ThreePttSpec):
         return [], file
     read = [(setup.table.source, *_points(thinned(setup, MOST_ROWS))) for setup in setups]
-    read = [one for one in read if len(one[1]) >= FEWEST]
+    read = [one for one in read if len(one[1]) >= LEAST_KNOWN]
     if len(read) < 2:
         return [], file
     place, reading = (np.concatenate([one[side] for one in read]) for side in (1, 2))

@@ -13,7 +13,7 @@ from ptt.setup.setup import Setup, used_rows
 FEW = 0.05  # of the rows: where more are off, the column is in another unit
 APART = 0.5  # of the limit that lies between a stray value and all others: what grows to beyond it is no slip
 OFF, BEYOND = 20.0, 100.0  # mm, and times the median: what a target is off its commands by, no correction is as large
-SHOWN = 5  # rows
+SHOWN_ROWS = 5
 
 
 def find_stray(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -38,8 +38,8 @@ def find_stray(setup: Setup) -> tuple[list[Finding], Setup]:
             continue
         others = values[~stray & np.isfinite(values)]
         words = (
-            f"{title} is {', '.join(f'{value:,.6g}' for value in values[stray][:SHOWN])} in {_rows(setup, stray)}, and "
-            f"{others.min():.6g} to {others.max():.6g} in all others; up to {limit:,.0f} {unit} can be"
+            f"{title} is {', '.join(f'{value:,.6g}' for value in values[stray][:SHOWN_ROWS])} in {_rows(setup, stray)},"
+            f" and {others.min():.6g} to {others.max():.6g} in all others; up to {limit:,.0f} {unit} can be"
         )
         findings.append(said(setup, "stray-value", words, "correct it, or leave the cell empty"))
         setup = setup.with_rows(**{title: np.where(stray, np.nan, values)})
@@ -93,5 +93,5 @@ def _runs_of(setup: Setup, rows: np.ndarray) -> Iterator[np.ndarray]:
 
 def _rows(setup: Setup, rows: np.ndarray) -> str:
     lines = [str(line) for line in setup.table.line[rows]]
-    more = f" and {len(lines) - SHOWN} more" if len(lines) > SHOWN else ""
-    return f"row{'s' if len(lines) > 1 else ''} {', '.join(lines[:SHOWN])}{more}"
+    more = f" and {len(lines) - SHOWN_ROWS} more" if len(lines) > SHOWN_ROWS else ""
+    return f"row{'s' if len(lines) > 1 else ''} {', '.join(lines[:SHOWN_ROWS])}{more}"

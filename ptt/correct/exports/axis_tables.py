@@ -16,7 +16,7 @@ Array = np.ndarray
 
 FINE = 4097  # points at which an axis is looked at before its table is cut
 COARSEST, FINEST = 64, 2048  # intervals of a table; smooth curves alone bend by 0.05 um within the coarsest
-SEEN = 1e-4  # mm or rad: a table that interpolates to a tenth of a micrometre needs no more entries
+SEEN_ERROR = 1e-4  # mm or rad: a table that interpolates to a tenth of a micrometre needs no more entries
 ROUNDS = 4  # a drive's error changes by a hundredth of what the axis moves, at most: each round gains two digits
 WAVES = 5  # knots inside the travel of what is smooth: what geometry asks of an axis has no more bends than that
 
@@ -104,7 +104,7 @@ def table_entries(drives: Drives, step: float | None, most: int) -> Array:
         count = int(np.ceil(float((high - low).max()) / step - 1e-9))
         return np.linspace(low, high, min(max(count, 1), most - 1) + 1)
     count = COARSEST
-    while count < FINEST and _lost(drives, np.linspace(low, high, count + 1)) > SEEN:
+    while count < FINEST and _lost(drives, np.linspace(low, high, count + 1)) > SEEN_ERROR:
         count *= 2
     return np.linspace(low, high, min(count, most - 1) + 1)
 

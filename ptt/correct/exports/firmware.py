@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.correct.exports.delta import Delta, fit_delta, require_anticlockwise
-from ptt.correct.exports.format import ErrorLeft, Exported, Options, said_held
+from ptt.correct.exports.format import ErrorLeft, Options, Written, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 SHAPE = "all towers stand upright at one radius, and their sliders have no tables"
 WORSE = 1.0  # um: less than this is no reason to refuse a format that says a little less than the drawing
 GAIN = 1.2  # times what the whole model leaves, and
-LEAST = 1.0  # um beyond it, that are worth another way
+LEAST_UM = 1.0  # beyond it, that are worth another way
 NOTHING_TO_GAIN = "this file and the drawing do as well; there is nothing to gain by loading it"
 MEASURE = "then home, measure again and see `ptt evaluate BEFORE.csv AFTER.csv`"
 
@@ -51,7 +51,7 @@ class Firmware:
     anticlockwise: bool = False
 
 
-def write_delta(compensator: "Compensator", out: Path, options: Options, firmware: Firmware) -> Exported:
+def write_delta(compensator: "Compensator", out: Path, options: Options, firmware: Firmware) -> Written:
     """Fit the delta of a firmware to a model and write it.
 
     Args:
@@ -79,7 +79,7 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
     notes = what_to_do(f"{firmware.load}; {MEASURE}", left)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot]), *notes]
     text = "\n".join([*(f"{firmware.comment} {line}" for line in told), *lines]) + "\n"
-    return Exported(write_all({out: text}), holds, cannot, left, (*notes, *network_note(ground)))
+    return Written(write_all({out: text}), holds, cannot, left, (*notes, *network_note(ground)))
 
 
 def _hints(ground: Ground, firmware: Firmware) -> dict[str, str]:
@@ -106,7 +106,7 @@ def what_to_do(load: str, left: ErrorLeft) -> tuple[str, ...]:
     Returns:
         One line each; at least one, and where there are two, the second is instead of the first.
     """
-    better = left.format >= max(GAIN * left.model, left.model + LEAST)
+    better = left.format >= max(GAIN * left.model, left.model + LEAST_UM)
     model = (
         "keep the drawing's figures in the controller and correct each program with `ptt program`, or send what"
         f" `ptt predict` or --to c works out: the whole model leaves {left.model:.1f} um"

@@ -78,7 +78,7 @@ def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft) -> s
 
 
 @dataclass(frozen=True)
-class Exported(Record):
+class Written(Record):
     """What came of an export.
 
     Attributes:
@@ -114,7 +114,7 @@ class Options:
 
 
 # What every format does: the model with its network, where to, what the user said -> what was written, what it leaves.
-Write = Callable[["Compensator", Path, Options], Exported]
+Write = Callable[["Compensator", Path, Options], Written]
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Place:
+class ArmRows:
     """Rows as effects see them.
 
     Attributes:
@@ -123,7 +123,7 @@ def settle(
         axes, ends = walk(arm, drawn, q)
         tip = ends[-1].point(arm.tool_mm)
         lever = [cross(axis.z, [less(t, o) for t, o in zip(tip, axis.origin, strict=True)]) for axis in axes]
-        seen = Place(graph, arm, spec, q, axes, ends, lever, payload, warmth)
+        seen = ArmRows(graph, arm, spec, q, axes, ends, lever, payload, warmth)
         moved = list(q)
         for effect, theta in effects:
             if effect.name in DRIVES:
@@ -160,15 +160,15 @@ def _errors(arm: Serial, theta: np.ndarray) -> np.ndarray:
     return errors
 
 
-def _offset(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+def _offset(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     return t[: s.arm.joints].tolist()
 
 
-def _scale(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+def _scale(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     return [by(float(share), value) for share, value in zip(t, s.q, strict=True)]
 
 
-def _turn(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+def _turn(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     k, found = s.arm.joints, []
     for joint, value in enumerate(s.q):
         phase = by(float(2.0 * np.pi / t[2 * k]), value)
@@ -176,7 +176,7 @@ def _turn(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
     return found
 
 
-def _error_map(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+def _error_map(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     cut = np.split(t, np.cumsum(sizes(effect, s.arm.joints))[:-1])
     cosine, sine = (
         np.concatenate([part.reshape(s.arm.joints, -1) for part in cut[start::2]], axis=1) for start in (0, 1)
@@ -188,7 +188,7 @@ def _error_map(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
     return found
 
 
-def _yield(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+def _yield(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     """Torque of the payload at the tool, and of the links that the drawing weighs, by virtual work."""
     down = [float(value) for value in gravity_of(s.spec)]
     torque = [by(s.payload, by(GRAVITY, dot(each, down))) for each in s.lever]
@@ -203,7 +203,7 @@ def _yield(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
     return [by(float(share), value) for share, value in zip(t, torque, strict=True)]
 
 
-def _sag(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
+def _sag(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     down, k = [float(value) for value in gravity_of(s.spec)], s.arm.joints
     pairs, number, found = k * (k + 1) // 2, 0, []
     for joint in range(k):
@@ -217,7 +217,7 @@ def _sag(s: Place, t: np.ndarray, effect: Effect) -> list[Any]:
     return found
 
 
-def _grown(s: Place, moved: Sequence[Node], t: np.ndarray) -> Vector:
+def _grown(s: ArmRows, moved: Sequence[Node], t: np.ndarray) -> Vector:
     grown = [
         [by(plus(by(float(t[0]), s.warmth), 1.0), a), alpha, by(plus(by(float(t[1]), s.warmth), 1.0), d), turn, beta]
         for a, alpha, d, turn, beta in drawn_links(s.arm, None)
@@ -230,7 +230,7 @@ def _grown(s: Place, moved: Sequence[Node], t: np.ndarray) -> Vector:
 class Known:
     """How an effect of the drives moves the joints, and what it asks for beside their values."""
 
-    add: Callable[[Place, np.ndarray, Effect], list[Any]]
+    add: Callable[[ArmRows, np.ndarray, Effect], list[Any]]
     context: tuple[str, ...] = ()
 
 

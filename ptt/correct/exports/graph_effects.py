@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ptt.correct.exports.graph import Node
-from ptt.correct.exports.graph_legs import Place, Vector, cross, dot, meet
+from ptt.correct.exports.graph_legs import LegRows, Vector, cross, dot, meet
 from ptt.effects import Effect
 from ptt.effects.layout import sizes
 from ptt.effects.shapes import SHAPES, WAVES, curve_pieces, wavy_pieces
@@ -24,13 +24,13 @@ def _solve(rows: Vector, right: Any) -> Vector:
     return [(right * part).sum() / volume for part in minor]
 
 
-def _pull(s: Place) -> Any:
+def _pull(s: LegRows) -> Any:
     link = s.links()
     minor, volume = _minors(link)
     return -(s.weight() * minor[2]) * dot(link, link).sqrt() / volume
 
 
-def _curve(s: Place, pieces: np.ndarray, ends: np.ndarray, q: Node) -> Node:
+def _curve(s: LegRows, pieces: np.ndarray, ends: np.ndarray, q: Node) -> Node:
     """A piecewise cubic of each leg, pieces (3, c, 4), held beyond its range (3, 2)."""
     graph, count = s.graph, pieces.shape[1]
     place = (q - ends[None, :, 0]) / (ends[:, 1] - ends[:, 0])[None]
@@ -50,45 +50,45 @@ def _pieces(curve: np.ndarray, lines: np.ndarray) -> np.ndarray:
     return np.stack([curve_pieces(curve.reshape(3, SHAPES)[leg], lines[leg]) for leg in range(3)])
 
 
-def _offset(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _offset(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     s.move_drive(t[None, :3])
 
 
-def _lead(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _lead(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     s.move_drive((s.q - s.home) * t[None])
 
 
-def _turn(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _turn(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     phase = s.q * np.full((1, 3), 2.0 * np.pi / t[6])  # a single number near one is left out by onnxruntime
     # Not every runtime has a cosine of doubles.
     cosine = s.graph.node("Sin", phase + np.array([[0.5 * np.pi]]))
     s.move_drive(cosine * t[None, :3] + s.graph.node("Sin", phase) * t[None, 3:6])
 
 
-def _screw_growth(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _screw_growth(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     s.move_drive(s.warmth * ((s.q - s.home) * t[None, :3] + t[None, 3:]))
 
 
-def _screw_map(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _screw_map(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     curve, straight, waves, low, high = _cut(effect, t)
     legs = zip(curve.reshape(3, SHAPES), straight.reshape(3, 2), waves.reshape(3, WAVES), strict=True)
     pieces = np.stack([wavy_pieces(*leg) for leg in legs])
     s.move_drive(_curve(s, pieces, np.stack([low, high], axis=1), s.q))
 
 
-def _axis(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _axis(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     link, rail = s.links(), s.mechanism.rail.numpy()
     minor, volume = _minors(link)
     along = dot(link, [rail[None, :, x] for x in range(3)])
     s.move_drive(-(s.weight() * minor[2]) * along / volume * t[None])
 
 
-def _position(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _position(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     shift = t[:3, None] * s.mechanism.foot_way.numpy() + t[3:, None] * s.aside
     s.move_centre([shift[None, :, x] for x in range(3)])
 
 
-def _tilt(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _tilt(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     rail = s.mechanism.rail.numpy()
     turn = t[:3, None] * s.aside - t[3:, None] * s.across
     once = np.cross(turn, rail)
@@ -96,7 +96,7 @@ def _tilt(s: Place, t: np.ndarray, effect: Effect) -> None:
     s.move_centre([(s.a - s.home) * lean[None, :, x] for x in range(3)])
 
 
-def _guide(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _guide(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     radial, tangential, straight, low, high = _cut(effect, t)
     lines, ends = straight.reshape(3, 2, 2), np.stack([low, high], axis=1)
     out = _curve(s, _pieces(radial, lines[:, 0]), ends, s.a)
@@ -104,11 +104,11 @@ def _guide(s: Place, t: np.ndarray, effect: Effect) -> None:
     s.move_centre([out * s.across[None, :, x] + along * s.aside[None, :, x] for x in range(3)])
 
 
-def _length(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _length(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     s.stretch(t[None])
 
 
-def _joint(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _joint(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     link, lengths = s.links(), 1.0 / s.mechanism.link.numpy()[None]
     rail = s.mechanism.rail.numpy()
     along = dot(link, [rail[None, :, x] for x in range(3)]).abs() * lengths
@@ -116,11 +116,11 @@ def _joint(s: Place, t: np.ndarray, effect: Effect) -> None:
     s.stretch(along * t[None, :3] + (1.0 - aside * aside).sqrt() * t[None, 3:])
 
 
-def _clearance(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _clearance(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     s.stretch(s.graph.node("Sign", _pull(s)) * (0.5 * t)[None])
 
 
-def _stretch(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _stretch(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     s.stretch(_pull(s) * t[None])
 
 
@@ -129,7 +129,7 @@ def _turned(turn: Vector, arm: Vector) -> Vector:
     return [a + 0.5 * b for a, b in zip(once, cross(turn, once), strict=True)]
 
 
-def _twist(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _twist(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     spec = s.file.machine
     assert spec.kind == "three-ptt"
     link, axis = s.links(), [s.aside[None, :, x] for x in range(3)]
@@ -153,12 +153,12 @@ def _twist(s: Place, t: np.ndarray, effect: Effect) -> None:
     s.platform = [new if old is None else old + new for old, new in zip(s.platform, shift, strict=True)]
 
 
-def _bend(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _bend(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     height = (s.a - s.home).sum() * np.array([[1.0 / 3.0]])
     s.move_tool([s.payload * (t[x] + t[2 + x] * height) for x in (0, 1)] + [None])
 
 
-def _growth(s: Place, t: np.ndarray, effect: Effect) -> None:
+def _growth(s: LegRows, t: np.ndarray, effect: Effect) -> None:
     spec = s.file.machine
     assert spec.kind == "three-ptt"
     angle = np.radians(spec.slider_azimuth_deg)
@@ -179,7 +179,7 @@ class Known:
         drawn: whether it looks at the drawing's links.
     """
 
-    add: Callable[[Place, np.ndarray, Effect], None]
+    add: Callable[[LegRows, np.ndarray, Effect], None]
     context: tuple[str, ...] = ()
     drawn: bool = False
 

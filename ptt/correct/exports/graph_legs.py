@@ -19,7 +19,7 @@ def _none() -> list[Any]:
 
 
 @dataclass
-class Place:
+class LegRows:
     """Rows as effects see them, and what effects have added so far.
 
     Attributes:

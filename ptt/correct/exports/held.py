@@ -14,7 +14,7 @@ HELD = 0.05  # share of an effect's error that may be left of what counts as hel
 NOTHING = 1e-6  # um: less is rounding
 LOAD_KG = 1.0  # tried where no payload is stated: what it does to an effect's share does not depend on its size
 UNSTATED = "the format knows no payload, and none is stated here; --run RUN.csv judges at the loads of a run"
-SHOWN = 0.05  # um: less is printed as 0.0
+SHOWN_UM = 0.05  # less is printed as 0.0
 WHOLE = 0.95  # share of an effect's error that counts as all of it
 APART = "its tables' entries lie too far apart for it, or it is no matter of one axis' place"
 TOLD = {"payload": "payload_kg", "temperature": "temp_c", "speed": "feed_mm_s"}  # context -> the run's column of it
@@ -137,10 +137,10 @@ def said_left(whole: float, left: float, *, untold: bool = False) -> str:
         left: what the format leaves of it, um rms.
         untold: whether it depends on something of which no run was given.
     """
-    if whole < SHOWN and untold:
+    if whole < SHOWN_UM and untold:
         return "it makes no error where this is judged: at rest and the reference temperature, unless --run names a run"
-    if whole < SHOWN:
-        return f"all that it makes is less than {SHOWN:g} um"
+    if whole < SHOWN_UM:
+        return f"all that it makes is less than {SHOWN_UM:g} um"
     if left > WHOLE * whole:
         return f"all of its {whole:.1f} um are left"
     return f"{left:.1f} um of its {whole:.1f} um are left, the rest is in the file"

@@ -12,7 +12,7 @@ import numpy as np
 
 from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, reach_of, write_delta
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.left import Ground
 from ptt.machine import ThreePttSpec
 
@@ -27,7 +27,7 @@ LOAD = (
 SCALE = "multiply rotation_distance of steppers a, b, c by"
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write a piece of printer.cfg; a, b, c are sliders 1, 2, 3, end stops at the upper ends of their travel."""
     return write_delta(compensator, out, options, Firmware("Klipper", "#", _lines, LOAD, SCALE, anticlockwise=True))
 

@@ -25,7 +25,7 @@ from ptt.correct.exports.axis_tables import (
 )
 from ptt.correct.exports.delta import Delta, drawn_delta, require_anticlockwise, require_upright, tool_by_slider
 from ptt.correct.exports.firmware import MEASURE, judged, refuse_worse, what_to_do
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 TOWERS = np.array([90.0, 210.0, 330.0])  # deg, of joints 0, 1, 2
-MOST = 256  # EMCMOT_COMP_SIZE
+MOST_ENTRIES = 256  # EMCMOT_COMP_SIZE
 DIGITS = 6
 LOAD = (
     "take the INI lines into the machine's own INI, the HAL file after lineardeltakins is loaded, the .comp files"
@@ -70,7 +70,7 @@ class Fit:
         return _joints(self.radius, self.rod, self.turn, p)
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write an INI and a HAL snippet and three compensation files; joints 0, 1, 2 are sliders 1, 2, 3.
 
     Args:
@@ -96,7 +96,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     first, *instead = what_to_do(f"{LOAD}; {MEASURE}", left)
     notes = (first, *_notes(compensator, fit), *instead)
     written = write_all(_texts(ini, fit, told, notes))
-    return Exported(written, holds, cannot, left, (*notes, *network_note(ground)))
+    return Written(written, holds, cannot, left, (*notes, *network_note(ground)))
 
 
 def fit_tables(ground: Ground, step: float | None) -> tuple[Fit, Array, Drives]:
@@ -134,7 +134,7 @@ def fit_tables(ground: Ground, step: float | None) -> tuple[Fit, Array, Drives]:
     found = least_squares(miss, np.zeros(2), method="lm", xtol=1e-14, ftol=1e-14).x
     radius, rod = (round(float(value), DIGITS) for value in (start.radius + found[0], start.rod[0] + found[1]))
     found = np.array([radius - start.radius, rod - start.rod[0]])
-    at = np.round(table_entries(drives, step, MOST) - height, DIGITS)
+    at = np.round(table_entries(drives, step, MOST_ENTRIES) - height, DIGITS)
     tables = cut_tables(drives, at + height, along(inverse @ lacks(found)), by_direction(ground))
     tables = AxisTables(at, np.round(tables.forward, DIGITS), np.round(tables.reverse, DIGITS))
     slope = np.stack([(lacks(found + each) - lacks(found - each)) / 2e-3 for each in 1e-3 * np.eye(2)], axis=-1)

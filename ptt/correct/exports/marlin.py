@@ -12,7 +12,7 @@ import numpy as np
 
 from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, write_delta
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.left import Ground
 from ptt.correct.exports.reprapfirmware import SCALE, TOWERS, corrections, words_of
 from ptt.machine import ThreePttSpec
@@ -24,7 +24,7 @@ DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
 LOAD = "send both lines and keep them with M500; all else stays (M92, the steps per mm), and G33 would undo them"
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write M665 and M666; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel."""
     return write_delta(compensator, out, options, Firmware("Marlin", ";", _lines, LOAD, SCALE, anticlockwise=True))
 

@@ -9,11 +9,11 @@ import numpy as np
 from nets import GaussianRbf
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import AHEAD, parts_of
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.graph import Graph, Node
 from ptt.correct.exports.graph_arm import CONTEXT, settle
 from ptt.correct.exports.graph_effects import EFFECTS
-from ptt.correct.exports.graph_legs import Place, Vector, meet, spread
+from ptt.correct.exports.graph_legs import LegRows, Vector, meet, spread
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import error_left, holdings, network_parts, survey
 from ptt.correct.exports.whole import write_all
@@ -34,7 +34,7 @@ OPSET, IR = 17, 8  # of 2022: every runtime since reads them
 SIDE = "the way there decides it, and rows of a batch have none: the caller adds it"
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write the graph.
 
     Inputs: p (n, 3) mm; where effects ask for them payload_kg (n, 1) and temp_c (n, 1). Outputs: b (n, 3) mm, and with
@@ -71,7 +71,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     base = replace(held.model, file=ground.compensator.model.file)
     q = compensate(base, ground.table, correction=correction, inside=inside).q
     holds, left_out = holdings(ground, cannot)
-    return Exported(written, holds, left_out, error_left(ground, q))
+    return Written(written, holds, left_out, error_left(ground, q))
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:
@@ -199,7 +199,7 @@ def _settle(graph: Graph, file: MachineFile, steady: Any, asked: Node, payload: 
     drawn = any(EFFECTS[effect.name].drawn for effect, _ in steady)
     for _ in range(ROUNDS):
         p = meet(graph, mechanism, q, None) if drawn else None
-        seen = Place(graph, file, mechanism, q, settled, p, payload, warmth)
+        seen = LegRows(graph, file, mechanism, q, settled, p, payload, warmth)
         for effect, theta in steady:
             EFFECTS[effect.name].add(seen, theta.numpy(), effect)
         goal = [
@@ -210,7 +210,7 @@ def _settle(graph: Graph, file: MachineFile, steady: Any, asked: Node, payload: 
     return q
 
 
-def _raise(mechanism: ThreePtt, p: Vector, seen: Place | None) -> Node:
+def _raise(mechanism: ThreePtt, p: Vector, seen: LegRows | None) -> Node:
     foot, rail, link = mechanism.foot.numpy(), mechanism.rail.numpy(), mechanism.link.numpy()
     reach: list[Any] = [p[axis] - foot[None, :, axis] for axis in range(3)]
     length: Any = link[None]

@@ -12,7 +12,7 @@ import numpy as np
 
 from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, reach_of, write_delta
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.left import Ground
 from ptt.machine import ThreePttSpec
 
@@ -28,7 +28,7 @@ SCALE = "divide the steps per mm of X, Y, Z (M92) by"  # of Marlin too
 TOWERS = np.array([210.0, 330.0, 90.0])  # deg, of X, Y, Z; so for Marlin too
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write M665 and M666 for config.g; X, Y, Z are sliders 1, 2, 3, end stops at the upper ends of their travel."""
     return write_delta(compensator, out, options, Firmware("RepRapFirmware", ";", _lines, LOAD, SCALE, tilted=True))
 

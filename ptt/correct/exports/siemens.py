@@ -25,7 +25,7 @@ from ptt.correct.exports.axis_tables import (
 )
 from ptt.correct.exports.delta import tool_by_slider
 from ptt.correct.exports.firmware import MEASURE, judged, what_to_do
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
@@ -45,7 +45,7 @@ LOAD = f"load it with MD32700 $MA_ENC_COMP_ENABLE[0] = 0, then set that to 1; {M
 SHAPE = "each axis is corrected by its own position alone"
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write a compensation table for each axis: AX1, AX2, ... are sliders or joints 1, 2, ..., in mm or degrees."""
     ground = survey(compensator, options)
     unit = np.degrees(1.0) if compensator.model.file.machine.kind == "serial" else 1.0
@@ -62,7 +62,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     notes = (f"this file asks for MD38000 $MA_MM_ENC_COMP_MAX_POINTS of {len(at)} or more", *what_to_do(LOAD, left))
     written = write_all({out: "\n".join(_lines(tables, unit, [*told, *notes])) + "\n"})
-    return Exported(written, holds, cannot, left, (*notes, *network_note(ground)))
+    return Written(written, holds, cannot, left, (*notes, *network_note(ground)))
 
 
 def _curves(ground: Ground, drives: Drives) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
 
 from ptt.correct.compensate import compensate
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import HELD, rms_um, said_left, without_payload
 from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 CELLS = 20  # along the longest side, where no step is given
-MOST = 2_000_000  # points: more is a mistyped step
+MOST_POINTS = 2_000_000  # more is a mistyped step
 WHY = {
     "payload": "a table is of one load, and this one of none",
     "temperature": "a table is of one temperature, and this one of the reference",
@@ -37,7 +37,7 @@ SIDE = "a table does not know from which side a joint comes"
 APART = "the table's places lie too far apart for it"
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write corrections of the slider commands on a grid of tool positions, for trilinear interpolation.
 
     The grid covers the box of the workspace. Places that cannot be sent repeat the nearest place that can.
@@ -77,7 +77,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     }
     loaded = {key: WHY["payload"] for key, share in without_payload(ground).items() if share < 1.0 - HELD}
     holds, lost = holdings(ground, fine | loaded | cannot)
-    return Exported(written, holds, lost, error_left(ground, q), tuple(head[-3:]))
+    return Written(written, holds, lost, error_left(ground, q), tuple(head[-3:]))
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:
@@ -122,9 +122,11 @@ def _axes(ground: Ground, step: float | None) -> list[np.ndarray]:
     width = float((high - low).max()) / CELLS if step is None else step
     first, last = np.floor(low / width).astype(int), np.ceil(high / width).astype(int)
     count = int(np.prod(last - first + 1.0))
-    if count > MOST or width > float((high - low).min()):
+    if count > MOST_POINTS or width > float((high - low).min()):
         size = " x ".join(f"{value:.0f}" for value in high - low)
-        fix = f"the workspace is {size} mm: try {width * 2 if count > MOST else float((high - low).min()) / 4:.3g}"
+        fix = (
+            f"the workspace is {size} mm: try {width * 2 if count > MOST_POINTS else float((high - low).min()) / 4:.3g}"
+        )
         raise InputError(f"a step of {width:g} mm makes a table of {count} places", where="--step", fix=fix)
     return [width * np.arange(begin, end + 1) for begin, end in zip(first, last, strict=True)]
 

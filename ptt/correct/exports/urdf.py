@@ -15,7 +15,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from ptt.correct.exports.firmware import judged
-from ptt.correct.exports.format import Exported, Options
+from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
@@ -40,7 +40,7 @@ USUAL_MM, USUAL_RAD = 1.0, 1e-3  # errors of links; what no position tells stays
 FAINT = 1e-7  # mm: a chain that leaves less is the model
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write a URDF: links base_link, link_1, ..., tool; joints joint_1, ... turn by the commands of the controller."""
     ground = survey(compensator, options)
     arm = build_mechanism(compensator.model.file.machine)
@@ -50,7 +50,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
     holds, cannot = holdings(ground, cannot_hold(ground, tangent, SHAPE))
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     written = write_all({out: _text(arm, origins(arm, geometry), [*told, UNKNOWN])})
-    return Exported(written, holds, cannot, left, network_note(ground))
+    return Written(written, holds, cannot, left, network_note(ground))
 
 
 def fit_links(ground: Ground, arm: Serial) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 G-codes and M-codes here are those of RS274/NGC and LinuxCNC, and what Marlin and RepRapFirmware add to them.
 """
 
-from ptt.correct.program.words import EXPAND, Block, at_line
+from ptt.correct.program.words import EXPAND, ProgramBlock, at_line
 from ptt.errors import InputError
 
 AXES, CARRIED = "XYZ", "ABCUVWE"
@@ -43,7 +43,7 @@ SETTINGS = (
 MOVES_ORIGIN = (92, 206, 218, 290, 428, 579, 665, 666, 669)  # counts per mm, offsets, the controller's own geometry
 
 
-def refuse(block: Block, codes: list[int], source: str) -> None:
+def refuse(block: ProgramBlock, codes: list[int], source: str) -> None:
     """Refuse a block whose moves, or what moves after it, nobody but the controller can tell.
 
     Args:
@@ -76,7 +76,7 @@ def refuse(block: Block, codes: list[int], source: str) -> None:
     _refuse_settings(block, codes, where)
 
 
-def _refuse_settings(block: Block, codes: list[int], where: str) -> None:
+def _refuse_settings(block: ProgramBlock, codes: list[int], where: str) -> None:
     """Refuse M-codes that move what the program's places are counted from, or whose axis words nobody knows."""
     letters = {word.letter for word in block.words} & set(AXES + CARRIED)
     for number in own_words(block):
@@ -92,7 +92,7 @@ def _refuse_settings(block: Block, codes: list[int], where: str) -> None:
             raise InputError(what, where=where, fix="take it out, or state G0 or G1 in this line if it is a move")
 
 
-def own_words(block: Block) -> list[int]:
+def own_words(block: ProgramBlock) -> list[int]:
     """Numbers of a block's M-codes that have axis words of their own."""
     numbers = [word.code // 10 for word in block.words if word.letter == "M"]
     return [number for number in numbers if number not in BESIDE_MOVES]

@@ -39,7 +39,7 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
+class ProgramFrame:
     """Where a program's coordinates lie: base = turn @ program + origin.
 
     Attributes:
@@ -59,7 +59,9 @@ class Frame:
         return np.asarray((place - self.origin) @ self.turn)
 
 
-def look_along(moves: list[Move], frame: Frame, mechanism: Mechanism, tolerance: float, lead: float | None) -> Places:
+def look_along(
+    moves: list[Move], frame: ProgramFrame, mechanism: Mechanism, tolerance: float, lead: float | None
+) -> Places:
     """Lay places along every move: its start and end, evenly between, and where a slider turns.
 
     Args:
@@ -139,7 +141,7 @@ def _turns(place: Array, index: Array, share: Array, mechanism: Mechanism) -> li
 
 
 def _with_turns(
-    moves: list[Move], frame: Frame, index: Array, share: Array, place: Array, turns: list[tuple[int, float]]
+    moves: list[Move], frame: ProgramFrame, index: Array, share: Array, place: Array, turns: list[tuple[int, float]]
 ) -> tuple[Array, Array, Array]:
     rows = np.array([row for row, _ in turns])
     at = np.array([value for _, value in turns])

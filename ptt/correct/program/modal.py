@@ -20,7 +20,7 @@ from ptt.correct.program.codes import (
     refuse,
 )
 from ptt.correct.program.moves import Arc, Move, find_arc
-from ptt.correct.program.words import Block, at_line
+from ptt.correct.program.words import ProgramBlock, at_line
 from ptt.errors import InputError
 
 Array = np.ndarray
@@ -30,7 +30,7 @@ NO_MOTION = -1
 
 
 @dataclass(frozen=True)
-class State:
+class ModalState:
     """What lasts from block to block.
 
     Attributes:
@@ -71,13 +71,15 @@ class Read:
         notes: what a user should know.
     """
 
-    blocks: list[Block]
+    blocks: list[ProgramBlock]
     moves: list[Move]
-    states: list[State]
+    states: list[ModalState]
     notes: list[str]
 
 
-def read_moves(blocks: list[Block], start: Array, home: Array | None, source: str, *, stated: bool = False) -> Read:
+def read_moves(
+    blocks: list[ProgramBlock], start: Array, home: Array | None, source: str, *, stated: bool = False
+) -> Read:
     """Follow a program.
 
     Args:
@@ -93,9 +95,9 @@ def read_moves(blocks: list[Block], start: Array, home: Array | None, source: st
     Raises:
         InputError: a line whose moves cannot be told, by its number.
     """
-    state = State(np.asarray(start, dtype=float), known=np.full(3, stated))
+    state = ModalState(np.asarray(start, dtype=float), known=np.full(3, stated))
     moves: list[Move] = []
-    states: list[State] = []
+    states: list[ModalState] = []
     notes: list[str] = []
     systems: set[int] = set()
     for index, block in enumerate(blocks):
@@ -119,7 +121,7 @@ def read_moves(blocks: list[Block], start: Array, home: Array | None, source: st
     return Read(blocks, moves, states, notes)
 
 
-def _set_modes(state: State, block: Block, codes: list[int], source: str) -> State:
+def _set_modes(state: ModalState, block: ProgramBlock, codes: list[int], source: str) -> ModalState:
     changes: dict[str, object] = {}
     for code in codes:
         if code in MOTIONS:
@@ -144,7 +146,7 @@ def _set_modes(state: State, block: Block, codes: list[int], source: str) -> Sta
     return state if feed is None else replace(state, feed=feed * state.unit / 60.0)
 
 
-def _own_axes(state: State, block: Block, code: int, start: Array, source: str) -> State:
+def _own_axes(state: ModalState, block: ProgramBlock, code: int, start: Array, source: str) -> ModalState:
     """A block whose axis words say no place to move to."""
     if code in HOME:
         return replace(state, place=np.asarray(start, dtype=float), known=np.zeros(3, dtype=bool))
@@ -156,7 +158,7 @@ def _own_axes(state: State, block: Block, code: int, start: Array, source: str) 
     return state
 
 
-def _moves(block: Block, state: State) -> bool:
+def _moves(block: ProgramBlock, state: ModalState) -> bool:
     letters = {word.letter for word in block.words}
     if own_words(block) and not any(word.letter == "G" and word.code in MOTIONS for word in block.words):
         return False
@@ -165,8 +167,8 @@ def _moves(block: Block, state: State) -> bool:
 
 
 def _move(
-    state: State, block: Block, codes: list[int], index: int, home: Array | None, source: str
-) -> tuple[Move, State]:
+    state: ModalState, block: ProgramBlock, codes: list[int], index: int, home: Array | None, source: str
+) -> tuple[Move, ModalState]:
     where = (source, block.line)
     if state.motion == NO_MOTION:
         raise InputError("axis words before any of G0, G1, G2, G3", where=at_line(*where), fix="correct the line")
@@ -192,7 +194,7 @@ def _move(
     return move, replace(state, place=end, known=known, carried=places)
 
 
-def _end(state: State, stated: dict[str, float], origin: Array) -> tuple[Array, Array]:
+def _end(state: ModalState, stated: dict[str, float], origin: Array) -> tuple[Array, Array]:
     """Where a move ends, mm, and which axes are stated by then; `origin` is that of the numbers."""
     end, known = state.place.copy(), state.known.copy()
     for axis, letter in enumerate(AXES):
@@ -202,7 +204,7 @@ def _end(state: State, stated: dict[str, float], origin: Array) -> tuple[Array, 
     return end, known
 
 
-def _arc(state: State, block: Block, end: Array, where: tuple[str, int]) -> Arc:
+def _arc(state: ModalState, block: ProgramBlock, end: Array, where: tuple[str, int]) -> Arc:
     if not state.known.all():
         what = "an arc from a place that the program has not stated"
         fix = "state X, Y and Z by G0 before it, or say where the tool is: --start X Y Z"
@@ -214,7 +216,7 @@ def _arc(state: State, block: Block, end: Array, where: tuple[str, int]) -> Arc:
     )  # fmt: skip
 
 
-def _carried(state: State, stated: dict[str, float]) -> dict[str, tuple[float, float, bool]]:
+def _carried(state: ModalState, stated: dict[str, float]) -> dict[str, tuple[float, float, bool]]:
     """Further axes, in the program's own numbers: they are only shared out over pieces."""
     found = {}
     for letter, value in stated.items():

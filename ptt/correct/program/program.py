@@ -10,7 +10,7 @@ import torch
 from ptt.correct.commands import Commands, sent_rows
 from ptt.correct.compensate import LIMIT_MM, compensate
 from ptt.correct.context import beyond_context, beyond_lines, missing_context
-from ptt.correct.program.cut import Frame, Places, beside, look_along, thin_out
+from ptt.correct.program.cut import Places, ProgramFrame, beside, look_along, thin_out
 from ptt.correct.program.modal import Read, read_moves
 from ptt.correct.program.moves import Move
 from ptt.correct.program.words import at_line, read_blocks
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 CHORD_UM = 5.0
-SHOWN = 5  # lines that a refusal names
+SHOWN_LINES = 5  # that a refusal names
 OUTSIDE = "outside the network's training domain"
 
 
@@ -132,15 +132,15 @@ def correct_program(
     )
 
 
-def _frame(compensator: "Compensator", offset: Array | None) -> Frame:
+def _frame(compensator: "Compensator", offset: Array | None) -> ProgramFrame:
     if offset is not None:
-        return Frame(np.eye(3), np.asarray(offset, dtype=float))
+        return ProgramFrame(np.eye(3), np.asarray(offset, dtype=float))
     file = compensator.model.file
     stated = stated_frame(file.targets)
     if stated.source == "unknown":
         what = "nothing tells where the program's zero lies: the runs that the model was fitted on contradict"
         raise InputError(what, where=f"{file.source} [targets]", fix="say it: --offset X Y Z")
-    return Frame(stated.rotation, stated.origin)
+    return ProgramFrame(stated.rotation, stated.origin)
 
 
 def _command(
@@ -172,10 +172,10 @@ def _refuse(read: Read, places: Places, commands: Commands, source: str) -> None
     for row in bad.tolist():
         first.setdefault(read.blocks[read.moves[places.move[row]].block].line, row)
     named = []
-    for line, row in list(first.items())[:SHOWN]:
+    for line, row in list(first.items())[:SHOWN_LINES]:
         at = " ".join(f"{letter}{value:.3f}" for letter, value in zip("XYZ", places.place[row], strict=True))
         named.append(f"{at_line(source, line)}: {status[row]} (at {at} of the base frame)")
-    more = f"; and {len(first) - SHOWN} more lines" if len(first) > SHOWN else ""
+    more = f"; and {len(first) - SHOWN_LINES} more lines" if len(first) > SHOWN_LINES else ""
     unknown = not read.moves[places.move[bad[0]]].begun
     fix = "say where the tool is before the first move: --start X Y Z" if unknown else "change these lines, or --offset"
     raise PosesError(f"{'; '.join(named)}{more}; nothing was written; {fix}")

@@ -50,7 +50,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class Block:
+class ProgramBlock:
     """A line of a program.
 
     Attributes:
@@ -97,7 +97,7 @@ def at_line(source: str, line: int) -> str:
     return f"{source} line {line}"
 
 
-def read_blocks(text: str, source: str) -> list[Block]:
+def read_blocks(text: str, source: str) -> list[ProgramBlock]:
     """Read the lines of a program.
 
     Args:
@@ -120,7 +120,7 @@ def _is_text(parts: list[Word | str], word: Word, rest: str) -> bool:
     return first and word.letter == "M" and word.code // 10 in TEXT and bool(rest.strip()) and not WORDS.fullmatch(rest)
 
 
-def _read(number: int, line: str, source: str) -> Block:
+def _read(number: int, line: str, source: str) -> ProgramBlock:
     parts: list[Word | str] = []
     place = 0
     while place < len(line):
@@ -144,4 +144,4 @@ def _read(number: int, line: str, source: str) -> Block:
         elif not found["space"]:
             parts.append(found[0])
         place = found.end()
-    return Block(number, line, tuple(parts))
+    return ProgramBlock(number, line, tuple(parts))

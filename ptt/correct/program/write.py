@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ptt.correct.program.modal import ARC, AXES, CARRIED, MOTIONS, Read, State
+from ptt.correct.program.modal import ARC, AXES, CARRIED, MOTIONS, ModalState, Read
 from ptt.correct.program.moves import Move
-from ptt.correct.program.words import Block, Word
+from ptt.correct.program.words import ProgramBlock, Word
 
 Array = np.ndarray
 
@@ -45,7 +45,7 @@ class Writer:
     motion: int = -1
     carried: dict[str, float] = field(default_factory=dict)
 
-    def lines(self, block: Block, move: Move, pieces: list[Piece]) -> list[str]:
+    def lines(self, block: ProgramBlock, move: Move, pieces: list[Piece]) -> list[str]:
         """Lines that stand for a block with a move.
 
         Args:
@@ -76,7 +76,7 @@ class Writer:
             lines.append(" ".join(words))
         return [line for line in lines if line]
 
-    def keep(self, block: Block, state: State) -> str:
+    def keep(self, block: ProgramBlock, state: ModalState) -> str:
         """A block without a move, as it was; what it changes is taken note of."""
         codes = [word.code for word in block.words if word.letter == "G"]
         if any(code in MOTIONS or code == 800 for code in codes):
@@ -148,7 +148,7 @@ def _dropped(part: Word | str, letters: set[str]) -> bool:
     return part.letter in letters or (part.letter == "G" and part.code in (*MOTIONS, 530))
 
 
-def _states(block: Block) -> bool:
+def _states(block: ProgramBlock) -> bool:
     return any(word.letter == "G" and word.code in MOTIONS for word in block.words)
 
 

@@ -23,7 +23,7 @@ Trials = Mapping[str, tuple[Effect, Sequence[Shape]]]  # candidates by key, each
 
 
 @dataclass(frozen=True)
-class Run:
+class LongRun:
     """A long run as chunks are made of it.
 
     Attributes:
@@ -64,7 +64,7 @@ class Ansatz:
     memory: Memory
 
 
-def open_run(problem: Problem, chunks: Chunks, span: Span) -> Run:
+def open_long_run(problem: Problem, chunks: Chunks, span: Span) -> LongRun:
     """A long run with its held-out blocks and poses.
 
     Args:
@@ -76,11 +76,11 @@ def open_run(problem: Problem, chunks: Chunks, span: Span) -> Run:
         The run.
     """
     sharing = sharing_groups(problem.table, problem.used)
-    return Run(problem, chunks, span, travel_blocks(problem.table, blocks_beside(problem.frames)), *sharing)
+    return LongRun(problem, chunks, span, travel_blocks(problem.table, blocks_beside(problem.frames)), *sharing)
 
 
 def columns_of(
-    chunk: Problem, run: Run, at: Ansatz, trials: Trials, names: Sequence[str] | None = None
+    chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, names: Sequence[str] | None = None
 ) -> tuple[Linear, np.ndarray]:
     """Columns of the model, of candidates and of blocks, on a chunk.
 

@@ -16,7 +16,7 @@ ELSEWHERE = 5.0  # nats below which readings along the travel ask for nothing, a
 
 
 @dataclass(frozen=True)
-class Trial:
+class HiddenTrial:
     """How atoms do on hidden blocks of travel with one of them and without it.
 
     Each way that the readings may go is counted as far as the shown rows tell it.
@@ -87,7 +87,7 @@ def _gains(gained: np.ndarray, least: float) -> bool:
     return bool(others > 0.0 and gained.sum() > least)
 
 
-def hold_back(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
+def hold_back(scorer: Scorer, keys: Sequence[str], key: str) -> HiddenTrial:
     """Hide each block of travel in turn from atoms with and without one of them.
 
     Args:
@@ -105,7 +105,7 @@ def hold_back(scorer: Scorer, keys: Sequence[str], key: str) -> Trial:
     return scorer.trials[where]
 
 
-def _hold_back(scorer: Scorer, whole: State, fewer: State) -> Trial:
+def _hold_back(scorer: Scorer, whole: State, fewer: State) -> HiddenTrial:
     """A set against the same less an atom."""
     place = {column: number for number, column in enumerate(whole.columns)}
     among = [place[column] for column in fewer.columns]
@@ -126,7 +126,7 @@ def _hold_back(scorer: Scorer, whole: State, fewer: State) -> Trial:
     squares = np.array(four).reshape(-1, 4) / phi
     all_shown = sum(shown)
     elsewhere = _elsewhere(scorer, whole, fewer, all_shown)
-    return Trial(
+    return HiddenTrial(
         squares[:, 0], squares[:, 1], all_shown / phi, elsewhere / phi, count, np.array(plainly) / phi,
         needed=bool(np.isfinite(whole.total) and not np.isfinite(fewer.total)),
         told=float((squares[:, 3] - squares[:, 2]).sum()),

@@ -4,7 +4,7 @@ from math import comb
 
 import numpy as np
 
-SHOWN = 9.0  # three standard errors, squared: of a joint where an effect shows less it may not be at all
+SHOWN_ENERGY = 9.0  # three standard errors, squared: of a joint where an effect shows less it may not be at all
 
 
 def idle_columns(joint: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, float]:
@@ -17,7 +17,7 @@ def idle_columns(joint: np.ndarray, energy: np.ndarray) -> tuple[np.ndarray, flo
     Returns:
         (m,) bool, none where all joints show it or none does; and nats.
     """
-    shows = np.bincount(joint, energy) > SHOWN
+    shows = np.bincount(joint, energy) > SHOWN_ENERGY
     joints, busy = len(np.unique(joint)), int(shows.sum())
     if not 0 < busy < joints:
         return np.zeros(len(joint), dtype=bool), 0.0

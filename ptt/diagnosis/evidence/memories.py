@@ -10,7 +10,7 @@ from ptt.diagnosis.evidence.atoms import BLOCK_ODDS, MEMORY_ODDS
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.memory import WHITE, Memory, Sums
+from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
 from ptt.fitting.factor import factor_of
 
@@ -95,7 +95,7 @@ def _ways(system: System, state: State) -> np.ndarray:
     return np.asarray(size[:, None] * ways[:, kept])
 
 
-def _evidence(sums: Sums, system: System) -> float:
+def _evidence(sums: MemorySums, system: System) -> float:
     """Log evidence of columns of unit variance."""
     factor, known = factor_of(sums.gram, 1.0), system.freedom + system.spare
     along = lapack.dtrtrs(factor, sums.side, lower=1)[0] if len(factor) else sums.side

@@ -15,7 +15,7 @@ WIDE = 50  # columns up to which an atom costs a search little
 MAP = 150  # columns from which an effect is a map of harmonics, mostly the same few curves: it pays on any run
 REPAID = 8  # coordinates for each column from which a search gains more by fewer columns than it takes to find them
 UNSEEN = 1e-9  # of the largest eigenvalue: a shape of which the rows show less than rounding
-LEAST = 1e-3  # variance over noise that a shape puts into the readings when it is as large as it may be
+LEAST_VARIANCE = 1e-3  # over noise, that a shape puts into the readings when it is as large as it may be
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.nda
     for index, largest in enumerate(most):
         own = np.flatnonzero(group == index)
         strength, turned = np.linalg.eigh(flat[own] @ flat[own].T)
-        kept = np.flatnonzero(strength > max(UNSEEN * strength[-1], LEAST / largest))
+        kept = np.flatnonzero(strength > max(UNSEEN * strength[-1], LEAST_VARIANCE / largest))
         kept = kept if len(kept) else np.array([len(own) - 1])
         part = np.zeros((len(flat), len(kept)))
         part[own] = turned[:, kept]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.diagnosis.evidence.candidates import present_candidates
-from ptt.diagnosis.evidence.row_system import build_system
+from ptt.diagnosis.evidence.row_system import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
@@ -278,7 +278,7 @@ def _saturated(
     candidates, _ = present_candidates(fitted, problem, known)
     short = [effect for effect in candidates if len(effect.search(problem.view)) < SHORT_SEARCH]
     rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
-    system = build_system(fitted, problem, short, noise, 0.0, rows)
+    system = build_row_system(fitted, problem, short, noise, 0.0, rows)
     one_each = {atom.name: key for key, atom in system.atoms.items()}
     if sum(len(system.atoms[key].columns) for key in one_each.values()) > CROWDED * 3.0 * rows.sum():
         raise too_few(problem)

@@ -15,7 +15,7 @@ from ptt.diagnosis.noise.memory import Memory
 
 TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
 LIKELY = 0.02  # odds beside the set that is told: values one deviation away then move that deviation by a hundredth
-MOST = 12  # of these, the likeliest
+MOST_SETS = 12  # of these, the likeliest
 VERDICTS = ("missing", "nothing-missing", "unknown")
 
 
@@ -52,7 +52,7 @@ def weigh_sets(scorer: Scorer) -> Probability:
     verdict = dict.fromkeys(VERDICTS, 0.0)
     for (names, *_), state in best.items():
         weight = float(np.exp((state.total - states[0].total) / TEMPER))
-        verdict[kind_of(state, scorer, beyond)] += weight
+        verdict[verdict_of(state, scorer, beyond)] += weight
         for name in names:
             effects[name] += weight
     whole = sum(verdict.values())
@@ -74,7 +74,7 @@ def near_sets(scorer: Scorer, state: State) -> Iterator[tuple[float, State]]:
     """
     least = state.total + TEMPER * np.log(LIKELY)
     near = [other for other in scorer.scored.values() if other is not state and least < other.total < np.inf]
-    for other in sorted(near, key=lambda other: -other.total)[:MOST]:
+    for other in sorted(near, key=lambda other: -other.total)[:MOST_SETS]:
         if (other.keys, other.memory) != (state.keys, state.memory):
             odds = float(np.exp(min(other.total - state.total, 0.0) / TEMPER))
             yield odds, scorer.score(other.keys, other.memory, other.scales)
@@ -94,7 +94,7 @@ def _faulty_memories(scorer: Scorer, states: Sequence[State]) -> frozenset[Memor
     return frozenset(memory for memory, state in first.items() if wanders_beyond(scorer.system, state))
 
 
-def kind_of(state: State, scorer: Scorer, beyond: Collection[Memory]) -> str:
+def verdict_of(state: State, scorer: Scorer, beyond: Collection[Memory]) -> str:
     """Which verdict a set of atoms is; `beyond` are memories of the noise that are more than a tracker's."""
     atoms = [scorer.system.atoms[key] for key in state.keys if key not in scorer.given]
     if holds_unknown(scorer.system, state.keys, state.memory) or state.memory in beyond:

@@ -7,16 +7,16 @@ from functools import cached_property
 
 import numpy as np
 
-from ptt.diagnosis.noise.memory import Hidden, Memory, PoseParts, Sums, as_sums, entries, of_poses, run_of
+from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums, PoseParts, as_sums, entries, of_poses, run_of
 from ptt.diagnosis.noise.poses import Poses, PosesBeside
 from ptt.diagnosis.noise.wander import Clock, filtered
 
 PLENTY = 4  # rows for each column from which the sums of all columns are worked out at once
-MOST = 0.3  # share of the columns from which rows of the gram are worked out whole
+WHOLE_SHARE = 0.3  # of the columns, from which rows of the gram are worked out whole
 
 
 @dataclass(frozen=True)
-class LazySums(Sums):
+class LazySums(MemorySums):
     """Normal sums that are worked out as they are asked for.
 
     Most columns never meet: a screen sets each atom against itself and against the few of an explanation.
@@ -38,19 +38,19 @@ class LazySums(Sums):
         gram[known, :before] = self.gram[known]
         return gram, there, known
 
-    def of(self, chosen: np.ndarray) -> Sums:
+    def of(self, chosen: np.ndarray) -> MemorySums:
         """Normal sums of chosen columns; what these lack is worked out among them alone: most sets lead no further."""
         gram, there = entries(self.gram, chosen, chosen), self.there[chosen]
         if not there.all():
             lack = np.flatnonzero(~there)
             gram[np.ix_(lack, there)] = gram[np.ix_(there, lack)].T
             gram[np.ix_(lack, lack)] = self.products(chosen[lack], chosen[lack])
-        return Sums(gram, self.side[chosen], self.square, self.log_noise)
+        return MemorySums(gram, self.side[chosen], self.square, self.log_noise)
 
     def across(self, chosen: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
         """Rows of the gram, (p, o); where many others are asked for, the rows are worked out whole and kept."""
         lack = chosen[~self.there[chosen]]
-        if len(lack) and (isinstance(others, slice) or len(others) > MOST * len(self.there)):
+        if len(lack) and (isinstance(others, slice) or len(others) > WHOLE_SHARE * len(self.there)):
             self.gram[lack], self.there[lack] = self.products(lack, slice(None)), True
             lack = lack[:0]
         found = entries(self.gram, chosen, others)
@@ -100,7 +100,7 @@ class SumsOfPoses(LazySums):
         share: k v / (1 + k v) of each, (3 poses,).
     """
 
-    plain: Sums = field(kw_only=True)
+    plain: MemorySums = field(kw_only=True)
     means: np.ndarray = field(kw_only=True)
     share: np.ndarray = field(kw_only=True)
 
@@ -108,7 +108,7 @@ class SumsOfPoses(LazySums):
         """Entries of the gram, (s, o)."""
         return self.plain.across(some, others) - (self.means[some] * self.share) @ self.means[others].T
 
-    def widened(self, plain: Sums, means: np.ndarray, values: np.ndarray) -> "SumsOfPoses":
+    def widened(self, plain: MemorySums, means: np.ndarray, values: np.ndarray) -> "SumsOfPoses":
         """The same with columns behind those that are there.
 
         Args:
@@ -130,7 +130,7 @@ class SumsOfPoses(LazySums):
         return np.asarray(self.plain.own(columns) - (own * self.share) @ own.transpose(0, 2, 1))
 
 
-def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all_of_them: bool = True) -> Sums:
+def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all_of_them: bool = True) -> MemorySums:
     """Normal sums of white columns (P, r) and readings (r,); where rows are many, sums of all take less room.
 
     Args:
@@ -141,12 +141,14 @@ def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all
     """
     side, square, width = white @ values, float(values @ values), len(white)
     if all_of_them and white.shape[1] > PLENTY * width:
-        return Sums(white @ white.T, side, square, log_noise)
+        return MemorySums(white @ white.T, side, square, log_noise)
     room, there = np.empty((width, width)), np.zeros(width, dtype=bool)
     return SumsOfRows(room, side, square, log_noise, white=white, there=there)
 
 
-def sums_of_poses(plain: Sums, means: np.ndarray, values: np.ndarray, poses: Poses | PosesBeside, size: float) -> Sums:
+def sums_of_poses(
+    plain: MemorySums, means: np.ndarray, values: np.ndarray, poses: Poses | PosesBeside, size: float
+) -> MemorySums:
     """Normal sums where each pose has an error to itself.
 
     Args:
@@ -185,7 +187,7 @@ class FewSums:
     white: np.ndarray | None = None
     means: np.ndarray | None = None
 
-    def of(self, memory: Memory) -> Sums:
+    def of(self, memory: Memory) -> MemorySums:
         """Normal sums under a memory."""
         if memory.wander is None and not memory.pose:
             return as_sums(self._white, 0.0)

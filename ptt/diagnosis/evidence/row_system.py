@@ -19,14 +19,14 @@ from ptt.diagnosis.evidence.row_sums import (
     sums_of_rows,
 )
 from ptt.diagnosis.evidence.system import System, clock_of, straightened, whitened
-from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, Sums, as_joined, base_sums
+from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums, as_joined, base_sums
 from ptt.diagnosis.noise.poses import Poses, poses_of
 from ptt.diagnosis.noise.wander import Wander, filtered
 from ptt.diagnosis.unknown.blocks import SIZE, Block, unknown_blocks
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Effect
 from ptt.effects.sudden import ALWAYS
-from ptt.fitting.linear import Linear, Place, Shapes, linear_columns
+from ptt.fitting.linear import Linear, LinearPoint, Shapes, linear_columns
 from ptt.fitting.result import FitResult
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import blocks_beside, sharing_groups
@@ -58,12 +58,12 @@ class RowSystem(System):
     poses: Poses
     block: np.ndarray
     levers: dict[int, np.ndarray]
-    at: Place
+    at: LinearPoint
     base_columns: np.ndarray
     base_values: np.ndarray
     asked_little: bool = False
     one_memory: bool = False
-    _sums: dict[Memory, Sums] = field(default_factory=dict)
+    _sums: dict[Memory, MemorySums] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -80,7 +80,7 @@ class RowSystem(System):
         """The columns one behind the other, (P, 3, m)."""
         return np.ascontiguousarray(self.columns.transpose(2, 1, 0))
 
-    def sums(self, memory: Memory) -> Sums:
+    def sums(self, memory: Memory) -> MemorySums:
         """Normal sums of all columns; the last few memories are kept."""
         if memory not in self._sums:
             if len(self._sums) > KEPT:
@@ -94,13 +94,13 @@ class RowSystem(System):
         self._sums.clear()
         self.__dict__.pop("_means", None)
 
-    def _sums_of_all(self, memory: Memory) -> Sums:
+    def _sums_of_all(self, memory: Memory) -> MemorySums:
         if memory.pose:
             means = self._means if memory.wander is None else self._means_of(self.flat, memory.wander)
             return self._beside_poses(self.sums(Memory(memory.wander)), means, memory)
         return sums_of_rows(*self._white(None, memory.wander), all_of_them=not self.asked_little)
 
-    def _beside_poses(self, plain: Sums, means: np.ndarray, memory: Memory) -> Sums:
+    def _beside_poses(self, plain: MemorySums, means: np.ndarray, memory: Memory) -> MemorySums:
         """Sums where poses have errors to themselves, from those without and the means of their columns."""
         values = self._means_of(self.values.T[None], memory.wander)[0]
         return sums_of_poses(plain, means, values, self.poses.beside(memory.wander, self.clock), memory.pose)
@@ -113,12 +113,12 @@ class RowSystem(System):
     def _means(self) -> np.ndarray:
         return self._means_of(self.flat, None)
 
-    def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
+    def sums_of(self, chosen: np.ndarray, memory: Memory) -> MemorySums:
         """Normal sums of chosen columns, from those of all where they are there."""
         if memory in self._sums:
             return super().sums_of(chosen, memory)
         white, values, log_noise = self._white(chosen, memory.wander)
-        sums = Sums(white @ white.T, white @ values, float(values @ values), log_noise)
+        sums = MemorySums(white @ white.T, white @ values, float(values @ values), log_noise)
         if not memory.pose:
             return sums
         means = self._means_of(self.flat[chosen], memory.wander)
@@ -135,7 +135,7 @@ class RowSystem(System):
             after[:, :, [place[column] for column in atom.columns]] = self.at.columns(atom.effect, ALWAYS)[self.rows]
         return gram + (_gram(after) - _gram(during) if slips else 0.0)
 
-    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
+    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], MemorySums]:
         """Normal sums of combinations of chosen columns, under any memory; what is there already is used."""
 
         def joined() -> np.ndarray:
@@ -229,7 +229,7 @@ class RowSystem(System):
         return np.concatenate([flat, base], axis=1), np.append(values.ravel(), self.base_values), log_noise
 
 
-def build_system(
+def build_row_system(
     fitted: FitResult,
     problem: Problem,
     candidates: Sequence[Effect],

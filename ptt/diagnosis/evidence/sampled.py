@@ -18,7 +18,7 @@ Held = tuple[np.ndarray, np.ndarray, int]  # joined sums of a block in noise uni
 
 ENOUGH = 200_000  # rows on which candidates are told: twenty times those that show the least that is named
 SPANNED = 1e-12  # of the strongest direction of the model's columns: less is rounding
-SEEN = 2.0  # times what a share foretells that all rows may show along a way: beyond it, the share does not know it
+SEEN_TIMES = 2.0  # what a share foretells that all rows may show along a way: beyond it, the share does not know it
 
 
 def share_of_rows(rows: int) -> int:
@@ -75,5 +75,5 @@ def _regressed(gram: np.ndarray, across: np.ndarray, every: np.ndarray) -> np.nd
     there = strength > SPANNED * strength[-1]
     ways = ways[:, there] / np.sqrt(strength[there])
     shown, turned = np.linalg.eigh(ways.T @ (every / np.outer(size, size)) @ ways)
-    ways = ways @ turned[:, shown < SEEN]
+    ways = ways @ turned[:, shown < SEEN_TIMES]
     return np.asarray(ways @ (ways.T @ (across / size[:, None])) / size[:, None])

@@ -16,14 +16,14 @@ from ptt.diagnosis.evidence.screen import Basis, Begun, Gain, Screen
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.swap import replacements
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.memory import Hidden, Memory, Sums
+from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums
 from ptt.effects.sudden import EDGE
 from ptt.fitting.evidence import WIDTH, learn
 from ptt.fitting.posterior import Posterior
 from ptt.model.model import rival
 
 if TYPE_CHECKING:
-    from ptt.diagnosis.evidence.hidden import Trial
+    from ptt.diagnosis.evidence.hidden import HiddenTrial
 
 UNDONE = 0.25  # of the squares of what something did, less than which is left once something else has taken it back
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
@@ -55,7 +55,7 @@ class Scorer:
         self.known: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
         self.suiting: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
         # What hidden rows say of sets under white noise.
-        self.trials: dict[tuple[tuple[str, ...], str], Trial] = {}
+        self.trials: dict[tuple[tuple[str, ...], str], HiddenTrial] = {}
         self.foretold: dict[tuple[str, ...], list[tuple[Hidden, Posterior]]] = {}
         self.held_out: dict[tuple[str, ...], float] = {}
 
@@ -155,7 +155,7 @@ class Scorer:
         return max(posterior.zeroed(np.array(off)) - odds, most) if off else 0.0
 
     def _learned(
-        self, atoms: Sequence[Atom], sums: Sums, count: float, begin: np.ndarray, least: float = -np.inf
+        self, atoms: Sequence[Atom], sums: MemorySums, count: float, begin: np.ndarray, least: float = -np.inf
     ) -> Posterior:
         """Variances and values of the frame and some atoms, from sums of their columns."""
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
@@ -186,7 +186,7 @@ class Scorer:
         place = np.arange(len(state.columns)) if among is None else np.asarray(among, dtype=int)
         for part in hidden:
             gram, side = sums.gram - part.gram[np.ix_(place, place)], sums.side - part.side[place]
-            less, count = Sums(gram, side, sums.square - part.energy, 0.0), self.system.spare - 3.0 * part.rows
+            less, count = MemorySums(gram, side, sums.square - part.energy, 0.0), self.system.spare - 3.0 * part.rows
             yield self._learned(atoms, less, max(count, 1.0), state.posterior.scales)
 
     def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ptt.diagnosis.evidence.ansatz import Ansatz, Run, Trials, columns_of
+from ptt.diagnosis.evidence.ansatz import Ansatz, LongRun, Trials, columns_of
 from ptt.diagnosis.evidence.effect_atoms import atoms_of
 from ptt.diagnosis.evidence.sampled import Held, share_of_rows, spread
 from ptt.diagnosis.evidence.summed_system import SummedSystem
@@ -45,7 +45,7 @@ class Contribution:
 
 
 def sum_up(
-    run: Run, at: Ansatz, trials: Trials, sample: Problem, kept: np.ndarray, *, sift: bool = False,
+    run: LongRun, at: Ansatz, trials: Trials, sample: Problem, kept: np.ndarray, *, sift: bool = False,
 ) -> tuple[SummedSystem, np.ndarray]:  # fmt: skip
     """Sum up all chunks.
 
@@ -84,7 +84,7 @@ def sum_up(
     return system, np.concatenate(gross)
 
 
-def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.ndarray, sift: bool) -> Contribution:
+def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np.ndarray, sift: bool) -> Contribution:
     """Linearise one chunk and sum it up.
 
     Args:
@@ -125,7 +125,7 @@ def sum_chunk(chunk: Problem, run: Run, at: Ansatz, trials: Trials, kept: np.nda
 
 
 def _sum_rows(
-    part: Problem, run: Run, at: Ansatz, linear: Linear, columns: np.ndarray, there: np.ndarray,
+    part: Problem, run: LongRun, at: Ansatz, linear: Linear, columns: np.ndarray, there: np.ndarray,
     hidden: dict[int, Held],
 ) -> np.ndarray:  # fmt: skip
     """Add the sums of rows that are there to those of their blocks; their columns and readings, (r, 3, P + 1)."""
@@ -137,7 +137,7 @@ def _sum_rows(
 
 
 def left_of(
-    run: Run, at: Ansatz, trials: Trials, system: SummedSystem, chosen: np.ndarray, values: np.ndarray
+    run: LongRun, at: Ansatz, trials: Trials, system: SummedSystem, chosen: np.ndarray, values: np.ndarray
 ) -> np.ndarray:
     """What a solution leaves of all rows that count.
 
@@ -191,7 +191,7 @@ def _stretches(block: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
 
 
 def _gross(
-    chunk: Problem, run: Run, at: Ansatz, trials: Trials, linear: Linear, columns: np.ndarray, rows: np.ndarray
+    chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, linear: Linear, columns: np.ndarray, rows: np.ndarray
 ) -> np.ndarray:
     """Lone rows of a chunk that neither the model and its blocks nor all candidates can explain, (m,) bool."""
     simple = np.arange(columns.shape[2])
@@ -204,7 +204,7 @@ def _gross(
 
 
 def _system(
-    run: Run, at: Ansatz, trials: Trials, sample: Problem, linear: Linear, rows: np.ndarray,
+    run: LongRun, at: Ansatz, trials: Trials, sample: Problem, linear: Linear, rows: np.ndarray,
     hidden: dict[int, Held], other: tuple[np.ndarray, float] | None,
 ) -> SummedSystem:  # fmt: skip
     counts = {key: len(tuple(effect.search(sample.view))) for key, (effect, _) in trials.items()}

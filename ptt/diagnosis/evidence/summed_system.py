@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.sampled import Held
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.memory import Hidden, Memory, Sums, hidden_from
+from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums, hidden_from
 
 
 @dataclass
@@ -22,7 +22,7 @@ class SummedSystem(System):
         look: what a solution leaves of all rows, by another pass over them.
     """
 
-    total: dict[Memory, Sums]
+    total: dict[Memory, MemorySums]
     hidden_sums: dict[int, Held]
     extra: int
     visits: int
@@ -44,7 +44,7 @@ class SummedSystem(System):
         """Those that there are sums of."""
         return tuple(self.total)
 
-    def sums(self, memory: Memory) -> Sums:
+    def sums(self, memory: Memory) -> MemorySums:
         """Normal sums of all columns."""
         return self.total[memory]
 

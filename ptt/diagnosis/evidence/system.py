@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.effect_atoms import straight_sizes
-from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, Sums
+from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums
 from ptt.diagnosis.noise.wander import Clock, innovations
 from ptt.diagnosis.unknown.blocks import SIZE, Block
 from ptt.fitting.alike import times_of
@@ -66,7 +66,7 @@ class System(ABC):
         """Visits beyond the first of each pose."""
 
     @abstractmethod
-    def sums(self, memory: Memory) -> Sums:
+    def sums(self, memory: Memory) -> MemorySums:
         """Normal sums of all columns."""
 
     @abstractmethod
@@ -99,11 +99,11 @@ class System(ABC):
         """The only memories whose sums there are; None for any."""
         return None
 
-    def sums_of(self, chosen: np.ndarray, memory: Memory) -> Sums:
+    def sums_of(self, chosen: np.ndarray, memory: Memory) -> MemorySums:
         """Normal sums of chosen columns."""
         return self.sums(memory).of(chosen)
 
-    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], Sums]:
+    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], MemorySums]:
         """Normal sums of combinations of chosen columns, under any memory.
 
         Args:
@@ -111,9 +111,9 @@ class System(ABC):
             ways: (p, r) the combinations.
         """
 
-        def sums(memory: Memory) -> Sums:
+        def sums(memory: Memory) -> MemorySums:
             own = self.sums_of(chosen, memory)
-            return Sums(ways.T @ own.gram @ ways, ways.T @ own.side, own.square, own.log_noise)
+            return MemorySums(ways.T @ own.gram @ ways, ways.T @ own.side, own.square, own.log_noise)
 
         return sums
 

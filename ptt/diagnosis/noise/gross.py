@@ -13,7 +13,7 @@ TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be it
 ALIKE = 0.5  # share of a shift by which two rows of one stretch differ at most
 MOSTLY = 0.5  # share of the visits of a pose that miss it alike, from which the pose is to blame
 COMPANY = 2  # alike rows among the four nearest from which a row is one of a stretch
-MOST = 0.12  # share of rows beyond which far rows are no exceptions
+FAR_ROWS_SHARE = 0.12  # beyond it far rows are no exceptions
 LEVELS = 2  # measures of place that come in levels: load and feed
 CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
 SPREAD_OUT = 1e-3  # chance of as many neighbours in space among gross errors of a run
@@ -120,7 +120,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
 
 def are_exceptions(far: np.ndarray, used: np.ndarray) -> bool:
     """Whether some of the used rows, (n,) bool each, are few enough to be gross errors: chance may spoil some more."""
-    most = MOST * float(used.sum())
+    most = FAR_ROWS_SHARE * float(used.sum())
     return bool(far.sum() <= most + np.sqrt(most))
 
 

@@ -44,7 +44,7 @@ def run_of(columns: np.ndarray) -> np.ndarray | slice:
 
 
 @dataclass(frozen=True)
-class Sums:
+class MemorySums:
     """Normal sums of columns under one memory of the noise.
 
     Attributes:
@@ -64,9 +64,9 @@ class Sums:
         """Entries of the gram, (p, o), the caller's own."""
         return entries(self.gram, chosen, others)
 
-    def of(self, chosen: np.ndarray) -> "Sums":
+    def of(self, chosen: np.ndarray) -> "MemorySums":
         """Normal sums of chosen columns."""
-        return Sums(entries(self.gram, chosen, chosen), self.side[chosen], self.square, self.log_noise)
+        return MemorySums(entries(self.gram, chosen, chosen), self.side[chosen], self.square, self.log_noise)
 
     def own(self, columns: np.ndarray) -> np.ndarray:
         """Each atom's own gram, (a, w, w), of the columns of atoms (a, w); they are kept."""
@@ -187,12 +187,12 @@ def base_sums(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.asarray(flat.T @ flat)
 
 
-def as_sums(gram: np.ndarray, log_noise: float) -> Sums:
+def as_sums(gram: np.ndarray, log_noise: float) -> MemorySums:
     """Joined sums of columns and readings, apart."""
-    return Sums(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]), log_noise)
+    return MemorySums(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]), log_noise)
 
 
-def as_joined(sums: Sums) -> np.ndarray:
+def as_joined(sums: MemorySums) -> np.ndarray:
     """The other way round, (P + 1, P + 1)."""
     return np.block([[sums.gram, sums.side[:, None]], [sums.side, np.full(1, sums.square)]])
 

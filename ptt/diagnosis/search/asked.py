@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.diagnosis.evidence.row_system import build_system
+from ptt.diagnosis.evidence.row_system import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.search.turn import Turn, shapes_of
 from ptt.diagnosis.unknown.span import Span
@@ -61,7 +61,7 @@ def open_turn(
     """
     rows = problem.used & ~gross & np.isfinite(fitted.residual).all(axis=1)
     shapes = {effect.key: shapes_of(effect, problem.view, turn.moments) for effect in candidates}
-    system = build_system(
+    system = build_row_system(
         fitted, problem, candidates, turn.noise, asked.freedom, rows, turn.periods, shapes, asked.span, linear,
         unknown=unknown,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.instead import drawn_instead
-from ptt.diagnosis.search.moves import LEAST, loose
+from ptt.diagnosis.search.moves import LEAST_NATS, loose
 from ptt.diagnosis.search.plainest import PLAIN
 
 EVEN = float(np.log(2.0))  # nats against one more size, once one is off
@@ -70,7 +70,7 @@ def _without(scorer: Scorer, state: State, named: State, gone: Sequence[str], *,
     every = Scorer(scorer.system, scorer.given, scorer.steps, barred, fields=fields)
     other = improve(every, every.score(best.keys, best.memory, best.scales))
     more = _once_one_is_off(every, other) - _once_one_is_off(plain, best)
-    least = PLAIN if _unknowns(every, other) - _unknowns(plain, best) else LEAST
+    least = PLAIN if _unknowns(every, other) - _unknowns(plain, best) else LEAST_NATS
     allowed = _unknowns(every, other) <= _unknowns(scorer, state)
     return (every, other) if allowed and more > least else (plain, best)
 

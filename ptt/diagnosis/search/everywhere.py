@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from ptt.diagnosis.evidence.ansatz import Ansatz, Run, Trials
+from ptt.diagnosis.evidence.ansatz import Ansatz, LongRun, Trials
 from ptt.diagnosis.evidence.atoms import Atom, atoms_of_blocks
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.noise_level import starting_noise
@@ -36,7 +36,7 @@ WORTH = (
 
 
 @dataclass(frozen=True)
-class Task:
+class WholeSearch:
     """What does not change while all rows are searched.
 
     Attributes:
@@ -49,7 +49,7 @@ class Task:
         seen: harmonics of a turn that the sample asked for.
     """
 
-    run: Run
+    run: LongRun
     sample: Problem
     model: Model
     known: Library
@@ -58,7 +58,7 @@ class Task:
     seen: tuple[OncePerRev, ...] = ()
 
 
-def find_everywhere(told: Found, task: Task) -> Found:
+def find_everywhere(told: Found, task: WholeSearch) -> Found:
     """Find the best explanation of all rows, from that of a sample.
 
     Every turn fits the model by one step on sums over all rows, then linearises there with candidates beside it and
@@ -106,7 +106,7 @@ def _ansatz(fitted: FitResult, told: Found, freedom: float) -> Ansatz:
 
 
 def _settle(
-    at: Ansatz, task: Task, gross: np.ndarray, shapes: dict[str, Shape], *, sift: bool
+    at: Ansatz, task: WholeSearch, gross: np.ndarray, shapes: dict[str, Shape], *, sift: bool
 ) -> tuple[Ansatz, np.ndarray, dict[str, np.ndarray]]:
     """One step of the fit on all rows, without candidates, and the values of blocks; the first tells gross errors."""
     trials = _trials(at.fitted, task, shapes) if sift else {}
@@ -134,7 +134,7 @@ def _refit(fitted: FitResult, system: SummedSystem, state: State) -> FitResult:
     return replace(moved_to, model=replace(fitted.model, terms=fitted_terms(moved_to)))
 
 
-def _opened(found: Found, task: Task) -> FitResult:
+def _opened(found: Found, task: WholeSearch) -> FitResult:
     """A start for the model that was found, at its amplitudes; frames stay where they are."""
     model = moved(found, task.model, task.sample, refine=found.span is None)
     layout = lay_out(model, task.sample, model.terms)
@@ -155,7 +155,7 @@ def _best_shapes(told: Found) -> dict[str, Shape]:
     return {atom.name: atom.shape for atom in atoms if atom.shape is not None}
 
 
-def _trials(fitted: FitResult, task: Task, best: dict[str, Shape]) -> Trials:
+def _trials(fitted: FitResult, task: WholeSearch, best: dict[str, Shape]) -> Trials:
     """Candidates beside a model: all shapes where they are few, else the sample's best."""
     trials = {}
     for effect in present_candidates(fitted, task.sample, task.known, task.seen)[0]:

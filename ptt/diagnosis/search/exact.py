@@ -14,7 +14,7 @@ from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.found import Found, is_better, moved, scorer_at
 from ptt.diagnosis.search.improve import HOPEFUL, improve
 from ptt.diagnosis.search.instead import is_plain, refilled
-from ptt.diagnosis.search.moves import SEEN, TRIED, added, loose
+from ptt.diagnosis.search.moves import SEEN_NATS, TRIED, added, loose
 from ptt.diagnosis.search.plainest import plainest
 from ptt.effects import Effect, Library
 from ptt.fitting.gauss_newton import HOPELESS
@@ -128,7 +128,7 @@ def _bent(scorer: Scorer, state: State) -> list[State]:
         return []
     rest = scorer.score(without(state, *gradual), state.memory, state.scales)
     found = scorer.screen(rest, lambda atom: _is_play(atom.effect))[:1]
-    return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN]
+    return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN_NATS]
 
 
 def _plainer(scorer: Scorer, state: State) -> list[State]:
@@ -144,7 +144,7 @@ def _plainer(scorer: Scorer, state: State) -> list[State]:
             continue
         rest = scorer.score(without(state, key), state.memory, state.scales)
         others = scorer.screen(rest, partial(_is_commoner, own))[:TRIED]
-        ways += [added(scorer, rest, gain) for gain in others if gain.nats > SEEN]
+        ways += [added(scorer, rest, gain) for gain in others if gain.nats > SEEN_NATS]
     return ways
 
 

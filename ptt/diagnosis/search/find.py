@@ -151,10 +151,10 @@ def _lawful(asked: Asked, found: Found, problem: Problem) -> Found:
     lawful = replace(found, scorer=scorer, system=scorer.system, state=state)
     if is_told(scorer, state):
         return lawful
-    return max(_told(asked, lawful, problem), found, key=_total)
+    return max(_told(asked, lawful, problem), found, key=_told_total)
 
 
-def _total(found: Found) -> float:
+def _told_total(found: Found) -> float:
     return found.state.total if is_told(found.scorer, found.state) else -np.inf
 
 

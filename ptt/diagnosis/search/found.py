@@ -9,11 +9,11 @@ from torch import Tensor
 
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.candidates import first_of, present_candidates
-from ptt.diagnosis.evidence.row_system import RowSystem, build_system
+from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.search.moves import LEAST
+from ptt.diagnosis.search.moves import LEAST_NATS
 from ptt.diagnosis.search.shapes import shape_key, with_shapes
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Library
@@ -97,7 +97,7 @@ def scorer_at(
     """
     candidates, untestable = present_candidates(fitted, problem, known, found.seen)
     rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
-    system = build_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
+    system = build_row_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
     scorer = Scorer(system, model.keys, steps, found.scorer.barred, fields=found.scorer.fields)
     return scorer, untestable
 
@@ -127,10 +127,10 @@ def is_better(one: Found, other: Found) -> bool:
         Whether the one does.
     """
     same = np.array_equal(one.system.rows, other.system.rows) and one.noise is other.noise
-    return same and one.state.total > other.state.total + LEAST
+    return same and one.state.total > other.state.total + LEAST_NATS
 
 
-def says_more(one: Found, other: Found, least: float = LEAST) -> bool:
+def says_more(one: Found, other: Found, least: float = LEAST_NATS) -> bool:
     """The same as `is_better`, also with another noise and other rows: by the density of the readings in 1/mm.
 
     A gross error may lie anywhere within a mm or so, so a row that is left out has a density of one.

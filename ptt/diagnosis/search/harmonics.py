@@ -13,15 +13,15 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.improve import HOPEFUL, SLOW_BELOW, climb, improve
 from ptt.diagnosis.search.instead import FEW
 from ptt.diagnosis.search.moves import loose
-from ptt.diagnosis.search.periods import FEWEST
+from ptt.diagnosis.search.periods import LEAST_ROWS
 from ptt.diagnosis.search.plainest import PLAIN, plainest
 from ptt.diagnosis.search.shapes import shape_key
-from ptt.diagnosis.search.spectrum import WIDE, Along, left_along
+from ptt.diagnosis.search.spectrum import WIDE, JointWave, left_along
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import tried_sizes
 from ptt.run.problem import Problem
 
-MOST = 50  # waves a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
+MOST_WAVES = 50  # a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
 PART, FEW_WAVES = 0.5, 4  # of a turn that an arm's joint has to go through, and waves a turn that tell apart on that
 OFF = 0.3  # of the peak of a line that its harmonic may leave: other lines move it by a third of its half width
 NEARLY = 0.01  # where lines run into each other: what one leaves that lies 0.06 of a wave over the range aside
@@ -93,17 +93,17 @@ def find_harmonics(
         Those that it could not, the strongest first.
     """
     lead = problem.view.lead
-    if lead is None or len(scorer.system.rows) < FEWEST:
+    if lead is None or len(scorer.system.rows) < LEAST_ROWS:
         return ()
     every = left_along(scorer, state, problem, detail=False)
     # On a shorter travel one line covers two harmonics, and any period is nearly one of them.
-    joints, off = [each for each in every if each.span > 2.0 * WIDE * lead], np.full(MOST - 1, OFF)
+    joints, off = [each for each in every if each.span > 2.0 * WIDE * lead], np.full(MOST_WAVES - 1, OFF)
     if not joints and problem.file.machine.kind == "serial":  # whose joints err alike at every turn, or part of one
         joints, off[FEW_WAVES - 1 :] = [each for each in every if each.span > PART * lead], NEARLY
     if not joints:
         return ()
     taken = np.array([_taken(along, lead) for along in joints])
-    effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST + 1)]
+    effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST_WAVES + 1)]
     names = {atom.effect.name for atom in scorer.system.atoms.values() if atom.effect is not None}
     odds = [odds_of_effect(effect, len(names), 1) for effect in effects]
     nats = _nats(taken / state.posterior.phi) - odds
@@ -113,7 +113,7 @@ def find_harmonics(
         return ()
     # Where it lies is told by the joint that shows most of it: others see it from aside.
     peak = np.max([[_taken(along, lead, turns) for along in joints] for turns in ASIDE], axis=0)
-    shown = taken.argmax(axis=0), np.arange(MOST - 1)
+    shown = taken.argmax(axis=0), np.arange(MOST_WAVES - 1)
     placed = peak[shown] - taken[shown] <= np.maximum(off * peak[shown], 2.0 * PLAIN * state.posterior.phi)
     apart = np.where(off == OFF, 0.0, 2.0 * WIDE * lead / max(along.span for along in joints))
     told = [index for index, effect in enumerate(effects) if effect.key in there]
@@ -140,10 +140,10 @@ def plainly(scorer: Scorer, state: State) -> State:
     return scorer.score(without(state, *bends), WHITE, state.scales) if bends else state
 
 
-def _taken(along: Along, lead: float, off: float = 0.0) -> np.ndarray:
+def _taken(along: JointWave, lead: float, off: float = 0.0) -> np.ndarray:
     """Sums of squares that all harmonics take, or waves that are off them by so many turns over the range, (f,)."""
     turns = along.span / lead
-    return along.over(2.0 * turns + off, turns, MOST - 1)
+    return along.over(2.0 * turns + off, turns, MOST_WAVES - 1)
 
 
 def _nats(gain: np.ndarray) -> np.ndarray:

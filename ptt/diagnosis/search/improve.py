@@ -6,7 +6,7 @@ from ptt.diagnosis.evidence.atoms import is_any
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Allowed
 from ptt.diagnosis.evidence.state import State
-from ptt.diagnosis.search.moves import LEAST, plain_moves, slow_moves
+from ptt.diagnosis.search.moves import LEAST_NATS, plain_moves, slow_moves
 
 ROUNDS = 16
 SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less, and gone past if they lose less
@@ -32,7 +32,7 @@ def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
         if memory == state.memory or gained <= 0.0:
             return state
         other = scorer.score(state.keys, memory, state.scales)
-        if not other.total > state.total + LEAST:
+        if not other.total > state.total + LEAST_NATS:
             return state
         state = other
     return state
@@ -55,9 +55,9 @@ def improve(scorer: Scorer, state: State, allowed: Allowed = is_any, *, swaps: b
         if swaps and best.total < state.total + SLOW_BELOW and scorer.looked_at < SCREENS:
             slow = slow_moves(scorer, state, allowed)
             best = max([best, *slow], key=lambda other: other.total)
-            if not best.total > state.total + LEAST:
+            if not best.total > state.total + LEAST_NATS:
                 best = max([best, *_beyond(scorer, state, slow, allowed)], key=lambda other: other.total)
-        if not best.total > state.total + LEAST:
+        if not best.total > state.total + LEAST_NATS:
             return state
         state = best
     return state

@@ -7,7 +7,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
-from ptt.diagnosis.search.moves import LEAST, MISJUDGED, SEEN, TRIED, added, loose, worth_a_try
+from ptt.diagnosis.search.moves import LEAST_NATS, MISJUDGED, SEEN_NATS, TRIED, added, loose, worth_a_try
 
 FEW = 12  # columns up to which an effect is a plain one: four values a leg
 
@@ -25,7 +25,7 @@ def refilled(scorer: Scorer, best: State) -> State:
     best = _named_instead(scorer, best)
     if smooth := [key for key in loose(scorer, best) if _goes_by_place(scorer.system.atoms[key])]:
         drawn = drawn_instead(scorer, best, smooth, best.memory)
-        best = improve(scorer, drawn) if drawn.total > best.total + LEAST else best
+        best = improve(scorer, drawn) if drawn.total > best.total + LEAST_NATS else best
     for key in loose(scorer, best):
         for other in (_instead_of, _beside):
             if key in best.keys and len(scorer.system.atoms[key].columns) > FEW:
@@ -48,7 +48,7 @@ def _named_instead(scorer: Scorer, best: State) -> State:
     for key in loose(scorer, named):
         if key in named.keys and len(scorer.system.atoms[key].columns) > FEW:
             named = _beside(scorer, named, key)
-    return named if named.total > best.total + LEAST else best
+    return named if named.total > best.total + LEAST_NATS else best
 
 
 def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str], memory: Memory) -> State:
@@ -91,7 +91,7 @@ def _instead_of(scorer: Scorer, best: State, key: str) -> State:
     if set(plain.keys) <= set(fewer.keys):  # none takes its place: what another curve can do, a swap has tried
         return best
     other = improve(scorer, plain, swaps=False)
-    return improve(scorer, other) if other.total > best.total + LEAST else best
+    return improve(scorer, other) if other.total > best.total + LEAST_NATS else best
 
 
 def _beside(scorer: Scorer, best: State, key: str) -> State:
@@ -100,13 +100,13 @@ def _beside(scorer: Scorer, best: State, key: str) -> State:
     The screen holds the curve as wide as it is. That the rest of it is narrower once its slope has a name, only an
     exact score tells.
     """
-    near = [gain for gain in scorer.screen(best, is_plain) if gain.nats > SEEN - MISJUDGED]
+    near = [gain for gain in scorer.screen(best, is_plain) if gain.nats > SEEN_NATS - MISJUDGED]
     tried = [added(scorer, best, gain) for gain in near[:TRIED]]
     lenders = _lenders(scorer, best, key)
     if lenders:
         tried.append(scorer.score((*without(best, key), *lenders), best.memory, best.scales))
     other = max(tried, key=lambda state: state.total, default=best)
-    return improve(scorer, other) if other.total > best.total + LEAST else best
+    return improve(scorer, other) if other.total > best.total + LEAST_NATS else best
 
 
 def _commoner(scorer: Scorer, best: State, key: str) -> State:
@@ -118,7 +118,7 @@ def _commoner(scorer: Scorer, best: State, key: str) -> State:
     if there is None:
         return best
     other = improve(scorer, there, is_plain, swaps=False)
-    return improve(scorer, other) if other.total > best.total + LEAST else best
+    return improve(scorer, other) if other.total > best.total + LEAST_NATS else best
 
 
 def commoner(scorer: Scorer, state: State, key: str) -> State | None:
@@ -168,7 +168,7 @@ def _asked_of_tracker(scorer: Scorer, best: State) -> State:
         if key in best.keys and atom.effect is not None:
             fewer = scorer.score(without(best, key), best.memory, best.scales)
             other = improve(scorer, fewer, _is_of_machine if is_metrology(atom) else is_metrology, swaps=False)
-            if other.total > best.total + LEAST:
+            if other.total > best.total + LEAST_NATS:
                 best = improve(scorer, other)
     return best
 

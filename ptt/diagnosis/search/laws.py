@@ -22,11 +22,11 @@ from ptt.diagnosis.evidence.system import whitened
 from ptt.diagnosis.evidence.witness import drifts
 from ptt.diagnosis.search.improve import HOPEFUL, improve
 from ptt.diagnosis.search.instead import FEW
-from ptt.diagnosis.search.moves import LEAST, loose
+from ptt.diagnosis.search.moves import LEAST_NATS, loose
 from ptt.diagnosis.search.plainest import plainest
 from ptt.diagnosis.unknown.blocks import STILL, Block, Place, places_of_chain, stand_of
 from ptt.diagnosis.unknown.jumps import AGAIN, HEIGHTS, heights_of, passed_again, spells_of
-from ptt.diagnosis.unknown.smooth import cosines, ends_of, reined, scaled
+from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.effects.geometry import ACROSS
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
@@ -34,7 +34,7 @@ from ptt.run.problem import Problem
 OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear and joints of rails are short, over all
 # else that varies, and over what only fades or grows the way a joint came
 NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
-MOST = 5  # laws of a place: it follows two or three things, and one may look like another at first
+MOST_LAWS = 5  # of a place: it follows two or three things, and one may look like another at first
 SPELL = " jumps on time#"  # in the name of a law of what came at one moment and went at another
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
 
@@ -104,7 +104,7 @@ def _instead(scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed
     if laws.total < state.total - HOPEFUL:
         return state
     best = improve(scorer, laws, _lasts if sudden else is_any, swaps=False)
-    return plainest(scorer, best) if best.total > state.total + LEAST else state
+    return plainest(scorer, best) if best.total > state.total + LEAST_NATS else state
 
 
 def _lasts(atom: Atom) -> bool:
@@ -124,7 +124,7 @@ def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> S
     kept = list[Block]()
     for blocks in places:
         wider = _widened(few, blocks, odds)
-        names = {_name(gain.key) for fewer in beside for gain in wider.screen(fewer, is_law)[:MOST]}
+        names = {_name(gain.key) for fewer in beside for gain in wider.screen(fewer, is_law)[:MOST_LAWS]}
         kept += [block for block in blocks if _name(block.name) in names or SPELL in block.name]
     system.forget()  # to widen the sums of every memory that was ever tried takes longer than those few that are asked
     return _widened(scorer, kept, odds)
@@ -255,5 +255,5 @@ def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], n
 def _curve(values: np.ndarray, count: int) -> np.ndarray:
     """Level, slope and cosines of a variable, (n, count + 2)."""
     values = reined(values)
-    place = scaled(values, ends_of(values))
+    place = scaled(values, column_ends(values))
     return np.column_stack([np.ones(len(place)), place, cosines(place, count)])

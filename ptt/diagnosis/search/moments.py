@@ -5,20 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.diagnosis.evidence.ansatz import Ansatz, Run, columns_of
+from ptt.diagnosis.evidence.ansatz import Ansatz, LongRun, columns_of
 from ptt.diagnosis.unknown.blocks import unknown_blocks
-from ptt.diagnosis.unknown.moment import Along, along, best_row, joined
+from ptt.diagnosis.unknown.moment import MomentSums, along, best_row, joined
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import map_chunks, numbers
-from ptt.fitting.linear import Linear, Place, Shape
+from ptt.fitting.linear import Linear, LinearPoint, Shape
 from ptt.fitting.moment import at_rows, last_before, put_after, rows_read
 from ptt.run.problem import Problem
 
 Carried = Mapping[str, np.ndarray]  # name of a block -> its values
 
 
-def place_moments(run: Run, at: Ansatz, carried: Carried) -> Ansatz:
+def place_moments(run: LongRun, at: Ansatz, carried: Carried) -> Ansatz:
     """Put the moments of a model's own sudden effects where all rows have them.
 
     Args:
@@ -35,7 +35,7 @@ def place_moments(run: Run, at: Ansatz, carried: Carried) -> Ansatz:
     return at
 
 
-def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carried) -> dict[str, Shape]:
+def find_moments(run: LongRun, at: Ansatz, effects: Sequence[Effect], carried: Carried) -> dict[str, Shape]:
     """Where a sudden effect would take most of what a model leaves, every row of the run being tried.
 
     Args:
@@ -51,7 +51,7 @@ def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carri
     if not sudden:
         return {}
 
-    def work(chunk: Problem) -> list[Along]:
+    def work(chunk: Problem) -> list[MomentSums]:
         linear, _ = columns_of(chunk, run, at, {}, ())
         left = linear.residual - _of_blocks(chunk, linear, run, at, carried) @ at.noise.whitener.T
         rows = linear.rows & run.problem.used[numbers(chunk)]
@@ -66,12 +66,12 @@ def find_moments(run: Run, at: Ansatz, effects: Sequence[Effect], carried: Carri
     return found
 
 
-def _place(linear: Linear) -> Place:
+def _place(linear: Linear) -> LinearPoint:
     assert linear.at is not None
     return linear.at
 
 
-def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:
+def _moment(run: LongRun, at: Ansatz, index: int, carried: Carried) -> float:
     """The moment up to which the readings are better without a jump, and from which on with it."""
     effect = at.fitted.layout.terms[index].effect
     assert isinstance(effect, Sudden)
@@ -88,7 +88,7 @@ def _moment(run: Run, at: Ansatz, index: int, carried: Carried) -> float:
     return last_before(run.problem.view.clock.numpy()[read], gained[read])
 
 
-def _of_blocks(chunk: Problem, linear: Linear, run: Run, at: Ansatz, carried: Carried) -> np.ndarray:
+def _of_blocks(chunk: Problem, linear: Linear, run: LongRun, at: Ansatz, carried: Carried) -> np.ndarray:
     """What blocks put into a chunk's readings, (m, 3) mm."""
     total = np.zeros((chunk.table.rows, 3))
     if carried:

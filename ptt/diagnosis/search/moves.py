@@ -12,12 +12,12 @@ from ptt.diagnosis.evidence.screen import Allowed, Gain
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE
 
-SEEN = 1.0  # nats by the screen from which an atom is worth an exact score
+SEEN_NATS = 1.0  # by the screen, from which an atom is worth an exact score
 TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, and effects beside them
 MISJUDGED = 15.0  # nats by which what is not scored exactly may be off: variances of the others are learned anew
 SWAPS = 3
 UNDERSTATED = 1.5  # times what the screen says that an atom may bring: in 93 choices of a real arm it lost no best one
-LEAST = 0.3  # nats that a move has to gain
+LEAST_NATS = 0.3  # that a move has to gain
 FAR = 8.0 * TEMPER  # nats below the best from which a set weighs nothing beside it: its score need not be exact
 PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps wait: no swap brings nearly as much
 
@@ -85,7 +85,7 @@ def worth_a_try(scorer: Scorer, state: State, allowed: Allowed) -> list[Gain]:
     Returns:
         Best first.
     """
-    least = SEEN if np.isfinite(state.total) else -np.inf
+    least = SEEN_NATS if np.isfinite(state.total) else -np.inf
     return [gain for gain in scorer.screen(state, allowed) if gain.nats > least]
 
 
@@ -124,7 +124,7 @@ def _less_remembering(scorer: Scorer, white: State, allowed: Allowed) -> list[St
         allowed: atoms that may be added.
     """
     leaders = scorer.screen(white, lambda atom: allowed(atom) and _wanders(atom))[:1]
-    return [_again_remembering(scorer, added(scorer, white, gain)) for gain in leaders if gain.nats > SEEN]
+    return [_again_remembering(scorer, added(scorer, white, gain)) for gain in leaders if gain.nats > SEEN_NATS]
 
 
 def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
@@ -167,5 +167,5 @@ def _swapped(scorer: Scorer, state: State, fewer: State, allowed: Allowed) -> li
     # no screen knows of that.
     form = sum(state.forms.get(key, 0.0) for key in set(state.keys) - set(fewer.keys))
     usual = max((gain.nats + form for gain, name in found if name in gone), default=state.total - fewer.total)
-    near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - MISJUDGED, SEEN)]
+    near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - MISJUDGED, SEEN_NATS)]
     return [added(scorer, fewer, gain, state.total - FAR) for gain in near[:SWAPS]]

@@ -7,7 +7,7 @@ from ptt.run.same_pose import same_places
 from ptt.run.tails import normal_sf
 
 NEAREST = 4  # neighbours of each pose that are compared with it
-FEWEST = 20  # poses of which neighbours can be near
+LEAST_POSES = 20  # of which neighbours can be near
 SOON, PART = 2, 10  # rows, and one part of so many of the run: what was passed so soon after may be off by its hour
 MOST_ROWS = 3000  # pairs are as many as their square
 LONGEST = 4.0  # in scatters of one axis, up to which an error counts, so that a few gross ones do not decide
@@ -33,7 +33,7 @@ def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[floa
     rows = rows[:: max(1, -(-len(rows) // MOST_ROWS))]
     pose = same_places(problem.view.p.numpy()[rows])
     visits = np.bincount(pose)
-    if len(visits) < FEWEST:
+    if len(visits) < LEAST_POSES:
         return 1.0, ()
     place = _by_pose(problem.view.p.numpy()[rows], pose) / visits[:, None]
     left = residual[rows] - residual[rows].mean(axis=0)  # what all have in common is no place's

@@ -9,14 +9,14 @@ from ptt.diagnosis.evidence.atoms import odds_of_block
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.search.spectrum import STEP, WIDE, Along, hides_waves, left_along
+from ptt.diagnosis.search.spectrum import STEP, WIDE, JointWave, hides_waves, left_along
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
 COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
 PHASES = 2.0  # turns for each reading: poses at random tell them, and of what even steps make alike the first counts
 ALIAS = 0.5  # nats by which a line may be behind another and be taken for it, as it is slower
-FEWEST = 40  # rows from which a spectrum says anything
+LEAST_ROWS = 40  # from which a spectrum says anything
 FINER = 8  # places between two frequencies for the line that is found: what it leaves of itself is another line
 
 
@@ -52,7 +52,7 @@ def find_period(
     Returns:
         The period; None where none is significant.
     """
-    if len(scorer.system.rows) < FEWEST:
+    if len(scorer.system.rows) < LEAST_ROWS:
         return None
     best, found = 0.0, None
     joints = left_along(scorer, state, problem, detail=not offered and hides_waves(scorer, state))
@@ -95,13 +95,13 @@ def curves_of(state: State, system: System) -> tuple[str, ...]:
     return tuple(key for key in state.keys if (block := system.atoms[key].block) is not None and block.is_curve)
 
 
-def _spectrum(along: Along) -> tuple[np.ndarray, np.ndarray]:
+def _spectrum(along: JointWave) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies in turns over the range, and the sum of squares that a cosine and a sine of each take."""
     turns = np.arange(COARSEST, min(FINEST, PHASES * len(along.q)), STEP)
     return turns, along.over(COARSEST, STEP, len(turns)) if len(turns) else turns
 
 
-def _placed(along: Along, turns: float) -> float:
+def _placed(along: JointWave, turns: float) -> float:
     """A line's frequency to less than what those of a spectrum are apart."""
     first, step = turns - STEP, STEP / FINER
     return float(first + step * np.argmax(along.over(first, step, 2 * FINER + 1)))

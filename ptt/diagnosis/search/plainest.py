@@ -5,7 +5,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import drifts
 from ptt.diagnosis.search.instead import FEW
-from ptt.diagnosis.search.moves import SEEN, loose
+from ptt.diagnosis.search.moves import SEEN_NATS, loose
 
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 SIZES = 2  # of a drawing: where more are off, all may be
@@ -27,7 +27,7 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
     """
 
     def plain(state: State) -> tuple[float, int, int, float]:
-        least = -state.total - SEEN * is_told(scorer, state)
+        least = -state.total - SEEN_NATS * is_told(scorer, state)
         return _parts(scorer, state), _bends(scorer, state), _timed(scorer, state), least
 
     near = [

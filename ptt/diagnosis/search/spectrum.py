@@ -16,7 +16,7 @@ STEP = 0.25  # of a frequency, in turns over the range: finer than a line is wid
 
 
 @dataclass(frozen=True)
-class Along:
+class JointWave:
     """What m rows say of a wave along one joint.
 
     Attributes:
@@ -66,7 +66,7 @@ def hides_waves(scorer: Scorer, state: State) -> bool:
     return all(scorer.system.atoms[key].block is None for key in state.keys) and bool(_detail(scorer, state).any())
 
 
-def left_along(scorer: Scorer, state: State, problem: Problem, *, detail: bool) -> list[Along]:
+def left_along(scorer: Scorer, state: State, problem: Problem, *, detail: bool) -> list[JointWave]:
     """What an explanation leaves along each joint that moves.
 
     Args:
@@ -85,7 +85,9 @@ def left_along(scorer: Scorer, state: State, problem: Problem, *, detail: bool) 
         slope = innovations(column, state.memory.wander, system.clock)[0]
         q = problem.view.q.numpy()[system.rows, joint]
         if np.ptp(q) > 0.0:
-            found.append(Along(joint, q, telling * (slope * white).sum(axis=1), telling * np.square(slope).sum(axis=1)))
+            found.append(
+                JointWave(joint, q, telling * (slope * white).sum(axis=1), telling * np.square(slope).sum(axis=1))
+            )
     return found
 
 

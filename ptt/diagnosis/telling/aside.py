@@ -11,7 +11,7 @@ from ptt.diagnosis.unknown.blocks import places_of_chain
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf, f_sf
 
-FEWEST = 5  # readings that may have a way in common
+LEAST_READINGS = 5  # that may have a way in common
 LEAST_SPARE = 6  # coordinates beyond what is fitted to them, with which a test means anything
 MEAN, VARIANCE = 1.0 / 3.0, 4.0 / 45.0  # of the squared cosine between a way and errors from every side
 CHANCE = 1e-4  # that gross errors of a sound run lie along any joint's way
@@ -94,7 +94,7 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
     if not isinstance(system, RowSystem):
         return None
     rows = np.flatnonzero(found.gross & np.isfinite(left).all(axis=1))
-    if len(rows) < FEWEST:
+    if len(rows) < LEAST_READINGS:
         return None
     error = left[rows] / np.maximum(np.linalg.norm(left[rows], axis=1), 1e-12)[:, None]
     shares = dict(_shares(system, problem, rows, error))

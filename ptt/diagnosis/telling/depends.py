@@ -20,7 +20,7 @@ from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
-MOST = 5  # lines that anybody reads
+MOST_LINES = 5  # that anybody reads
 AS_MUCH = 0.95  # share of what the best variable takes from which another says the same: bins tell no finer
 SECOND = ("temperature", "payload", "time")  # variables that a reversal may vary with, as a curve can show them
 
@@ -71,7 +71,7 @@ def dependences(unknowns: tuple[Unknown, ...], rest: np.ndarray, problem: Proble
         one = _dependence(item, unknowns, rest, contexts, problem)
         if one is not None and not any(one.residual == o.residual and one.on == o.on for o in found):
             found.append(one)
-    return tuple(found[:MOST])
+    return tuple(found[:MOST_LINES])
 
 
 def _dependence(

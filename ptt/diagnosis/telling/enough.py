@@ -6,10 +6,10 @@ from ptt.errors import TableError
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
-LEAST = 12  # readings: twice what a rigid motion alone takes
+LEAST_READINGS = 12  # twice what a rigid motion alone takes
 LEAST_POSES = 4  # where a frame is free: of three it takes six of nine coordinates, and any joint makes the others
 MOTION = 6  # coordinates that a rigid motion takes
-FREE = 3 * LEAST - MOTION  # coordinates that the fewest readings leave beside one frame
+FREE = 3 * LEAST_READINGS - MOTION  # coordinates that the fewest readings leave beside one frame
 
 
 def enough(problem: Problem) -> None:
@@ -21,15 +21,17 @@ def enough(problem: Problem) -> None:
     Raises:
         TableError: too few for any verdict, by themselves or beside what their frames take.
     """
-    count, fix = int(problem.used.sum()), f"measure at least {LEAST} poses, better 100 or more; `ptt plan` lists which"
-    if count < LEAST:
+    count = int(problem.used.sum())
+    fix = f"measure at least {LEAST_READINGS} poses, better 100 or more; `ptt plan` lists which"
+    if count < LEAST_READINGS:
         raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
     poses = len(np.unique(pose_groups(problem.table)[problem.used]))
     if poses < (LEAST_POSES if problem.frames else 2):
         raise TableError(
             f"{count} readings are of {poses} {'pose' if poses == 1 else 'poses'}, too few for a verdict",
             where=problem.table.source,
-            fix=f"measure at least {LEAST} poses, better 100 or more; `ptt compare` says what the error there follows",
+            fix=f"measure at least {LEAST_READINGS} poses, better 100 or more;"
+            " `ptt compare` says what the error there follows",
         )  # fmt: skip
     each = np.bincount(problem.frame[problem.used])
     if (

@@ -83,7 +83,9 @@ class Candidate(Record):
     tool_doubt: float | None = None
 
 
-def fitted_terms(found: Found, model: Model, keys: tuple[str, ...], others: tuple[Exchange, ...]) -> tuple[Term, ...]:
+def posterior_terms(
+    found: Found, model: Model, keys: tuple[str, ...], others: tuple[Exchange, ...]
+) -> tuple[Term, ...]:
     """The given effects and the steps at the posterior's values.
 
     Args:

@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from ptt.diagnosis.evidence.ansatz import open_run
+from ptt.diagnosis.evidence.ansatz import open_long_run
 from ptt.diagnosis.evidence.sampled import share_of_rows
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.search.everywhere import Task, find_everywhere
+from ptt.diagnosis.search.everywhere import WholeSearch, find_everywhere
 from ptt.diagnosis.search.find import STEPS, find
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.rest import Rest, innovations_of, rest_left
@@ -87,8 +87,8 @@ def diagnose_long(
     kind = problem.file.machine.kind
     sample = take(problem, sample_stretches(problem, sample_rows or SAMPLE[kind], STRETCH[kind]))
     told = find(model, sample, known, tell, steps, span)
-    run = open_run(problem, cut(problem, size), _with_levers(span, told))
-    found = find_everywhere(told, Task(run, sample, model, known, steps, tell))
+    run = open_long_run(problem, cut(problem, size), _with_levers(span, told))
+    found = find_everywhere(told, WholeSearch(run, sample, model, known, steps, tell))
     tell("rest")
     rest = _rest(found, problem, seed)
     if rest.significant and (new := _new(found, told)):  # what leaves a rest is not named for all rows' sake alone

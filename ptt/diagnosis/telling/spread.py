@@ -12,7 +12,7 @@ from ptt.diagnosis.telling.absent import Absent
 from ptt.run.tails import t_ppf
 
 TWO_SIDED = 0.975  # within two standard deviations: 95 %
-FEWEST = 2.0  # values from which a width is learned at the least: its own prior is worth no less
+LEAST_VALUES = 2.0  # from which a width is learned: its own prior is worth no less
 
 
 def spread_of(scorer: Scorer, state: State, key: str, absent: Sequence[Absent] = ()) -> np.ndarray:
@@ -63,7 +63,9 @@ def square_errors(scorer: Scorer, state: State, atom: Atom) -> np.ndarray:
         wider[name] = _wider(decided)
         moved = across @ (state.posterior.values[group] / prior[group])
         unseen = phi * (across / prior[group]) @ across.T
-        covariance = covariance + (wider[name] - 1.0) * unseen + np.outer(moved, moved) * (2.0 / max(decided, FEWEST))
+        covariance = (
+            covariance + (wider[name] - 1.0) * unseen + np.outer(moved, moved) * (2.0 / max(decided, LEAST_VALUES))
+        )
     known = _of_values(atom, covariance, scorer.system.scale)
     if atom.turned is None:
         return known
@@ -91,4 +93,4 @@ def _groups(scorer: Scorer, state: State) -> Iterator[tuple[tuple[str, int], np.
 
 def _wider(decided: float) -> float:
     """By how much a variance of learned width exceeds that of a known one, where both hold 95 % within two of them."""
-    return float((t_ppf(TWO_SIDED, max(decided, FEWEST)) / t_ppf(TWO_SIDED, np.inf)) ** 2)
+    return float((t_ppf(TWO_SIDED, max(decided, LEAST_VALUES)) / t_ppf(TWO_SIDED, np.inf)) ** 2)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_metrology, is_sudden
-from ptt.diagnosis.evidence.hidden import Trial, held_out, hold_back, left_of
+from ptt.diagnosis.evidence.hidden import HiddenTrial, held_out, hold_back, left_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import holds_unknown
@@ -181,7 +181,7 @@ def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
     return named
 
 
-def _is_silent(atom: Atom, trial: Trial) -> bool:
+def _is_silent(atom: Atom, trial: HiddenTrial) -> bool:
     """Whether an effect is a size of the drawing of which hidden rows tell nothing: a few poses show but all together.
 
     Nothing contradicts it then, and that a size is off asks for no more proof than what is read.

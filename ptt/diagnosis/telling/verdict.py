@@ -27,10 +27,10 @@ from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.search.smooth_way import on_smooth_way
 from ptt.diagnosis.telling.aside import against_gross
-from ptt.diagnosis.telling.depends import MOST, dependences, rest_of, with_suspect
+from ptt.diagnosis.telling.depends import MOST_LINES, dependences, rest_of, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.telling.exchange import Exchange, exchanges
-from ptt.diagnosis.telling.explanation import candidates_of_steps, fitted_terms, other_candidates, sent_terms
+from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates, posterior_terms, sent_terms
 from ptt.diagnosis.telling.given import as_free_as, taken_up
 from ptt.diagnosis.telling.other_setups import other_setups
 from ptt.diagnosis.telling.sizes import sized
@@ -186,12 +186,12 @@ def _said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> _S
     """What is named: nothing where the machine could not stand at it where the rows that are shown had it stand."""
     told, others = name_steps(found.scorer, found.state), exchanges(found, problem)
     keys = tuple(step.key for step in told.steps)
-    terms = fitted_terms(found, model, keys, others)
+    terms = posterior_terms(found, model, keys, others)
     idle = _idle(found, keys, terms, shown, problem)
     if idle:
         told = replace(told, steps=tuple(step for step in told.steps if step.key not in idle))
         keys = tuple(step.key for step in told.steps)
-        terms = fitted_terms(found, model, keys, others)
+        terms = posterior_terms(found, model, keys, others)
     sent = sent_terms(found, terms, keys)
     if stands(terms, shown) and stands(sent, shown):
         return _Said(told, others, terms, sent, idle=tuple(found.system.atoms[key].name for key in idle))
@@ -233,9 +233,9 @@ def _depends_on(
     """What the unknown follows: its blocks, what a memory of the noise has taken, what tests say, or a suspect."""
     depends, scorer, state = dependences(unknowns, left, shown), found.scorer, found.state
     if not depends and wanders_beyond(found.system, state):  # what the memory took tells what it is
-        found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)[:MOST]
-        depends = sized(found_in, left, shown)
-    depends = depends or sized(rest.depends_on[:MOST], left, shown)
+        found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)
+        depends = sized(found_in[:MOST_LINES], left, shown)
+    depends = depends or sized(rest.depends_on[:MOST_LINES], left, shown)
     if depends:
         return depends
     suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))

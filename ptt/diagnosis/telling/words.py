@@ -15,7 +15,7 @@ from ptt.run.problem import Problem
 from ptt.run.view import View
 
 DOUBTED = 0.5  # of an error from which it is worth a word what no reading shows
-PART, MOST = 1.5, 3.0  # times what an effect can take off the error, from which others take a part, most of it back
+PART, MOST_BACK = 1.5, 3.0  # times what an effect can take off, from which others take a part, most of it, back
 
 
 def sentence(told: Told, view: View) -> str:
@@ -157,7 +157,7 @@ def _size_in_all(told: Told, apart: float, before: float, problem: Problem) -> s
     makes = at_tool_um(told.term, problem)
     if largest <= before and makes <= PART * apart:
         return ""
-    back = "most" if makes > MOST * apart else "a part"
+    back = "most" if makes > MOST_BACK * apart else "a part"
     taken = f", {back} of which the other effects take back" if makes > PART * apart else ""
     where = "in the readings" if told.term.effect.stage == "metrology" else "at the tool"
     return f"{where} it makes {makes:.{0 if makes >= 10.0 else 1}f} um rms{taken}"

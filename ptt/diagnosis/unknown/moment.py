@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.effects.sudden import ALWAYS, EDGE, Sudden
-from ptt.fitting.linear import Place, Shape
+from ptt.fitting.linear import LinearPoint, Shape
 from ptt.fitting.moment import rows_read
 
 SEGMENTS = 40  # what a jump does to the readings grows evenly within one
@@ -14,7 +14,7 @@ UNSEEN = 1e-12  # share of the largest singular value below which frames and eff
 
 
 @dataclass(frozen=True)
-class Along:
+class MomentSums:
     """What each row says for an effect, and what segments of rows see of it and of the frames.
 
     Attributes:
@@ -32,7 +32,7 @@ class Along:
     read: np.ndarray
 
 
-def best_moment(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Shape:
+def best_moment(at: LinearPoint, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Shape:
     """Where a sudden effect would take most of what is left.
 
     Args:
@@ -49,7 +49,7 @@ def best_moment(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray
     return {"after": clock[row : row + 1].clone()}
 
 
-def along(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Along:
+def along(at: LinearPoint, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> MomentSums:
     """What the rows of a chunk say for an effect that acts all along."""
     own = at.columns(effect, ALWAYS)
     both = np.where(used[:, None, None], np.concatenate([frame, own], axis=2), 0.0)
@@ -57,12 +57,12 @@ def along(at: Place, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effe
     gram = np.array([np.tensordot(segment, segment, axes=((0, 1), (0, 1))) for segment in segments])
     lengths = np.array([len(segment) for segment in segments])
     side, read = np.einsum("ncp,nc->np", both, left), rows_read(at.problem)
-    return Along(side, lengths, gram[:, :, frame.shape[2] :], gram.sum(axis=0), read)
+    return MomentSums(side, lengths, gram[:, :, frame.shape[2] :], gram.sum(axis=0), read)
 
 
-def joined(parts: Sequence[Along]) -> Along:
+def joined(parts: Sequence[MomentSums]) -> MomentSums:
     """The same of several chunks, one after the other."""
-    return Along(
+    return MomentSums(
         np.concatenate([part.side for part in parts]),
         np.concatenate([part.lengths for part in parts]),
         np.concatenate([part.gram for part in parts]),
@@ -71,7 +71,7 @@ def joined(parts: Sequence[Along]) -> Along:
     )
 
 
-def best_row(seen: Along) -> int:
+def best_row(seen: MomentSums) -> int:
     """The last row before the moment from which on an effect takes most beside the frames and itself all along.
 
     A run with frames of its own hides what came before it: with their shares left in, a moment in another run would

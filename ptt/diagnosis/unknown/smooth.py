@@ -8,7 +8,7 @@ COARSE = 4  # bends of what only modulates something else
 DECAY = 0.7  # each is smaller than the one before by this ratio
 
 
-def ends_of(values: np.ndarray) -> np.ndarray:
+def column_ends(values: np.ndarray) -> np.ndarray:
     """Lowest and highest of each column, (2, ...)."""
     return np.array([np.nanmin(values, axis=0), np.nanmax(values, axis=0)])
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import ways_of
-from ptt.diagnosis.unknown.smooth import COARSE, cosines, ends_of, modulation, product, reined, scaled, unit
+from ptt.diagnosis.unknown.smooth import COARSE, column_ends, cosines, modulation, product, reined, scaled, unit
 from ptt.run.fading import kept_shares, trailing
 from ptt.run.problem import Problem
 from ptt.run.watched import watched_values
@@ -85,7 +85,7 @@ def span_of(problem: Problem) -> Span:
     view = problem.view
     q, p = view.q.numpy(), view.p.numpy()
     size = max(float(np.sqrt(np.square(p).mean())), 1e-9)
-    return Span(ends_of(q), ends_of(p), size, tuple(_contexts(problem)), problem.two_sided)
+    return Span(column_ends(q), column_ends(p), size, tuple(_contexts(problem)), problem.two_sided)
 
 
 def _contexts(problem: Problem) -> Iterator[Context]:
@@ -100,7 +100,7 @@ def _contexts(problem: Problem) -> Iterator[Context]:
         if "time" in view.varies:
             yield _context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()), play=False)
     clock = view.clock.numpy()
-    yield _context("time", cosines(scaled(clock, ends_of(clock)), SLOW), fields=False)
+    yield _context("time", cosines(scaled(clock, column_ends(clock)), SLOW), fields=False)
     if "speed" in view.varies:
         speed = reined(np.sqrt(np.square(view.velocity.numpy()).sum(axis=1)))
         yield _context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
@@ -131,7 +131,7 @@ def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool
     elif name == "time":
         measure = np.column_stack([np.ones(len(shapes)), shapes[:, :COARSE]])
     else:
-        measure = modulation(scaled(shapes[:, 0], ends_of(shapes[:, 0])))
+        measure = modulation(scaled(shapes[:, 0], column_ends(shapes[:, 0])))
     return Context(name, shapes, measure, fields, joints)
 
 

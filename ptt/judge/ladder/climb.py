@@ -20,7 +20,7 @@ from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
 from ptt.fitting.turns import with_turns
-from ptt.judge.ladder.ladder import Ladder, Step
+from ptt.judge.ladder.ladder import Ladder, LadderStep
 from ptt.judge.ladder.rung import fit_rung, log_density
 from ptt.model.model import Model, Term
 from ptt.progress import Progress, unwatched
@@ -171,7 +171,7 @@ def _measure(
         )
     falls = [0.0, *(_fall(a, b, rows, problem) for a, b in pairwise(held_out))]
     steps = tuple(
-        Step(name, kind, rms(fitted.residual, rows), rms(out, rows), fall, _restored(fitted, rungs[0][2]))
+        LadderStep(name, kind, rms(fitted.residual, rows), rms(out, rows), fall, _restored(fitted, rungs[0][2]))
         for (name, kind, rung), fitted, out, fall in zip(rungs, fits, held_out, falls, strict=True)
     )
     report = report_fit(fits[-1], held, fits[0])

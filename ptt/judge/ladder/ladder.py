@@ -13,7 +13,7 @@ CHANCE = 2.0  # standard errors by which the held-out error must fall before it 
 
 
 @dataclass(frozen=True)
-class Step:
+class LadderStep:
     """One step of a ladder.
 
     Attributes:
@@ -62,7 +62,7 @@ class Ladder(Record):
         "protocol, stretches: report.stretches, notes, fit: report"
     )
 
-    steps: tuple[Step, ...]
+    steps: tuple[LadderStep, ...]
     report: FitReport
     noise_um: dict[str, Any]
     protocol: str

@@ -2,7 +2,7 @@
 
 from itertools import pairwise
 
-from ptt.judge.ladder.ladder import CHANCE, Ladder, Step
+from ptt.judge.ladder.ladder import CHANCE, Ladder, LadderStep
 from ptt.run.noise import SATURATED
 
 NOTED = 1.5  # times a noise that is stated from which what a model leaves is more than noise
@@ -48,7 +48,7 @@ def verdicts(ladder: Ladder) -> list[str]:
     return [_verdict(before, step) for before, step in pairwise(ladder.steps) if step.kind != "refit"]
 
 
-def _verdict(before: Step, step: Step) -> str:
+def _verdict(before: LadderStep, step: LadderStep) -> str:
     old, new = before.heldout_rms_um["total"], step.heldout_rms_um["total"]
     change = f"held-out error {'falls' if new < old else 'rises'} from {old:.2f} to {new:.2f} um"
     if step.kind == "removed":

@@ -16,7 +16,7 @@ EVEN_STEPS = 0.05  # steps of the motor that differ by less pass for constant sp
 
 
 @dataclass(frozen=True)
-class Reversal:
+class ReversalPass:
     """One pass forward and back.
 
     Attributes:
@@ -44,7 +44,7 @@ class Reversal:
 
 def measure_reversal(
     command: Array, scale: Array, resolution: float, phase: NDArray[np.str_] | None = None, where: str = ""
-) -> Reversal:
+) -> ReversalPass:
     """Dead travel of one pass forward and back, by data length and by counts (eq. 19).
 
     Args:
@@ -79,7 +79,7 @@ def measure_reversal(
         dead = float(np.count_nonzero(phase == "S2")) + 0.5
     counts = _common_travel(command, scale, turn, tolerance)
     steps = np.delete(np.abs(np.diff(command)), [turn - 1, turn])  # the turn itself may fall between two samples
-    return Reversal(
+    return ReversalPass(
         samples=(float(turn), dead, float(after)),
         travel=float(command[turn]),
         counts=(round(counts[0] / resolution, 3), round(counts[1] / resolution, 3)),

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from ptt.errors import TableError
 from ptt.record import Record
-from ptt.run.backlash.dead_travel import Reversal, measure_reversal, turning_row
+from ptt.run.backlash.dead_travel import ReversalPass, measure_reversal, turning_row
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.backlash.scale import ScaleLog
 
 __all__ = [
     "BacklashResult",
-    "Reversal",
+    "ReversalPass",
     "SliderBacklash",
     "measure_backlash",
     "travel_direction",
@@ -48,7 +48,7 @@ class SliderBacklash:
 
     slider: str
     payload: float
-    reversals: tuple[Reversal, ...]
+    reversals: tuple[ReversalPass, ...]
     by_length: tuple[float, float]
     by_counts: tuple[float, float]
     gap: tuple[float, float]
@@ -71,7 +71,7 @@ class SliderBacklash:
         return spread[0] / self.stroke, spread[1] / self.stroke
 
     def mean(self, figure: str) -> list[float]:
-        """The mean over the passes of one attribute of `Reversal`, element by element."""
+        """The mean over the passes of one attribute of `ReversalPass`, element by element."""
         return [float(v) for v in np.mean([np.atleast_1d(getattr(r, figure)) for r in self.reversals], axis=0)]
 
     def to_dict(self) -> dict[str, Any]:
@@ -186,7 +186,7 @@ def _measure_slider(log: ScaleLog, rows: NDArray[np.intp]) -> SliderBacklash:
     )
 
 
-def _pooled(reversals: tuple[Reversal, ...], resolution: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def _pooled(reversals: tuple[ReversalPass, ...], resolution: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Means over the passes and standard deviations, mm, by data length and by counts.
 
     A position known to one step or count only is uniform over it, variance step^2 / 12. The turn and the end of the
@@ -214,7 +214,7 @@ def _weighted(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, fl
     return float(weight @ [a[0], b[0]] / weight.sum()), float(weight.sum() ** -0.5)
 
 
-def _measure_pass(log: ScaleLog, rows: NDArray[np.intp], where: str) -> Reversal:
+def _measure_pass(log: ScaleLog, rows: NDArray[np.intp], where: str) -> ReversalPass:
     """One pass; `rows` (m,) of the log."""
     phase = None if log.phase is None else log.phase[rows]
     return measure_reversal(log.command[rows], log.scale[rows], log.resolution_mm, phase, where)

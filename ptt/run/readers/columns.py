@@ -32,7 +32,7 @@ GREATEST = {
 }
 """Per dimension: what no machine and no mistake of units goes beyond, in the standard unit. Below, sums stay finite."""
 
-LEAST = {"temp": -273.15, "payload": -0.01, "feed": 0.0}
+LEAST_VALUES = {"temp": -273.15, "payload": -0.01, "feed": 0.0}
 """Per quantity: what it cannot be less than; -999 is a mark of other programs, and an empty scale may read some grams
 below zero. A load that was tared away is a part of the payload: every effect of a load begins with none."""
 
@@ -83,7 +83,7 @@ def greatest(quantity: str) -> float:
 
 def least(quantity: str) -> float:
     """What a quantity cannot be less than, in its standard unit."""
-    return max(LEAST.get(quantity, -np.inf), -greatest(quantity))
+    return max(LEAST_VALUES.get(quantity, -np.inf), -greatest(quantity))
 
 
 def file_title(quantity: str) -> str:

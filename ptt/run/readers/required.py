@@ -8,7 +8,7 @@ from ptt.errors import TableError, shown
 from ptt.run.readers.columns import dimension_of, file_title, greatest, least
 from ptt.run.readers.export import Export
 
-SHOWN = 12  # titles that a message lists
+SHOWN_TITLES = 12  # that a message lists
 SETTABLE = {
     "payload_kg": "payload",
     "temp_c": "temp",
@@ -93,8 +93,8 @@ def _refuse_foreign(export: Export, prefix: str, joints: int) -> None:
 def refuse_missing(export: Export, names: list[str], why: str) -> None:
     """Say which columns are missing, why they are wanted, and which titles were not understood."""
     ignored = export.understood.ignored
-    more = ", ..." if len(ignored) > SHOWN else ""
-    kept = f"; columns not understood: {', '.join(map(shown, ignored[:SHOWN]))}{more}" if ignored else ""
+    more = ", ..." if len(ignored) > SHOWN_TITLES else ""
+    kept = f"; columns not understood: {', '.join(map(shown, ignored[:SHOWN_TITLES]))}{more}" if ignored else ""
     word = "columns are" if len(names) > 1 else "column is"
     titles = ", ".join(file_title(name) if dimension_of(name) else name for name in names)
     raise TableError(

@@ -8,8 +8,8 @@ from ptt.show.card.words import length
 
 COLOURS = ("#0072b2", "#56b4e9", "#009e73", "#8fb4d0", "#6a8ca8", "#b7c9d6")  # tell apart in every colour vision
 UNNAMED, NOISE = "#d55e00", "#9aa3aa"
-MOST = 3  # findings that a card shows; the others are one click away
-LEAST = 0.004  # of the bar, below which a part is not drawn
+MOST_FINDINGS = 3  # the others are one click away
+LEAST_SHARE = 0.004  # of the bar, below which a part is not drawn
 
 
 def parts_of_bar(card: Mapping[str, Any]) -> list[tuple[str, float, str]]:
@@ -36,7 +36,7 @@ def parts_of_bar(card: Mapping[str, Any]) -> list[tuple[str, float, str]]:
         (one["effect"], share * fall, COLOURS[i % len(COLOURS)])
         for i, (one, fall) in enumerate(zip(card["findings"], falls, strict=True))
     ]
-    return [part for part in (*parts, *reversed(named)) if part[1] > LEAST * error]
+    return [part for part in (*parts, *reversed(named)) if part[1] > LEAST_SHARE * error]
 
 
 def bar_html(card: Mapping[str, Any], say: Callable[[str], str] = lambda text: text) -> str:

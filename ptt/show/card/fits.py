@@ -16,7 +16,7 @@ from ptt.run.problem import Problem
 from ptt.show.card.telling import telling_of
 
 LEVER = 0.5  # of the usual one, below which an arm's pose tells little of a joint
-MOST = 1200  # readings that a picture shows
+MOST_READINGS = 1200  # that a picture shows
 
 
 def rest_of(found: Diagnosis, given: Model, problem: Problem) -> np.ndarray:
@@ -98,7 +98,7 @@ def _fit(
     variable, label = telling_of(card.telling, joint, problem, contexts)
     factor, unit = (1e6, "urad") if serial and inner else (1e3, "um")
     rows = np.flatnonzero(np.isfinite(of_data) & np.isfinite(of_fit) & np.isfinite(variable))
-    rows = rows[np.unique(np.linspace(0, max(len(rows) - 1, 0), min(MOST, len(rows))).astype(int))]
+    rows = rows[np.unique(np.linspace(0, max(len(rows) - 1, 0), min(MOST_READINGS, len(rows))).astype(int))]
     return {
         "telling": np.round(variable[rows], 6).tolist(),
         "data_um": np.round(factor * of_data[rows], 4).tolist(),

@@ -15,7 +15,7 @@ from ptt.model.chain import predict
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 from ptt.run.view import View
-from ptt.show.card.scene import Lines
+from ptt.show.card.scene import PoseLines
 
 POSES = 48  # along the travel; a slider scrubs through them
 
@@ -26,7 +26,7 @@ def poses_of(problem: Problem) -> np.ndarray:
     return rows[np.unique(np.linspace(0, len(rows) - 1, min(POSES, len(rows))).astype(int))]
 
 
-def lines_at(problem: Problem, row: int) -> Lines:
+def lines_at(problem: Problem, row: int) -> PoseLines:
     """The machine as drawn, at the command of one row.
 
     Args:
@@ -40,14 +40,14 @@ def lines_at(problem: Problem, row: int) -> Lines:
     q, p = view.q[row : row + 1], view.p[row].numpy()
     if isinstance(view.mechanism, Serial):
         chain = np.concatenate([np.zeros((1, 3)), view.mechanism.frames(q)[0][0].numpy(), p[None]])
-        return Lines(np.zeros((0, 2, 3)), chain[None], np.zeros((0, 3)))
+        return PoseLines(np.zeros((0, 2, 3)), chain[None], np.zeros((0, 3)))
     assert isinstance(view.mechanism, ThreePtt) and spec.kind == "three-ptt"
     azimuth = np.radians(spec.slider_azimuth_deg)
     corner = spec.platform_radius_mm * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
     foot, rail = view.mechanism.foot.numpy() + corner, view.mechanism.rail.numpy()
     rails = foot[:, None] + np.asarray(spec.travel_ends)[:, :, None] * rail[:, None]
     sliders = foot + q[0].numpy()[:, None] * rail
-    return Lines(rails, np.stack([sliders, p + corner], axis=1), p + corner)
+    return PoseLines(rails, np.stack([sliders, p + corner], axis=1), p + corner)
 
 
 def ghosts_of(model: Model, problem: Problem, keys: tuple[str, ...]) -> dict[str, Any]:

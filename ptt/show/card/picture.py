@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
-from ptt.show.card.scene import Lines, legs_at_fault, moved, only, parts_of, place_of_part
+from ptt.show.card.scene import PoseLines, legs_at_fault, moved, only, parts_of, place_of_part
 from ptt.show.card.solids import Solid
 from ptt.show.card.words import by_part
 
@@ -22,7 +22,9 @@ RIM = 6.0  # pixels about a label that stay free
 DIM = 0.55  # of a colour that is left on the far side of a part
 
 
-def draw_scene(lines: Lines, shift: Mapping[str, Any] | None, values: list[Mapping[str, Any]], times: float) -> Figure:
+def draw_scene(
+    lines: PoseLines, shift: Mapping[str, Any] | None, values: list[Mapping[str, Any]], times: float
+) -> Figure:
     """Draw a machine at one pose.
 
     Args:

@@ -78,7 +78,7 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Card(Record):
+class DiagnosisCard(Record):
     """A diagnosis in short.
 
     Attributes:
@@ -104,7 +104,7 @@ class Card(Record):
     measure_next: tuple[str, ...]
 
 
-def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
+def card_of_diagnosis(found: Diagnosis, problem: Problem) -> DiagnosisCard:
     """Put a diagnosis in short.
 
     Args:
@@ -117,7 +117,7 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> Card:
     steps = found.candidates[: len(found.suggested)]
     findings = tuple(_finding(one, tied, found, problem) for one, tied in zip(steps, found.suggested, strict=True))
     noise = found.noise.to_dict()
-    return Card(
+    return DiagnosisCard(
         verdict=found.verdict,
         probability=float(found.verdict_probability.get(found.verdict, 0.0)),
         title=_title(found, findings),

@@ -9,12 +9,12 @@ import numpy as np
 from ptt.show.card.solids import Solid, ball, block, joined, plate, tube
 
 AT_FAULT = 0.25  # of the largest share, from which a part is drawn as the one that is off
-SEEN = 0.13  # of the machine's size that the largest displacement is drawn as
+SEEN_SHARE = 0.13  # of the machine's size that the largest displacement is drawn as
 PARTS = ("rails", "sliders", "links", "platform")
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class PoseLines:
     """A machine at one pose as lines.
 
     Attributes:
@@ -35,7 +35,7 @@ class Lines:
         return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 1.0
 
 
-def parts_of(lines: Lines) -> dict[str, Solid]:
+def parts_of(lines: PoseLines) -> dict[str, Solid]:
     """The machine as solids.
 
     Args:
@@ -75,7 +75,7 @@ def _arm_parts(chain: np.ndarray, size: float) -> dict[str, Solid]:
     }
 
 
-def moved(lines: Lines, shift: Mapping[str, Any], at: int, times: float) -> Lines:
+def moved(lines: PoseLines, shift: Mapping[str, Any], at: int, times: float) -> PoseLines:
     """The machine with an effect, enlarged.
 
     Args:
@@ -89,16 +89,16 @@ def moved(lines: Lines, shift: Mapping[str, Any], at: int, times: float) -> Line
     """
     if "chain" in shift:
         chain = lines.chains[0] + times * np.asarray(shift["chain"][at])
-        return Lines(lines.rails, chain[None], lines.platform)
+        return PoseLines(lines.rails, chain[None], lines.platform)
     rails = lines.rails + times * np.asarray(shift["rails"])
     platform = lines.platform + times * np.asarray(shift["platform"][at])
     chains = lines.chains.copy()
     chains[:, 0] += times * np.asarray(shift["sliders"][at])
     chains[:, 1] += times * np.asarray(shift["platform"][at])
-    return Lines(rails, chains, platform)
+    return PoseLines(rails, chains, platform)
 
 
-def usual_times(lines: Lines, shift: Mapping[str, Any]) -> float:
+def usual_times(lines: PoseLines, shift: Mapping[str, Any]) -> float:
     """Round factor at which an effect is well seen.
 
     Args:
@@ -112,7 +112,7 @@ def usual_times(lines: Lines, shift: Mapping[str, Any]) -> float:
     most = max(float(np.abs(np.asarray(shift[key])).max(initial=0.0)) for key in keys)
     if most <= 0.0:
         return 1.0
-    wanted = SEEN * lines.size / most
+    wanted = SEEN_SHARE * lines.size / most
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
 
@@ -134,7 +134,7 @@ def legs_at_fault(shift: Mapping[str, Any]) -> tuple[str, tuple[int, ...]]:
     return kinds[kind], tuple(np.flatnonzero(share[kind] >= AT_FAULT * share.max()).tolist())
 
 
-def place_of_part(lines: Lines, who: str) -> np.ndarray:
+def place_of_part(lines: PoseLines, who: str) -> np.ndarray:
     """Where a part is, for a label.
 
     Args:
@@ -158,7 +158,7 @@ def place_of_part(lines: Lines, who: str) -> np.ndarray:
     return np.asarray(lines.platform.mean(axis=0) if len(lines.platform) else lines.chains[0][-1])
 
 
-def only(lines: Lines, kind: str, legs: Sequence[int]) -> dict[str, Solid]:
+def only(lines: PoseLines, kind: str, legs: Sequence[int]) -> dict[str, Solid]:
     """The solids of some legs: what is drawn as a ghost.
 
     Args:
@@ -172,7 +172,7 @@ def only(lines: Lines, kind: str, legs: Sequence[int]) -> dict[str, Solid]:
     if not len(lines.rails):
         return parts_of(lines)
     chosen = list(legs) or list(range(len(lines.rails)))
-    ghost = parts_of(Lines(lines.rails[chosen], lines.chains[chosen], lines.platform))
+    ghost = parts_of(PoseLines(lines.rails[chosen], lines.chains[chosen], lines.platform))
     if kind != "tower":
         ghost.pop("rails")
     if kind in ("link", "tool"):

@@ -10,14 +10,14 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from ptt.effects.phrases import SHOWN
+from ptt.effects.phrases import SHOWN_UNITS
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
 from ptt.run.dates import days_of
 from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 
 NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
-MOST = 6  # values drawn of one machine, the ones that move first
+MOST_VALUES = 6  # drawn of one machine, the ones that move first
 WIDE = 5.0  # times the least error from which a tick for every figure would lie on the next; 1, 2, 5 are there then
 NAME = 28  # signs of a name that fit beside a picture
 ROWS = 60  # machines in one picture of the whole fleet
@@ -96,7 +96,7 @@ def _draw_error(panel: Axes, machine: Standing) -> None:
 def _draw_value(panel: Axes, machine: Standing, place: int) -> None:
     moves, names = machine.moves, machine.names
     assert moves is not None
-    factor, unit = SHOWN.get(names.units[place], (1.0, names.units[place]))
+    factor, unit = SHOWN_UNITS.get(names.units[place], (1.0, names.units[place]))
     factor *= float(names.usual[place])
     moving = any(movement.place == place for movement in moves.movements)
     told = np.isfinite(moves.std[:, place])
@@ -118,7 +118,7 @@ def _worth_drawing(machine: Standing) -> list[int]:
     sure = np.abs(machine.moves.values[-1]) / machine.moves.std[-1]
     size = np.where(sure > 3.0, np.abs(machine.moves.values[-1]), 0.0)
     rest = [int(place) for place in np.argsort(-size) if size[place] > 0.0 and place not in moving]
-    return [*moving, *rest][:MOST]
+    return [*moving, *rest][:MOST_VALUES]
 
 
 def _errors(machine: Standing) -> list[tuple[float, float]]:

@@ -14,7 +14,7 @@ from ptt.judge.compare.comparison import AXES, Comparison
 from ptt.run.problem import Problem
 from ptt.show.plots.common import DARK, DPI, ORANGE, PALE, POINTS, legend_below
 
-MOST = 6
+MOST_PANELS = 6
 FEW = 6  # levels up to which a variable is drawn level by level
 PHASES = 10
 BINS = 12
@@ -78,7 +78,7 @@ def telling_pairs(result: Comparison, contexts: dict[str, np.ndarray]) -> list[P
         if item.on in contexts and item.on not in chosen:
             chosen[item.on] = Panel(item.residual, item.on, item)
     if chosen:
-        return list(chosen.values())[:MOST]
+        return list(chosen.values())[:MOST_PANELS]
     names = [*result.joint] or list(AXES)
     own = [
         Panel(name, on, None)
@@ -86,7 +86,7 @@ def telling_pairs(result: Comparison, contexts: dict[str, np.ndarray]) -> list[P
         for index, name in enumerate(names)
         if (on := f"{prefix}{index + 1}") in contexts
     ]
-    return own[:MOST] or [Panel("x", next(iter(contexts)), None)]
+    return own[:MOST_PANELS] or [Panel("x", next(iter(contexts)), None)]
 
 
 def variable_label(name: str, problem: Problem) -> str:

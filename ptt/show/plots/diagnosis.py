@@ -6,7 +6,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 
-SHOWN = 12  # candidates in a picture
+SHOWN_CANDIDATES = 12  # in a picture
 DECADES = 1000.0  # largest over smallest error from which only powers of ten are written
 
 
@@ -20,7 +20,7 @@ def draw_candidates(result: Diagnosis) -> Figure:
         The figure; where nothing is missing, the error as given beside the noise.
     """
     steps = {step[0] for step in result.suggested}
-    shown = sorted(result.candidates[:SHOWN], key=lambda each: each.effect not in steps)
+    shown = sorted(result.candidates[:SHOWN_CANDIDATES], key=lambda each: each.effect not in steps)
     figure = Figure(figsize=(8.6, 2.2 + 0.34 * max(len(shown), 1)), dpi=DPI, layout="constrained")
     panel = figure.subplots()
     for row, each in enumerate(shown):

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ptt.judge.history import AXES, Entry
+from ptt.judge.history import AXES, HistoryEntry
 from ptt.judge.ladder.ladder import Ladder
 from ptt.show.plots.common import save
 
@@ -42,7 +42,7 @@ def draw_ladder(ladder: Ladder) -> Figure:
     return draw_rungs(rungs, ladder.noise_um)
 
 
-def plot_history(entries: Sequence[Entry], path: str | Path) -> None:
+def plot_history(entries: Sequence[HistoryEntry], path: str | Path) -> None:
     """Draw a ladder again from the history of a machine file.
 
     Args:

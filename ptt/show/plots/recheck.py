@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from ptt.again.result import Recheck
 from ptt.show.plots.common import BLUE, DPI, ORANGE, PALE, save
 
-SHOWN = 16  # values in a picture
+SHOWN_VALUES = 16  # in a picture
 
 
 def draw_moved(result: Recheck) -> Figure:
@@ -21,7 +21,7 @@ def draw_moved(result: Recheck) -> Figure:
         The figure.
     """
     named = {(item.moved.effect, item.moved.name) for item in result.changed}
-    order = sorted(result.parameters, key=lambda one: ((one.effect, one.name) not in named, -abs(one.z)))[:SHOWN]
+    order = sorted(result.parameters, key=lambda one: ((one.effect, one.name) not in named, -abs(one.z)))[:SHOWN_VALUES]
     figure = Figure(figsize=(9.6, 2.4 + 0.3 * max(len(order), 4)), dpi=DPI, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[2.0, 1.0])
     colours = [ORANGE if (one.effect, one.name) in named else BLUE for one in order]

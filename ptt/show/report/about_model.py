@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from ptt.fitting.report import Value
-from ptt.judge.history import Entry
+from ptt.judge.history import HistoryEntry
 from ptt.model.model import Term, parameter_names, told_values
 from ptt.show.report.blocks import Block, Grid, Lines, Picture, Section, Words, grid
 from ptt.show.report.commands import ladder_command
@@ -103,7 +103,7 @@ def _stages(facts: NetworkFacts) -> list[tuple[str, ...]]:
     return [(words.get(stage, stage), *axes(figures)) for stage, figures in facts.heldout_rms_um.items()]
 
 
-def _ladder_grid(ladder: Sequence[Entry]) -> Grid:
+def _ladder_grid(ladder: Sequence[HistoryEntry]) -> Grid:
     signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
     first, last = ladder[0], ladder[-1]
     rows = [("as given", *axes(first.before_um), *axes(first.heldout_before_um), NONE)]

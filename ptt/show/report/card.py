@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from ptt.show.card.bar import MOST, bar_html
+from ptt.show.card.bar import MOST_FINDINGS, bar_html
 from ptt.show.card.ghost import ghosts_of, lines_at
 from ptt.show.card.picture import draw_scene
 from ptt.show.card.result import card_of_diagnosis
@@ -42,7 +42,7 @@ class TopCard:
     @property
     def findings(self) -> list[dict[str, Any]]:
         """Those that are shown."""
-        return list(self.card["findings"][:MOST])
+        return list(self.card["findings"][:MOST_FINDINGS])
 
 
 def top_card(contents: Contents, say: Callable[[str], str]) -> TopCard | None:
@@ -64,7 +64,7 @@ def top_card(contents: Contents, say: Callable[[str], str]) -> TopCard | None:
         one["sure"] = how_sure(one["probability"])
         one["fall"] = f"{length(one['before_um'])} \N{RIGHTWARDS ARROW} {length(one['after_um'])}"
     picture, caption = _picture(look, card, contents)
-    more = max(0, len(card["findings"]) - MOST)
+    more = max(0, len(card["findings"]) - MOST_FINDINGS)
     return TopCard(card, bar_html(card, say), how_sure(card["probability"]), picture, caption, more)
 
 

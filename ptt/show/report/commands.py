@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ptt.judge.history import Entry
+from ptt.judge.history import HistoryEntry
 from ptt.model.model import Model
 from ptt.show.report.source import MadeOf
 
@@ -84,7 +84,7 @@ def options_of(source: MadeOf, without: Sequence[str] = ()) -> list[str]:
     return words
 
 
-def ladder_command(ladder: Sequence[Entry]) -> str:
+def ladder_command(ladder: Sequence[HistoryEntry]) -> str:
     """The command that made a ladder; the model it began with has no name in the history.
 
     Args:

@@ -8,7 +8,7 @@ from ptt.effects.registry import Library
 from ptt.judge.before_after import BeforeAfter
 from ptt.judge.compare.comparison import Comparison
 from ptt.judge.evaluate import Evaluation
-from ptt.judge.history import Entry
+from ptt.judge.history import HistoryEntry
 from ptt.judge.iso.figures import IsoPoses
 from ptt.judge.ladder.ladder import Ladder
 from ptt.machine import MachineFile
@@ -69,7 +69,7 @@ class Contents:
     known: Library
     drawing: ModelLook
     given: ModelLook
-    ladders: tuple[tuple[Entry, ...], ...]
+    ladders: tuple[tuple[HistoryEntry, ...], ...]
     refit: Ladder | None
     evaluation: dict[str, Evaluation]
     network: NetworkFacts | None

@@ -5,7 +5,7 @@ from pathlib import Path
 from ptt.correct.training.compensator import Compensator, load_compensator
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.door.opened import Opened
-from ptt.door.options import Reading
+from ptt.door.options import ReadOptions
 from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
 from ptt.show.report.contents import Contents
@@ -22,7 +22,7 @@ def report_run(
     model: Path,
     compensator: Path | None = None,
     after: tuple[Path, Table] | None = None,
-    reading: Reading,
+    reading: ReadOptions,
     drawing: Diagnosis | None = None,
     given: Diagnosis | None = None,
     interactive: bool = False,
@@ -73,7 +73,7 @@ def _with_network(opened: Opened, folder: Path | None) -> Compensator:
     return with_network(opened.compensator, load_compensator(folder, opened.library), str(folder))
 
 
-def _source(run: Path, model: Path, compensator: Path | None, after: Path | None, reading: Reading) -> MadeOf:
+def _source(run: Path, model: Path, compensator: Path | None, after: Path | None, reading: ReadOptions) -> MadeOf:
     trained = compensator or (model if model.is_dir() else None)
     given = {
         "model": [model],

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.show.studio.looks import Drawing, Look
+from ptt.show.studio.looks import Look, MachineLines
 
 DRAWING = "drawing."
 
@@ -31,7 +31,7 @@ def pack_look(look: Look) -> bytes:
         elif item.name in ("views", "contexts"):
             words[item.name] = list(value)
             arrays |= {f"{item.name}.{number}": array for number, array in enumerate(value.values())}
-        elif isinstance(value, Drawing):
+        elif isinstance(value, MachineLines):
             arrays |= {f"{DRAWING}{part.name}": getattr(value, part.name) for part in fields(value)}
         else:
             words[item.name] = value
@@ -58,7 +58,7 @@ def unpack_look(data: bytes) -> Look:
         raise ValueError("not the arrays of a look")
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
         words = json.loads(arrays["words"].tobytes())
-        drawing = Drawing(**{item.name: arrays[f"{DRAWING}{item.name}"] for item in fields(Drawing)})
+        drawing = MachineLines(**{item.name: arrays[f"{DRAWING}{item.name}"] for item in fields(MachineLines)})
         found: dict[str, Any] = {"drawing": drawing}
         for item in fields(Look):
             if item.name in ("views", "contexts"):

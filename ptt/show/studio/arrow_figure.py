@@ -6,14 +6,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ptt.show.card.scene import Lines
+from ptt.show.card.scene import PoseLines
 from ptt.show.card.solids import Solid, arrows
 from ptt.show.card.words import length, prefixed
 from ptt.show.studio.figures import MIDDLE, UM, Figure
 from ptt.show.studio.looks import Look
 
 SCALE = "Cividis"  # made for every kind of colour vision
-SHOWN = 240  # more hide each other
+SHOWN_ARROWS = 240  # more hide each other
 FEW = 1e6  # cells that are counted one by one
 REACH = 0.45  # of the path's size that the 95 % arrow takes
 OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
@@ -35,7 +35,7 @@ def usual_scale(look: Look) -> float:
         return 1.0
     span = max(float(np.ptp(look.target[look.kept], axis=0).max()), 1e-3)
     drawing, row = look.drawing, int(np.flatnonzero(look.kept)[0])
-    size = Lines(drawing.rails, drawing.chains[row], drawing.platform[row]).size
+    size = PoseLines(drawing.rails, drawing.chains[row], drawing.platform[row]).size
     wanted = min(REACH * span, OF_MACHINE * size) / max(float(np.quantile(look.size_um[look.kept], 0.95)) / UM, 1e-9)
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(max(step * power for step in (1.0, 2.0, 3.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
@@ -96,7 +96,7 @@ def _owners(place: np.ndarray) -> np.ndarray:
     cell = 1e-3
     while True:
         owner = _cells(place, cell)
-        if owner.max() < SHOWN or cell > span:
+        if owner.max() < SHOWN_ARROWS or cell > span:
             return owner
         cell = span / 30.0 if cell < span / 40.0 else cell * 1.25
 

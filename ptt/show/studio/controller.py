@@ -19,7 +19,7 @@ from ptt.show.studio.results import Source, Trained
 from ptt.show.studio.session import Session
 from ptt.show.studio.snapshot import key_of
 from ptt.show.studio.steps import START
-from ptt.show.studio.store import Place
+from ptt.show.studio.store import SessionFolder
 
 LONG = 50_000  # rows from which nothing is diagnosed unasked: it takes a minute or more
 LEARN = "finding what is missing"
@@ -40,7 +40,7 @@ class Staged:
 class Studio(Doing):
     """One session on a page: its steps, its folder, what is being done for it; nothing is shared with another."""
 
-    def __init__(self, place: Place, pool: Pool) -> None:
+    def __init__(self, place: SessionFolder, pool: Pool) -> None:
         """Take up a session where it was left.
 
         Args:

@@ -10,7 +10,7 @@ from ptt.show.studio.looks import Look
 
 Figure = dict[str, Any]
 
-MOST = 1500  # readings drawn; more make the page slow and hide each other
+MOST_READINGS = 1500  # drawn; more make the page slow and hide each other
 # Each stands out against the white card and the dark one, and they tell apart in every colour vision.
 BLUE, PALE, VIOLET, ORANGE, GREY = "#3a84b4", "#8fb4d0", "#9467bd", "#c98500", "#7c8270"
 MIDDLE = "#6f777d"  # read on white and on dark alike
@@ -78,8 +78,10 @@ def shown_rows(look: Look, picked: Sequence[int] = ()) -> np.ndarray:
         (m,) row numbers, ascending.
     """
     rows = np.flatnonzero(look.kept)
-    thin = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, len(rows))).astype(int))] if len(rows) else rows
-    extra = np.asarray(list(picked)[:MOST], dtype=int)
+    thin = (
+        rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST_READINGS, len(rows))).astype(int))] if len(rows) else rows
+    )
+    extra = np.asarray(list(picked)[:MOST_READINGS], dtype=int)
     return np.union1d(thin, extra[look.kept[extra]] if len(extra) else extra).astype(int)
 
 
@@ -114,7 +116,7 @@ def against_figure(
     own = f"model with {', '.join(look.effects)}" if look.effects else "model without effects"
     data.append(_points(across[rows], look.views[view][rows] * factor, rows, BLUE, own))
     if len(picked):
-        chosen = np.asarray(list(picked)[:MOST], dtype=int)
+        chosen = np.asarray(list(picked)[:MOST_READINGS], dtype=int)
         data.append(_points(across[chosen], look.views[view][chosen] * factor, chosen, ORANGE, "picked", size=9))
     layout = whole_layout(
         xaxis=axis,

@@ -15,7 +15,7 @@ from ptt.show.studio.looks import Look
 from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
 from ptt.show.studio.results import SEAL, Changed, Compared, Learned, Predicted, Source, Trained
 
-MOST = 1200  # readings of an unknown that a picture shows
+MOST_READINGS = 1200  # of an unknown that a picture shows
 
 if TYPE_CHECKING:
     from ptt.diagnosis.telling.diagnosis import Diagnosis
@@ -146,7 +146,7 @@ def _unknown(found: "Diagnosis") -> Mapping[str, Any] | None:
         return None
     first = found.depends_on[0]
     points = np.zeros((0, 2)) if first.points is None else first.points
-    points = points[np.unique(np.linspace(0, max(len(points) - 1, 0), min(MOST, len(points))).astype(int))]
+    points = points[np.unique(np.linspace(0, max(len(points) - 1, 0), min(MOST_READINGS, len(points))).astype(int))]
     fine = 1e6 if first.residual.startswith("joint") else 1e3  # urad, um
     at, um = np.round(points[:, 0], 6).tolist(), np.round(fine * points[:, 1], 4).tolist()
     unit = first.unit if first.with_ is None else "" if first.size is None else first.size.unit
@@ -200,13 +200,13 @@ def train(source: Source, model: str, tell: Progress) -> Trained:
 def predict(source: Source, model: str | bytes, targets: str, tell: Progress) -> Predicted:
     """As `ptt predict`, on a model or on a zipped compensator."""
     from ptt.door.model import load
-    from ptt.door.options import Reading
+    from ptt.door.options import ReadOptions
     from ptt.door.predicting import predict as invert
     from ptt.door.run import targets_path
 
     tell("corrected commands", 0, 0)
     loaded, out = load(place_of(model), effects=source.effect_files), Path("sliders.csv")
-    result = invert(loaded, targets_path(Path(targets), loaded, Reading(json=True)))
+    result = invert(loaded, targets_path(Path(targets), loaded, ReadOptions(json=True)))
     result.to_csv(out)
     return Predicted(result.to_dict(), tuple(f"warning: {line}" for line in result.warnings), out.read_bytes())
 

@@ -137,8 +137,8 @@ def _standing(store: Path) -> dict[str, Any]:
 
 def _shown(value: dict[str, Any]) -> dict[str, Any]:
     """In the unit that sentences use, um for mm."""
-    from ptt.effects.phrases import SHOWN
+    from ptt.effects.phrases import SHOWN_UNITS
 
-    factor, unit = SHOWN.get(value["unit"], (1.0, value["unit"]))
+    factor, unit = SHOWN_UNITS.get(value["unit"], (1.0, value["unit"]))
     scaled = {key: [factor * each for each in value[key]] for key in ("value", "std")}
     return value | scaled | {"unit": unit}

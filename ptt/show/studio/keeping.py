@@ -7,13 +7,13 @@ from threading import Lock
 
 from ptt.errors import PttError
 from ptt.show.studio.session import Session
-from ptt.show.studio.store import Place
+from ptt.show.studio.store import SessionFolder
 
 
 class Keeper:
     """Writes the newest state of one session; states that came while it wrote are passed over."""
 
-    def __init__(self, place: Place, failed: Callable[[str], None]) -> None:
+    def __init__(self, place: SessionFolder, failed: Callable[[str], None]) -> None:
         """Write nothing yet.
 
         Args:

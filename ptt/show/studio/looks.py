@@ -19,7 +19,7 @@ SAMPLE = 3  # rows that a table of columns shows
 
 
 @dataclass(frozen=True, eq=False)
-class Drawing:
+class MachineLines:
     """The machine as lines.
 
     Attributes:
@@ -67,7 +67,7 @@ class Look:
     kept: np.ndarray
     views: Mapping[str, np.ndarray]
     contexts: Mapping[str, np.ndarray]
-    drawing: Drawing
+    drawing: MachineLines
     serial: bool
     effects: tuple[str, ...]
     understood: tuple[str, ...]
@@ -139,7 +139,7 @@ def look_at(
         kept=np.asarray(kept),
         views=residual_views(problem, residual),
         contexts=path_views(problem),
-        drawing=draw_machine(problem),
+        drawing=machine_lines(problem),
         serial=problem.file.machine.kind == "serial",
         effects=model.keys,
         understood=tuple(table.understood.lines),
@@ -209,7 +209,7 @@ def rest_of_arm(file: Any) -> list[list[float]]:
     return [[0.0, 0.0, 0.0], *origins.tolist(), tool.tolist()]
 
 
-def draw_machine(problem: "Problem") -> Drawing:
+def machine_lines(problem: "Problem") -> MachineLines:
     """The machine as drawn, at the commands of each row.
 
     Args:
@@ -227,7 +227,7 @@ def draw_machine(problem: "Problem") -> Drawing:
         assert isinstance(mechanism, Serial)
         origins = mechanism.frames(view.q)[0].numpy()
         chain = np.concatenate([np.zeros((len(q), 1, 3)), origins, p[:, None]], axis=1)
-        return Drawing(np.zeros((0, 2, 3)), chain[:, None], np.zeros((len(q), 0, 3)))
+        return MachineLines(np.zeros((0, 2, 3)), chain[:, None], np.zeros((len(q), 0, 3)))
     assert isinstance(mechanism, ThreePtt)
     azimuth = np.radians(spec.slider_azimuth_deg)
     corner = spec.platform_radius_mm * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
@@ -236,4 +236,4 @@ def draw_machine(problem: "Problem") -> Drawing:
     rails = foot[:, None] + ends[:, :, None] * rail[:, None]
     sliders = foot[None] + q[:, :, None] * rail[None]
     platform = p[:, None] + corner[None]
-    return Drawing(rails, np.stack([sliders, platform], axis=2), platform)
+    return MachineLines(rails, np.stack([sliders, platform], axis=2), platform)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ptt.show.card.scene import Lines, legs_at_fault, moved, only, parts_of, place_of_part
+from ptt.show.card.scene import PoseLines, legs_at_fault, moved, only, parts_of, place_of_part
 from ptt.show.card.words import by_part
 from ptt.show.studio.arrow_figure import arrow_traces, mean_arrows, mesh, xyz
-from ptt.show.studio.figures import MIDDLE, MOST, ORANGE, Figure, shown_rows, whole_figure, whole_layout
+from ptt.show.studio.figures import MIDDLE, MOST_READINGS, ORANGE, Figure, shown_rows, whole_figure, whole_layout
 from ptt.show.studio.looks import Look
 
 COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
@@ -47,7 +47,7 @@ def machine_figure(
         The figure.
     """
     drawing = look.drawing
-    lines = Lines(drawing.rails, drawing.chains[row], drawing.platform[row])
+    lines = PoseLines(drawing.rails, drawing.chains[row], drawing.platform[row])
     there = None if ghost is None or not machine else moved(lines, ghost["shift"], int(ghost["at"]), ghost["times"])
     box = _box(look, scale) if near or not machine else _whole_box(look, scale, there)
     data: list[Figure] = []
@@ -88,7 +88,7 @@ def _scene(box: np.ndarray) -> Figure:
     }
 
 
-def _labels(there: Lines, values: Sequence[Mapping[str, Any]]) -> list[Figure]:
+def _labels(there: PoseLines, values: Sequence[Mapping[str, Any]]) -> list[Figure]:
     """Sizes in words beside the parts that have them, over everything else.
 
     Labels of legs, which stand side by side, go above and below by turns from left to right, those above whose parts
@@ -130,7 +130,7 @@ def _label(place: np.ndarray, said: Sequence[str], across: float, down: float) -
 
 
 def _picked(look: Look, picked: Sequence[int]) -> list[Figure]:
-    chosen = np.asarray(list(picked)[:MOST], dtype=int)
+    chosen = np.asarray(list(picked)[:MOST_READINGS], dtype=int)
     return [
         {
             "type": "scatter3d",
@@ -152,7 +152,7 @@ def _box(look: Look, scale: float) -> np.ndarray:
     return _around(np.concatenate(points), 2.0 * RIM)
 
 
-def _whole_box(look: Look, scale: float, there: Lines | None) -> np.ndarray:
+def _whole_box(look: Look, scale: float, there: PoseLines | None) -> np.ndarray:
     """(2, 3) mm, what the machine takes along its whole travel, arrows and ghost too: a picture that stands still."""
     drawing, rows = look.drawing, shown_rows(look)
     parts = [drawing.rails, drawing.chains[rows], drawing.platform[rows]]
@@ -211,7 +211,7 @@ def chain_figure(chain: Sequence[Sequence[float]]) -> Figure:
     Returns:
         The figure.
     """
-    lines = Lines(np.zeros((0, 2, 3)), np.asarray(chain, dtype=float)[None], np.zeros((0, 3)))
+    lines = PoseLines(np.zeros((0, 2, 3)), np.asarray(chain, dtype=float)[None], np.zeros((0, 3)))
     solids = parts_of(lines)
     data = [mesh(solid, name, COLOURS[name]) for name, solid in solids.items()]
     box = _around(np.concatenate([solid.points for solid in solids.values()]), RIM)

@@ -7,7 +7,7 @@ import numpy as np
 from nicegui import events, ui
 
 from ptt.show.card.words import length, together
-from ptt.show.studio.arrow_figure import SHOWN as ARROWS
+from ptt.show.studio.arrow_figure import SHOWN_ARROWS as ARROWS
 from ptt.show.studio.arrow_figure import mean_arrows, usual_scale
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import against_figure, label_of, unit_of
@@ -18,7 +18,7 @@ from ptt.show.studio.session import Session
 from ptt.show.studio.tables import table_html
 
 PICKS = {0.0: "pose, all its visits", -1.0: "one reading", 10.0: "region of 10 mm", 25.0: "region of 25 mm"}
-SHOWN = 60  # rows of the table
+SHOWN_ROWS = 60  # of the table
 NONE = "nothing"
 PLACES = {"mm": 4, "m": 6, "mrad": 4, "rad": 6}  # behind the point, one with micro
 ROWS = "e => emit((e?.points ?? []).map(p => p.customdata).filter(row => row !== undefined))"
@@ -171,9 +171,9 @@ class LookView:
         if look is None:
             return
         order = np.argsort(np.where(look.kept, -look.size_um, np.inf))[: int(look.kept.sum())]
-        rows = picked[:SHOWN] if picked else order[:SHOWN].tolist()
+        rows = picked[:SHOWN_ROWS] if picked else order[:SHOWN_ROWS].tolist()
         what = f"{len(picked)} picked readings" if picked else f"the {len(rows)} largest errors of {look.rows} readings"
-        cut = f", {SHOWN} shown" if len(picked) > SHOWN else ""
+        cut = f", {SHOWN_ROWS} shown" if len(picked) > SHOWN_ROWS else ""
         self.table_note.set_text(what + cut)
         self.table.set_content(_table(look, rows))
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from nicegui import ui
 
-from ptt.show.card.scene import Lines, usual_times
+from ptt.show.card.scene import PoseLines, usual_times
 from ptt.show.card.words import length, together
 from ptt.show.studio.arrow_figure import usual_scale
 from ptt.show.studio.controller import Studio
@@ -84,7 +84,7 @@ class MachinePicture:
         shift = self._shift()
         if shift is not None and self.look is not None:
             drawing, row = self.look.drawing, int(self._rows()[len(self._rows()) // 2])
-            lines = Lines(drawing.rails, drawing.chains[row], drawing.platform[row])
+            lines = PoseLines(drawing.rails, drawing.chains[row], drawing.platform[row])
             self.times.set_value(round(np.log10(usual_times(lines, shift)) / STEP) * STEP)
 
     def _rows(self) -> np.ndarray:

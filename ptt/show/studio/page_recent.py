@@ -3,7 +3,7 @@
 from nicegui import ui
 
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.store import Store
+from ptt.show.studio.store import SessionStore
 
 
 def build_recent(studio: Studio) -> None:
@@ -12,7 +12,7 @@ def build_recent(studio: Studio) -> None:
     Args:
         studio: of this session.
     """
-    store = Store(studio.place.root)
+    store = SessionStore(studio.place.root)
     earlier = [each for each in store.recent(studio.place.owner) if each.key != studio.place.key]
     if not earlier:
         return

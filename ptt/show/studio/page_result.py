@@ -6,7 +6,7 @@ from typing import Any
 from nicegui import ui
 
 from ptt.effects.phrases import capital
-from ptt.show.card.bar import COLOURS, MOST, bar_html
+from ptt.show.card.bar import COLOURS, MOST_FINDINGS, bar_html
 from ptt.show.card.words import how_sure, length
 from ptt.show.studio.controller import LEARN, LONG, Studio
 from ptt.show.studio.page_effect import EffectCards
@@ -156,12 +156,12 @@ class ResultView:
     def _fill(self, lesson: Learned) -> None:
         card = lesson.card
         ui.html(bar_html(card), sanitize=False).classes("w-full").style("margin: 10px 0").mark("bar")
-        for number, finding in enumerate(card["findings"][:MOST]):
+        for number, finding in enumerate(card["findings"][:MOST_FINDINGS]):
             self._finding(finding, number)
-        more = card["findings"][MOST:]
+        more = card["findings"][MOST_FINDINGS:]
         if more:
             with ui.expansion(f"{len(more)} smaller ones").classes("w-full").props("dense"):
-                for number, finding in enumerate(more, MOST):
+                for number, finding in enumerate(more, MOST_FINDINGS):
                     self._finding(finding, number)
         if card["measure_next"]:
             with ui.element("div").classes("st-tie").style("margin-top: 8px"):

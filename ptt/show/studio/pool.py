@@ -22,7 +22,7 @@ IDLE = 120.0  # s without work after which a process is given back
 SHORT = 2.0  # s that a job may take that nobody stops
 PATIENCE = 20.0  # s that what nobody waits for stands back
 LEAVE = 0.5  # s that a job has to leave off by itself: to begin another process takes five times as long
-FEWEST, MOST = 2, 4  # at once: a diagnosis beside a quick look; more than this and each of them gets slow
+LEAST_WORKERS, MOST_WORKERS = 2, 4  # a diagnosis beside a quick look; more than this and each of them gets slow
 KEPT = 1.2 * 2**30  # bytes: a process that has grown beyond twice its usual size is not kept
 
 
@@ -99,7 +99,7 @@ class Pool:
             idle: seconds without work after which a process is given back.
             verb: how verbs of the command line are run, a function that another process can import.
         """
-        self.most = most or max(FEWEST, min(MOST, os.cpu_count() or FEWEST))
+        self.most = most or max(LEAST_WORKERS, min(MOST_WORKERS, os.cpu_count() or LEAST_WORKERS))
         self.idle, self.verb = idle, verb
         self._free: list[Hand] = []
         self._all: set[Hand] = set()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ptt.show.studio.looks import Look
 
 if TYPE_CHECKING:
-    from ptt.door.options import Reading
+    from ptt.door.options import ReadOptions
 
 ANSWERS = "answers.toml"
 COLUMNS = "columns.toml"  # what a person said of the columns, in the grid
@@ -66,11 +66,11 @@ class Source:
         """Where the effect files are."""
         return tuple(f"{EFFECTS}/{name}" for name in self.effects)
 
-    def reading(self) -> "Reading":
+    def reading(self) -> "ReadOptions":
         """The same as the command line has it; nobody is asked on a terminal."""
-        from ptt.door.options import Reading
+        from ptt.door.options import ReadOptions
 
-        return Reading(
+        return ReadOptions(
             also=[Path(name) for name in self.also],
             targets=Path(self.targets) if self.targets else None,
             set_=self.set_,

@@ -8,7 +8,7 @@ from ptt.effects.phrases import figure, scaled
 from ptt.show.card.words import MICRO, length, parameter_in_words, prefixed
 from ptt.show.studio.tables import table_html
 
-MOST = 6  # numbers of one cell
+MOST_NUMBERS = 6  # of one cell
 AXES = ("x", "y", "z", "total")
 UNIT = re.compile(r"_((?:nmm|um|mm|m|mrad|urad|rad|deg|n|kg|k|s|ms|h|c)(?:_per_[a-z]+(?:_[a-z]+)*)?)$")
 SIGNS = {"n": "N", "nmm": "N mm", "k": "K", "c": "\N{DEGREE SIGN}C", "um": f"{MICRO}m", "urad": f"{MICRO}rad"}
@@ -80,8 +80,8 @@ def _hidden(name: str, value: Any) -> str:
     factor, shown = prefixed(sizes, unit)
     if factor == 1.0:
         factor, shown = scaled(sizes, unit)
-    said = ", ".join(figure(factor * each).replace("-", "\N{MINUS SIGN}") for each in values[:MOST])
-    more = f" and {len(values) - MOST} more" if len(values) > MOST else ""
+    said = ", ".join(figure(factor * each).replace("-", "\N{MINUS SIGN}") for each in values[:MOST_NUMBERS])
+    more = f" and {len(values) - MOST_NUMBERS} more" if len(values) > MOST_NUMBERS else ""
     return f"{stem.replace('_', ' ')} {said} {shown}{more}".strip()
 
 
@@ -94,8 +94,8 @@ def _spoken(unit: str) -> str:
 def _model(parameters: Sequence[Mapping[str, Any]] | None) -> str:
     if not parameters:
         return "\N{EN DASH}"
-    said = [" ".join(parameter_in_words(one["name"], one["value"], one["std"])) for one in parameters[:MOST]]
-    more = f"; {len(parameters) - MOST} more" if len(parameters) > MOST else ""
+    said = [" ".join(parameter_in_words(one["name"], one["value"], one["std"])) for one in parameters[:MOST_NUMBERS]]
+    more = f"; {len(parameters) - MOST_NUMBERS} more" if len(parameters) > MOST_NUMBERS else ""
     return "; ".join(map(str.strip, said)) + more
 
 

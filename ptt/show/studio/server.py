@@ -16,7 +16,7 @@ from ptt.show.studio.guard import COOKIE, Guard, UploadLimit
 from ptt.show.studio.page import build_page
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
-from ptt.show.studio.store import Place, Store
+from ptt.show.studio.store import SessionFolder, SessionStore
 from ptt.show.studio.uploads import keep, keep_effects
 from ptt.show.studio.verbs import Run
 
@@ -62,7 +62,7 @@ def serve(
     Raises:
         InputError: the port is in use, or the folder cannot be written.
     """
-    store, pool = Store(root), Pool(verb=verb)
+    store, pool = SessionStore(root), Pool(verb=verb)
     pages = _Pages(store, pool, opening, warn)
     _lay_out(pages)
     app.on_shutdown(pages.close)
@@ -82,11 +82,11 @@ def serve(
 class _Pages:
     """The pages that are open: a session is on one of them at a time."""
 
-    def __init__(self, store: Store, pool: Pool, opening: Opening, warn: Callable[[str], None]) -> None:
+    def __init__(self, store: SessionStore, pool: Pool, opening: Opening, warn: Callable[[str], None]) -> None:
         self.store, self.pool, self.opening, self.warn = store, pool, opening, warn
         self.studios: dict[str, Studio] = {}
 
-    async def show(self, place: Place, view: str) -> None:
+    async def show(self, place: SessionFolder, view: str) -> None:
         """Put a session on the page of the client that asks."""
         client = ui.context.client
         try:
@@ -108,7 +108,7 @@ class _Pages:
         elif known is None:
             await studio.resume()
 
-    def find(self, key: str, owner: str) -> Place | None:
+    def find(self, key: str, owner: str) -> SessionFolder | None:
         """The place of a session of this owner; None where there is none."""
         place, known = self.store.find(key, owner), self.studios.get(key)
         if place is None and known is not None and known.place.owner == owner:

@@ -25,7 +25,7 @@ from ptt.show.studio.snapshot import Rung, Snapshot
 
 KEY = re.compile(r"[a-z0-9]{12}")
 STATE, FOUND, FILES = "session.json", "found", "files"
-SHOWN = 12  # sessions of a browser that are listed
+SHOWN_SESSIONS = 12  # of a browser that are listed
 VERSION = 1
 
 
@@ -44,7 +44,7 @@ class Listed:
     changed: str
 
 
-class Place:
+class SessionFolder:
     """The folder of one session."""
 
     def __init__(self, root: Path, key: str, owner: str) -> None:
@@ -151,7 +151,7 @@ class Place:
             found["trainings"][text] = Trained(data, self._place(source, text, "trained.zip").read_bytes())
 
 
-class Store:
+class SessionStore:
     """All sessions of this computer's user."""
 
     def __init__(self, root: Path | None = None) -> None:
@@ -169,15 +169,17 @@ class Store:
                 raise InputError(f"cannot be written ({error.strerror})", where=str(root), fix="name another") from None
             self.root = Path(tempfile.mkdtemp(prefix="ptt-studio-"))
 
-    def fresh(self, owner: str) -> Place:
+    def fresh(self, owner: str) -> SessionFolder:
         """A new session of a browser."""
-        return Place(self.root, "".join(secrets.choice("abcdefghijkmnpqrstuvwxyz23456789") for _ in range(12)), owner)
+        return SessionFolder(
+            self.root, "".join(secrets.choice("abcdefghijkmnpqrstuvwxyz23456789") for _ in range(12)), owner
+        )
 
-    def find(self, key: str, owner: str) -> Place | None:
+    def find(self, key: str, owner: str) -> SessionFolder | None:
         """A session by its address; None where there is none, or it belongs to another browser."""
         if not KEY.fullmatch(key) or self._state(key).get("owner") != _hashed(owner):
             return None
-        return Place(self.root, key, owner)
+        return SessionFolder(self.root, key, owner)
 
     def recent(self, owner: str) -> list[Listed]:
         """The sessions of a browser, the last one first."""
@@ -186,7 +188,7 @@ class Store:
         listed = [
             Listed(key, str(state["words"]), str(state["changed"])) for state, key in found if state.get("owner") == own
         ]
-        return sorted(listed, key=lambda each: each.changed, reverse=True)[:SHOWN]
+        return sorted(listed, key=lambda each: each.changed, reverse=True)[:SHOWN_SESSIONS]
 
     def _state(self, key: str) -> Mapping[str, Any]:
         try:

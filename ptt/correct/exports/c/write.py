@@ -13,7 +13,7 @@ from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import kernel
 from ptt.correct.exports.c.numbers import number, table
 from ptt.correct.exports.c.source import comment_of, source_of
-from ptt.correct.exports.format import Exported, Options, said_held
+from ptt.correct.exports.format import Options, Written, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
 from ptt.correct.exports.whole import write_all
@@ -37,7 +37,7 @@ ROUNDS = 40  # each shortens what is left by how evenly the network corrects
 RADIANS = 1e-9  # of a joint to spare, whose values the tool does not tell; the tool itself is compared too
 
 
-def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
+def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write ptt_model.h, ptt_model.c and ptt_selftest.c.
 
     Args:
@@ -64,7 +64,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Exported:
             out / "ptt_selftest.c": _selftest(compensator.model.file, held, ground, comment_of(head)),
         }
     )
-    return Exported(written, holds, left_out, left, _notes(compensator))
+    return Written(written, holds, left_out, left, _notes(compensator))
 
 
 def _held(compensator: "Compensator", cannot: dict[str, str]) -> "Compensator":
