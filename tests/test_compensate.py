@@ -362,4 +362,4 @@ def test_a_reversal_that_leaves_no_command_is_told_row_by_row(gap: float, said: 
     miss = np.linalg.norm(landing(model, table, commands.q) - table.target, axis=1)
     np.testing.assert_allclose(miss, commands.missed, atol=1e-6)
     lines = tally(table, commands).warnings("targets.csv", network=False)
-    assert any("no command brings the tool to their end" in line for line in lines) is said
+    assert any("no command brings it to their end" in line for line in lines) is said

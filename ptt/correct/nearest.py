@@ -10,7 +10,7 @@ from torch import Tensor
 from ptt.correct.newton import MISSED, ROUNDS, least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.mechanisms.workspace import near_singular, travel_margin
+from ptt.mechanisms.workspace import near_singular, tool_ways, travel_margin
 
 HALVINGS = 20  # of the way: a metre to a micrometre
 
@@ -111,6 +111,6 @@ def _inverse(mechanism: Mechanism, place: Tensor, near: Tensor) -> Tensor:
         return mechanism.inverse(place, None, near)
     q = near
     for _ in range(ROUNDS):
-        q = q + least_move(mechanism.jacobian(q), place - mechanism.forward(q))
+        q = q + least_move(mechanism.jacobian(q), place - mechanism.forward(q), tool_ways(mechanism))
     there = (place - mechanism.forward(q)).norm(dim=1) < MISSED
     return torch.where(there[:, None], q, torch.nan)

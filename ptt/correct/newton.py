@@ -9,6 +9,7 @@ from torch import Tensor
 from ptt.effects.memory import standing
 from ptt.effects.reversal import Backlash, gap_of
 from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.workspace import tool_ways
 from ptt.model.chain import Shifts, predict
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.travel import arrival_direction
@@ -68,17 +69,18 @@ def invert(
         given: how many rows at the start keep the commands that they begin with.
 
     Returns:
-        Commands (n, k), and by how much they miss, (n, 3) mm; infinite in rows that are not sent or were given.
+        Commands (n, k), and by how much they miss in directions in which the joints move the tool, (n, 3) mm; infinite
+        in rows that are not sent or were given.
     """
     hold, rows = _held(sent, given)
     q = start[hold]
     best, least = q, torch.full_like(goal, torch.inf)
     if not terms:
         return best, torch.where(rows[:, None], torch.zeros_like(goal), least)
-    idle = 0
+    idle, ways = 0, tool_ways(mechanism)
     for _ in range(ROUNDS):
         view = see(q)
-        step = goal - predict(terms, view).p
+        step = _made(view.jacobian, goal - predict(terms, view).p, ways)
         size, before = _size(step), _size(least)
         better = ((size < before) & (before > SETTLED))[:, None] & rows[:, None]
         idle = 0 if bool((rows & (size < NEARER * before) & (before > SETTLED)).any()) else idle + 1
@@ -87,7 +89,7 @@ def invert(
         if bool((settled == rows).all()) or idle == IDLE:
             break
         step[:given] = 0.0
-        wanted = _ahead(terms, view, q + least_move(view.jacobian, step), hold, given > 0)
+        wanted = _ahead(terms, view, q + least_move(view.jacobian, step, ways), hold, given > 0)
         q = torch.where(settled[:, None], best, _assembled(mechanism, best, wanted, q))[hold]
         q = torch.cat([start[:given], q[given:]])
     return best[hold], least
@@ -122,36 +124,52 @@ def invert_together(
     """
     hold, rows = _held(sent, given)
     q, least, idle = start[hold], torch.full((len(sent),), torch.inf, dtype=torch.float64), 0
+    ways = tool_ways(mechanism)
     for turn in range(ROUNDS):
         view = see(q)
-        step = goal - predict(terms, view).p
+        step = _made(view.jacobian, goal - predict(terms, view).p, ways)
         size = torch.where(rows, _size(step), 0.0)
         idle = 0 if bool((rows & (size < NEARER * least)).any()) else idle + 1
         least = torch.minimum(least, size)
         if bool((size <= SETTLED).all()) or idle == IDLE or turn == ROUNDS - 1:
             break
         step[:given] = 0.0
-        wanted = q + lead(least_move(view.jacobian, step))
+        wanted = q + lead(least_move(view.jacobian, step, ways))
         q = torch.cat([start[:given], _assembled(mechanism, q, wanted, q)[hold][given:]])
     return q, torch.where(rows[:, None], step, torch.inf)
 
 
-def least_move(jacobian: Tensor, step: Tensor) -> Tensor:
+def least_move(jacobian: Tensor, step: Tensor, ways: int = 3) -> Tensor:
     """Smallest joint move that takes the tool by a step; NaN where the Jacobian is singular or not a number.
 
     Args:
         jacobian: dp/dq, (n, 3, k).
         step: (n, 3) mm.
+        ways: number of directions in which the joints can move the tool at all; by two of a step in all three a planar
+            arm makes what lies in its plane.
 
     Returns:
         (n, k).
     """
+    if ways < min(jacobian.shape[1:]):
+        known, move = jacobian.isfinite().all(dim=-1).all(dim=-1), torch.full_like(jacobian[..., 0, :], torch.nan)
+        left, size, right = torch.linalg.svd(jacobian[known], full_matrices=False)
+        along = (left[..., :ways].mT @ step[known][..., None])[..., 0] / size[..., :ways]
+        move[known] = (right[..., :ways, :].mT @ along[..., None])[..., 0]
+        return move
     if jacobian.shape[-1] == step.shape[-1]:
         return torch.linalg.solve_ex(jacobian, step[..., None])[0][..., 0]
     across = jacobian.mT
     if jacobian.shape[-1] > step.shape[-1]:
         return (across @ torch.linalg.solve_ex(jacobian @ across, step[..., None])[0])[..., 0]
     return torch.linalg.solve_ex(across @ jacobian, across @ step[..., None])[0][..., 0]
+
+
+def _made(jacobian: Tensor, step: Tensor, ways: int) -> Tensor:
+    """What of a step the joints can make, (n, 3) mm: all of it where they move the tool in every direction."""
+    if ways == step.shape[-1]:
+        return step
+    return (jacobian @ least_move(jacobian, step, ways)[..., None])[..., 0]
 
 
 def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor, going: bool) -> Tensor:

@@ -14,8 +14,8 @@ from ptt.correct.task import Behind, CommandTask
 from ptt.effects.memory import Passed
 from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.protocol import Mechanism
-from ptt.mechanisms.workspace import near_singular
-from ptt.model.chain import Shifts
+from ptt.mechanisms.workspace import near_singular, tool_ways
+from ptt.model.chain import Shifts, predict
 from ptt.run.table import take_rows
 from ptt.run.view import View
 
@@ -143,7 +143,7 @@ def first_order(mechanism: Mechanism, wanted: Tensor, height: Tensor, sent: np.n
     rows, inverse = torch.as_tensor(sent), mechanism.inverse
     near, wanted, simple = height[rows], wanted[rows], torch.full_like(height, torch.nan)
     shift = wanted - mechanism.forward(near)
-    move = least_move(mechanism.jacobian(inverse(wanted - 0.5 * shift, None, near)), shift)
+    move = least_move(mechanism.jacobian(inverse(wanted - 0.5 * shift, None, near)), shift, tool_ways(mechanism))
     simple[rows] = inverse(wanted, None, near) - move
     return simple
 
@@ -180,7 +180,7 @@ def _solve(task: CommandTask, near: Tensor, sent: np.ndarray) -> Solved:
     if not reached.any():
         return replace(_standing(task), missed=step)
     if not task.turning:
-        return Solved(height, height, step, reached)
+        return Solved(height, height, _missed(task, task.steady, height, step), reached)
     height = height[torch.as_tensor(holding(reached | given))]
     opened = _opened(height, task.turning, task.see(height))
     opened = opened if behind is None else torch.cat([behind.q, opened[task.given :]])
@@ -188,7 +188,15 @@ def _solve(task: CommandTask, near: Tensor, sent: np.ndarray) -> Solved:
     if task.pace is not None:  # a gap is crossed at once while the slider stands: no motion that anything lags behind
         task = replace(task, velocity=torch.as_tensor(task.pace.velocity(height.numpy())))
     q, left = invert(terms, task.mechanism, task.see, opened, task.asked, reached, task.given)
-    return Solved(height, q, left, reached & torch.isfinite(left).all(dim=1).numpy())
+    reached = reached & torch.isfinite(left).all(dim=1).numpy()
+    return Solved(height, q, _missed(task, terms, q, left), reached)
+
+
+def _missed(task: CommandTask, terms: Shifts, q: Tensor, left: Tensor) -> Tensor:
+    """By how much commands miss, (n, 3) mm: what joints could still do, `left`, and what lies across their plane."""
+    if tool_ways(task.mechanism) == 3:
+        return left
+    return torch.where(left.isfinite().all(dim=1)[:, None], task.asked - predict(terms, task.see(q)).p, left)
 
 
 def _after(task: CommandTask, solved: Solved) -> np.ndarray:

@@ -101,7 +101,8 @@ class Tally:
         if self.missed > ROUNDING:
             lines.append(
                 f"{source}: commands miss by up to {1e3 * self.missed:.0f} um as the model has it: some moves after a"
-                " reversal are shorter than what changes over there, and no command brings the tool to their end"
+                " reversal are shorter than what changes over there, or no joint moves the tool that way, and no"
+                " command brings it to their end"
             )
         outside = self.rows - self.in_domain
         if outside and network:

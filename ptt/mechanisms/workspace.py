@@ -119,12 +119,17 @@ def unevenness(mechanism: Mechanism, q: Tensor) -> Tensor:
         (n,), infinite at a singularity up to rounding, NaN where q is.
     """
     jacobian = mechanism.jacobian(q)
-    ways = joint_ways(mechanism) if isinstance(mechanism, Serial) else 3
+    ways = tool_ways(mechanism)
     if ways == 3:
         return condition_number(jacobian)
     values = singular_values(jacobian)
     least = values[..., ways - 1]
     return torch.where(least <= FLAT * values[..., 0], torch.inf, values[..., 0] / least)
+
+
+def tool_ways(mechanism: Mechanism) -> int:
+    """Number of directions in which a mechanism can move its tool point."""
+    return joint_ways(mechanism) if isinstance(mechanism, Serial) else 3
 
 
 @functools.lru_cache(maxsize=64)

@@ -16,8 +16,10 @@ from ptt.effects.layout import sizes
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.statics import GRAVITY, gravity_of
+from ptt.mechanisms.workspace import tool_ways
 
 ROUNDS = 7  # each leaves a hundredth or less: rounding after five or six
+FAINT = 1e-12  # of the square of its length, that keeps an arm whose tool stays in a plane from dividing by nothing
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,7 @@ def settle(
     errors = [_errors(arm, theta) for effect, theta in effects if effect.name == "dh-offsets"]
     links = drawn_links(arm, sum(errors, np.zeros((arm.joints, 5))))
     goal = walk(arm, drawn, q)[1][-1].point(arm.tool_mm)
+    damping = FAINT * arm.length_mm**2 if tool_ways(arm) < 3 else 0.0
     for _ in range(ROUNDS if effects else 0):
         axes, ends = walk(arm, drawn, q)
         tip = ends[-1].point(arm.tool_mm)
@@ -133,14 +136,17 @@ def settle(
         for effect, theta in effects:
             if effect.name == "frame-growth":
                 there = [plus(a, b) for a, b in zip(there, _grown(seen, moved, theta), strict=True)]
-        step = _least_move(lever, [less(a, b) for a, b in zip(goal, there, strict=True)])
+        step = _least_move(lever, [less(a, b) for a, b in zip(goal, there, strict=True)], damping)
         q = [plus(value, part) for value, part in zip(q, step, strict=True)]
     return graph.node("Concat", *q, axis=1)
 
 
-def _least_move(lever: Sequence[Vector], step: Vector) -> list[Any]:
-    """J^T (J J^T)^-1 step, by the minors of J J^T."""
+def _least_move(lever: Sequence[Vector], step: Vector, damping: float) -> list[Any]:
+    """J^T (J J^T + damping)^-1 step, by the minors of that matrix."""
     square = [[_total([by(each[row], each[column]) for each in lever]) for column in range(3)] for row in range(3)]
+    square = [
+        [plus(value, damping) if i == j else value for j, value in enumerate(row)] for i, row in enumerate(square)
+    ]
     minors = [cross(square[(row + 1) % 3], square[(row + 2) % 3]) for row in range(3)]
     volume = dot(square[0], minors[0])
     force = [_total([by(minors[row][axis], step[row]) for row in range(3)]) / volume for axis in range(3)]

@@ -32,6 +32,7 @@ from ptt.correct.exports.left import Ground, error_left, holdings, survey
 from ptt.correct.exports.whole import write_all
 from ptt.correct.newton import least_move
 from ptt.correct.terms import split_terms
+from ptt.mechanisms.workspace import tool_ways
 from ptt.model.chain import predict
 from ptt.run.viewing import build_view
 
@@ -89,7 +90,7 @@ def _asked_of_joints(ground: Ground, drives: Drives) -> Array:
     undone = ground.nominal - drives.at_rows(ground.nominal)
     view = build_view(model.file, ground.table.replace(command=undone))
     missed = torch.as_tensor(ground.targets) - predict(split_terms(model)[0], view).p
-    return np.asarray(least_move(view.jacobian, missed).numpy())
+    return np.asarray(least_move(view.jacobian, missed, tool_ways(view.mechanism)).numpy())
 
 
 def _rounded(tables: AxisTables, unit: float) -> AxisTables:

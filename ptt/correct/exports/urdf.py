@@ -25,6 +25,7 @@ from ptt.correct.terms import split_terms
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.workspace import tool_ways
 from ptt.model.chain import predict
 from ptt.run.viewing import build_view
 
@@ -114,7 +115,7 @@ def _inverse(arm: Serial, geometry: Array, ground: Ground) -> Array:
     shift, place = torch.as_tensor(geometry)[None], torch.as_tensor(ground.targets)
     q = torch.as_tensor(ground.nominal)
     for _ in range(ROUNDS):
-        q = q + least_move(sensitivity(arm, q, shift)[1], place - arm.forward(q, shift))
+        q = q + least_move(sensitivity(arm, q, shift)[1], place - arm.forward(q, shift), tool_ways(arm))
     return np.asarray(q.numpy())
 
 
