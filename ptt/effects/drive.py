@@ -122,7 +122,11 @@ class FollowingError(Effect):
     requires: ClassVar[tuple[str, ...]] = ("speed",)
     called: ClassVar[str] = "following error"
     phrases: ClassVar[tuple[Phrase, ...]] = (
-        Phrase("lag", "come{s} {what} late while moving", "come{s} {what} early while moving"),
+        Phrase(
+            "lag",
+            "come{s} {what} late while moving",
+            "come{s} {what} early while moving, as late readings do and no loop",
+        ),
     )
     card: ClassVar[Card] = Card(
         cause="The position loop lags behind a moving command, and the reading is taken on the move.",
@@ -171,6 +175,7 @@ class AxisCompliance(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("compliance", "mm/N", 2e-4, "yield per unit of load", True, axis=True, usual_rad=1e-8),
     )
+    one_way: ClassVar[bool] = True
     called: ClassVar[str] = "axis compliance"
     phrases: ClassVar[tuple[Phrase, ...]] = (
         Phrase("compliance", "give{s} way by {what}", "move{s} against the load by {what}, as no spring does"),

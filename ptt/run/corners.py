@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
 TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
+EVENLY = 0.9  # share of the rows: others wait for the next lap, or were missed
 PAUSE = 10.0  # times the usual move, and what most moves take beyond their feed: nobody waits that long on the way
 REPEATED = 1e-9  # mm: a pose that is told twice
 
@@ -16,6 +17,25 @@ REPEATED = 1e-9  # mm: a pose that is told twice
 def shows_feed(table: "Table") -> bool:
     """Whether the feed tells speeds."""
     return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
+
+
+def sampled_evenly(took: np.ndarray, lasts: np.ndarray) -> np.ndarray:
+    """Moves whose speed the clock tells better than the feed, (n - 1,) bool: rows read on the way, by equal time.
+
+    A feed column holds what was programmed, and the machine has to come up to it and down again: where rows were read
+    at a constant rate, and most of them as far apart as the feed makes them, the clock shows where it had not.
+
+    Args:
+        took: from row to row by the clock, (n - 1,) s.
+        lasts: the same by the feed; zero where it tells nothing.
+    """
+    known = (took > 0.0) & (lasts > 0.0)
+    if not known.any():
+        return known
+    alike = np.abs(np.diff(took)) <= SAME_SPEED * np.minimum(took[1:], took[:-1])
+    even = np.append(alike, False) | np.append(False, alike)  # as long as the move before or behind it
+    on_the_way = abs(float(np.median(took[known] / lasts[known])) - 1.0) <= SAME_SPEED
+    return known & even if on_the_way and float(even[known].mean()) >= EVENLY else np.zeros_like(known)
 
 
 def corners_of(

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ptt.run.corners import TURN
 from ptt.run.view import View
 
 if TYPE_CHECKING:
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 STOPPED = 1.5  # times the way at the stated feed that a row takes, from which the machine stood while it was read
 SURE = 5.0  # standard errors from which a run's clock alone shows the feed between its rows
 LEAST_STEPS = 10  # from which it may
+MOSTLY = 0.5  # share of the rows
 
 
 def as_driven(view: View, table: "Table") -> View:
@@ -29,27 +31,38 @@ def as_driven(view: View, table: "Table") -> View:
     """
     if table.time_s is None or not view.velocity.any():
         return view
-    way = np.linalg.norm(np.diff(view.p.numpy(), axis=0), axis=1)
-    took = np.diff(table.time_s)
+    moved = np.diff(view.p.numpy(), axis=0)
+    way, took = np.linalg.norm(moved, axis=1), np.diff(table.time_s)
     steps = (way > 0.0) & (took > 0.0) & ~view.starts.numpy()[1:]
-    feed = _by_clock(way[steps], took[steps]) if table.feed_mm_s is None else table.feed_mm_s[1:][steps]
-    came = feed > 0.0
-    if not came.any() or np.median((took[steps] * feed / way[steps])[came]) < STOPPED:
-        return view
-    return view.standing()
+    if table.feed_mm_s is None:
+        stood = _stood_by_clock(way[steps], took[steps], turns_sharply=_turns_sharply(moved, way))
+    else:
+        feed = table.feed_mm_s[1:][steps]
+        came = feed > 0.0
+        stood = bool(came.any()) and float(np.median((took[steps] * feed / way[steps])[came])) >= STOPPED
+    return view.standing() if stood else view
 
 
-def _by_clock(way: np.ndarray, took: np.ndarray) -> np.ndarray:
-    """The feed at which rows take longer the farther they lie apart, (m,); zero where the clock does not show one.
+def _turns_sharply(moved: np.ndarray, way: np.ndarray) -> bool:
+    """Whether the tool turns sharply at most rows: nobody runs through corners without a stop."""
+    unit = moved / np.maximum(way, 1e-9)[:, None]
+    return len(way) > 1 and float((np.einsum("nc,nc->n", unit[1:], unit[:-1]) < TURN).mean()) > MOSTLY
 
-    Rows read at a stop take the stop's time and that of the way; those read on the way by equal time, or at equal
-    distance, do not take longer the farther they lie apart.
+
+def _stood_by_clock(way: np.ndarray, took: np.ndarray, *, turns_sharply: bool) -> bool:
+    """Whether the clock shows that rows were read at a stop: most of the time goes by whatever the way is.
+
+    Rows read at a stop take the time of the stop and of the way. Where they take longer the farther they lie apart,
+    that tells the feed, and with it the stop. Those read on the way by equal time, or at equal distance, do not; nor do
+    those of stops that each last as long as they please, but between these there are corners.
     """
-    far, none = way - way.mean() if len(way) else way, np.zeros(len(way))
+    far = way - way.mean() if len(way) else way
     spread = float(far @ far)
     if len(way) < LEAST_STEPS or spread <= 0.0:
-        return none
+        return False
     slope = float(far @ took) / spread
     rest = took - took.mean() - slope * far
     doubt = np.sqrt(float(rest @ rest) / (len(way) - 2) / spread)
-    return np.full(len(way), 1.0 / slope) if slope > SURE * doubt and slope > 0.0 else none
+    if slope > SURE * doubt:
+        return float(np.median(took / way)) >= STOPPED * slope
+    return turns_sharply and float(np.median(took / way)) >= STOPPED * (max(slope, 0.0) + SURE * doubt)

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.run.corners import begun_again, corners_of, entered_anew, shows_feed
+from ptt.run.corners import begun_again, corners_of, entered_anew, sampled_evenly, shows_feed
 from ptt.run.slopes import Ends, Shares, added, bend_of, short_stretches, splines
 
 if TYPE_CHECKING:
@@ -152,11 +152,15 @@ def pace_of(
         return None
     moved = np.diff(p, axis=0)
     length = np.linalg.norm(moved, axis=1)
-    if shows_feed(table):
+    took = None if table.time_s is None else np.diff(np.asarray(table.time_s, dtype=float))
+    by_clock = not shows_feed(table)
+    if not by_clock:
         feed = np.asarray(table.feed_mm_s, dtype=float)[1:]
         lasts = np.divide(length, feed, out=np.zeros_like(length), where=feed > 0)
-    elif table.time_s is not None:
-        lasts = np.diff(np.asarray(table.time_s, dtype=float))
+        if took is not None and (sampled := sampled_evenly(took, lasts)).any():
+            lasts, by_clock = np.where(sampled, took, lasts), True
+    elif took is not None:
+        lasts = took
     else:
         return None
     sound = (lasts > INSTANT) & ~starts[1:]
@@ -168,8 +172,8 @@ def pace_of(
         entered |= entered_anew(lasts, bends, table)
     if entered.any():
         return pace_of(p, starts | entered, table, ends, way, lag)
-    changing = not shows_feed(table)  # by the clock a speed changes on the way, while a feed is that of its row
-    both = np.where(bends, before < ROUNDED, changing) & np.isfinite(after)
+    # By the clock a speed changes on the way, while a feed is that of its row.
+    both = np.where(bends, before < ROUNDED, by_clock) & np.isfinite(after)
     leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
     if way != SMOOTH:
         alone = np.minimum(before, after) >= SLOW * lag

@@ -50,6 +50,11 @@ def f_cdf(x: Values, above: Values, below: Values) -> np.ndarray:
     return np.asarray(special.fdtr(above, below, np.maximum(x, 0.0)))
 
 
+def f_ppf(share: Values, above: Values, below: Values) -> np.ndarray:
+    """Value of F that a share of its distribution lies below; arguments as of `f_sf`."""
+    return np.asarray(special.fdtri(above, below, share))
+
+
 def t_ppf(share: float, freedom: float) -> float:
     """What Student's t of so many degrees of freedom, endless ones too, stays below with this chance."""
     return float(special.ndtri(share) if np.isinf(freedom) else special.stdtrit(freedom, share))
