@@ -335,6 +335,24 @@ def test_whitening_gives_poses_the_weight_of_their_independent_rows() -> None:
     np.testing.assert_allclose(covariance, np.eye(16), atol=0.06)
 
 
+def test_a_few_rounded_repeats_say_nothing_of_what_poses_share() -> None:
+    """A datum read five times to the same hundredth does not make every other row worth nothing beside its visits."""
+    random = np.random.default_rng(2)
+    readings = np.round(0.008 * random.normal(size=(70, 3)), 2)
+    group = np.arange(70)
+    group[[0, 16, 32, 48, 64]] = 0
+    readings[[0, 16, 32, 48, 64]] = [
+        [0.0, 0.0, 0.01],
+        [0.0, 0.01, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0],
+    ]
+    assert find_poses(readings, group).ratio == 0.0
+    shared = np.repeat(0.02 * random.normal(size=(35, 3)), 2, axis=0) + 0.002 * random.normal(size=(70, 3))
+    assert find_poses(shared, np.arange(70) // 2).ratio > 10.0
+
+
 def test_periodogram_finds_a_line_between_trials_and_knows_noise() -> None:
     random = np.random.default_rng(3)
     height = random.uniform(200.0, 340.0, 300)

@@ -4,7 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.run.tails import f_ppf
+
 LARGEST_RATIO = 1e4
+SURELY = 0.99  # of F's distribution, above which repeats surely share something: three axes are looked at
 ENOUGH = 30  # degrees of freedom within poses that tell slow error from a pose's own
 LEAST_POSES = 12  # below which nothing is said about where they are
 
@@ -83,7 +86,10 @@ class Stratum:
 
 
 def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
-    """Estimate how far repeats of a pose share their error, by analysis of variance.
+    """Estimate how far repeats of a pose share their error at the least, by analysis of variance.
+
+    What a few repeats scatter by says little of what they share, and where readings are rounded a few that are all the
+    same say nothing.
 
     Args:
         residual: (n, r), any units.
@@ -104,7 +110,10 @@ def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
     within = np.square(residual - mean[number]).sum(axis=0) / (rows - len(size))
     between = (size[:, None] * np.square(mean - residual.mean(axis=0))).sum(axis=0) / (len(size) - 1)
     usual = max((rows - np.square(size).sum() / rows) / (len(size) - 1), 1e-9)
-    ratio = float(np.max((between / np.maximum(within, 1e-30) - 1.0) / usual))
+    chance = float(f_ppf(SURELY, len(size) - 1, rows - len(size)))
+    told = (LARGEST_RATIO * within > between) | (rows - len(size) >= ENOUGH)
+    shared = between[told] / np.maximum(within[told], 1e-30) / chance - 1.0
+    ratio = float(shared.max(initial=0.0) / usual)
     return RepeatedPoses(number, np.sort(first), size, min(max(ratio, 0.0), LARGEST_RATIO))
 
 
