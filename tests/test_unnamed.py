@@ -12,8 +12,9 @@ from ptt.again.recheck import recheck
 from ptt.correct.compensate import compensate
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects.registry import library, make_effect
-from ptt.fitting import beside_unnamed as beside_unnamed_module
-from ptt.fitting.beside_unnamed import beside_unnamed, unnamed_sizes
+from ptt.fitting import drawn_sizes
+from ptt.fitting.beside_unnamed import beside_unnamed
+from ptt.fitting.drawn_sizes import unnamed_sizes
 from ptt.fitting.kept import keep, kept_covariance
 from ptt.fitting.solve import fit
 from ptt.fitting.tool_sigma import tool_sigma
@@ -129,7 +130,7 @@ def test_of_the_geometry_of_an_arm_all_but_its_zeros_is_beside_these() -> None:
     assert unnamed is None or all(effect.name != "homing-offset" for effect in unnamed.effects)
     assert [effect.name for effect in unnamed_sizes(["homing-offset"], problem)] == ["lead-scale"]
     assert "dh-offsets" in [effect.name for effect in unnamed_sizes(["lead-scale"], problem)]
-    asked = beside_unnamed_module._sizes(fitted, problem)[0]
+    asked = drawn_sizes.sizes_beside(fitted, problem)[0]
     geometry = next(size for size in asked if size.effect.name == "dh-offsets")
     assert (geometry.group.reshape(5, 6) == -1).all(axis=1).tolist() == [False, False, False, True, False]
 
@@ -139,8 +140,8 @@ def test_of_a_long_run_stretches_stand_for_all(monkeypatch: pytest.MonkeyPatch) 
     problem = read(rig, np.tile(CUBE, (200, 1)), 1)
     fitted = fit(Model(FILE) + library()["tower-position"](), problem)
     whole = beside_unnamed(fitted, problem).std
-    monkeypatch.setattr(beside_unnamed_module, "LONG", 500)
-    monkeypatch.setattr(beside_unnamed_module, "SAMPLE", 300)
+    monkeypatch.setattr(drawn_sizes, "LONG", 500)
+    monkeypatch.setattr(drawn_sizes, "SAMPLE", 300)
     np.testing.assert_allclose(beside_unnamed(fitted, problem).std, whole, rtol=0.3)
 
 
@@ -224,3 +225,19 @@ def test_a_recheck_elsewhere_expects_what_the_first_run_left_open() -> None:
         again = recheck(model, read(rig, place, seed + 50))
         error = again.to_dict()["error_um"]
         assert again.verdict == "same" and 0.5 < error["now"] / error["expected"] < 2.0
+
+
+def test_values_that_may_as_well_be_others_say_so() -> None:
+    """In a frame of its own, zeros that differ beside rails that lean outward look like rails that lean sideways."""
+    file = replace(FILE, tracker=FILE.tracker.model_copy(update={"frame": "fitted", "base_point": ()}))
+    lean = {"lean_radial_mrad": [3.9, -2.0, -1.9]}
+    rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 3, "drive": {"homing_mm": [-0.34, 0.36, 0.23]},
+                     "geometry": lean})  # fmt: skip
+    problem = read(rig, np.random.default_rng(3).uniform(-50.0, 50.0, (200, 3)).round(3), 3)
+    problem = build_problem(file, problem.table)
+    fitted = fit(Model(file) + library()["tower-tilt"](), problem)
+    beside = beside_unnamed(fitted, problem)
+    assert ("tower-tilt", "homing-offset") in beside.unnamed.otherwise
+    off = np.abs(fitted.values[:3] - 1e-3 * np.array(lean["lean_radial_mrad"]))
+    assert (off / fitted.std[:3]).max() > 50.0
+    assert (off / beside.std[:3]).max() < 10.0  # the readings have 30 to one against it, and an error is no such odds

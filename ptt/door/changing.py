@@ -14,7 +14,7 @@ from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.errors import ModelError
-from ptt.fitting.beside_unnamed import unnamed_sizes
+from ptt.fitting.drawn_sizes import unnamed_sizes
 from ptt.fitting.report import format_fit
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb, descend

@@ -19,10 +19,13 @@ class Unnamed:
         effects: of which they are.
         root: (u + p, r) of the mean squares and products by which the u unknowns of a fit, and their own p values, may
             be off beyond the covariance of the fit: root @ root.T.
+        otherwise: effects of the fit whose values may as well be quite others, each with the size beside which they
+            would be.
     """
 
     effects: tuple[Effect, ...]
     root: np.ndarray
+    otherwise: tuple[tuple[str, str], ...] = ()
 
     def among(self, rows: Sequence[int], joints: int) -> "Unnamed":
         """The same of some unknowns of the fit alone.

@@ -22,8 +22,10 @@ from ptt.diagnosis.telling.spread import spread_of, values_of
 from ptt.diagnosis.telling.steps import Named, Step, share_of
 from ptt.diagnosis.telling.words import explain_step
 from ptt.effects import Effect
+from ptt.effects.phrases import listed
 from ptt.fitting.layout import bounds_of
 from ptt.fitting.linear import tried_sizes
+from ptt.fitting.result import FitResult
 from ptt.fitting.turns import like_windup, marked, with_turns
 from ptt.model.model import Model, Term, parameter_names, told_values
 from ptt.record import Record
@@ -212,7 +214,8 @@ def candidates_of_steps(
         own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
         loose = found.fitted.loose_of
-        unless = f", but for {alike}" if (alike := like_windup(turned, term)) else ""
+        alike = [words for words in (like_windup(turned, term), _beside_size(found.fitted, term)) if words]
+        unless = f", but for {' and '.join(alike)}" if alike else ""
         words = explain_step(term, step.others, together, errors, noise, problem, before, own, beside, loose, unless)
         result.append(
             Candidate(
@@ -296,3 +299,10 @@ def _parameters(term: Term, problem: Problem) -> tuple[Estimate, ...]:
         seen = term.measured is None or bool(term.measured[index])
         rows.append(Estimate(name, unit, float(term.theta[index]), std if seen and np.isfinite(std) else None))
     return tuple(rows)
+
+
+def _beside_size(fitted: FitResult, term: Term) -> str:
+    """Sizes of the drawing beside which other values of an effect would do as well, in words; '' for none."""
+    pairs = () if fitted.unnamed is None else fitted.unnamed.otherwise
+    sizes = [size for effect, size in pairs if effect == term.effect.key]
+    return f"other values of it beside {listed(sizes, ' or ')}" if sizes else ""

@@ -85,7 +85,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
     from ptt.effects.registry import library
-    from ptt.fitting.beside_unnamed import unnamed_sizes
+    from ptt.fitting.drawn_sizes import unnamed_sizes
     from ptt.run.table import table_to_frame
     from ptt.show.card.fits import fits_of
     from ptt.show.card.ghost import ghosts_of

@@ -1,0 +1,131 @@
+"""Sizes of the drawing beside a fit: their columns, and where all values are once the widths of both are learned."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.effects import Effect, library
+from ptt.effects.registry import parse_key
+from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.fitting.evidence import NARROWEST, WIDEST, learn
+from ptt.fitting.linear import ShapeTrial, linear_columns
+from ptt.fitting.posterior import Posterior
+from ptt.fitting.prior import FRAME
+from ptt.fitting.result import FitResult
+from ptt.fitting.whitened import Total
+from ptt.model.model import rival
+from ptt.run.problem import Problem
+
+TWICE = {"dh-offsets": ("dtheta", "homing-offset")}  # effect -> its parameter that another one is, and that one
+SMALL = 1e-2  # variance of a tenth of the usual size, from which values go to nothing where they may
+
+
+@dataclass(frozen=True)
+class DrawnSize:
+    """A size of the drawing beside a fit.
+
+    Attributes:
+        effect: of which it is.
+        columns: (w,) of its linear values.
+        group: (w,) int, which parameter each is of; -1 for what the model has under another name.
+    """
+
+    effect: Effect
+    columns: np.ndarray
+    group: np.ndarray
+
+
+def unnamed_sizes(keys: Sequence[str], problem: Problem) -> list[Effect]:
+    """Sizes of the drawing that a model does not have, may be given, and a run can test.
+
+    None that several others are together: they say it.
+
+    Args:
+        keys: of the model's effects.
+        problem: the run.
+    """
+    return [effect for effect in _unnamed(keys, problem) if not rival(effect, keys)]
+
+
+def _unnamed(keys: Sequence[str], problem: Problem) -> list[Effect]:
+    """All of them, those included of which a part is in the model."""
+    kind, names = problem.file.machine.kind, {parse_key(key)[0] for key in keys}
+    every = [
+        each() for name, each in library().items()
+        if each.of_drawing and kind in each.mechanisms and name not in names and not each.stands_for
+    ]  # fmt: skip
+    found = [effect for effect in every if not effect.needs(problem.view)]
+    whole = [*keys, *(effect.key for effect in found if effect.name in TWICE)]
+    return [effect for effect in found if effect.name in TWICE or not rival(effect, whole)]
+
+
+def sizes_beside(fitted: FitResult, problem: Problem) -> tuple[tuple[DrawnSize, ...], Total]:
+    """Sizes of the drawing that a model does not have, and sums of all columns, the fit's unknowns first."""
+    sound, keys = problem.masked(fitted.outliers), fitted.model.keys
+    few = take(sound, sample_stretches(sound, SAMPLE)) if sound.table.rows > LONG else sound
+    linear = linear_columns(fitted, few, _unnamed(keys, few), fitted.noise)
+    gram, side, square, count = linear.sums(np.zeros(few.table.rows, dtype=int), 1).total
+    times = sound.table.rows / few.table.rows
+    sizes = tuple(_size(trial, keys, few) for trial in linear.trials)
+    return sizes, (times * gram, times * side, times * square, round(times * count))
+
+
+def _size(trial: ShapeTrial, keys: Sequence[str], problem: Problem) -> DrawnSize:
+    part, twin = TWICE.get(trial.effect.name, ("", ""))
+    there = twin in {parse_key(key)[0] for key in keys}
+    linear = [parameter for parameter in trial.effect.parameters if parameter.role == "linear"]
+    group = np.concatenate([
+        np.full(parameter.size(problem.view.joints), -1 if there and parameter.stem == part else number)
+        for number, parameter in enumerate(linear)
+    ])  # fmt: skip
+    return DrawnSize(trial.effect, trial.columns, group[: len(trial.columns)])
+
+
+def groups_of(sizes: Sequence[DrawnSize], fitted: FitResult) -> dict[str, np.ndarray]:
+    """Numbers of the learned widths of each size, behind those of the fit."""
+    found, first = {}, len(fitted.layout.kinds)
+    for size in sizes:
+        own = len(np.unique(size.group[size.group >= 0]))
+        found[size.effect.key] = np.arange(first, first + own)
+        first += own
+    return found
+
+
+def learn_beside(
+    fitted: FitResult, total: Total, sizes: Sequence[DrawnSize], *, held: float | None = None, small: int | None = None,
+    start: np.ndarray | None = None,
+) -> Posterior:  # fmt: skip
+    """The fit's unknowns and some further sizes, every width learned.
+
+    Args:
+        fitted: the fit.
+        total: sums of all columns.
+        sizes: beside it.
+        held: variance of these sizes; None learns it.
+        small: which of the fit's widths begins at next to nothing.
+        start: variances from which the fit's are learned on; None: where they are.
+    """
+    layout, prior, (gram, side, square, count) = fitted.layout, fitted.prior, total
+    groups = groups_of(sizes, fitted)
+    columns, owner = [np.arange(len(layout.scale))], [layout.group]
+    for size in sizes:
+        kept = size.group >= 0
+        columns.append(size.columns[kept])
+        owner.append(groups[size.effect.key][np.unique(size.group[kept], return_inverse=True)[1]])
+    more = sum(map(len, groups.values()))
+    every = np.concatenate(columns).astype(int)
+    fixed = np.array([kind != "free" for kind in layout.kinds] + [False] * more, dtype=bool)
+    scales = np.concatenate([prior.scales, np.full(more, 1.0 if held is None else held)])
+    fixed[len(layout.kinds) :] = held is not None
+    begun = scales.copy()
+    begun[: len(layout.kinds)] = prior.scales if start is None else start
+    if small is not None:  # and all others large, so that they can take its place
+        begun = np.where(fixed, begun, np.maximum(begun, 1.0))
+        begun[small] = SMALL
+    wide = prior.crowding * max(1.0, fitted.chi2 / max(fitted.freedom, 1))
+    return learn(
+        gram[np.ix_(every, every)] / wide, side[every] / wide, square / wide, count / prior.crowding,
+        np.concatenate(owner).astype(int), freedom=np.inf, start=begun, wide=FRAME,
+        floor=np.where(fixed, scales, NARROWEST), ceiling=np.where(fixed, scales, WIDEST),
+    )  # fmt: skip
