@@ -58,12 +58,9 @@ def test_after_a_leader_that_cannot_be_the_others_are_scored() -> None:
     assert scorer.asked == ["a", "b"] and max(move.total for move in moves) == 110.0
 
 
-def test_an_atom_that_is_worth_more_than_its_odds_goes_only_where_nothing_else_helps() -> None:
-    """One that does nothing brings its odds back; one of 30 nats may hold up others, which is looked at last."""
-    scorer = Noted({}, {"-x": 9.0, "-y": 2.0}, worth={"x": 0.1, "y": 30.0})
-    plain_moves(scorer, scorer.start(), lambda atom: True)
-    assert scorer.asked == ["-x"]
-    scorer = Noted({}, {"-x": -9.0, "-y": 2.0}, worth={"x": 0.1, "y": 30.0, "z": 50.0})
+def test_an_atom_that_is_worth_far_more_than_its_odds_stays() -> None:
+    """One that does nothing brings its odds back; one of 20 nats may hold up others, one of 30 does not."""
+    scorer = Noted({}, {"-x": -9.0, "-y": 2.0}, worth={"x": 0.1, "y": 20.0, "z": 30.0})
     moves = plain_moves(scorer, scorer.start(), lambda atom: True)
     assert scorer.asked == ["-x", "-y"] and max(move.total for move in moves) == 2.0
 

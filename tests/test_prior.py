@@ -78,7 +78,7 @@ def homed(offset: tuple[float, float, float]) -> tuple[MachineFile, Problem]:
     wrong = rig.drive.model_copy(update={"homing_mm": offset})
     clean = rig.geometry.model_copy(update={"tower_radial_mm": (0.0, 0.0, 0.0), "link_mm": (0.0, 0.0, 0.0)})
     rig = replace(rig, drive=wrong, geometry=clean)
-    targets = drawings.make_volume(drawings.draw_machine(rig.spec), 60, 5)
+    targets = drawings.make_volume(drawings.ideal_machine(rig.spec), 60, 5)
     return rig.machine, build_problem(rig.machine, drawings.table_of(drawings.simulate(rig, targets).frame))
 
 

@@ -35,6 +35,7 @@ class Effect:
         stands_for_away: how many where its further values are not zero, as it then looks like more.
         reverses: depends on the way a joint came, so its compensation is reported as the reversal part of a command.
         product: its further values are zero, or the first one times an unknown place, usually one usual size away.
+        one_way: no cause makes its values clearly negative, though a fit may have them so.
         of_drawing: a size that the drawing states, which is off a little on every machine.
         of_run: belongs to the run that it was fitted on (a set-up, a knocked tripod), not to the machine.
         card: cause, source, usual size, fingerprint, remedy; None makes one of the docstring.
@@ -59,6 +60,7 @@ class Effect:
     stands_for_away: ClassVar[int] = 1
     reverses: ClassVar[bool] = False
     product: ClassVar[bool] = False
+    one_way: ClassVar[bool] = False
     of_drawing: ClassVar[bool] = False
     of_run: ClassVar[bool] = False
     card: ClassVar[Card | None] = None

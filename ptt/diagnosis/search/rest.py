@@ -103,7 +103,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
 
 def with_objections(
     rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None, beyond: Sequence[str] = (),
-    aside: str | None = None, unsaid: str | None = None, idle: Sequence[str] = (),
+    aside: str | None = None, unsaid: str | None = None, idle: Sequence[str] = (), backward: Sequence[str] = (),
 ) -> Rest:  # fmt: skip
     """The rest with what else speaks against an explanation: hidden readings, and far more left than is stated.
 
@@ -116,6 +116,7 @@ def with_objections(
         beyond: names of effects with whose values the machine could not stand where it was commanded to.
         aside: what the readings that were set aside have in common, in words; None for nothing.
         idle: names of effects that the readings ask for and that do nothing at their fitted values.
+        backward: names of effects that the readings ask for with values that no cause of theirs makes.
         unsaid: why the error is not nothing though no effect is named, in words; None where it may be.
 
     Returns:
@@ -130,6 +131,8 @@ def with_objections(
         reasons.append(f"the readings ask for values of {listed(beyond)} with which the machine could not stand there")
     if idle:
         reasons.append(f"the readings ask for {listed(idle)}, and not for values at which that does anything")
+    if backward:
+        reasons.append(f"the readings ask for {listed(backward)} of the wrong sign, which no cause of it has")
     if aside:
         reasons.append(f"the readings set aside {aside}: no gross errors do that")
     if stated is not None and left.total > EXCESS * stated.total:

@@ -1,13 +1,12 @@
 """The verdict: what is missing, that nothing is, or that something is which no known effect describes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
-from ptt.diagnosis.evidence.at_tool import moved_by
 from ptt.diagnosis.evidence.noise_level import (
     LEAST_FREEDOM,
     noise_after,
@@ -22,19 +21,18 @@ from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.slow import SECONDS, Slow
 from ptt.diagnosis.search.find import STEPS, find
-from ptt.diagnosis.search.fits import stands, without_carried
+from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.search.smooth_way import on_smooth_way
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST_LINES, dependences, rest_of, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
-from ptt.diagnosis.telling.exchange import Exchange, exchanges
-from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates, posterior_terms, sent_terms
+from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates
 from ptt.diagnosis.telling.given import as_free_as, taken_up
 from ptt.diagnosis.telling.other_setups import other_setups
+from ptt.diagnosis.telling.said import Said, said_of
 from ptt.diagnosis.telling.sizes import sized
-from ptt.diagnosis.telling.steps import Named, name_steps
 from ptt.diagnosis.telling.unknowns import Unknown, unknowns_of
 from ptt.diagnosis.telling.verdict_words import explain_verdict
 from ptt.effects import Library
@@ -42,7 +40,7 @@ from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import numbers
 from ptt.fitting.opening import without_opening
 from ptt.fitting.solve import rms
-from ptt.model.model import Model, Term
+from ptt.model.model import Model
 from ptt.plan.elsewhere import elsewhere
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
@@ -50,7 +48,6 @@ from ptt.run.problem import Problem
 from ptt.run.smooth import SMOOTHLY
 
 MICRO = 1e3  # um in a mm
-IDLE = 10.0  # chi-squared of all that an effect does, half of what a name has to bring
 
 
 def diagnose(
@@ -124,7 +121,7 @@ def conclude(
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
-    said = _said_of(found, model, problem, shown)
+    said = said_of(found, model, problem, shown)
     named = said.told.steps
     rms_um = _errors(found, tuple(step.key for step in named), clean)
     rest = _objected(rest, found, said, problem, rms_um["after"]["total"] / MICRO)
@@ -132,7 +129,7 @@ def conclude(
     verdict = _verdict(found, bool(named), rest)
     left = rest_of(scorer, state, problem)[rows]
     unknowns = unknowns_of(scorer, state, left)
-    depends = _depends_on(found, said.told, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
+    depends = _depends_on(found, said, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
@@ -161,59 +158,7 @@ def conclude(
     return replace(result, words=explain_verdict(result, steps))
 
 
-@dataclass(frozen=True)
-class _Said:
-    """What is named of an explanation, at values.
-
-    Attributes:
-        told: the steps.
-        others: the explanation with moments of unlike sudden effects exchanged.
-        terms: effects of the model as given and those that are named, at their values.
-        sent: the same at the values that are sent to a machine.
-        beyond: names of effects with whose values the machine could not stand; then no step is named.
-        idle: names of effects that do nothing at their fitted values, and are no steps.
-    """
-
-    told: Named
-    others: tuple[Exchange, ...]
-    terms: tuple[Term, ...]
-    sent: tuple[Term, ...]
-    beyond: tuple[str, ...] = ()
-    idle: tuple[str, ...] = ()
-
-
-def _said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> _Said:
-    """What is named: nothing where the machine could not stand at it where the rows that are shown had it stand."""
-    told, others = name_steps(found.scorer, found.state), exchanges(found, problem)
-    keys = tuple(step.key for step in told.steps)
-    terms = posterior_terms(found, model, keys, others)
-    idle = _idle(found, keys, terms, shown, problem)
-    if idle:
-        told = replace(told, steps=tuple(step for step in told.steps if step.key not in idle))
-        keys = tuple(step.key for step in told.steps)
-        terms = posterior_terms(found, model, keys, others)
-    sent = sent_terms(found, terms, keys)
-    if stands(terms, shown) and stands(sent, shown):
-        return _Said(told, others, terms, sent, idle=tuple(found.system.atoms[key].name for key in idle))
-    given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
-    beyond = tuple(found.system.atoms[key].name for key in keys)
-    return _Said(replace(told, steps=()), others, given, given, beyond)
-
-
-def _idle(
-    found: Found, keys: tuple[str, ...], terms: tuple[Term, ...], shown: Problem, problem: Problem
-) -> tuple[str, ...]:
-    """Effects that at their fitted values do nothing to be seen: the readings asked for something else than these."""
-    atoms, white = found.system.atoms, noise_after(problem, found.system, found.state).whitener
-    values = {term.effect.key: term for term in terms}
-    named = [(key, values[atoms[key].name]) for key in keys if atoms[key].name in values]
-    share = problem.used.sum() / max(shown.used.sum(), 1)
-    held = shown.anchored()  # base reflectors show what moves as a whole
-    seen = {key: share * float(np.square(moved_by(term, held) @ white.T).sum()) for key, term in named}
-    return tuple(key for key, square in seen.items() if square < IDLE)
-
-
-def _objected(rest: Rest, found: Found, said: _Said, problem: Problem, error: float) -> Rest:
+def _objected(rest: Rest, found: Found, said: Said, problem: Problem, error: float) -> Rest:
     """The rest with all that speaks against what was found; `error` is what it leaves, mm."""
     system, state = found.system, found.state
     unproven = tuple(system.atoms[key].name for key in said.told.unproven)
@@ -223,11 +168,13 @@ def _objected(rest: Rest, found: Found, said: _Said, problem: Problem, error: fl
     silent = _verdict(found, bool(said.told.steps), rest) == "nothing-missing"
     unsaid = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
     aside = against_gross(found, problem)
-    return with_objections(rest, said.told.faithful, unproven, left, stated, said.beyond, aside, unsaid, said.idle)
+    return with_objections(
+        rest, said.told.faithful, unproven, left, stated, said.beyond, aside, unsaid, said.idle, said.backward
+    )
 
 
 def _depends_on(
-    found: Found, told: Named, unknowns: tuple[Unknown, ...], left: np.ndarray, rest: Rest, shown: Problem,
+    found: Found, said: Said, unknowns: tuple[Unknown, ...], left: np.ndarray, rest: Rest, shown: Problem,
     problem: Problem, seed: int,
 ) -> tuple[Dependence, ...]:  # fmt: skip
     """What the unknown follows: its blocks, what a memory of the noise has taken, what tests say, or a suspect."""
@@ -238,7 +185,9 @@ def _depends_on(
     depends = depends or sized(rest.depends_on[:MOST_LINES], left, shown)
     if depends:
         return depends
-    suspect = with_suspect(scorer, scorer.score(without(state, *told.unproven), state.memory, state.scales))
+    backward = [key for key in state.keys if found.system.atoms[key].name in said.backward]
+    gone = without(state, *said.told.unproven, *backward)
+    suspect = with_suspect(scorer, scorer.score(gone, state.memory, state.scales))
     left = rest_of(scorer, suspect, problem)[slice(None) if found.sample is None else numbers(found.sample)]
     return dependences(unknowns_of(scorer, suspect, left), left, shown)
 

@@ -1,0 +1,90 @@
+"""What is named of an explanation, at which values: no name that does nothing, none with values that cannot be."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ptt.diagnosis.evidence.at_tool import moved_by
+from ptt.diagnosis.evidence.noise_level import noise_after
+from ptt.diagnosis.evidence.possible import WRONG_SIDE
+from ptt.diagnosis.search.fits import stands
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.telling.exchange import Exchange, exchanges
+from ptt.diagnosis.telling.explanation import posterior_terms, sent_terms
+from ptt.diagnosis.telling.steps import Named, name_steps
+from ptt.model.model import Model, Term
+from ptt.run.problem import Problem
+
+IDLE = 10.0  # chi-squared of all that an effect does, half of what a name has to bring
+
+
+@dataclass(frozen=True)
+class Said:
+    """What is named of an explanation, at values.
+
+    Attributes:
+        told: the steps.
+        others: the explanation with moments of unlike sudden effects exchanged.
+        terms: effects of the model as given and those that are named, at their values.
+        sent: the same at the values that are sent to a machine.
+        beyond: names of effects with whose values the machine could not stand; then no step is named.
+        idle: names of effects that do nothing at their fitted values, and are no steps.
+        backward: names of effects that have values of the sign that they cannot have, and are no steps.
+    """
+
+    told: Named
+    others: tuple[Exchange, ...]
+    terms: tuple[Term, ...]
+    sent: tuple[Term, ...]
+    beyond: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
+    backward: tuple[str, ...] = ()
+
+
+def said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> Said:
+    """What is named: nothing where the machine could not stand at it where the rows that are shown had it stand.
+
+    Args:
+        found: the explanation.
+        model: as given.
+        problem: the readings that count.
+        shown: the readings that are shown.
+    """
+    told, others = name_steps(found.scorer, found.state), exchanges(found, problem)
+    keys = tuple(step.key for step in told.steps)
+    terms = posterior_terms(found, model, keys, others)
+    idle, backward = _idle(found, keys, terms, shown, problem), _backward(found, keys, terms)
+    if idle or backward:
+        told = replace(told, steps=tuple(step for step in told.steps if step.key not in (*idle, *backward)))
+        keys = tuple(step.key for step in told.steps)
+        terms = posterior_terms(found, model, keys, others)
+    sent, names = sent_terms(found, terms, keys), {key: atom.name for key, atom in found.system.atoms.items()}
+    if stands(terms, shown) and stands(sent, shown):
+        dropped = tuple(names[key] for key in idle), tuple(names[key] for key in backward)
+        return Said(told, others, terms, sent, (), *dropped)
+    given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
+    beyond = tuple(names[key] for key in keys)
+    return Said(replace(told, steps=()), others, given, given, beyond)
+
+
+def _idle(
+    found: Found, keys: tuple[str, ...], terms: tuple[Term, ...], shown: Problem, problem: Problem
+) -> tuple[str, ...]:
+    """Effects that at their fitted values do nothing to be seen: the readings asked for something else than these."""
+    atoms, white = found.system.atoms, noise_after(problem, found.system, found.state).whitener
+    values = {term.effect.key: term for term in terms}
+    named = [(key, values[atoms[key].name]) for key in keys if atoms[key].name in values]
+    share = problem.used.sum() / max(shown.used.sum(), 1)
+    held = shown.anchored()  # base reflectors show what moves as a whole
+    seen = {key: share * float(np.square(moved_by(term, held) @ white.T).sum()) for key, term in named}
+    return tuple(key for key, square in seen.items() if square < IDLE)
+
+
+def _backward(found: Found, keys: tuple[str, ...], terms: tuple[Term, ...]) -> tuple[str, ...]:
+    """Effects of values that no cause of theirs makes: something else does what they are asked for."""
+    values = {term.effect.key: term for term in terms}
+    named = [(key, values[name]) for key in keys if (name := found.system.atoms[key].name) in values]
+    return tuple(
+        key for key, term in named
+        if term.effect.one_way and term.std is not None and bool((term.theta < -WRONG_SIDE * term.std).any())
+    )  # fmt: skip
