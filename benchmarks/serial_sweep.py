@@ -1,88 +1,77 @@
-"""Sweep over virtual arms with one hidden fault each: how often the diagnosis names it first, and keeps silent.
+"""Sweep over arms with hidden faults, as `sweep.py` does over 3-PTT: everything about them is drawn by seed.
 
-    python benchmarks/serial_sweep.py --count 25 --start 1000 [--machine ur10 kuka_iiwa] [--out out/serial.jsonl]
+    python benchmarks/serial_sweep.py --level single --count 200 --out out/serial
+    python benchmarks/serial_sweep.py --level unknown --kinds unseen --start 5000
+    python benchmarks/sweep_report.py out/serial
 
-Arms come from `ptt.rig` alone. A fault counts as visible where it moves the reflector by at least twice the noise of a
-reading. "first" is the leading name of the first step; "alone" that nothing else was named beside it.
+Arms, runs, noise and faults come from `ptt.rig` alone, as drawn by `draw_foreign_arm`; sizes of faults are drawn anew
+until each leaves 2 to 30 times the noise of one reading once the tracker's frame and the reflector's mount are out. The
+loop is closed as a user closes it: `ptt add` of the names that were said, commands of that model, and the virtual arm
+measured again with them, without noise, at fresh poses between those of the run.
 """
 
 import argparse
-import json
 import os
-import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-from ptt.diagnosis.telling.verdict import diagnose
-from ptt.machine import MachineFile, load_machine
-from ptt.model.model import Model
-from ptt.rig.draw_arm import ARM_FAULTS, NAMES, ArmFault, draw_arm
-from ptt.run.problem import build_problem
-from ptt.run.table import make_table
+import pandas as pd
+from sweep import follow, run_case, start
+from sweep_judge import printed_heldout, reached
 
-MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
-SIGMA = 0.01  # mm
-VISIBLE = 2.0
-
-
-def open_arm(name: str) -> MachineFile:
-    """A preset, its tracker's noise told, base frame and reflector mount fitted."""
-    file = load_machine(MACHINES / f"{name}.toml")
-    return replace(
-        file, tracker=file.tracker.model_copy(update={"sigma_mm": SIGMA, "frame": "fitted", "tool": "fitted"})
-    )
+import ptt
+from ptt.challenge.cases import Case, plan
+from ptt.challenge.fresh import fresh_poses
+from ptt.challenge.truth import Truth
+from ptt.door.model import model_of
+from ptt.effects import library
+from ptt.rig.draw import DrawnRig
+from ptt.rig.draw_noise import NOISES
 
 
-def judge(file: MachineFile, fault: ArmFault, seed: int) -> dict[str, Any]:
-    """Hide one fault and diagnose the run."""
-    run = draw_arm(file.machine, fault, seed, sigma_mm=SIGMA)
-    context = {"measured": run.readings, "payload_kg": run.payload_kg, "temp_c": run.temp_c, "time_s": run.time_s}
-    file = replace(file, machine=run.rig.spec)
-    started = time.perf_counter()
-    found = diagnose(Model(file), build_problem(file, make_table(None, run.q, **context)))
-    named = [step[0] for step in found.suggested]
-    right = found.verdict == "nothing-missing" and not named if fault == "none" else named[:1] == [NAMES[fault]]
-    visible = fault == "none" or run.moved_um > VISIBLE * SIGMA * 1e3 * 3**0.5
-    return {
-        "machine": file.machine.name, "fault": fault, "seed": seed, "verdict": found.verdict,
-        "named": [list(step) for step in found.suggested], "right": right, "alone": right and len(named) <= 1,
-        "visible": visible, "moved_um": run.moved_um, "seconds": time.perf_counter() - started,
-    }  # fmt: skip
+def reach_afresh(result: Any, drawn: DrawnRig, truth: Truth, frame: pd.DataFrame) -> dict[str, Any]:
+    """Close the loop: add what was named to the run, and send the model's commands to fresh poses."""
+    names = [group[0] for group in result.to_dict()["suggested"]]
+    given = model_of(drawn.rig.machine, library())
+    run = ptt.read(frame.drop(columns=[*drawn.absent]), given)  # its rows lie in a folder that lives as long as it
+    added = ptt.add(given, run, *names)
+    fresh = fresh_poses(drawn, drawn.rig.seed)
+    return {"tool": reached(added.model.physics, fresh, truth, printed_heldout(result.to_dict()))}
 
 
-def tell(rows: Sequence[dict[str, Any]]) -> None:
-    """Print one line for each machine and fault."""
-    print(f"{'machine':<12}{'fault':<12}{'runs':>6}{'visible':>9}{'first':>8}{'alone':>8}{'s':>7}")
-    for machine, fault in sorted({(row["machine"], row["fault"]) for row in rows}):
-        own = [row for row in rows if (row["machine"], row["fault"]) == (machine, fault)]
-        seen = [row for row in own if row["visible"]]
-        right, alone = (100.0 * sum(row[key] for row in seen) / max(len(seen), 1) for key in ("right", "alone"))
-        mean = sum(row["seconds"] for row in own) / len(own)
-        print(f"{machine:<12}{fault:<12}{len(own):>6}{len(seen):>9}{right:7.1f}%{alone:7.1f}%{mean:7.1f}")
+def run_arm(case: Case) -> dict[str, Any]:
+    """Draw an arm, diagnose it, and only then look at the truth."""
+    return run_case(case, reach_afresh)
 
 
-def main() -> None:
-    """Run the sweep."""
+def _options(given: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=25, help="seeds for each fault and machine")
+    parser.add_argument("--level", choices=("single", "multi", "unknown", "none"), default="single")
+    parser.add_argument("--noise", choices=tuple(NOISES), help="one kind for all; else all kinds in turn")
+    parser.add_argument("--kinds", choices=("shown", "unseen", "all"), default="all", help="outside the library")
+    parser.add_argument("--count", type=int, default=25)
     parser.add_argument("--start", type=int, default=1000)
-    parser.add_argument("--machine", nargs="+", default=["ur10", "kuka_iiwa"])
-    parser.add_argument("--fault", nargs="+", default=list(ARM_FAULTS))
-    parser.add_argument("--out", type=Path)
-    asked = parser.parse_args()
-    rows: list[dict[str, Any]] = []
-    for seed in range(asked.start, asked.start + asked.count):
-        for name in asked.machine:
-            rows += [judge(open_arm(name), fault, seed) for fault in asked.fault]
-            if asked.out:
-                asked.out.parent.mkdir(parents=True, exist_ok=True)
-                asked.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    tell(rows)
+    parser.add_argument("--rows", type=int, help="of a run; else 40 to 700 by the seed")
+    parser.add_argument("--any-size", action="store_true", help="leave the sizes of the faults as they are drawn")
+    parser.add_argument("--fault", help="only cases that hide this one")
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=Path("out/serial"))
+    return parser.parse_args(given)
+
+
+def main(given: Sequence[str] | None = None) -> None:
+    """Command line."""
+    args = _options(given)
+    shared = {"rows": args.rows, "visible": not args.any_size, "arm": True}
+    cases = plan(args.level, args.count, args.start, kinds=args.kinds, noise=args.noise, **shared)
+    if args.fault:
+        cases = [case for case in cases if args.fault in case.faults]
+    follow(cases, args.level, args.out, args.jobs, run_arm)
 
 
 if __name__ == "__main__":
+    start()
     main()

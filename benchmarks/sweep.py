@@ -19,7 +19,7 @@ import multiprocessing
 import os
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+import pandas as pd
 import torch
 from sweep_judge import fitted_model, judge_names, leading, printed_heldout, pulls, reached, statements, verdict_right
 from sweep_report import NOISE_FREE, summary
@@ -42,10 +43,16 @@ from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_noise import NOISES
 from ptt.run.problem import build_problem
 
+Closing = Callable[[Any, DrawnRig, Truth, pd.DataFrame], dict[str, Any]]  # what closing the loop comes to
 BLANK: dict[str, Any] = {"rows": 0, "noise": "", "path": "", "hidden": {}, "counted": [], "outside": []}
 
 
-def run_case(case: Case) -> dict[str, Any]:
+def reach_again(result: Any, drawn: DrawnRig, truth: Truth, frame: pd.DataFrame) -> dict[str, Any]:
+    """Close the loop with the model of a diagnosis, at the targets of its own run."""
+    return {"tool": reached(fitted_model(result), drawn, truth, printed_heldout(result.to_dict()))}
+
+
+def run_case(case: Case, close: Closing = reach_again) -> dict[str, Any]:
     """Draw, diagnose, and only then look at the truth."""
     row = {"seed": case.seed, "level": case.level, "protocol": case.protocol, "faults": list(case.faults), **BLANK}
     try:
@@ -54,7 +61,7 @@ def run_case(case: Case) -> dict[str, Any]:
         row |= describe(case, drawn, truth)
         frame = simulate(drawn.rig, drawn.targets).frame
         row |= {"rows": len(frame), "draw_s": time.perf_counter() - began}
-        row |= examine(drawn, truth, table_of(frame, drawn.absent))
+        row |= examine(drawn, truth, frame, close)
     except Exception as error:  # one broken case must not lose the others, and must show
         row["error"] = f"{type(error).__name__}: {error}"
         row["refused"] = isinstance(error, PttError)  # in words that say what to do
@@ -64,14 +71,14 @@ def run_case(case: Case) -> dict[str, Any]:
 
 def describe(case: Case, drawn: DrawnRig, truth: Truth) -> dict[str, Any]:
     """What is known of a case before anybody diagnoses it."""
-    spec, tracker = drawn.rig.spec, drawn.rig.machine.tracker
+    spec, tracker = drawn.rig.machine.machine, drawn.rig.machine.tracker
     return {
         "faults": list(drawn.truth),
         **{"noise": case.noise or NOISE_FREE, "path": drawn.protocol, "repeats": "own", **drawn.notes},
         "frame": tracker.frame,
         "sigma_told": tracker.sigma_mm is not None,
         "std_told": drawn.rig.tracker.report_std,
-        "link_mm": spec.link_length_mm,
+        "link_mm": getattr(spec, "link_length_mm", None),
         "hidden": {fault.name: fault.size / truth.noise.total for fault in truth.faults},
         "counted": [fault.name for fault in truth.faults if fault.counts],
         "outside": [fault.name for fault in truth.faults if not fault.known],
@@ -79,10 +86,10 @@ def describe(case: Case, drawn: DrawnRig, truth: Truth) -> dict[str, Any]:
     }
 
 
-def examine(drawn: DrawnRig, truth: Truth, table: Any) -> dict[str, Any]:
+def examine(drawn: DrawnRig, truth: Truth, frame: pd.DataFrame, close: Closing) -> dict[str, Any]:
     """Diagnose a run, and judge what is said."""
     file = drawn.rig.machine
-    problem = build_problem(file, table)
+    problem = build_problem(file, table_of(frame, drawn.absent))
     began = time.perf_counter()
     result = diagnose(Model(file), problem)
     seconds = time.perf_counter() - began
@@ -98,20 +105,21 @@ def examine(drawn: DrawnRig, truth: Truth, table: Any) -> dict[str, Any]:
     picks = {group[0] for group in named}
     row["pulls"] = pulls(said, truth, drawn) if picks == set(truth.hidden) else []
     if named:
-        row["tool"] = reached(fitted_model(result), drawn, truth, printed_heldout(said))
+        row |= close(result, drawn, truth, frame)
     return row
 
 
-def sweep(cases: list[Case], jobs: int) -> Iterator[dict[str, Any]]:
+def sweep(cases: list[Case], jobs: int, run: Callable[[Case], dict[str, Any]] = run_case) -> Iterator[dict[str, Any]]:
     """Run all cases, in their order."""
     if jobs == 1:
-        yield from map(run_case, cases)
+        yield from map(run, cases)
         return
-    with multiprocessing.get_context("spawn").Pool(jobs, _start) as pool:
-        yield from pool.imap(run_case, cases, chunksize=1)
+    with multiprocessing.get_context("spawn").Pool(jobs, start) as pool:
+        yield from pool.imap(run, cases, chunksize=1)
 
 
-def _start() -> None:
+def start() -> None:
+    """One thread a process: a case is small."""
     torch.set_num_threads(1)
 
 
@@ -154,14 +162,21 @@ def main() -> None:
     cases = plan(args.level, args.count, args.start, kinds=args.kinds, noise=args.noise, **shared)
     if args.fault:
         cases = [replace(case) for case in cases if args.fault in case.faults]
-    args.out.mkdir(parents=True, exist_ok=True)
-    place, rows, began = args.out / f"{args.level}.json", [], time.perf_counter()
-    for row in sweep(cases, args.jobs):
+    follow(cases, args.level, args.out, args.jobs)
+
+
+def follow(
+    cases: list[Case], level: str, out: Path, jobs: int, run: Callable[[Case], dict[str, Any]] = run_case
+) -> None:
+    """Run cases, keep what is done, whatever comes, and print one line on them."""
+    out.mkdir(parents=True, exist_ok=True)
+    place, rows, began = out / f"{level}.json", [], time.perf_counter()
+    for row in sweep(cases, jobs, run):
         rows.append(row)
-        place.write_text(json.dumps(rows, indent=1, default=_plain) + "\n")  # what is done is kept, whatever comes
-    print(summary(args.level, rows), f"({time.perf_counter() - began:.0f} s)")
+        place.write_text(json.dumps(rows, indent=1, default=_plain) + "\n")
+    print(summary(level, rows), f"({time.perf_counter() - began:.0f} s)")
 
 
 if __name__ == "__main__":
-    _start()
+    start()
     main()

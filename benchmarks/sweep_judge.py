@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from ptt.challenge.hide import FAULTS
+from ptt.challenge.hide import faults_of
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.score import judge
-from ptt.challenge.truth import MICRO, READINGS, Truth, off_set_up, rms_length
+from ptt.challenge.truth import MICRO, READINGS, Truth, mount_columns, off_set_up, rms_length
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
@@ -44,6 +44,14 @@ SAME: dict[str, dict[str, tuple[str, float]]] = {
     "frame-growth": {"radius_per_k": ("frame_um_per_m_k", 1e-6), "link_per_k": ("link_um_per_m_k", 1e-6)},
     "tracker-scale": {"scale": ("scale_ppm", 1e-6)},
 }
+SAME_OF_ARM: dict[str, dict[str, tuple[str, float]]] = {
+    "homing-slip": {"slip_rad": ("slip_mrad", 1e-3)},
+    "lead-scale": {"scale": ("scale_urad_per_rad", 1e-6)},
+    "backlash": {"gap_rad": ("backlash_mrad", 1e-3)},
+    "windup": {"height_rad": ("windup_urad", 1e-6)},
+    "axis-compliance": {"compliance_rad_per_nmm": ("compliance_nrad_per_nmm", 1e-9)},
+    "tracker-scale": SAME["tracker-scale"],
+}
 
 
 def fitted_model(result: Any) -> Model:
@@ -67,7 +75,7 @@ def judge_names(named: Sequence[Sequence[str]], truth: Truth, drawn: DrawnRig) -
     picks = list(dict.fromkeys(group[0] for group in named))
     must, may = {fault.name for fault in truth.faults if fault.counts}, set(truth.hidden)
     judgement = judge(picks, truth)
-    kin = {name for key in drawn.truth for name in FAULTS[key].kin}
+    kin = {name for key in drawn.truth for name in faults_of(drawn.rig)[key].kin}
     words = {
         key: "kin" if word in ("wrong", "partial") and key.partition("[")[0] in kin else word
         for key, word in judgement.named.items()
@@ -126,7 +134,7 @@ def statements(result: Mapping[str, Any], words: Mapping[str, str], right: bool 
 
 def leading(depends_on: Sequence[Mapping[str, Any]], drawn: DrawnRig) -> dict[str, Any] | None:
     """Whether what a rest follows first is what the fault outside the library follows; None without such a fault."""
-    odd = [key for key in drawn.truth if FAULTS[key].section == "odd"]
+    odd = [key for key in drawn.truth if faults_of(drawn.rig)[key].section == "odd"]
     if not odd:
         return None
     leads = ODD.validate_python(drawn.truth[odd[0]]).leads
@@ -153,25 +161,27 @@ def _correlation(one: np.ndarray, two: np.ndarray) -> float:
 def _variables(drawn: DrawnRig) -> dict[str, np.ndarray]:
     frame = simulate(drawn.rig, drawn.targets, noise=False).frame
     frame = frame[frame["role"] != "base"]
-    sent = frame[["b1_cmd", "b2_cmd", "b3_cmd"]].to_numpy(float)
-    ways = travel_direction(sent)
+    sent = frame[drawn.rig.commanded].to_numpy(float)
+    ways, joints = travel_direction(sent), drawn.rig.sent
     columns = {"payload": "payload_kg", "temperature": "temp_c", "time": "time_s"}
     columns |= {axis: f"{axis}_cmd" for axis in "xyz"}
     values = {name: frame[column].to_numpy(float) for name, column in columns.items()}
-    values |= {f"b{leg + 1}": sent[:, leg] for leg in range(3)}
-    return values | {f"direction{leg + 1}": ways[:, leg] for leg in range(3)}
+    values |= {name: sent[:, joint] for joint, name in enumerate(joints)}
+    return values | {f"direction{joint + 1}": ways[:, joint] for joint in range(len(joints))}
 
 
 def pulls(result: Mapping[str, Any], truth: Truth, drawn: DrawnRig) -> list[tuple[str, float]]:
     """(parameter, (stated - true) / std) of every parameter that is stated with its deviation."""
-    found = []
-    flipped = {"backlash"} & {FAULTS[key].called for key in drawn.truth if FAULTS[key].section == "controller"}
+    found, alike = [], SAME if drawn.rig.serial is None else SAME_OF_ARM
+    flipped = {"backlash"} & {
+        faults_of(drawn.rig)[key].called for key in drawn.truth if faults_of(drawn.rig)[key].section == "controller"
+    }
     for candidate in result["candidates"]:
         effect = candidate["effect"]
         true = next((fault.values for fault in truth.faults if fault.name == effect), None)
-        for item in candidate["parameters"] if true is not None and effect in SAME else ():
+        for item in candidate["parameters"] if true is not None and effect in alike else ():
             name, _, number = item["name"].partition(" ")
-            value = _true_value(SAME[effect], name, number, true)
+            value = _true_value(alike[effect], name, number, true)
             if value is not None and item["std"]:
                 value = -value if effect in flipped else value  # what the controller adds is a gap below zero
                 found.append((f"{effect} {name}", float((item["value"] - value) / item["std"])))
@@ -207,8 +217,10 @@ def scatter(drawn: DrawnRig) -> float:
     noisy, still = (simulate(drawn.rig, drawn.targets, noise=noise) for noise in (True, False))
     shift = noisy.frame[READINGS].to_numpy(float) - still.frame[READINGS].to_numpy(float)
     kept = np.isfinite(shift).all(axis=1) & (noisy.frame["role"] != "base").to_numpy() & ~noisy.outlier
-    place, run = still.truth, noisy.frame["run"].to_numpy()
-    return MICRO * rms_length(off_set_up(drawn.rig, shift[kept], place[kept], run[kept]))
+    place = still.truth if drawn.rig.serial is None else still.frame[READINGS].to_numpy(float)
+    run, mount = noisy.frame["run"].to_numpy(), mount_columns(drawn)
+    held = None if mount is None else mount[kept]
+    return MICRO * rms_length(off_set_up(drawn.rig, shift[kept], place[kept], run[kept], held))
 
 
 def printed_heldout(result: Mapping[str, Any]) -> float | None:

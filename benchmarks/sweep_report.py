@@ -94,6 +94,8 @@ def summary(level: str, rows: Rows) -> str:
         line += f"; nothing-missing {len(silent)}, noise stated in {sum(map(knows_noise, silent))}"
     tools = [row["tool"] for row in rows if row.get("tool")]
     line += f"; worse {sum(tool['worse'] for tool in tools)}/{len(tools)}"
+    told = [tool["rosy"] for tool in tools if tool.get("rosy")]
+    line += f", beyond {ROSY} x {sum(one > ROSY for one in told)}/{len(told)}"
     line += f"; {np.median([row['seconds'] for row in good] or [np.nan]):.2f} s; refused {refused}, broken {broken}"
     return line
 

@@ -5,16 +5,27 @@ from typing import Any
 
 import numpy as np
 
-from ptt.challenge.hide import FAULTS, hide_faults
-from ptt.challenge.truth import COUNTS, READINGS, Truth, find_truth, off_set_up, reading_noise, rms_length
+from ptt.challenge.hide import ARM_FAULTS, FAULTS, hide_faults
+from ptt.challenge.truth import (
+    COUNTS,
+    READINGS,
+    Truth,
+    find_truth,
+    mount_columns,
+    off_set_up,
+    reading_noise,
+    rms_length,
+    seen_place,
+)
 from ptt.effects import library
 from ptt.machine import MachineFile
 from ptt.rig import RunResult, simulate
 from ptt.rig.draw import PROTOCOLS, DrawnRig, Protocol, draw_rig
+from ptt.rig.draw_faults import Fault
 from ptt.rig.draw_foreign import draw_foreign
+from ptt.rig.draw_foreign_arm import ARM_PROTOCOLS, draw_foreign_arm
 from ptt.rig.draw_machine import draw_machine_file
 from ptt.rig.draw_noise import NOISES, draw_noise
-from ptt.rig.schedule import TARGET
 
 RIGS, SIZES = 3, 6  # how many are drawn until every fault can be seen
 AGAIN = 1_000_000  # between the seeds of two attempts
@@ -23,6 +34,10 @@ MOST_FAULTS = 5
 # Faults that poses in a volume show are also hidden in runs of several loads and temperatures, and those that a path
 # shows also in one at several speeds.
 ALSO: dict[str, tuple[Protocol, ...]] = {"volume": ("volume", "payload", "warmup"), "path": ("path", "speed")}
+# Of an arm: what loads do to springs is seen under loads; its weight alone where no payload strains the same springs.
+ALSO_ARM: dict[str, tuple[Protocol, ...]] = {"volume": ARM_PROTOCOLS, "still load": ("volume", "warmup")}
+# Readings that an effect asks for: a map of uneven rings takes a hundred rows for each of up to seven joints.
+LEAST_ROWS = {"joint-error-map": 720}
 # The library has these, and hardly a run tells them from others: hidden alone, never among several.
 AMBIGUOUS = ("joint-offset", "tracker-scale")
 # Of a real machine each size of the drawing is off, by about what readings scatter by.
@@ -45,6 +60,7 @@ class Case:
         rows: about how many, None lets the seed choose.
         visible: draw sizes anew until every fault is of a size in VISIBLE.
         steep: of a drawn machine, whether its rails lean far or lie flat.
+        arm: whether the drawn machine is a serial arm.
     """
 
     seed: int
@@ -56,20 +72,27 @@ class Case:
     rows: int | None = None
     visible: bool = True
     steep: bool = False
+    arm: bool = False
 
 
-def names_of(level: str, kinds: str = "all") -> tuple[str, ...]:
+def table_of_faults(arm: bool) -> dict[str, Fault]:
+    """All faults by name, of a 3-PTT or of an arm."""
+    return ARM_FAULTS if arm else FAULTS
+
+
+def names_of(level: str, kinds: str = "all", *, arm: bool = False) -> tuple[str, ...]:
     """Faults of a level: effects of the library, or kinds outside it that are shown, unseen or both."""
+    table = table_of_faults(arm)
     if level != "unknown":
-        return tuple(name for name, fault in FAULTS.items() if fault.section != "odd")
+        return tuple(name for name, fault in table.items() if fault.section != "odd")
     wanted = {"shown": (False,), "unseen": (True,), "all": (False, True)}[kinds]
-    return tuple(name for name, fault in FAULTS.items() if fault.section == "odd" and fault.unseen in wanted)
+    return tuple(name for name, fault in table.items() if fault.section == "odd" and fault.unseen in wanted)
 
 
-def protocols_of(name: str) -> tuple[Protocol, ...]:
+def protocols_of(name: str, *, arm: bool = False) -> tuple[Protocol, ...]:
     """Runs in which a fault is hidden."""
-    own = FAULTS[name].protocols
-    return tuple(dict.fromkeys(also for protocol in own for also in ALSO.get(protocol, (protocol,))))
+    own, also = table_of_faults(arm)[name].protocols, ALSO_ARM if arm else ALSO
+    return tuple(dict.fromkeys(each for protocol in own for each in also.get(protocol, (protocol,))))
 
 
 def plan(
@@ -83,7 +106,7 @@ def plan(
         start: first seed.
         kinds: shown, unseen or all, of the faults outside the library.
         noise: kind of noise for all of them, None goes through all kinds where machines are drawn.
-        **shared: bench, rows, visible, steep of every case.
+        **shared: bench, rows, visible, steep, arm of every case.
 
     Returns:
         The cases.
@@ -91,37 +114,45 @@ def plan(
     cases = []
     for number in range(start, start + count):
         random = np.random.default_rng([number, 61])
-        protocol, faults = _hide(level, number, random, kinds)
+        protocol, faults = _hide(level, number, random, kinds, shared.get("arm", False))
         through = list(NOISES)[(number + number // len(NOISES)) % len(NOISES)] if shared.get("bench") is None else None
-        cases.append(Case(number, level, protocol, faults, noise or through, **shared))
+        case = Case(number, level, protocol, faults, noise or through, **shared)
+        least = max((LEAST_ROWS[name] for name in faults if name in LEAST_ROWS), default=None) if case.arm else None
+        cases.append(replace(case, rows=case.rows or least))
     return cases
 
 
-def _hide(level: str, number: int, random: np.random.Generator, kinds: str) -> tuple[Protocol, tuple[str, ...]]:
+def _hide(
+    level: str, number: int, random: np.random.Generator, kinds: str, arm: bool
+) -> tuple[Protocol, tuple[str, ...]]:
+    protocols = ARM_PROTOCOLS if arm else PROTOCOLS
     if level == "none":
-        return PROTOCOLS[number % len(PROTOCOLS)], ()
+        return protocols[number % len(protocols)], ()
     if level == "multi":
-        protocol = PROTOCOLS[number % len(PROTOCOLS)]
-        return protocol, _several(random, protocol, 2 + number // len(PROTOCOLS) % (MOST_FAULTS - 1))
-    names = names_of(level, kinds)
+        protocol = protocols[number % len(protocols)]
+        return protocol, _several(random, protocol, 2 + number // len(protocols) % (MOST_FAULTS - 1 - arm), arm)
+    names = names_of(level, kinds, arm=arm)
     if level == "dense":
         names = tuple(name for name in names if name not in (*SIZES_OF_DRAWING, *AMBIGUOUS))
     name = names[number % len(names)]
-    runs = protocols_of(name)
+    runs = protocols_of(name, arm=arm)
     protocol = runs[random.integers(len(runs))]
     if level == "dense":
         return protocol, (name, *SIZES_OF_DRAWING)
-    more = _several(random, protocol, number // 2 % 3) if level == "unknown" else ()
+    more = _several(random, protocol, number // 2 % 3, arm) if level == "unknown" else ()
     return protocol, (name, *more)
 
 
-def _several(random: np.random.Generator, protocol: Protocol, count: int) -> tuple[str, ...]:
+def _several(random: np.random.Generator, protocol: Protocol, count: int, arm: bool) -> tuple[str, ...]:
     """Effects for one run, each once, one of them of the kind that only this run shows."""
-    fitting = [name for name in names_of("multi") if protocol in protocols_of(name) and name not in AMBIGUOUS]
-    special = [name for name in fitting if len(protocols_of(name)) == 1]
+    table, runs = table_of_faults(arm), {name: protocols_of(name, arm=arm) for name in names_of("multi", arm=arm)}
+    fitting = [
+        name for name in runs if protocol in runs[name] and name not in AMBIGUOUS and not (arm and name in LEAST_ROWS)
+    ]
+    special = [name for name in fitting if len(runs[name]) == 1]
     first = [special[random.integers(len(special))]] if special and count else []
     picked = {
-        FAULTS[name].called: name for name in [*random.permutation(fitting).tolist(), *first]
+        table[name].once or table[name].called: name for name in [*random.permutation(fitting).tolist(), *first]
     }  # the last one stays
     rest = [name for name in random.permutation(list(picked.values())).tolist() if name not in first]
     return tuple(first + rest[: count - len(first)])
@@ -170,33 +201,36 @@ def _off_a_little(drawn: DrawnRig, sound: DrawnRig, still: RunResult, noise: flo
     random = np.random.default_rng([seed, 62])
     for name in SIZES_OF_DRAWING:
         wanted = float(np.exp(random.uniform(*np.log(LITTLE)))) * noise
-        times = min(wanted / max(_size(hide_faults(sound, [name], seed), still), 1e-9), MOST_TIMES)
+        times = min(wanted / max(_size(hide_faults(sound, [name], seed), still, None), 1e-9), MOST_TIMES)
         drawn = hide_faults(drawn, [name], seed, times)
     return drawn
 
 
 def _best_size(sound: DrawnRig, still: RunResult, noise: float, name: str, seed: int) -> tuple[float, int]:
     """How far the most visible of a few draws of a fault is from VISIBLE, as a logarithm, and its seed."""
-    best = (np.inf, seed)
+    best, mount = (np.inf, seed), mount_columns(sound)
     for attempt in range(SIZES):
         own = seed + AGAIN // 100 * attempt
-        size = max(_size(hide_faults(sound, [name], own), still) / noise, 1e-6)
+        size = max(_size(hide_faults(sound, [name], own), still, mount) / noise, 1e-6)
         best = min(best, (max(0.0, float(np.log(VISIBLE[0] / size)), float(np.log(size / VISIBLE[1]))), own))
         if best[0] == 0.0:
             break
     return best
 
 
-def _size(drawn: DrawnRig, still: RunResult) -> float:
+def _size(drawn: DrawnRig, still: RunResult, mount: np.ndarray | None) -> float:
     """What one fault leaves in the readings once the tracker's set-up is out, mm."""
     frame = simulate(drawn.rig, drawn.targets, noise=False).frame
     shift = frame[READINGS].to_numpy(float) - still.frame[READINGS].to_numpy(float)
     read = np.isfinite(shift).all(axis=1) & (frame["role"] != "base").to_numpy()
-    place, run = frame[TARGET].to_numpy(float), frame["run"].to_numpy()
-    return rms_length(off_set_up(drawn.rig, shift[read], place[read], run[read]))
+    place, run = seen_place(drawn.rig, frame), frame["run"].to_numpy()
+    held = None if mount is None else mount[read]
+    return rms_length(off_set_up(drawn.rig, shift[read], place[read], run[read], held))
 
 
 def _sound(case: Case, seed: int) -> DrawnRig:
+    if case.arm:
+        return draw_foreign_arm(seed, case.protocol, noise=case.noise, rows=case.rows)
     if case.bench is None:
         foreign = draw_machine_file(seed, steep=True) if case.steep else None
         return draw_foreign(seed, case.protocol, noise=case.noise, rows=case.rows, foreign=foreign)

@@ -9,8 +9,11 @@ from pydantic import TypeAdapter
 
 from ptt.errors import InputError
 from ptt.rig import Rig
+from ptt.rig.arm_scene import ArmScene, look_at_scene
 from ptt.rig.draw import DrawnRig
-from ptt.rig.draw_faults import KNOWN, Scene
+from ptt.rig.draw_arm_known import ARM_KNOWN
+from ptt.rig.draw_arm_odd import ARM_ODD
+from ptt.rig.draw_faults import KNOWN, Fault, Scene
 from ptt.rig.draw_more import MORE
 from ptt.rig.draw_odd import SHOWN_FAULTS, UNKNOWN
 from ptt.rig.draw_unseen import UNSEEN_FAULTS
@@ -18,7 +21,13 @@ from ptt.rig.nominal import ideal_machine
 from ptt.rig.odd_schema import Odd
 
 FAULTS = {fault.name: fault for fault in (*KNOWN, *MORE, *UNKNOWN, *SHOWN_FAULTS, *UNSEEN_FAULTS)}
+ARM_FAULTS = {fault.name: fault for fault in (*ARM_KNOWN, *ARM_ODD)}
 _ODD: TypeAdapter[Any] = TypeAdapter(Odd)
+
+
+def faults_of(rig: Rig) -> Mapping[str, Fault]:
+    """What can be hidden in a rig, by name: 3-PTT and arm have faults of the same names that are not the same."""
+    return FAULTS if rig.serial is None else ARM_FAULTS
 
 
 def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int, times: float = 1.0) -> DrawnRig:
@@ -38,15 +47,15 @@ def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int, times: float =
     """
     random = np.random.default_rng([seed, 51])
     rig, truth = drawn.rig, dict(drawn.truth)
-    scene = Scene(ideal_machine(rig.spec), rig.spec, drawn.room, drawn.protocol)
+    scene, table = _scene(drawn), faults_of(rig)
     for name in names:
-        if name not in FAULTS or FAULTS[name].called in {FAULTS[other].called for other in truth}:
-            raise InputError(f"fault '{name}' is not known or hidden already", fix=f"use others of {', '.join(FAULTS)}")
-        values = FAULTS[name].draw(random, scene)
+        if name not in table or table[name].called in {table[other].called for other in truth}:
+            raise InputError(f"fault '{name}' is not known or hidden already", fix=f"use others of {', '.join(table)}")
+        values = table[name].draw(random, scene)
         if times != 1.0:
             values = {key: (times * np.array(legs)).tolist() for key, legs in values.items()}
         truth[name] = values
-        rig = _put(rig, FAULTS[name].section, _settle(values, len(drawn.targets) * rig.conditions.cycles))
+        rig = _put(rig, table[name].section, _settle(values, len(drawn.targets) * rig.conditions.cycles))
     return replace(drawn, rig=rig, truth=truth)
 
 
@@ -62,7 +71,7 @@ def clear_faults(rig: Rig, truth: Mapping[str, Mapping[str, Any]], names: Iterab
         The rig without them.
     """
     for name in names:
-        section = FAULTS[name].section if rig.serial is None else "arm"
+        section = faults_of(rig)[name].section
         if section == "odd":
             fault = _ODD.validate_python(dict(truth[name]))
             rig = replace(rig, odd=tuple(item for item in rig.odd if item != fault))
@@ -74,8 +83,14 @@ def clear_faults(rig: Rig, truth: Mapping[str, Mapping[str, Any]], names: Iterab
 
 
 def called(rig: Rig, name: str) -> str:
-    """What the library calls a fault of a rig; those of an arm have no other name."""
-    return FAULTS[name].called if rig.serial is None else name
+    """What the library calls a fault of a rig."""
+    return faults_of(rig)[name].called
+
+
+def _scene(drawn: DrawnRig) -> Scene | ArmScene:
+    if drawn.rig.serial is not None:
+        return look_at_scene(drawn)
+    return Scene(ideal_machine(drawn.rig.spec), drawn.rig.spec, drawn.room, drawn.protocol)
 
 
 def _put(rig: Rig, section: str, values: Mapping[str, Any]) -> Rig:

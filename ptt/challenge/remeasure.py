@@ -12,6 +12,7 @@ from ptt.correct.compensate import Correction, compensate
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model
 from ptt.rig import Rig, RunResult, simulate
+from ptt.rig.arm_odd_schema import SlippingTool
 from ptt.rig.draw import DrawnRig
 
 
@@ -77,12 +78,14 @@ def as_left(rig: Rig) -> Rig:
     Returns:
         The same with slider or tripod off its place from the first row on.
     """
-    for name, what in (("drive", "slip"), ("tracker", "knock")):
+    for name, what in (("drive", "slip"), ("arm", "slip"), ("tracker", "knock")):
         section = getattr(rig, name)
-        if getattr(section, f"{what}_row") is not None or getattr(section, f"{what}_time_s") is not None:
-            off = section.model_copy(update={f"{what}_row": 0, f"{what}_time_s": None})
+        times = [key for key in (f"{what}_row", f"{what}_time_s") if getattr(section, key, None) is not None]
+        if times:
+            off = section.model_copy(update=dict.fromkeys(times) | {f"{what}_row": 0})
             rig = replace(rig, **{name: off})
-    return rig
+    slipped = (item.model_copy(update={"share": 0.0}) if isinstance(item, SlippingTool) else item for item in rig.odd)
+    return replace(rig, odd=tuple(slipped))
 
 
 def to_run_again(rig: Rig) -> Rig:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,8 @@ from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.rig import Rig, simulate
 from ptt.rig.draw import DrawnRig
+from ptt.rig.platform import rotation_matrix
+from ptt.rig.schedule import TARGET
 from ptt.run.frames import rigid_columns
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
@@ -145,7 +147,7 @@ def reading_noise(rig: Rig, place: np.ndarray) -> Noise:
         place: (n, 3) mm, where it reads.
 
     Returns:
-        The noise, averaged over the places, in the axes of the readings (which are turned by milliradians).
+        The noise, averaged over the places, in the axes of the readings (those of a 3-PTT are turned by milliradians).
     """
     tracker = rig.tracker
     away = place - np.asarray(tracker.station_mm)
@@ -159,6 +161,9 @@ def reading_noise(rig: Rig, place: np.ndarray) -> Noise:
         covariance = np.mean(
             (tracker.radial_um / MICRO) ** 2 * along + side[:, None, None] * (np.eye(3) - along), axis=0
         )
+    if rig.serial is not None:  # a tracker beside an arm is turned any way, not by milliradians
+        turn = rotation_matrix(np.asarray([tracker.rotation_mrad]) / MICRO)[0]
+        covariance = turn @ covariance @ turn.T
     own = np.square(tracker.axis_um) + tracker.quantum_um**2 / 12.0 + tracker.wander_um**2
     return Noise(covariance + np.diag(own) / MICRO**2, "truth")
 
@@ -178,8 +183,9 @@ def table_of(frame: pd.DataFrame, absent: Iterable[str] = ()) -> Table:
     groups = {key: names for key, names in GROUPS.items() if names[0] in frame}
     context |= {key: _numbers(frame, names) for key, names in groups.items()}
     joints = [str(title) for title in frame if JOINT.fullmatch(str(title))]
+    target = None if {*TARGET} & {*absent} else _numbers(frame, TARGET)
     table = make_table(
-        _numbers(frame, ["x_cmd", "y_cmd", "z_cmd"]),
+        target,
         _numbers(frame, joints),
         _numbers(frame, READINGS),
         name=frame["name"].to_numpy(str),
@@ -205,7 +211,9 @@ def off_frame(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
     return np.asarray(shift - (rigid @ np.linalg.lstsq(rigid, shift.ravel(), rcond=None)[0]).reshape(-1, 3))
 
 
-def off_set_up(rig: Rig, shift: np.ndarray, place: np.ndarray, run: np.ndarray) -> np.ndarray:
+def off_set_up(
+    rig: Rig, shift: np.ndarray, place: np.ndarray, run: np.ndarray, mount: np.ndarray | None = None
+) -> np.ndarray:
     """Take off what the tracker's set-up may hold: a rigid motion, one for each run, or nothing if it is known.
 
     Args:
@@ -213,11 +221,18 @@ def off_set_up(rig: Rig, shift: np.ndarray, place: np.ndarray, run: np.ndarray) 
         shift: (n, 3) mm.
         place: (n, 3) mm, where.
         run: (n,), label or number of each row's run.
+        mount: (n, 3, 3), what a reflector moves by that is put elsewhere on an arm's tool, where its mount is fitted.
 
     Returns:
         (n, 3) mm.
     """
     policy = rig.machine.tracker.frame
+    if mount is not None:
+        held = [_by_run(mount, run, rig.machine.tracker.tool)]
+        if policy in ("fitted", "fitted-per-run"):
+            held.append(_by_run(rigid_columns(torch.tensor(place)).numpy(), run, policy))
+        columns = np.concatenate(held, axis=-1).reshape(shift.size, -1)
+        return np.asarray(shift - (columns @ np.linalg.lstsq(columns, shift.ravel(), rcond=None)[0]).reshape(-1, 3))
     if policy in ("trusted", "measured"):
         return shift
     left = np.array(shift)
@@ -225,6 +240,31 @@ def off_set_up(rig: Rig, shift: np.ndarray, place: np.ndarray, run: np.ndarray) 
         rows = np.ones(len(left), dtype=bool) if label is None else run == label
         left[rows] = off_frame(left[rows], place[rows])
     return left
+
+
+def mount_columns(drawn: DrawnRig) -> np.ndarray | None:
+    """What readings move by for each mm of an arm's reflector along the tool's axes, where its mount is fitted.
+
+    Args:
+        drawn: the rig.
+
+    Returns:
+        (n, 3, 3); None where the mount is known, and for a 3-PTT.
+    """
+    rig = drawn.rig
+    if rig.serial is None or rig.machine.tracker.tool == "trusted":
+        return None
+    here, columns = simulate(rig, drawn.targets, noise=False).frame[READINGS].to_numpy(float), []
+    for way in np.eye(3):
+        moved = replace(rig, arm=rig.arm.model_copy(update={"reflector_mm": tuple(rig.arm.reflector_mm + way)}))
+        columns.append(simulate(moved, drawn.targets, noise=False).frame[READINGS].to_numpy(float) - here)
+    return np.stack(columns, axis=-1)
+
+
+def seen_place(rig: Rig, frame: pd.DataFrame) -> np.ndarray:
+    """Where readings of a run without noise are, (n, 3) mm: as wanted, of an arm as the tracker has them."""
+    # The frame beside a bench is turned by milliradians, that beside an arm any way.
+    return np.array(frame[TARGET if rig.serial is None else READINGS], dtype=float)
 
 
 def rms_length(shift: np.ndarray) -> float:
@@ -235,15 +275,33 @@ def rms_length(shift: np.ndarray) -> float:
 def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library_has: bool) -> HiddenFault:
     without = table_of(simulate(clear_faults(drawn.rig, drawn.truth, [key]), drawn.targets, noise=False).frame)
     poses = problem.used
+    mount = mount_columns(drawn)
+    place = problem.table.target if drawn.rig.serial is None else problem.table.measured
     shift = (problem.table.measured - without.measured)[poses]
     if problem.base is not None:  # what moves base reflectors as well nobody sees
         shift = (problem.measured - build_problem(drawn.rig.machine, without).measured)[poses]
     signature = np.full_like(problem.table.measured, np.nan)
-    signature[poses] = off_set_up(drawn.rig, shift, problem.table.target[poses], problem.table.run[poses])
+    held = None if mount is None else mount[poses]
+    if held is not None and problem.base is not None:  # readings in the base frame
+        held = _unturned(drawn.rig, held)
+    signature[poses] = off_set_up(drawn.rig, shift, place[poses], problem.table.run[poses], held)
     size = rms_length(signature[poses])
     return HiddenFault(
         called(drawn.rig, key), drawn.truth[key], signature, size, size >= COUNTS * noise.total, library_has
     )
+
+
+def _by_run(columns: np.ndarray, run: np.ndarray, policy: str) -> np.ndarray:
+    """Columns (n, 3, c), those of each run apart where the policy says so."""
+    if policy != "fitted-per-run":
+        return columns
+    return np.concatenate([np.where((run == label)[:, None, None], columns, 0.0) for label in np.unique(run)], axis=-1)
+
+
+def _unturned(rig: Rig, columns: np.ndarray) -> np.ndarray:
+    """Shifts in the tracker's axes, (n, 3, c), in those of the base."""
+    turn = rotation_matrix(np.asarray([rig.tracker.rotation_mrad]) / MICRO)[0]
+    return np.einsum("ji,njc->nic", turn, columns)
 
 
 def _numbers(frame: pd.DataFrame, columns: str | list[str]) -> np.ndarray:

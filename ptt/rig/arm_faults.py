@@ -25,19 +25,26 @@ def arm_faults(arm: Arm, spec: SerialSpec) -> ArmFaults:
         The faults.
     """
     joints = len(spec.joint)
-    size, phase = (_full(values, joints) for values in (arm.turn_urad, arm.turn_phase_rad))
-    wobble = np.zeros((joints, arm.turn_harmonic if size.any() else 0, 2))
-    if size.any():
-        wobble[:, -1] = MICRO * size[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
     centre = np.asarray(arm.com_mm) if arm.com_mm else np.zeros((joints, 3))
     return ArmFaults(
         link=np.stack([unit * _full(getattr(arm, key), joints) for key, unit in LINK], axis=1),
         gap=MILLI * _full(arm.backlash_mrad, joints),
         compliance=NANO * _full(arm.compliance_nrad_per_nmm, joints),
         growth=MICRO * arm.growth_um_per_m_k,
-        wobble=wobble,
+        wobble=_wobble(arm, joints),
         mass=np.column_stack([arm.mass_kg, centre]) if arm.mass_kg else None,
+        beta=MILLI * _full(arm.link_beta_mrad, joints),
+        scale=MICRO * _full(arm.scale_urad_per_rad, joints),
+        added=MILLI * _full(arm.added_mrad, joints),
+        windup=_windup(arm, joints),
+        offset_growth=None if arm.offset_growth_um_per_m_k is None else MICRO * arm.offset_growth_um_per_m_k,
     )
+
+
+def slipped(arm: Arm, joints: int, rows: int) -> Array:
+    """Zero points that joints lose for good at a row, (n, k) rad: homed again, hit, or a belt that jumped a tooth."""
+    after = np.arange(rows) >= (rows if arm.slip_row is None else arm.slip_row)
+    return np.outer(after, MILLI * _full(arm.slip_mrad, joints))
 
 
 def arm_values(faults: ArmFaults) -> dict[str, Any]:
@@ -63,6 +70,27 @@ def within_limits(spec: SerialSpec, q: Array) -> Array:
     ends = [(-np.inf, np.inf) if joint.limits_deg is None else np.radians(joint.limits_deg) for joint in spec.joint]
     low, high = np.array(ends).T
     return np.asarray((q >= low - SLACK) & (q <= high + SLACK))
+
+
+def _wobble(arm: Arm, joints: int) -> Array:
+    """Cosine and sine of each harmonic of a turn, (k, m, 2) rad, of size x cos(harmonic q - phase)."""
+    own = {arm.turn_harmonic: (arm.turn_urad, arm.turn_phase_rad)} if any(arm.turn_urad) else {}
+    rings = np.array(arm.ring_urad).reshape(joints, -1) if arm.ring_urad else np.zeros((joints, 0))
+    phases = np.array(arm.ring_phase_rad).reshape(rings.shape) if arm.ring_phase_rad else np.zeros_like(rings)
+    wobble = np.zeros((joints, max([rings.shape[1], *own]), 2))
+    wobble[:, : rings.shape[1]] += MICRO * rings[..., None] * np.stack([np.cos(phases), np.sin(phases)], axis=-1)
+    for harmonic, (sizes, angles) in own.items():
+        size, phase = _full(sizes, joints), _full(angles, joints)
+        wobble[:, harmonic - 1] += MICRO * size[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
+    return wobble
+
+
+def _windup(arm: Arm, joints: int) -> Array | None:
+    """Height and length of each joint's change-over after a reversal, (k, 2) rad; None without any."""
+    if not any(arm.windup_urad):
+        return None
+    length = arm.windup_length_mrad or (1.0,) * joints
+    return np.column_stack([MICRO * np.asarray(arm.windup_urad), MILLI * np.asarray(length)])
 
 
 def _full(values: tuple[float, ...], joints: int) -> Array:

@@ -40,7 +40,7 @@ class Scene:
         return float((self.room / HALF_SIZE).min())
 
 
-Draw = Callable[[Random, Scene], dict[str, Any]]
+Draw = Callable[[Random, Any], dict[str, Any]]  # of a scene, or of an arm's
 STATIC = ("volume",)
 PATH_OR_VOLUME = ("path", "volume")
 
@@ -57,6 +57,7 @@ class Fault:
         effect: the effect's name in the library where several faults are one effect.
         kin: effects of which a fault outside the library holds a share, so that to name them is not wrong.
         unseen: kept from those who build the diagnosis, to judge it by in the end.
+        once: what several faults share, of which only one is hidden in a rig: one thing under two names, one spring.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Fault:
     effect: str = ""
     kin: tuple[str, ...] = ()
     unseen: bool = False
+    once: str = ""
 
     @property
     def called(self) -> str:

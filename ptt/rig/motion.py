@@ -55,7 +55,7 @@ def run_path(drawing: Drawing, tool: Array, command: Array, run: Array, *, strai
         points = np.concatenate([way(_inner_parts(way, rows)), command[:, None]], axis=1)
     count = np.full(rows, points.shape[1] if straight else 1)
     count[first] = 2
-    points[first, -2] = command[first] - lead_in * _first_moves(points if straight else command[:, None], first)
+    points[first, -2] = command[first] - lead_in * first_moves(points if straight else command[:, None], first)
     passed = np.arange(points.shape[1]) >= points.shape[1] - count[:, None]
     return Path(points[passed], np.repeat(np.arange(rows), count), np.cumsum(count) - 1)
 
@@ -201,11 +201,21 @@ def _corners(tool: Array, time: Array, still: Array) -> tuple[Array, Array]:
     return np.pad(sharp, 1), np.pad(change | still[1:-1], 1)
 
 
-def _first_moves(points: Array, first: Array) -> Array:
-    """(r, 3) direction in which each slider first sets off in each run, of points (n, p, 3); +1 where it never does."""
+def first_moves(points: Array, first: Array) -> Array:
+    """Direction in which each slider or joint first sets off in each run.
+
+    Args:
+        points: (n, p, k) mm or rad, p points on the way to each row, the last one that of the row.
+        first: (r,) first row of each run.
+
+    Returns:
+        (r, k), +1 or -1; +1 where it never moves.
+    """
     moves = np.ones((len(first), points.shape[2]))
     for number, (start, stop) in enumerate(zip(first, [*first[1:], len(points)], strict=True)):
-        step = np.diff(np.concatenate([points[start, -1:], points[start + 1 : stop].reshape(-1, 3)]), axis=0)
+        step = np.diff(
+            np.concatenate([points[start, -1:], points[start + 1 : stop].reshape(-1, points.shape[2])]), axis=0
+        )
         for leg in range(points.shape[2]):
             found = np.flatnonzero(np.abs(step[:, leg]) > 1e-6)
             if len(found):

@@ -52,7 +52,7 @@ def shift_all(odd: Sequence[kinds.Odd], state: RunState) -> Strange:
             total.tool[:] += _settle(fault, state)
         elif isinstance(fault, kinds.RandomLaw):
             _add(total, fault.place, fault.leg, random_law(fault, state))
-        else:
+        elif isinstance(fault, kinds.OnLeg):
             place = "link" if isinstance(fault, kinds.LooseJoint) else getattr(fault, "direction", "along")
             _add(total, place, fault.leg, _profile(fault, state))
     return total

@@ -1,5 +1,7 @@
 """Laws that nobody wrote down: random functions of random variables."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from ptt.rig.nominal import Array
@@ -10,6 +12,7 @@ from ptt.rig.thermal import lag
 WAVES = 8  # cosines in a smooth law
 ROUGHNESS = (1.0, 3.0)  # radians over half of a variable's span: from half a wave to a wave over all of it
 STEPS = (1, 4)  # steps in a jumpy law
+WAVES_A_SPAN = (1.5, 6.5)  # of a periodic law, over all of a variable's span
 SAMPLES = 4000  # over which a law is brought to zero mean and unit size
 
 
@@ -23,13 +26,27 @@ def random_law(law: RandomLaw, state: RunState) -> Array:
     Returns:
         (n,) um, of zero mean and root mean square `size_um` if the variables filled their spans evenly.
     """
-    function = _smooth if law.form == "smooth" else _jumpy
-    anywhere = np.random.default_rng([law.law_seed, 202]).uniform(-1.0, 1.0, (SAMPLES, len(law.variables)))
-    sides = [number for number, name in enumerate(law.variables) if name.startswith("direction")]
+    columns = [variable(name, state, law.memory_s) for name in law.variables]
+    return law.size_um * unit_law(law.form, law.law_seed, law.variables, scaled(columns, law.span))
+
+
+def unit_law(form: str, seed: int, variables: Sequence[str], at: Array) -> Array:
+    """A random function.
+
+    Args:
+        form: of FORMS.
+        seed: of the function.
+        variables: names; what is called a direction has two values only.
+        at: (n, v), the variables with their spans at -1 ... 1.
+
+    Returns:
+        (n,), of zero mean and root mean square 1 if the variables filled their spans evenly.
+    """
+    anywhere = np.random.default_rng([seed, 202]).uniform(-1.0, 1.0, (SAMPLES, len(variables)))
+    sides = [number for number, name in enumerate(variables) if name.startswith("direction")]
     anywhere[:, sides] = np.sign(anywhere[:, sides])
-    usual = function(anywhere, law.law_seed)
-    here = function(_scaled(law, state), law.law_seed)
-    return law.size_um * (here - usual.mean()) / max(float(usual.std()), 1e-9)
+    usual = FORMS[form](anywhere, seed)
+    return np.asarray((FORMS[form](at, seed) - usual.mean()) / max(float(usual.std()), 1e-9))
 
 
 def variable(name: str, state: RunState, memory_s: float = 1200.0) -> Array:
@@ -56,11 +73,18 @@ def variable(name: str, state: RunState, memory_s: float = 1200.0) -> Array:
     return np.asarray(columns[name[:-1]][:, int(name[-1]) - 1])
 
 
-def _scaled(law: RandomLaw, state: RunState) -> Array:
-    """(n, k), the variables with their spans at -1 ... 1."""
-    columns = [variable(name, state, law.memory_s) for name in law.variables]
-    spans = np.array(law.span)
-    return (2.0 * np.column_stack(columns) - spans.sum(axis=1)) / (spans[:, 1] - spans[:, 0])
+def scaled(columns: Sequence[Array], span: Sequence[tuple[float, float]]) -> Array:
+    """Variables with their spans at -1 ... 1.
+
+    Args:
+        columns: (n,) each.
+        span: what each may cover.
+
+    Returns:
+        (n, v).
+    """
+    spans = np.array(span)
+    return np.asarray((2.0 * np.column_stack(columns) - spans.sum(axis=1)) / (spans[:, 1] - spans[:, 0]))
 
 
 def _smooth(at: Array, seed: int) -> Array:
@@ -83,3 +107,15 @@ def _jumpy(at: Array, seed: int) -> Array:
     heights = random.choice([-1.0, 1.0], count) * random.uniform(0.5, 1.5, count)
     beyond = (sides * (at[:, None, :] - thresholds) > 0.0).all(axis=-1)
     return beyond @ heights
+
+
+def _periodic(at: Array, seed: int) -> Array:
+    """One wave in a random direction with a flat or a sharp crest, no whole number of them in a span."""
+    random = np.random.default_rng([seed, 201])
+    wave = random.normal(size=(at.shape[1],))
+    wave = np.pi * random.uniform(*WAVES_A_SPAN) * wave / np.linalg.norm(wave)
+    phase: Array = at @ wave + random.uniform(0.0, 2.0 * np.pi)
+    return np.asarray(np.cos(phase) + random.uniform(-0.5, 0.5) * np.cos(2.0 * phase))
+
+
+FORMS: dict[str, Callable[[Array, int], Array]] = {"smooth": _smooth, "jumpy": _jumpy, "periodic": _periodic}

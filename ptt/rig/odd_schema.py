@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
+from ptt.rig import arm_odd_schema as arm
 from ptt.rig.schema import Leg, PerLeg, Section, Triple
 
 Span = tuple[float, float]
@@ -258,9 +259,13 @@ class RandomLaw(Section):
         return tuple(dict.fromkeys(name for key in self.variables for name in shown.get(key, (key,))))
 
 
+# Of a 3-PTT, and of an arm.
 Odd = Annotated[
     Splice | GuideDamage | Periodic | Bump | Hose | WarmBacklash | LoadBacklash | CrossCoupling | CableDrag
     | LooseJoint | SettlingTable | LooseClamp | MotorHeat | ScalePitch | StickSlip | SlippingCoupling | CarriageTip
-    | RandomLaw,
+    | RandomLaw
+    | arm.HardeningJoint | arm.LoadedFriction | arm.DamagedTooth | arm.SlippingTool | arm.RockingBase
+    | arm.WobblingAxis | arm.DressPack | arm.BeltResonance | arm.RoundingController | arm.WarmJoint | arm.BusyJoint
+    | arm.CoupledJoints | arm.LoadedPlay | arm.LossAtReversal | arm.ArmLaw,
     Field(discriminator="kind"),
 ]  # fmt: skip

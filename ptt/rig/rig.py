@@ -1,6 +1,7 @@
 """RIG.toml <-> the faults, conditions and machine that one simulated run needs."""
 
 import difflib
+import re
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +14,8 @@ from ptt.documents import parse_toml
 from ptt.errors import InputError, shown
 from ptt.files import read_text
 from ptt.machine import MachineFile, SerialSpec, ThreePttSpec, format_machine, load_machine, parse_machine
-from ptt.rig import odd_schema, schema
+from ptt.rig import arm_odd_schema, odd_schema, schema
+from ptt.rig.arm_odd_schema import ArmLaw, OfArm
 from ptt.rig.odd_schema import Odd
 
 
@@ -30,7 +32,7 @@ class Rig:
         thermal: temperatures and growth.
         geometry: faults of rails, links, joints and platform.
         structure: bending of the column.
-        arm: faults of a serial arm, which has none of drive, thermal, geometry, structure and odd.
+        arm: faults of a serial arm, which has none of drive, thermal, geometry and structure.
         odd: faults that are no effect of the library.
         tracker: metrology.
         source: the file's name for messages.
@@ -88,8 +90,9 @@ class _Document(schema.Section):
     tracker: schema.Tracker = schema.Tracker()
 
 
+_ARM_VARIABLE = re.compile(r"(q|direction)[1-7]|[xyz]|payload|temperature|memory|time")
 SECTIONS = ("conditions", "controller", "drive", "thermal", "geometry", "structure", "arm", "odd", "tracker")
-SLIDERS_ONLY = ("controller", "drive", "thermal", "geometry", "structure", "odd")
+SLIDERS_ONLY = ("controller", "drive", "thermal", "geometry", "structure")
 
 
 def load_rig(path: str | Path) -> Rig:
@@ -209,6 +212,7 @@ def _check_kind(rig: Rig) -> None:
             raise InputError(
                 f"{kind}, which has no such faults{own}", where=f"{rig.source} key {name}", fix="remove it"
             )
+    _check_odd(rig)
     if rig.serial is None:
         return
     if rig.tracker.datum_every:
@@ -233,6 +237,24 @@ def _check_kind(rig: Rig) -> None:
         raise InputError(what, where=f"{rig.source} key arm.com_mm", fix="give arm.mass_kg, too")
 
 
+def _check_odd(rig: Rig) -> None:
+    """Refuse kinds of the other mechanism, and joints that an arm has not."""
+    joints = 0 if rig.serial is None else rig.serial.joints
+    for number, fault in enumerate(rig.odd, 1):
+        place = f"{rig.source} key odd[{number}]"
+        if isinstance(fault, OfArm) == (rig.serial is None):
+            what = f"'{fault.kind}' is no fault of a machine of kind {rig.machine.machine.kind!r}"
+            raise InputError(what, where=place, fix="remove it")
+        for key in ("joint", "other"):
+            if (getattr(fault, key, None) or 0) > joints > 0:
+                what = f"{key} {getattr(fault, key)} of an arm of {joints} joints"
+                raise InputError(what, where=place, fix=f"name one from 1 to {joints}")
+        for name in fault.variables if isinstance(fault, ArmLaw) else ():
+            if not _ARM_VARIABLE.fullmatch(name) or (name[-1].isdigit() and int(name[-1]) > joints):
+                what = f"an arm of {joints} joints has no variable '{shown(name)}'"
+                raise InputError(what, where=place, fix="use q1.., direction1.., x, y, z, payload, temperature or time")
+
+
 def _explain(error: pydantic.ValidationError, where: str) -> InputError:
     """Turn the first of pydantic's findings into one line."""
     first = error.errors()[0]
@@ -240,7 +262,7 @@ def _explain(error: pydantic.ValidationError, where: str) -> InputError:
     if first["type"] == "extra_forbidden":
         known = [
             name
-            for name in (*vars(schema).values(), *vars(odd_schema).values())
+            for name in (*vars(schema).values(), *vars(odd_schema).values(), *vars(arm_odd_schema).values())
             if isinstance(name, type) and issubclass(name, schema.Section)
         ]
         keys = [key for section in known for key in section.model_fields] + list(_Document.model_fields)

@@ -47,6 +47,11 @@ class Schedule:
         return len(self.origin)
 
     @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return int(self.run.max()) + 1
+
+    @property
     def held(self) -> Array:
         """(n,) bool, rows during which the machine stands still."""
         return self.role == "base"

@@ -144,18 +144,29 @@ class Arm(Section):
     """Faults of a serial arm; a list has one value per joint, an empty one stands for zeros."""
 
     backlash_mrad: PerJointUp = ()
+    added_mrad: PerJointUp = ()
+    windup_urad: PerJointUp = ()
+    windup_length_mrad: tuple[PositiveFloat, ...] = ()
+    slip_mrad: PerJoint = ()
+    slip_row: NonNegativeInt | None = None
+    scale_urad_per_rad: PerJoint = ()
     compliance_nrad_per_nmm: PerJointUp = ()
     turn_urad: PerJoint = ()
     turn_phase_rad: PerJoint = ()
     turn_harmonic: Annotated[int, Field(ge=1, le=1000)] = 1
+    ring_urad: tuple[tuple[float, ...], ...] = ()
+    ring_phase_rad: tuple[tuple[float, ...], ...] = ()
     link_a_mm: PerJoint = ()
     link_alpha_mrad: PerJoint = ()
     link_d_mm: PerJoint = ()
     link_theta_mrad: PerJoint = ()
+    link_beta_mrad: PerJoint = ()
     growth_um_per_m_k: float = 0.0
+    offset_growth_um_per_m_k: float | None = None
     mass_kg: PerJointUp = ()
     com_mm: tuple[Triple, ...] = ()
     reflector_mm: Triple = ZERO
+    reflector_scatter_mm: NonNegativeFloat = 0.0
 
 
 class Structure(Section):

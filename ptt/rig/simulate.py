@@ -11,7 +11,9 @@ from ptt.files import write_parts
 from ptt.machine import SerialSpec
 from ptt.rig import motion, odd, tracker
 from ptt.rig.actuate import drive_sliders, follow_warmth
-from ptt.rig.arm_faults import arm_faults, tool_on_drawing, within_limits
+from ptt.rig.arm_faults import arm_faults, slipped, tool_on_drawing, within_limits
+from ptt.rig.arm_odd import shift_arm
+from ptt.rig.arm_state import look_at_arm
 from ptt.rig.loaded import load_platform, nominal_tool
 from ptt.rig.nominal import Array, Drawing, ideal_machine, nominal_sliders
 from ptt.rig.odd_state import look_at_run
@@ -128,12 +130,15 @@ def _simulate_arm(
     time = tell_time(rig, schedule, tool)
     air = room_temperature(rig.conditions.room, time)
     arm = ArmRig(spec, arm_faults(rig.arm, spec), np.asarray(rig.arm.reflector_mm), np.eye(4), 0.0)
-    joint, frame = arm.settle(schedule.command, schedule.payload, air)
-    truth, reflector = (
-        _see_base(rig, schedule, points, exact=not noise) for points in (arm.tool(frame), arm.tip(frame))
-    )
+    shifts = shift_arm(rig.odd, look_at_arm(spec, schedule, air, time))
+    shifts.joint[:] += slipped(rig.arm, spec.joints, schedule.rows)
+    joint, frame = arm.settle(schedule.command, schedule.payload, air, shifts, schedule.run)
+    # A mount that is put on anew for each run sits a little beside where it sat.
+    mounts = rig.arm.reflector_scatter_mm * np.random.default_rng([rig.seed, 9]).normal(size=(schedule.runs, 3))
+    held = arm.tip(frame) + np.einsum("nij,nj->ni", frame[:, :3, :3], mounts[schedule.run])
+    truth, reflector = (_see_base(rig, schedule, points, exact=not noise) for points in (arm.tool(frame), held))
     reading = tracker.read_points(
-        rig.tracker, reflector, time, schedule.run, seed=seed, setup_seed=rig.seed, noise=noise
+        rig.tracker, reflector + shifts.sight, time, schedule.run, seed=seed, setup_seed=rig.seed, noise=noise
     )
     measured = np.where(schedule.read[:, None], reading.measured, np.nan)
     groups = [(TARGET, tool), (rig.commanded, schedule.command), (["x_meas", "y_meas", "z_meas"], measured)]
