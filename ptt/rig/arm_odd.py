@@ -155,5 +155,8 @@ def _turn(fault: kinds.OnJoint, state: ArmState) -> Array:
 
 
 def _remembered(values: Array, state: ArmState, constant_s: float) -> Array:
-    step = np.diff(state.time, prepend=0.0)
-    return lag(values[:, None], step, constant_s, float(values[0]))[:, 0]
+    """First-order lag behind a cause that counts with its mean between two rows; at once where the constant is zero."""
+    if constant_s == 0.0:
+        return values
+    between = values - 0.5 * np.diff(values, prepend=values[:1])
+    return lag(between[:, None], np.diff(state.time, prepend=0.0), constant_s, float(values[0]))[:, 0]

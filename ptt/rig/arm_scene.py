@@ -75,6 +75,12 @@ class ArmScene:
         good = (self.lever > WEAK * self.lever.max()) & (high - low > STILL)
         return np.flatnonzero(good)
 
+    @property
+    def loaded(self) -> Array:
+        """Numbers from 0 of those among them that a weight at the tool turns; all of them where none is."""
+        levers = np.array([self.weight_lever(joint) for joint in self.strong])
+        return self.strong[levers > WEAK * levers.max(initial=0.0)] if (levers > 1.0).any() else self.strong
+
     def wanted(self, random: Random) -> float:
         """How far a fault is to move the tool, mm."""
         return self.noise * log_uniform(random, *WANTED)

@@ -17,11 +17,13 @@ HOW_MANY = (1, 1, 2, 2, 3)  # variables of a random law
 HAND_KG = (1.0, 8.0)  # what always hangs at the end of an arm
 
 
-def _one(kind: str, fill: Callable[[Random, ArmScene, int], dict[str, Any]]) -> Callable[[Random, ArmScene], dict]:
-    """Draws of a fault of one joint that can be seen."""
+def _one(
+    kind: str, fill: Callable[[Random, ArmScene, int], dict[str, Any]], *, loaded: bool = False
+) -> Callable[[Random, ArmScene], dict[str, Any]]:
+    """Draws of a fault of one joint that can be seen, of one that weights turn where the fault needs that."""
 
     def draw(random: Random, scene: ArmScene) -> dict[str, Any]:
-        joint = scene.some_joint(random)
+        joint = int(random.choice(scene.loaded if loaded else scene.strong))
         return {"kind": kind, "joint": joint + 1, **fill(random, scene, joint)}
 
     return draw
@@ -196,8 +198,10 @@ def _span(name: str, scene: ArmScene) -> list[float]:
 
 
 SHOWN: tuple[Fault, ...] = (
-    Fault("hardening-joint", "odd", ("volume",), _one("hardening-joint", _hardening)),
-    Fault("loaded-friction", "odd", STATIC, _one("loaded-friction", _friction), kin=("backlash", "windup")),
+    Fault("hardening-joint", "odd", ("volume",), _one("hardening-joint", _hardening, loaded=True)),
+    Fault(
+        "loaded-friction", "odd", STATIC, _one("loaded-friction", _friction, loaded=True), kin=("backlash", "windup")
+    ),
     Fault("damaged-tooth", "odd", STATIC, _one("damaged-tooth", _tooth)),
     Fault("slipping-tool", "odd", STATIC, _holder),
     Fault("rocking-base", "odd", STATIC, _rocking),
