@@ -63,8 +63,10 @@ def _too_much(random: Random, scene: ArmScene) -> dict[str, Any]:
 
 
 def _windup(random: Random, scene: ArmScene) -> dict[str, Any]:
-    """A change-over that some rows see halfway: by the usual way between rows."""
-    lengths = scene.step * np.exp(random.uniform(np.log(0.4), np.log(3.0), scene.joints))
+    """A change-over that some rows see halfway: by the usual way between rows; gears of one arm are of one kind."""
+    usual = float(np.median(scene.step[scene.strong])) * log_uniform(random, 0.4, 3.0)
+    own = np.exp(random.uniform(np.log(0.5), np.log(2.0), scene.joints))  # lengths as far apart as those of sliders
+    lengths = usual * (np.ones(scene.joints) if random.random() < 0.5 else own)
     sizes = _lists(scene.angles(random, signed=False), MICRO)
     return {"windup_urad": sizes, "windup_length_mrad": _lists(lengths.tolist(), MILLI)}
 
