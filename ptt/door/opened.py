@@ -40,6 +40,7 @@ class Opened:
         library: effects by name, the user's own included.
         check: what was found in the set-up.
         notes: what was found and followed on the way.
+        run: as it was read: files that were written of data frames last as long as it does.
     """
 
     compensator: Compensator
@@ -49,6 +50,7 @@ class Opened:
     library: Library | None = None
     check: Check | None = None
     notes: tuple[str, ...] = ()
+    run: Run | None = field(default=None, repr=False)
 
     @property
     def model(self) -> Physics:
@@ -138,7 +140,7 @@ def meet(model: Model, run: Run, *, anyway: bool = False, note: Note = unheard) 
     fitting = replace(fitting, file=replace(fitting.file, targets=targets))
     compensator = replace(model.compensator, model=fitting)
     files = tuple(str(path) for path in run.files)
-    return Opened(compensator, table, problem, files, model.library, setup, tuple(tell.lines))
+    return Opened(compensator, table, problem, files, model.library, setup, tuple(tell.lines), run)
 
 
 def _seen(file: MachineFile, table: Table, *, anyway: bool, note: Note) -> tuple[Table, Problem]:
