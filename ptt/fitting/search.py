@@ -13,7 +13,7 @@ from ptt.effects.layout import flatten
 from ptt.fitting.factor import factor_of
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Linear, Shape, assemble, tried_sizes
-from ptt.fitting.outliers import linear_residual
+from ptt.fitting.outliers import KNEE, linear_residual
 from ptt.fitting.reach import require_reach
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
@@ -24,6 +24,7 @@ Choice = dict[str, tuple[Shape, np.ndarray]]  # of each new effect its shape, an
 WIDE = 1e5  # variance in usual sizes that a new effect may have: what rows hardly see may still be large
 SEEN_INFORMATION = 1.0  # in usual sizes, below which a direction is left out
 WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
+HALF = 0.7  # root of the weight of a row that counts for half
 OPENING = 0.05  # where amplitudes that cannot be negative start at the least, in usual sizes
 
 
@@ -65,8 +66,22 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
     trials = {term.effect.key: _trials(term.effect, problem) for term in new}
     stage = _linearise([term for term in terms if len(term.theta)], new, trials, problem, noise)
     chosen = _choose(stage, new, trials, problem)
+    if any(len(each) > 1 for each in trials.values()) and (stage.root[stage.linear.rows] < HALF).any():
+        # What a first trial cannot say looks gross beside it: all rows may as well be sound.
+        even = _choose(replace(stage, root=np.sign(stage.root)), new, trials, problem)
+        chosen = min((chosen, even), key=lambda choice: _left_robustly(stage, new, choice))
     opened = {term.effect.key: _opened(term, *chosen[term.effect.key], problem) for term in new}
     return [opened.get(term.effect.key, term) for term in terms]
+
+
+def _left_robustly(stage: _Stage, new: Sequence[Term], chosen: Choice) -> float:
+    """What new effects of some shapes leave of all rows, gross ones counting little: Cauchy's loss."""
+    linear, shapes = stage.linear, [(term.effect, chosen[term.effect.key][0]) for term in new]
+    assert linear.at is not None
+    columns = [linear.columns[..., linear.simple], *(linear.at.columns(effect, shape) for effect, shape in shapes)]
+    every = np.concatenate([each[linear.rows] for each in columns], axis=-1)
+    left, _ = linear_residual(linear.residual[linear.rows], every, np.zeros(0), np.zeros((0, every.shape[-1])))
+    return float(np.log1p(np.square(left).sum(axis=1) / KNEE).sum())
 
 
 def _opened(term: Term, shape: Shape, amplitude: np.ndarray, problem: Problem) -> Term:
