@@ -53,6 +53,8 @@ class Atom:
         turned: from its columns to its values; None where each column is one.
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
             and where joints are few.
+        leg: whose values each learned variance is of, (g,) int; None where not all are of one joint each, or there is
+            but one, and where joints are few.
         fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.
         tested: whether the readings hold what tells it from an offset: play that no reversal shows, or a spring that
             always carries the same, is never plainest.
@@ -72,6 +74,7 @@ class Atom:
     block: Block | None = None
     turned: Rotation | None = None
     joint: np.ndarray | None = None
+    leg: np.ndarray | None = None
     fine: np.ndarray | None = None
     tested: bool = True
     since: float | None = None

@@ -112,8 +112,8 @@ def effect_atom(
     fine = np.isin(np.arange(len(most)), group[detail])
     return Atom(
         key, effect.key, columns, group, most, odds, bounded, effect, shape,
-        joint=joint if alike else None, fine=fine if fine.any() else None, reach=effect.reach(problem.view),
-        within=within if np.isfinite(within).any() else None,
+        joint=joint if alike else None, leg=_legs(group, joint), fine=fine if fine.any() else None,
+        reach=effect.reach(problem.view), within=within if np.isfinite(within).any() else None,
     )  # fmt: skip
 
 
@@ -142,10 +142,18 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
             first += 1
         bounded.append(np.full(size, parameter.lower >= 0.0))
         held.append(np.full(size, parameter.held and not parameter.lent))
-        joint.append(np.arange(joints) if parameter.per_joint and size == joints else np.full(size, -1))
+        own_joint = parameter.per_joint and size == joints * parameter.count
+        joint.append(np.repeat(np.arange(joints), parameter.count) if own_joint else np.full(size, -1))
         detail.append(np.full(size, parameter.fine))
         within.append(np.tile(parameter.within or (-np.inf, np.inf), (size, 1)))
     return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail, within))
+
+
+def _legs(group: np.ndarray, joint: np.ndarray) -> np.ndarray | None:
+    """Of each variance, the joint whose values it is of; None where one is of several, and where joints are few."""
+    legs = [np.unique(joint[group == number]) for number in range(int(group.max(initial=-1)) + 1)]
+    few = joint.max(initial=0) < LEGS or len(legs) < 2
+    return None if few or any(len(each) > 1 or each[0] < 0 for each in legs) else np.concatenate(legs)
 
 
 def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:

@@ -119,10 +119,10 @@ class Scorer:
         odds = sum(atom.odds for atom in atoms if atom.key not in self.given)
         beside = prior_of(memory, system) - odds - sums.log_noise
         posterior = self._learned(atoms, sums, system.spare, begin, least - beside)
-        gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner)
+        gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner, first)
         if posterior.ended and posterior.total + gained > least - beside:
             posterior = self._learned(atoms, sums, system.spare, posterior.scales)
-            gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner)
+            gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner, first)
         total = posterior.total + gained + beside
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
@@ -133,21 +133,26 @@ class Scorer:
         return replace(state, total=total + sum(forms.values()), forms=forms)
 
     def _at_few_joints(
-        self, atoms: Sequence[Atom], posterior: Posterior, strength: np.ndarray, owner: np.ndarray
+        self, atoms: Sequence[Atom], posterior: Posterior, strength: np.ndarray, owner: np.ndarray, first: np.ndarray
     ) -> float:
         """Nats that a set gains with each effect at no more joints than show it, less the odds of just these.
 
         One width for all joints makes a fault of one joint alone pay for every sound one, while an unknown is of one
-        joint from the start. Values and errors stay those of all joints: that the others are sound is no reading.
+        joint from the start. So does a curve of one joint, by widths for the curves of all others that nothing tells.
+        Values and errors stay those of all joints: that the others are sound is no reading.
 
         Source: Dickey, The weighted likelihood ratio, Annals of Mathematical Statistics 42 (1971), at held widths.
         """
         energy, off, odds, most = posterior.values**2 * strength / posterior.phi, list[int](), 0.0, 0.0
         for index, atom in enumerate(atoms):
-            if atom.joint is None or atom.key in self.given:
+            joint = atom.joint if atom.leg is None else atom.leg[atom.group]
+            if joint is None or atom.key in self.given:
                 continue
             own = np.flatnonzero(owner == index)
-            idle, against = idle_columns(atom.joint, energy[own])
+            idle, against = idle_columns(joint, energy[own])
+            if atom.leg is not None and idle.any():
+                widths = posterior.scales[first[index] + np.unique(atom.group[idle])]
+                against -= float(np.square(0.5 * np.log(widths) / WIDTH).sum()) / 2.0
             alone = posterior.zeroed(own[idle]) - against if idle.any() else 0.0
             if alone > 0.0:
                 most, odds = max(most, alone), odds + against
