@@ -5,8 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-from ptt.machine import load_machine
+from ptt.machine import load_machine, parse_machine
+from ptt.mechanisms import build_mechanism
+from ptt.run.pace import line_ends
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 from ptt.run.viewing import build_view
@@ -55,3 +58,29 @@ def test_a_pause_between_rows_is_no_slow_move() -> None:
     view = build_view(FILE, make_table(places, time_s=time, feed_mm_s=20.0))
     speed = np.linalg.norm((view.jacobian @ view.velocity[..., None])[..., 0].numpy(), axis=1)
     np.testing.assert_allclose(speed[2:-2], 20.0, rtol=0.02)
+
+
+def test_a_machine_that_dwells_on_a_smooth_way_moves_between() -> None:
+    rows = np.arange(1, 800)
+    way = np.concatenate([[0.0], np.cumsum((rows % 100 < 40) * (0.5 + 0.1 * np.sin(rows / 30.0)))])
+    places = np.column_stack([60.0 * np.cos(way / 60.0), 60.0 * np.sin(way / 60.0), 0.0 * way])
+    table = make_table(places, measured=places, time_s=0.01 * np.arange(800.0))
+    assert build_problem(FILE, table).view.velocity.any()
+
+
+def test_a_planar_arm_runs_straight_in_its_plane() -> None:
+    """Two parallel axes: the bend of straight moves is that of the exact inverse."""
+    spec = (
+        '[machine]\nkind = "serial"\nconvention = "modified"\nmoves = "straight"\ntool_mm = [300.0, 0.0, 0.0]\n'
+        "[[machine.joint]]\nlimits_deg = [-170, 170]\n[[machine.joint]]\na_mm = 350.0\nlimits_deg = [-170, 170]\n"
+    )
+    file = parse_machine(spec)
+    mechanism = build_mechanism(file.machine)
+    q = torch.tensor([[0.2, 0.6], [0.5, 1.1], [0.9, 1.3]], dtype=torch.float64)
+    p = mechanism.forward(q)
+    begin, end = line_ends(mechanism.jacobian(q), q, p, 2)
+    step, near = 1e-5, q[:-1]
+    on = mechanism.inverse(p[:-1] + step * (p[1:] - p[:-1]), None, near)
+    np.testing.assert_allclose(begin + q.diff(dim=0).numpy(), ((on - near) / step).numpy(), rtol=1e-3)
+    back = mechanism.inverse(p[1:] - step * (p[1:] - p[:-1]), None, q[1:])
+    np.testing.assert_allclose(end + q.diff(dim=0).numpy(), ((q[1:] - back) / step).numpy(), rtol=1e-3)

@@ -14,8 +14,9 @@ from ptt.correct.settle import Solved, hand_on, settle
 from ptt.correct.task import Behind, CommandTask
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches
 from ptt.run.backlash.reversal import STANDSTILL
-from ptt.run.corners import shows_feed
+from ptt.run.corners import driven_feed, shows_feed
 from ptt.run.table import Table, take_rows
+from ptt.run.travel import run_starts
 
 ROWS = CHUNK - 2 * BESIDE  # of a block, so that with those beside it is one chunk
 
@@ -62,7 +63,7 @@ def settle_blocks(task: CommandTask) -> Iterator[Settled]:
     behind, table = None, task.targets
     parts = stretches(table.rows, ROWS)
     if len(parts) > 1 and task.clock is not None:
-        task = replace(task, clock=with_one_clock(task.clock, shows_feed(task.clock)))
+        task = replace(task, clock=with_one_clock(task.clock, shows_feed(task.clock), task.wanted.numpy()))
     for first, last in parts:
         settled = settle_block(task, first, last, behind)
         yield settled
@@ -136,16 +137,19 @@ def _seen_to(task: CommandTask, first: int, last: int, behind: Behind | None) ->
     return min(last + CHUNK, rows)
 
 
-def with_one_clock(table: Table, feed: bool) -> Table:
+def with_one_clock(table: Table, feed: bool, place: np.ndarray) -> Table:
     """The column alone that tells speeds of the whole list, so that a block without it takes no other.
 
     Args:
         table: some of its rows.
-        feed: whether that is the feed.
+        feed: whether that is the feed, as the clock shows that it was driven.
+        place: targets in the base frame, (n, 3) mm.
 
     Returns:
         The same rows.
     """
     if feed and table.feed_mm_s is not None:
-        return table.replace(feed_mm_s=np.nan_to_num(table.feed_mm_s), time_s=None)
+        length = np.linalg.norm(np.diff(place, axis=0), axis=1)
+        driven, by_clock = driven_feed(length, run_starts(table.run), table)
+        return table.replace(feed_mm_s=driven, time_s=table.time_s if by_clock.any() else None)
     return table.replace(feed_mm_s=None)

@@ -7,7 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.newton import MISSED, ROUNDS, least_move
+from ptt.correct.newton import MISSED, ROUNDS
+from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import near_singular, tool_ways, travel_margin

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ptt.effects.memory import standing
 from ptt.effects.reversal import Backlash, gap_of
+from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import tool_ways
 from ptt.model.chain import Shifts, predict
@@ -137,32 +138,6 @@ def invert_together(
         wanted = q + lead(least_move(view.jacobian, step, ways))
         q = torch.cat([start[:given], _assembled(mechanism, q, wanted, q)[hold][given:]])
     return q, torch.where(rows[:, None], step, torch.inf)
-
-
-def least_move(jacobian: Tensor, step: Tensor, ways: int = 3) -> Tensor:
-    """Smallest joint move that takes the tool by a step; NaN where the Jacobian is singular or not a number.
-
-    Args:
-        jacobian: dp/dq, (n, 3, k).
-        step: (n, 3) mm.
-        ways: number of directions in which the joints can move the tool at all; by two of a step in all three a planar
-            arm makes what lies in its plane.
-
-    Returns:
-        (n, k).
-    """
-    if ways < min(jacobian.shape[1:]):
-        known, move = jacobian.isfinite().all(dim=-1).all(dim=-1), torch.full_like(jacobian[..., 0, :], torch.nan)
-        left, size, right = torch.linalg.svd(jacobian[known], full_matrices=False)
-        along = (left[..., :ways].mT @ step[known][..., None])[..., 0] / size[..., :ways]
-        move[known] = (right[..., :ways, :].mT @ along[..., None])[..., 0]
-        return move
-    if jacobian.shape[-1] == step.shape[-1]:
-        return torch.linalg.solve_ex(jacobian, step[..., None])[0][..., 0]
-    across = jacobian.mT
-    if jacobian.shape[-1] > step.shape[-1]:
-        return (across @ torch.linalg.solve_ex(jacobian @ across, step[..., None])[0])[..., 0]
-    return torch.linalg.solve_ex(across @ jacobian, across @ step[..., None])[0][..., 0]
 
 
 def _made(jacobian: Tensor, step: Tensor, ways: int) -> Tensor:

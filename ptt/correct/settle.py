@@ -9,10 +9,11 @@ from torch import Tensor
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_ways
-from ptt.correct.newton import MISSED, gaps_of, holding, invert, invert_together, least_move, open_gaps
+from ptt.correct.newton import MISSED, gaps_of, holding, invert, invert_together, open_gaps
 from ptt.correct.task import Behind, CommandTask
 from ptt.effects.memory import Passed
 from ptt.fitting.chunks import CHUNK, enter, stretches
+from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular, tool_ways
 from ptt.model.chain import Shifts, predict

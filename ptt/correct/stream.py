@@ -99,7 +99,7 @@ class Stream:
         task = prepare(self._plan, table, self._aid(table)[0], elapsed(table) + start)
         if task.clock is None or len(self.bounds) == 1:
             return task
-        return replace(task, clock=with_one_clock(task.clock, self._spool.feed))
+        return replace(task, clock=with_one_clock(task.clock, self._spool.feed, task.wanted.numpy()))
 
     def _seen_to(self, first: int, last: int, behind: Behind | None) -> int:
         """A block may look far ahead where a run begins in it: until each of its joints was seen to move."""

@@ -113,7 +113,8 @@ def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
     chance = float(f_ppf(SURELY, len(size) - 1, rows - len(size)))
     told = (LARGEST_RATIO * within > between) | (rows - len(size) >= ENOUGH)
     shared = between[told] / np.maximum(within[told], 1e-30) / chance - 1.0
-    ratio = float(shared.max(initial=0.0) / usual)
+    alike = 0.0 if told.any() or not between.any() else LARGEST_RATIO  # not one repeat differs: they are one reading
+    ratio = float(shared.max(initial=0.0) / usual) + alike
     return RepeatedPoses(number, np.sort(first), size, min(max(ratio, 0.0), LARGEST_RATIO))
 
 

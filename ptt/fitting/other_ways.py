@@ -47,7 +47,7 @@ def other_ways(
 
     Widths at the most evidence end at the fewest values that are not zero: where rails lean, zeros differ and the frame
     is free, at rails alone, that lean another way. Little more speaks for these than for all others, over all widths
-    that a size may have.
+    that a size may have. Each size is off or not by itself, so the chances of one are no part of another's.
 
     Args:
         fitted: the fit.

@@ -22,7 +22,7 @@ def arm_path(q: Array, run: Array | None = None) -> Path:
     """
     rows = np.arange(len(q))
     number = np.zeros(len(q), dtype=int) if run is None else run
-    first = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
+    first = np.flatnonzero(np.diff(number, prepend=number[:1] - 1))
     before = q[first] - LEAD_IN * first_moves(q[:, None], first)
     last = rows + np.cumsum(np.isin(rows, first))
     passed = np.insert(q, first, before, axis=0)

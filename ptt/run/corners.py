@@ -9,7 +9,8 @@ if TYPE_CHECKING:
 
 TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
-EVENLY = 0.9  # share of the rows: others wait for the next lap, or were missed
+EQUAL = 0.05  # share by which times are equal: trackers read every so many milliseconds, and clocks are rounded
+EVENLY = 0.9  # share of the rows by equal time: one in ten waits for the next lap or was missed, of stops hardly any is
 PAUSE = 10.0  # times the usual move, and what most moves take beyond their feed: nobody waits that long on the way
 REPEATED = 1e-9  # mm: a pose that is told twice
 
@@ -19,23 +20,34 @@ def shows_feed(table: "Table") -> bool:
     return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
 
 
-def sampled_evenly(took: np.ndarray, lasts: np.ndarray) -> np.ndarray:
-    """Moves whose speed the clock tells better than the feed, (n - 1,) bool: rows read on the way, by equal time.
+def driven_feed(length: np.ndarray, starts: np.ndarray, table: "Table") -> tuple[np.ndarray, np.ndarray]:
+    """The feed at which rows were reached: the column's, but where the clock shows that it was another.
 
-    A feed column holds what was programmed, and the machine has to come up to it and down again: where rows were read
-    at a constant rate, and most of them as far apart as the feed makes them, the clock shows where it had not.
+    A feed column holds what was programmed, and the machine has to come up to it and down again. Where rows were read
+    on the way by equal time, and most of them as far apart as the feed makes them, the clock shows where it had not.
 
     Args:
-        took: from row to row by the clock, (n - 1,) s.
-        lasts: the same by the feed; zero where it tells nothing.
+        length: of the tool's way from row to row, (n - 1,) mm.
+        starts: first rows of runs, (n,) bool.
+        table: the rows, with a feed.
+
+    Returns:
+        (n,) mm/s, and whether the clock tells that of a move, (n - 1,) bool.
     """
-    known = (took > 0.0) & (lasts > 0.0)
+    feed, none = np.nan_to_num(np.asarray(table.feed_mm_s, dtype=float)), np.zeros(len(length), dtype=bool)
+    if table.time_s is None or len(length) < 2:
+        return feed, none
+    took = np.diff(np.asarray(table.time_s, dtype=float))
+    known = (took > 0.0) & (feed[1:] > 0.0) & (length > REPEATED) & ~starts[1:]
     if not known.any():
-        return known
-    alike = np.abs(np.diff(took)) <= SAME_SPEED * np.minimum(took[1:], took[:-1])
-    even = np.append(alike, False) | np.append(False, alike)  # as long as the move before or behind it
-    on_the_way = abs(float(np.median(took[known] / lasts[known])) - 1.0) <= SAME_SPEED
-    return known & even if on_the_way and float(even[known].mean()) >= EVENLY else np.zeros_like(known)
+        return feed, none
+    alike = np.abs(np.diff(took)) <= EQUAL * np.minimum(took[1:], took[:-1])
+    even = known & (np.append(alike, False) | np.append(False, alike))  # as long as the move before or behind it
+    on_the_way = abs(float(np.median((took * feed[1:] / np.maximum(length, REPEATED))[known])) - 1.0) <= EQUAL
+    if not on_the_way or even.sum() < EVENLY * known.sum():
+        return feed, none
+    feed[1:][even] = length[even] / took[even]
+    return feed, even
 
 
 def corners_of(

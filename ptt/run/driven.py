@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.corners import TURN
 from ptt.run.view import View
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 STOPPED = 1.5  # times the way at the stated feed that a row takes, from which the machine stood while it was read
 SURE = 5.0  # standard errors from which a run's clock alone shows the feed between its rows
 LEAST_STEPS = 10  # from which it may
-MOSTLY = 0.5  # share of the rows
+MOSTLY = 0.5  # share of the rows: of a path with corners they are few, between poses of their own nearly all
 
 
 def as_driven(view: View, table: "Table") -> View:
@@ -33,9 +34,9 @@ def as_driven(view: View, table: "Table") -> View:
         return view
     moved = np.diff(view.p.numpy(), axis=0)
     way, took = np.linalg.norm(moved, axis=1), np.diff(table.time_s)
-    steps = (way > 0.0) & (took > 0.0) & ~view.starts.numpy()[1:]
+    steps = (way > STANDSTILL) & (took > 0.0) & ~view.starts.numpy()[1:]
     if table.feed_mm_s is None:
-        stood = _stood_by_clock(way[steps], took[steps], turns_sharply=_turns_sharply(moved, way))
+        stood = _stood_by_clock(way[steps], took[steps], turns_sharply=_turns_sharply(moved, steps))
     else:
         feed = table.feed_mm_s[1:][steps]
         came = feed > 0.0
@@ -43,10 +44,14 @@ def as_driven(view: View, table: "Table") -> View:
     return view.standing() if stood else view
 
 
-def _turns_sharply(moved: np.ndarray, way: np.ndarray) -> bool:
-    """Whether the tool turns sharply at most rows: nobody runs through corners without a stop."""
-    unit = moved / np.maximum(way, 1e-9)[:, None]
-    return len(way) > 1 and float((np.einsum("nc,nc->n", unit[1:], unit[:-1]) < TURN).mean()) > MOSTLY
+def _turns_sharply(moved: np.ndarray, steps: np.ndarray) -> bool:
+    """Whether the tool turns sharply at most rows that it moves to and from: nobody runs through corners unstopped."""
+    both = steps[1:] & steps[:-1]
+    if both.sum() < LEAST_STEPS:
+        return False
+    to, on = moved[:-1][both], moved[1:][both]
+    cosine = np.einsum("nc,nc->n", to, on) / (np.linalg.norm(to, axis=1) * np.linalg.norm(on, axis=1))
+    return float((cosine < TURN).mean()) > MOSTLY
 
 
 def _stood_by_clock(way: np.ndarray, took: np.ndarray, *, turns_sharply: bool) -> bool:

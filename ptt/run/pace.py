@@ -14,7 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.run.corners import begun_again, corners_of, entered_anew, sampled_evenly, shows_feed
+from ptt.mechanisms.least_move import least_move
+from ptt.run.corners import begun_again, corners_of, driven_feed, entered_anew, shows_feed
 from ptt.run.slopes import Ends, Shares, added, bend_of, short_stretches, splines
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class Pace:
         return total
 
 
-def line_ends(jacobian: Tensor, q: Tensor, p: Tensor) -> Ends:
+def line_ends(jacobian: Tensor, q: Tensor, p: Tensor, ways: int) -> Ends:
     """How the joints set off and arrive where the tool runs straight from row to row.
 
     By the least change of an even motion of theirs that gives the tool its direction: all of it where joints have
@@ -81,15 +82,14 @@ def line_ends(jacobian: Tensor, q: Tensor, p: Tensor) -> Ends:
         jacobian: dp/dq at each row, (n, 3, k).
         q: joint values, (n, k); rows out of reach are NaN.
         p: tool positions, (n, 3) mm.
+        ways: number of directions in which the joints can move the tool at all.
 
     Returns:
         (n - 1, k) each, beyond those of the even motion and per move; zero at rows out of reach.
     """
-    across, _ = torch.linalg.inv_ex(jacobian @ jacobian.mT)
-    inverse = jacobian.mT @ across
-    turned, moved = q.diff(dim=0)[:, :, None], p.diff(dim=0)[:, :, None]
+    turned, moved = q.diff(dim=0)[:, :, None], p.diff(dim=0)
     begin, end = (
-        (inverse[rows] @ (moved - jacobian[rows] @ turned))[:, :, 0].nan_to_num(0.0, 0.0, 0.0).numpy()
+        least_move(jacobian[rows], moved - (jacobian[rows] @ turned)[:, :, 0], ways).nan_to_num(0.0, 0.0, 0.0).numpy()
         for rows in (slice(None, -1), slice(1, None))
     )
     return begin, end
@@ -106,7 +106,7 @@ def runs_straight(way: int, *, straight: bool) -> bool:
 
 
 def joint_speeds(
-    q: Tensor, p: Tensor, jacobian: Tensor, starts: np.ndarray, table: "Table", *, straight: bool
+    q: Tensor, p: Tensor, jacobian: Tensor, starts: np.ndarray, table: "Table", ways: int, *, straight: bool
 ) -> tuple[Tensor, Tensor | None]:
     """Velocity of the joints at each row, and what else the rows may mean by it.
 
@@ -116,6 +116,7 @@ def joint_speeds(
         jacobian: dp/dq at each row, (n, 3, k).
         starts: first rows of runs, (n,) bool.
         table: the rows, with feed or time.
+        ways: number of directions in which the joints can move the tool at all.
         straight: the tool runs straight between rows.
 
     Returns:
@@ -123,7 +124,7 @@ def joint_speeds(
     """
     if len(p) < 2 or not (shows_feed(table) or table.time_s is not None):
         return torch.zeros_like(q), None
-    ends = line_ends(jacobian, q, p)
+    ends = line_ends(jacobian, q, p, ways)
     speeds = []
     for way in PACES:
         pace = pace_of(p.numpy(), starts, table, ends if runs_straight(way, straight=straight) else None, way)
@@ -152,15 +153,11 @@ def pace_of(
         return None
     moved = np.diff(p, axis=0)
     length = np.linalg.norm(moved, axis=1)
-    took = None if table.time_s is None else np.diff(np.asarray(table.time_s, dtype=float))
-    by_clock = not shows_feed(table)
-    if not by_clock:
-        feed = np.asarray(table.feed_mm_s, dtype=float)[1:]
-        lasts = np.divide(length, feed, out=np.zeros_like(length), where=feed > 0)
-        if took is not None and (sampled := sampled_evenly(took, lasts)).any():
-            lasts, by_clock = np.where(sampled, took, lasts), True
-    elif took is not None:
-        lasts = took
+    if shows_feed(table):
+        feed, by_clock = driven_feed(length, starts, table)
+        lasts = np.divide(length, feed[1:], out=np.zeros_like(length), where=feed[1:] > 0)
+    elif table.time_s is not None:
+        lasts, by_clock = np.diff(np.asarray(table.time_s, dtype=float)), np.ones(len(length), dtype=bool)
     else:
         return None
     sound = (lasts > INSTANT) & ~starts[1:]
@@ -173,7 +170,8 @@ def pace_of(
     if entered.any():
         return pace_of(p, starts | entered, table, ends, way, lag)
     # By the clock a speed changes on the way, while a feed is that of its row.
-    both = np.where(bends, before < ROUNDED, by_clock) & np.isfinite(after)
+    changing = np.append(by_clock[:1], by_clock) & np.append(by_clock, by_clock[-1:])
+    both = np.where(bends, before < ROUNDED, changing) & np.isfinite(after)
     leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
     if way != SMOOTH:
         alone = np.minimum(before, after) >= SLOW * lag

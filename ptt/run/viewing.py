@@ -9,6 +9,7 @@ from torch import Tensor
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism, require_reachable
 from ptt.mechanisms.statics import gravity_of, link_torques
+from ptt.mechanisms.workspace import tool_ways
 from ptt.run.pace import joint_speeds
 from ptt.run.travel import Travel, read_travel, run_starts
 from ptt.run.view import View
@@ -81,7 +82,9 @@ def build_view(file: "MachineFile", table: "Table") -> View:
     jacobian = mechanism.jacobian(commands)
     straight = spec.moves == "straight"
     travel = read_travel(mechanism, commands, position, table, straight=straight, smooth=spec.moves == "smooth")
-    velocity, paces = joint_speeds(commands, position, jacobian, travel.starts.numpy(), table, straight=straight)
+    velocity, paces = joint_speeds(
+        commands, position, jacobian, travel.starts.numpy(), table, tool_ways(mechanism), straight=straight
+    )
     zeros = torch.zeros(table.rows, dtype=torch.float64)
     warmth = zeros if table.temp_c is None else _tensor(table.temp_c) - spec.reference_temp_c
     payload = zeros if table.payload_kg is None else _tensor(table.payload_kg)

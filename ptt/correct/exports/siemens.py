@@ -30,8 +30,8 @@ from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import Ground, error_left, holdings, survey
 from ptt.correct.exports.whole import write_all
-from ptt.correct.newton import least_move
 from ptt.correct.terms import split_terms
+from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.workspace import tool_ways
 from ptt.model.chain import predict
 from ptt.run.viewing import build_view

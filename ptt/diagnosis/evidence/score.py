@@ -138,8 +138,9 @@ class Scorer:
         """Nats that a set gains with each effect at no more joints than show it, less the odds of just these.
 
         One width for all joints makes a fault of one joint alone pay for every sound one, while an unknown is of one
-        joint from the start. So does a curve of one joint, by widths for the curves of all others that nothing tells.
-        Values and errors stay those of all joints: that the others are sound is no reading.
+        joint from the start. So does a curve of one joint, by the prior of the widths of all others, which is given
+        back: at the most, for where they are learned to be is no longer asked. Values and errors stay those of all
+        joints: that the others are sound is no reading.
 
         Source: Dickey, The weighted likelihood ratio, Annals of Mathematical Statistics 42 (1971), at held widths.
         """

@@ -24,6 +24,7 @@ class Keeper:
         self._waiting: deque[Session] = deque(maxlen=1)
         self._turn = Lock()
         self._task: asyncio.Task[None] | None = None
+        self._words = ""
 
     def keep(self, session: Session) -> None:
         """Have a session written down, soon; needs a running loop."""
@@ -37,8 +38,9 @@ class Keeper:
             await asyncio.shield(self._task)
 
     def close(self) -> str:
-        """Write what is not written yet, now; why it could not be, '' where it was."""
-        return self._save()
+        """Write what is not written yet, now; why that, or what was being written, could not be, '' where it was."""
+        self._save()
+        return self._words
 
     async def _write(self) -> None:
         while self._waiting:
@@ -49,10 +51,10 @@ class Keeper:
         """Write the newest state; one that is being written comes to its end first, so none follows a newer one."""
         with self._turn:
             if not self._waiting:  # written by who came before
-                return ""
-            session = self._waiting.pop()
+                return self._words
+            session, self._words = self._waiting.pop(), ""
             try:
                 self.place.save(session)
             except PttError as error:
-                return f"this session cannot be kept on disk: {error}"
-        return ""
+                self._words = f"this session cannot be kept on disk: {error}"
+            return self._words
