@@ -12,7 +12,7 @@ import torch
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.search.find import find
-from ptt.diagnosis.telling import doubt, verdict
+from ptt.diagnosis.telling import doubt, said
 from ptt.diagnosis.telling.absent import Absent
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.floor import noise_floor
@@ -393,13 +393,13 @@ def test_what_does_nothing_at_its_fitted_values_is_idle(monkeypatch: pytest.Monk
     problem = run_of(file, target, np.zeros((400, 3)), 4)
     values = {"windup": [1e-4, 0.0, 0.0, *[1e-3] * 3], "backlash": [0.25 * NOISE] * 3 + [1.0]}
     terms = tuple(Term(library()[name](), torch.tensor(each, dtype=torch.float64)) for name, each in values.items())
-    monkeypatch.setattr(verdict, "noise_after", lambda *_: Noise(NOISE**2 * np.eye(3), "machine file"))
+    monkeypatch.setattr(said, "noise_after", lambda *_: Noise(NOISE**2 * np.eye(3), "machine file"))
     atoms = {f"{name}#1": SimpleNamespace(name=name) for name in values}
     found = SimpleNamespace(system=SimpleNamespace(atoms=atoms), state=None)
-    assert verdict._idle(found, tuple(atoms), terms, problem, problem) == ("windup#1",)
+    assert said._idle(found, tuple(atoms), terms, problem, problem) == ("windup#1",)
     few = problem.masked(np.arange(400) >= 40)  # a sample of a run whose other rows say as much
-    assert verdict._idle(found, tuple(atoms), terms, few, problem) == ("windup#1",)
-    assert verdict._idle(found, tuple(atoms), terms, few, few) == tuple(atoms)
+    assert said._idle(found, tuple(atoms), terms, few, problem) == ("windup#1",)
+    assert said._idle(found, tuple(atoms), terms, few, few) == tuple(atoms)
 
 
 def test_of_few_rows_that_state_no_noise_a_comparison_says_what_a_diagnosis_says() -> None:

@@ -43,11 +43,12 @@ def driven_feed(length: np.ndarray, starts: np.ndarray, table: "Table") -> tuple
         return feed, none
     alike = np.abs(np.diff(took)) <= EQUAL * np.minimum(took[1:], took[:-1])
     even = known & (np.append(alike, False) | np.append(False, alike))  # as long as the move before or behind it
-    on_the_way = abs(float(np.median((took * feed[1:] / np.maximum(length, REPEATED))[known])) - 1.0) <= EQUAL
-    if not on_the_way or even.sum() < EVENLY * known.sum():
+    ratio = took * feed[1:] / np.maximum(length, REPEATED)
+    if abs(float(np.median(ratio[known])) - 1.0) > EQUAL or even.sum() < EVENLY * known.sum():
         return feed, none
-    feed[1:][even] = length[even] / took[even]
-    return feed, even
+    other = even & (np.abs(ratio - 1.0) > EQUAL)
+    feed[1:][other] = length[other] / took[other]
+    return feed, other
 
 
 def corners_of(
