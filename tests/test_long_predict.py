@@ -97,6 +97,20 @@ def test_blocks_know_the_speed_and_the_turns_before_and_behind_them(bench: Machi
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=0.0, atol=1e-8)
 
 
+def test_blocks_know_the_ramps_that_a_clock_shows_beside_a_feed(bench: MachineFile, monkeypatch) -> None:
+    ramp = np.cumsum(np.minimum(np.minimum(np.arange(80), np.arange(80)[::-1]) + 1.0, 4.0))  # mm, by equal time
+    way = np.concatenate([ramp, ramp, ramp])
+    places = np.column_stack([40.0 * np.cos(way / 40.0), 40.0 * np.sin(way / 40.0), np.full(240, 5.0)])
+    time = 0.2 * np.arange(240) + 5.0 * np.repeat(np.arange(3), 80)
+    lap = {"run": np.repeat(np.arange(3), 80), "run_label": ("a", "b", "c")}
+    targets = make_table(places, time_s=time, feed_mm_s=20.0).replace(**lap)
+    model = Model(bench) + Term(FollowingError(), late(0.02))
+    whole, by_feed = compensate(model, targets), compensate(model, targets.replace(time_s=None))
+    assert np.abs(whole.q - by_feed.q).max() > 0.1
+    in_blocks(monkeypatch, 70, 20)
+    np.testing.assert_allclose(compensate(model, targets).q, whole.q, rtol=0.0, atol=1e-8)
+
+
 def lagging(file: MachineFile, *, play: bool, pace: int = SMOOTH) -> Model:
     lag = Term(FollowingError(), late(0.02, pace))
     return model_of(file, lag) if play else Model(file) + Term(HomingOffset(), HOMING) + lag

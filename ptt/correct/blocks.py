@@ -140,9 +140,11 @@ def _seen_to(task: CommandTask, first: int, last: int, behind: Behind | None) ->
 def with_one_clock(table: Table, feed: bool, place: np.ndarray) -> Table:
     """The column alone that tells speeds of the whole list, so that a block without it takes no other.
 
+    A clock stays beside the feed where it shows ramps that the feed does not: each block then asks it for its own rows.
+
     Args:
         table: some of its rows.
-        feed: whether that is the feed, as the clock shows that it was driven.
+        feed: whether that is the feed.
         place: targets in the base frame, (n, 3) mm.
 
     Returns:
@@ -150,6 +152,6 @@ def with_one_clock(table: Table, feed: bool, place: np.ndarray) -> Table:
     """
     if feed and table.feed_mm_s is not None:
         length = np.linalg.norm(np.diff(place, axis=0), axis=1)
-        driven, by_clock = driven_feed(length, run_starts(table.run), table)
-        return table.replace(feed_mm_s=driven, time_s=table.time_s if by_clock.any() else None)
+        _, by_clock = driven_feed(length, run_starts(table.run), table)
+        return table.replace(feed_mm_s=np.nan_to_num(table.feed_mm_s), time_s=table.time_s if by_clock.any() else None)
     return table.replace(feed_mm_s=None)

@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O3", "-shared", "-fPIC")
 HERE = "-march=native"  # it runs where it is built; not every compiler knows the word
-STATE = (
-    "\nconst unsigned long ptt_state_bytes = sizeof(ptt_state);\n"  # so that nobody has to guess how much to set aside
-)
+# So that nobody has to guess how much to set aside.
+STATE = "\nconst unsigned long ptt_state_bytes = sizeof(ptt_state);\n"
 CODES = ("ok", "outside the training domain: physics alone", "out of reach", "near singular")
 
 

@@ -18,9 +18,7 @@ GONE = 0.1  # of the variance that values have in the fit, below which they are 
 SAME = 0.05  # nats between two ways that are one, reached from two sides
 CLEARLY = 5.0  # standard errors by which a way has values elsewhere, and no error that is stated would tell
 MUCH = 1.0 / 3.0  # of the largest value of an effect, by which it has
-ASIDE = (
-    1e-3  # chance of a way that is worth a word; of less it moves no error by more than a thirtieth of what it is off
-)
+ASIDE = 1e-3  # chance of a way that is worth a word: less moves no error by more than a thirtieth of what it is off
 
 
 @dataclass(frozen=True)

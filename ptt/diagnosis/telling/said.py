@@ -60,8 +60,8 @@ def said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> Sai
         terms = posterior_terms(found, model, keys, others)
     sent, names = sent_terms(found, terms, keys), {key: atom.name for key, atom in found.system.atoms.items()}
     if stands(terms, shown) and stands(sent, shown):
-        dropped = tuple(names[key] for key in idle), tuple(names[key] for key in backward)
-        return Said(told, others, terms, sent, (), *dropped)
+        not_named = {"idle": tuple(names[key] for key in idle), "backward": tuple(names[key] for key in backward)}
+        return Said(told, others, terms, sent, **not_named)
     given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
     beyond = tuple(names[key] for key in keys)
     return Said(replace(told, steps=()), others, given, given, beyond)
