@@ -6,6 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ptt.machine import SerialSpec
+from ptt.rig.arm_faults import joint_limits
 from ptt.rig.nominal import Array
 from ptt.rig.serial_arm import ArmFaults, ArmRig, rigid
 
@@ -147,14 +148,9 @@ def unweighed(spec: SerialSpec) -> SerialSpec:
 
 def joint_ranges(spec: SerialSpec) -> tuple[Array, Array]:
     """Least and greatest value of each joint in a drawn run, (k,) rad each."""
-    low, high = np.array([_range(joint.limits_deg) for joint in spec.joint]).T
-    return low, high
+    low, high = 0.8 * joint_limits(spec)
+    return np.maximum(low, -0.8 * WIDE_RAD), np.minimum(high, 0.8 * WIDE_RAD)
 
 
 def _log(random: np.random.Generator, low: float, high: float, count: int) -> Array:
     return np.exp(random.uniform(np.log(low), np.log(high), count))
-
-
-def _range(limits_deg: tuple[float, float] | None) -> tuple[float, float]:
-    low, high = (-np.inf, np.inf) if limits_deg is None else np.radians(limits_deg)
-    return max(0.8 * low, -0.8 * WIDE_RAD), min(0.8 * high, 0.8 * WIDE_RAD)
