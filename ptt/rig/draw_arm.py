@@ -51,16 +51,6 @@ class ArmRun:
         """What the tracker reads, (n, 3) mm."""
         return self.rig.measure(self.q, self.payload_kg, self.temp_c, self.seed)
 
-    @property
-    def moved_um(self) -> float:
-        """Root mean square distance by which the fault moves the reflector, um, tracker frame left in place."""
-        broken = replace(self.rig, sigma_mm=0.0)
-        sound = replace(broken, faults=ArmFaults.none(len(self.rig.spec.joint)))
-        moved = broken.measure(self.q, self.payload_kg, self.temp_c, 0) - sound.measure(
-            self.q, self.payload_kg, self.temp_c, 0
-        )
-        return float(np.sqrt(np.square(moved).sum(axis=1).mean()) * 1e3)
-
 
 def draw_arm(spec: SerialSpec, fault: ArmFault, seed: int, rows: int = 220, sigma_mm: float = 0.01) -> ArmRun:
     """Draw an arm with a hidden fault and a run that can show all of them: two loads, a warm-up, all directions.
