@@ -192,7 +192,7 @@ def _beside_sisters(standings: Sequence[Standing]) -> list[Standing]:
     for drawing in {standing.drawing for standing in standings}:
         for (effect, parameter, label, unit), values in _last_values(standings, drawing).items():
             middle = float(np.median([value for value, _ in values.values()]))
-            for machine, (far, _) in unlike(values).items():
+            for machine, far in unlike(values).items():
                 alarm = unlike_alarm(effect, parameter, label, unit, values[machine][0], middle, far)
                 extra.setdefault(machine, []).append(alarm)
     return [Standing(**{**vars(each), "alarms": (*each.alarms, *extra.get(each.machine, ()))}) for each in standings]

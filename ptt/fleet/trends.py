@@ -97,12 +97,11 @@ class Course:
     before: float = float("nan")
 
 
-def movements(series: Series, alpha: float = ALPHA) -> Moves:
+def movements(series: Series) -> Moves:
     """Find what moves.
 
     Args:
         series: one machine's runs, by date.
-        alpha: chance of a false word on a machine on which nothing moves.
 
     Returns:
         What moves, and each run's values.
@@ -113,7 +112,7 @@ def movements(series: Series, alpha: float = ALPHA) -> Moves:
     found: list[float] = []
     for _ in range(MOST_MOVEMENTS):
         best = _best(series, chosen, candidates)
-        if best is None or best[1] * tried > alpha:
+        if best is None or best[1] * tried > ALPHA:
             break
         chosen.append(best[0])
         found.append(min(best[1] * tried, 1.0))
