@@ -3,6 +3,7 @@
 import numpy as np
 
 from ptt.setup.candidates import read_off, slider_formulas
+from ptt.setup.columns import said
 from ptt.setup.drawing import mistakes_in
 from ptt.setup.fitted import SLIP, fitted_mistakes
 from ptt.setup.judged import BROKEN, MOST_ROWS, Judged, is_proof, judge, thinned, undo_all
@@ -113,7 +114,7 @@ def _turned_round(plain: Judged, setup: Setup) -> tuple[list[Finding], Setup]:
     fix = f"write base_radius_mm = {platform:g} and platform_radius_mm = {base:g}, if the drawing agrees"
     sure = platform > base
     cured = setup.with_drawing(base_radius_mm=platform, platform_radius_mm=base) if sure else setup
-    return [Finding("radii-interchanged", words, fix, None, None, sure, setup.table.source)], cured
+    return [said(setup, "radii-interchanged", words, fix, sure)], cured
 
 
 def _exactly(plain: Judged) -> Judged | None:

@@ -5,6 +5,7 @@ import torch
 
 from ptt.machine import ThreePttSpec
 from ptt.setup.candidates import mirrors, scales, units
+from ptt.setup.columns import said
 from ptt.setup.drawing import drawing_slips, is_no_machine
 from ptt.setup.result import Finding
 from ptt.setup.score import agree, build
@@ -45,7 +46,7 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
         f"with {found[0].undone} all but {NEARLY_NONE:.0%} are in{also}"
     )
     sure = before > NEARLY_ALL and not others
-    finding = Finding(found[0].mistake, words, found[0].fix, None, None, sure, setup.table.source)
+    finding = said(setup, found[0].mistake, words, found[0].fix, sure)
     return [finding], found[0].undo(setup) if sure else setup
 
 
@@ -78,7 +79,7 @@ def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
         f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone} all but "
         f"{NEARLY_NONE:.0%} lie in it"
     )
-    return [Finding("unit-scale", words, hypothesis.fix, None, None, True, setup.table.source)], cured
+    return [said(setup, "unit-scale", words, hypothesis.fix)], cured
 
 
 def _width(setup: Setup) -> float:
@@ -132,7 +133,7 @@ def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
         f"the targets lie within {width:.3g} mm of each other on a machine with links of {size:.0f} mm: "
         "this looks like metres"
     )
-    return [Finding("unit-scale", words, metres.fix, None, None, True, setup.table.source)], metres.undo(setup)
+    return [said(setup, "unit-scale", words, metres.fix)], metres.undo(setup)
 
 
 def out_of_reach(setup: Setup) -> float | None:
