@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from ptt.machine import ThreePttSpec
+from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.setup.candidates import mirrors, scales, units
 from ptt.setup.columns import said
 from ptt.setup.drawing import drawing_slips, is_no_machine
@@ -101,9 +101,7 @@ def _out_of_travel(setup: Setup) -> float | None:
     sent = command[np.isfinite(command).all(axis=1)]
     if len(sent) < LEAST_ROWS or np.ptp(sent, axis=0).max() < 1e-9:
         return None
-    low, high = mechanism.limits().numpy()
-    rim = MARGIN * (high - low)
-    return float(1.0 - ((sent >= low - rim) & (sent <= high + rim)).all(axis=1).mean())
+    return _outside(mechanism, sent)
 
 
 def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -138,16 +136,17 @@ def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
 
 def out_of_reach(setup: Setup) -> float | None:
     """Share of targets that the sliders cannot reach within their travel; None where there are too few to tell."""
-    spec = setup.file.machine
-    target = setup.table.target[used_rows(setup.table)]
+    mechanism, target = build(drawn(setup)), setup.table.target[used_rows(setup.table)]
     target = target[np.isfinite(target).all(axis=1)]
-    mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
     if len(target) < LEAST_ROWS or np.ptp(target, axis=0).max() < 1e-6:
         return None
-    if mechanism is None or not isinstance(spec, ThreePttSpec):
+    if mechanism is None:
         return 1.0
-    slider = mechanism.inverse(torch.as_tensor(target, dtype=torch.float64)).numpy()
+    return _outside(mechanism, mechanism.inverse(torch.as_tensor(target, dtype=torch.float64)).numpy())
+
+
+def _outside(mechanism: ThreePtt, slider: np.ndarray) -> float:
+    """Share of slider heights, (m, 3) mm, that lie outside the travel; those that no slider has are NaN and do."""
     low, high = mechanism.limits().numpy()
     rim = MARGIN * (high - low)
-    inside = ((slider >= low - rim) & (slider <= high + rim)).all(axis=1)
-    return float(1.0 - inside.mean())
+    return float(1.0 - ((slider >= low - rim) & (slider <= high + rim)).all(axis=1).mean())
