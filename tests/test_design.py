@@ -31,7 +31,7 @@ from ptt.plan.first_run import plan_first_run, repeats_in
 from ptt.plan.foresight import beside, columns_of, see_plan
 from ptt.plan.separation import Separation, plan_separation
 from ptt.plan.space import build_space, can_drive, directions, draw_poses
-from ptt.plan.visits import both_ways, in_driving_order, single, table_of
+from ptt.plan.visits import both_ways, in_driving_order, singles, table_of
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import as_targets, make_helix, there_and_back
@@ -367,7 +367,7 @@ def test_poses_of_an_arm_tell_more_than_random_ones(arm: MachineFile) -> None:
     random = draw_poses(space, 60, np.random.default_rng(1))
 
     def information(q: torch.Tensor) -> float:
-        view, _ = see_plan(Model(arm), table_of([single(pose, "v") for pose in q], space, straight=False))
+        view, _ = see_plan(Model(arm), table_of(singles(q), space, straight=False))
         every = np.ones(view.rows, dtype=bool)
         own = columns_of(Model(arm), library()["dh-offsets"](), view, 0.005).reshape(3 * len(q), -1)
         own = own * np.repeat([0.5, 1e-3, 0.5, 2e-3, 1e-3], 6)
