@@ -75,7 +75,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:
-    own = parts_of(compensator.model).cannot or {}
+    own = parts_of(compensator.model).cannot
     why = {key: text for key, text in own.items() if text == AHEAD or "own" in text}
     _, turning, _ = split_terms(compensator.model)
     return why | {effect.key: SIDE for effect, _ in turning}

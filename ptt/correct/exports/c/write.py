@@ -51,7 +51,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     ground = survey(compensator, options)
     head = head_lines(compensator, options)
     source = source_of(compensator, head)
-    cannot = source.parts.cannot or {}
+    cannot = source.parts.cannot
     holds, left_out = holdings(ground, cannot)
     held = _held(ground.compensator, cannot)
     left = error_left(ground, ground.commands.q if not cannot else _solve(held, ground.table, ground.nominal).q)
