@@ -1,13 +1,11 @@
 """The static part of a model as an ONNX graph in float64: positions in, commands out; reversal is the caller's."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nets import GaussianRbf
-from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import AHEAD, parts_of
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.graph import Graph, Node
@@ -15,7 +13,7 @@ from ptt.correct.exports.graph_arm import CONTEXT, settle
 from ptt.correct.exports.graph_effects import EFFECTS
 from ptt.correct.exports.graph_legs import LegRows, Vector, meet, spread
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.left import error_left, holdings, network_parts, survey
+from ptt.correct.exports.left import error_left, holdings, solve, survey, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.errors import InputError
@@ -61,15 +59,10 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     if compensator.model.file.machine.kind == "serial":
         _require_no_network(compensator)
     ground = survey(compensator, options)
-    held = compensator
-    for key in cannot:
-        held = replace(held, model=held.model.without(key))
-    model = build_graph(held, head_lines(compensator, options))
+    model = build_graph(without(compensator, cannot), head_lines(compensator, options))
     onnx.checker.check_model(model)
     written = write_all({out: model.SerializeToString()})
-    correction, inside = network_parts(held, ground.nominal)
-    base = replace(held.model, file=ground.compensator.model.file)
-    q = compensate(base, ground.table, correction=correction, inside=inside).q
+    q = solve(without(ground.compensator, cannot), ground.table, ground.nominal).q
     holds, left_out = holdings(ground, cannot)
     return Written(written, holds, left_out, error_left(ground, q))
 
