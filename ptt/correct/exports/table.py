@@ -55,7 +55,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     axes = _axes(ground, options.step)
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     cannot = _cannot(compensator)
-    still = without(compensator, cannot)
+    still = without(ground.compensator, cannot)  # places are in the base frame, whatever frame targets are stated in
     between = _between(still, axes, places, ground)
     still = without(still, [key for key, (whole, left) in between.items() if left > whole])
     shift = _corrections(still, places)
