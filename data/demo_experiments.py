@@ -9,7 +9,9 @@ from demo_pictures import plot_path, plot_reductions
 
 from nets import GaussianRbf
 from ptt.correct.compensate import compensate
-from ptt.correct.training.train import PROTOCOLS, correction_of, fit_physics, learn_rest, sound
+from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.protocols import PROTOCOLS
+from ptt.correct.training.rest import correction_of, learn_rest
 from ptt.effects.registry import library, make_effect
 from ptt.judge.evaluate import AXES, Evaluation, compare_errors, errors_of, evaluate_pair
 from ptt.machine import load_machine

@@ -12,7 +12,8 @@ from ptt.challenge.challenge import Sealed, open_challenge
 from ptt.challenge.score import Score, score
 from ptt.challenge.truth import find_truth
 from ptt.correct.compensate import compensate
-from ptt.correct.training.train import Training, correction_of, train
+from ptt.correct.training.rest import correction_of
+from ptt.correct.training.train import Training, train
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.diagnosis.telling.verdict import Diagnosis, diagnose
 from ptt.effects.registry import library, make_effect, parse_key

@@ -12,16 +12,10 @@ from ptt.commands.main import guard, run_alone
 from ptt.correct.compensate import compensate
 from ptt.correct.training.compensator import load_compensator, save_compensator
 from ptt.correct.training.heldout import evaluate_heldout
-from ptt.correct.training.train import (
-    block_protocol,
-    correction_of,
-    fit_physics,
-    learn_rest,
-    random_protocol,
-    rest_of,
-    sound,
-    train,
-)
+from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.protocols import block_protocol, random_protocol
+from ptt.correct.training.rest import correction_of, learn_rest, rest_of
+from ptt.correct.training.train import train
 from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError, TableError
 from ptt.judge.evaluate import evaluate_pair
