@@ -17,7 +17,8 @@ from ptt.correct.training.machine_of import machine_of
 from ptt.errors import InputError, TableError
 from ptt.machine import load_machine
 from ptt.run.backlash.dead_travel import measure_reversal
-from ptt.run.backlash.measure import measure_backlash, travel_direction
+from ptt.run.backlash.measure import measure_backlash
+from ptt.run.backlash.reversal import travel_direction
 from ptt.run.backlash.scale import read_scale_log
 
 DATA = Path(__file__).resolve().parents[1] / "data"
