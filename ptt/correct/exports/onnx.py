@@ -98,11 +98,7 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     if compensator.network is not None:
         step, inside = _network(graph, compensator.network, place)
         asked = place + graph.node("Where", inside, step, np.zeros((1, 3)))
-    payload = Node(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
-    warmth = graph.constant([[0.0]])
-    if "temperature" in uses:
-        warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
-    b = _settle(graph, file, steady, asked, payload, warmth)
+    b = _settle(graph, file, steady, asked, *_context(graph, file, uses))
     inputs = [("p", 3), *_context_inputs(uses)]
     outputs = [("b", b, 3, 11)] + ([("inside", inside, 1, 9)] if inside is not None else [])  # 11 double, 9 bool
     return _model(graph, inputs, outputs, head)
@@ -115,10 +111,7 @@ def _arm_graph(compensator: "Compensator", head: list[str]) -> Any:
     assert isinstance(arm, Serial) and isinstance(file.machine, SerialSpec)
     steady, _, _ = split_terms(compensator.model, "none")
     uses = {need for effect, _ in steady for need in CONTEXT[effect.name]}
-    payload = Node(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
-    warmth = graph.constant([[0.0]])
-    if "temperature" in uses:
-        warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
+    payload, warmth = _context(graph, file, uses)
     effects = [(effect, theta.numpy()) for effect, theta in steady]
     q = settle(graph, arm, file.machine, effects, Node(graph, "q_nominal"), payload, warmth)
     inputs = [("q_nominal", arm.joints), *_context_inputs(uses)]
@@ -129,6 +122,15 @@ def _require_no_network(compensator: "Compensator") -> None:
     if compensator.network is not None:
         fix = "take --to c, or the machine.toml without the network"
         raise InputError("an arm's network is over joint values and not in the graph", where="--to onnx", fix=fix)
+
+
+def _context(graph: Graph, file: MachineFile, uses: set[str]) -> tuple[Node, Node]:
+    """Payload in kg and warmth in K, (n, 1) each; zero where no effect asks for them."""
+    payload = Node(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
+    warmth = graph.constant([[0.0]])
+    if "temperature" in uses:
+        warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
+    return payload, warmth
 
 
 def _context_inputs(uses: set[str]) -> list[tuple[str, int]]:
