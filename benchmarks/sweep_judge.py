@@ -200,7 +200,7 @@ def _true_value(same: Mapping[str, tuple[str, float]], name: str, number: str, t
 def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | None) -> dict[str, Any]:
     """What commands of the model do on the rig, without noise: times the noise, and over what was said of them.
 
-    `rosy` is over the held-out error that the diagnosis prints, `unforeseen` over that and the `sigma_um` of the commands.
+    `rosy` is over the held-out error that the diagnosis prints, `unforeseen` over that and `sigma_um` of the commands.
     """
     noise = MICRO * truth.noise.total
     measured = remeasure(model, drawn)
