@@ -160,7 +160,6 @@ def diagnose(
     result = learn(
         opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: progress(what, 0, 0)
     )
-    assert opened.check is not None
     return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
 
 
