@@ -15,7 +15,10 @@ from typer.testing import CliRunner
 from ptt.commands import common
 from ptt.commands.main import VERBS, app, guard, run_alone
 from ptt.commands.numbers import require_numbers
+from ptt.door.options import parse_settings
+from ptt.door.outputs import refuse_readings
 from ptt.errors import InputError, PttError
+from ptt.record import plain
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"
@@ -125,13 +128,13 @@ def test_notes_wait_for_the_result_and_stay_off_standard_output(capsys):
 
 def test_plain_leaves_only_what_json_knows():
     value = {"a": np.float64("inf"), 1: (np.int64(2), np.array([1.0, np.nan])), "p": Path("x"), "s": {"b", "a"}}
-    assert common.plain(value) == {"a": None, "1": [2, [1.0, None]], "p": "x", "s": ["a", "b"]}
+    assert plain(value) == {"a": None, "1": [2, [1.0, None]], "p": "x", "s": ["a", "b"]}
 
 
 def test_settings_are_read_or_refused():
-    assert common.parse_settings(["payload_kg=2", "temp_c = 21.5"]) == {"payload_kg": 2.0, "temp_c": 21.5}
+    assert parse_settings(["payload_kg=2", "temp_c = 21.5"]) == {"payload_kg": 2.0, "temp_c": 21.5}
     with pytest.raises(InputError, match="payload_kg=2"):
-        common.parse_settings(["payload_kg"])
+        parse_settings(["payload_kg"])
 
 
 def change_target(frame: pd.DataFrame, row: int, **cells: str) -> pd.DataFrame:
@@ -288,7 +291,7 @@ def test_readings_are_never_overwritten_but_earlier_output_is(verb, run_frame, t
 def test_readings_are_seen_in_another_encoding_too(run_frame, tmp_path):
     run_frame.to_csv(tmp_path / "wide.csv", index=False, encoding="utf-16")
     with pytest.raises(InputError, match="holds readings"):
-        common.refuse_readings(tmp_path / "wide.csv")
+        refuse_readings(tmp_path / "wide.csv")
 
 
 def test_swapped_targets_are_named(run_frame, tmp_path):

@@ -10,10 +10,8 @@ from ptt.commands.common import (
     Effects,
     Json,
     Map,
-    ReadOptions,
     Set,
     Targets,
-    open_library,
     parse_settings,
     refuse_idle,
     show,
@@ -48,7 +46,9 @@ def iso(
     from ptt.judge.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
     if effects:  # no figure needs them; a file that cannot be used is said all the same
-        open_library(ReadOptions(effects=effects))
+        from ptt.effects.registry import library
+
+        library(*effects)
     result: IsoAxes | IsoPoses
     if is_axis_file(run):
         idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_, "--any-direction": any_direction}

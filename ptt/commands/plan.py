@@ -5,21 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import (
-    Effects,
-    Json,
-    ReadOptions,
-    open_library,
-    open_model,
-    progress,
-    read_rows,
-    refuse_readings,
-    show,
-)
+from ptt.commands.common import Effects, Json, ReadOptions, progress, read_rows, show
 
 if TYPE_CHECKING:
-    from ptt.effects import Library
-    from ptt.model.model import Model
+    from ptt.door.model import Model
     from ptt.plan.first_run import FirstRun
 
 
@@ -49,36 +38,33 @@ def plan(
     json: Json = False,
 ) -> None:
     """Plan a first run: volume, both directions of arrival, repeats, datum revisits; and say what it will tell."""
+    from ptt.door.model import load
     from ptt.plan.first_run import plan_first_run
     from ptt.run.table import write_table
 
-    refuse_readings(out)
-    reading = ReadOptions(effects=effects, json=json)
-    known = open_library(reading)
-    model = open_model(machine, known).model
+    model = load(machine, effects=effects or ())
     if candidates is not None:
-        _choose(candidates, rows, out, model, known, reading, seed)
+        _choose(candidates, rows, out, model, ReadOptions(json=json), seed)
         return
     loads = read_numbers(payloads, "--payloads")
     half = read_numbers(box, "--box", 3)
     size = None if not half else (half[0], half[1], half[2])
     with progress() as tell:
         result = plan_first_run(
-            model, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=known, progress=tell
-        )
+            model.physics, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=model.library,
+            progress=tell,
+        )  # fmt: skip
     write_table(result.targets, out)
     show({**result.to_dict(), "out": str(out)}, format_plan(result, str(out)), json)
 
 
-def _choose(
-    candidates: Path, rows: int, out: Path, model: "Model", known: "Library", reading: ReadOptions, seed: int
-) -> None:
+def _choose(candidates: Path, rows: int, out: Path, model: "Model", reading: ReadOptions, seed: int) -> None:
     """Choose D-optimal rows of a list and say how observable they make the geometry."""
     from ptt.plan.arm import choose_from
     from ptt.run.table import take_rows, write_table
 
     table = read_rows(candidates, model.file, reading, "targets")
-    chosen = choose_from(model, table, rows, known, seed)
+    chosen = choose_from(model.physics, table, rows, model.library, seed)
     write_table(take_rows(table, chosen.rows), out)
     sets = {"chosen": chosen.indices, "at random": chosen.drawn, "whole list": chosen.whole}
     lines = [f"{out}: {rows} of {table.rows} rows, D-optimal for {', '.join(chosen.effects)}"]
