@@ -22,7 +22,8 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import Table, make_table
-from ptt.show.plots.compensation import plot_error_curves
+from ptt.show.plots.common import save
+from ptt.show.plots.compensation import draw_error_curves
 
 HERE = Path(__file__).parent
 GEOMETRY = (
@@ -194,7 +195,7 @@ def draw(results: Results, first: Measured, out: Path) -> None:
     noise = errors_of(first.after, first.problem.file).noise
     floor = None if noise is None else {axis: 1e3 * s for axis, s in zip(AXES, noise.sigma, strict=True)}
     title = "Experiment 1, mean over 7 repeats of each pose"
-    plot_error_curves(*curves, out / "errors.png", title=title, noise_um=floor)
+    save(draw_error_curves(*curves, title=title, noise_um=floor), out / "errors.png")
     plot_path(target, *curves, out / "path.png", title="Experiment 1: the path")
 
 

@@ -29,7 +29,7 @@ from ptt.run.reading import read_table
 from ptt.run.table import Table
 from ptt.show.plots.common import save
 from ptt.show.plots.compare import plot_comparison
-from ptt.show.plots.ladder import plot_ladder
+from ptt.show.plots.ladder import draw_ladder
 
 HERE = Path(__file__).parent
 SEALED = ("sealed_one", "sealed_three")
@@ -76,7 +76,7 @@ def walk_loop(name: str, out: Path) -> str:
     found = diagnose(model, problem, known)
     effects = [make_effect(known, *parse_key(step[0])) for step in found.suggested]
     ladder = climb(model, problem.with_noise(found.noise), effects)
-    plot_ladder(ladder, out / "ladder.png")
+    save(draw_ladder(ladder), out / "ladder.png")
     save_machine(write_model(ladder.model), out / "model.toml")
     trained = train(ladder.model, problem)
     sealed = open_challenge(HERE / name)
