@@ -34,7 +34,7 @@ from ptt.show.report import interactive
 from ptt.show.report.blocks import side_by_side
 from ptt.show.report.contents import Contents
 from ptt.show.report.gather import gather, with_network
-from ptt.show.report.html import render, write_report
+from ptt.show.report.html import render
 from ptt.show.report.numbers import chance, percent, plus_minus
 from ptt.show.report.sections import sections_of
 from ptt.show.report.source import MadeOf, short_names, source_of
@@ -241,18 +241,15 @@ def test_minimal_model_says_what_is_not_there(minimal: Contents, mild: Page) -> 
     assert minimal.to_dict()["diagnose"] == {"drawing": None, "model": None}
 
 
-def test_hostile_names_are_words_when_written_from_a_table_and_a_machine(
-    minimal: Contents, mild: Page, tmp_path: Path
-) -> None:
+def test_hostile_names_are_words_when_written_from_a_table_and_a_machine(minimal: Contents, mild: Page) -> None:
     table = minimal.problem.table
     table = table.replace(
         run_label=(HOSTILE,), source=HOSTILE, name=np.full(table.rows, HOSTILE), extra={HOSTILE: table.name}
     )
     spec = minimal.file.machine.model_copy(update={"name": HOSTILE})
     source = MadeOf(names={"run": (HOSTILE,)})
-    contents = write_report(tmp_path / "deep" / "r.html", table, replace(minimal.file, machine=spec), source)
-    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["r.html"]
-    page = Page((tmp_path / "deep" / "r.html").read_text(encoding="utf-8"))
+    contents = gather(table, replace(minimal.file, machine=spec), source)
+    page = Page(render(contents))
     assert page.faults == [] and sorted(set(page.tags)) == sorted(set(mild.tags))
     assert all(one.startswith(("#", "data:image/png;base64,")) for one in page.addresses)
     assert page.text.count("<script>alert('x')</script>") >= 4
@@ -297,7 +294,7 @@ def test_bad_input_is_one_line_and_leaves_no_file(
     if broken == "folder":
         out = tmp_path / "file" / "report.html"
         (tmp_path / "file").write_text("in the way")
-        monkeypatch.setattr("ptt.show.report.html.gather", lambda *given, **options: minimal)
+        monkeypatch.setattr("ptt.show.report.of_run.gather", lambda *given, **options: minimal)
     if broken == "column":
         run = tmp_path / "bad.csv"
         run.write_text("x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas\n1,2,3,1,2,--\n")
