@@ -8,9 +8,6 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import TypeVar
 
-import numpy as np
-import torch
-
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.heldout import evaluate_heldout
 from ptt.correct.training.protocols import PROTOCOLS
@@ -23,7 +20,7 @@ from ptt.judge.before_after import compare_pair
 from ptt.judge.compare.comparison import compare_run
 from ptt.judge.evaluate import Evaluation
 from ptt.judge.history import read_entries, runs_of
-from ptt.judge.iso.figures import IsoPoses, iso_of_poses
+from ptt.judge.iso.figures import IsoPoses, iso_of_poses, with_targets
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
@@ -175,10 +172,7 @@ def _evaluate(compensator: Compensator, problem: Problem, tell: Progress) -> dic
 
 def _iso(problem: Problem) -> IsoPoses:
     """As `ptt iso` does: targets that the file leaves out are what the commands ask for."""
-    table = problem.table
-    if table.command is not None:
-        reached = build_mechanism(problem.file.machine).forward(torch.as_tensor(table.command)).numpy()
-        table = table.replace(target=np.where(np.isnan(table.target), reached, table.target))
+    table = with_targets(problem.table, build_mechanism(problem.file.machine))
     return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run")
 
 
