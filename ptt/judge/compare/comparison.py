@@ -75,6 +75,11 @@ class Comparison:
         return int(self.kept.sum())
 
     @property
+    def serial(self) -> bool:
+        """Whether the machine is an arm."""
+        return any(name.startswith("joint") for name in self.joint)
+
+    @property
     def frame_removed(self) -> dict[str, float]:
         """Root mean square of how far the rigid motion moved the readings, um, per axis and total."""
         return figures((self.unaligned - self.residual)[self.kept])["rms_um"]
@@ -127,10 +132,9 @@ class Comparison:
         }
 
     def _joint_figures(self) -> dict[str, Any]:
-        serial = any(name.startswith("joint") for name in self.joint)
-        unit = URAD if serial else UM
+        unit = URAD if self.serial else UM
         parts = {name: one_figure(values[self.kept], unit) for name, values in self.joint.items()}
-        return {"joint_urad" if serial else "slider_um": parts}
+        return {"joint_urad" if self.serial else "slider_um": parts}
 
 
 def compare_run(
