@@ -114,7 +114,7 @@ class MachinePicture:
         )
         ghost = None
         if shift is not None and self.fault.value:
-            values = [value for value in finding["values"] if value["joint"] or finding] if finding else []
+            values = finding["values"] if finding else []
             ghost = {"shift": shift, "at": min(at, len(shift["platform"]) - 1), "times": times, "values": values}
         shown = scale if self.arrows.value else 0.0
         told = [f"errors {scale:,.0f} times enlarged: 10 mm of arrow is {length(1e4 / scale)}"] if shown else []
