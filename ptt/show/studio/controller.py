@@ -53,6 +53,7 @@ class Studio(Doing):
         self.staged = Staged()
         self.picked: list[int] = []
         self.view = "Load"
+        self.go: Callable[[str], object] = lambda view: None  # shows another view, once there is a page
         self._listeners: dict[str, list[Listener]] = {}
         self._turn_of, self._looking = asyncio.Lock(), asyncio.Lock()
         self._keeper = Keeper(place, self.fail)
@@ -129,7 +130,7 @@ class Studio(Doing):
         self.tell("staged")
         self.tell("busy")
 
-    async def open(self, source: Source, machine: str, then: Callable[[], None] = lambda: None) -> bool:
+    async def open(self, source: Source, machine: str, then: Callable[[], object] = lambda: None) -> bool:
         """Read a run and hold it against a machine; what is open or mistaken is shown, and the old session stays.
 
         Args:

@@ -9,7 +9,7 @@ from ptt.show.card.words import length, percent
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.ladder_figures import before_after_figure
-from ptt.show.studio.page_export import build_export
+from ptt.show.studio.page_export import ExportView
 from ptt.show.studio.page_tools import build_tools
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import SEAL
@@ -32,7 +32,7 @@ class FinishView:
         with ui.element("div").classes("st-two"):
             with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
                 self._build_downloads()
-                build_export(studio)
+                ExportView(studio)
                 self._build_commands()
             with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
                 with ui.element("div").classes("st-box"):
@@ -196,13 +196,3 @@ def commands_of(studio: Studio) -> list[str]:
         lines.append(f"python train.py {run} --machine {last} --out compensator")
         last = "compensator"
     return [*lines, f"ptt predict targets.csv --model {last} --out sliders.csv"]
-
-
-def build_finish(studio: Studio, go: Callable[[str], None]) -> None:
-    """Build the view.
-
-    Args:
-        studio: of this tab.
-        go: shows another view.
-    """
-    FinishView(studio)
