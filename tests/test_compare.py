@@ -21,9 +21,9 @@ from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table, write_table
-from ptt.show.plots.common import round_down
 from ptt.show.plots.compare import plot_comparison
 from ptt.show.plots.periods import joint_periods
+from ptt.show.sizing import round_down
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 NOISE = 0.004  # mm

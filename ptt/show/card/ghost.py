@@ -16,6 +16,7 @@ from ptt.model.model import Model
 from ptt.run.problem import Problem
 from ptt.run.view import View
 from ptt.show.card.scene import PoseLines
+from ptt.show.sizing import spread
 
 POSES = 48  # along the travel; a slider scrubs through them
 
@@ -23,7 +24,7 @@ POSES = 48  # along the travel; a slider scrubs through them
 def poses_of(problem: Problem) -> np.ndarray:
     """Rows spread over the travel, (m,) int."""
     rows = np.flatnonzero(problem.used)
-    return rows[np.unique(np.linspace(0, len(rows) - 1, min(POSES, len(rows))).astype(int))]
+    return rows[spread(len(rows), POSES)]
 
 
 def lines_at(problem: Problem, row: int) -> PoseLines:

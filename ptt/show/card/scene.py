@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from ptt.show.card.solids import Solid, ball, block, joined, plate, tube
+from ptt.show.sizing import round_down
 
 AT_FAULT = 0.25  # of the largest share, from which a part is drawn as the one that is off
 SEEN_SHARE = 0.13  # of the machine's size that the largest displacement is drawn as
-PARTS = ("rails", "sliders", "links", "platform")
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,11 +110,7 @@ def usual_times(lines: PoseLines, shift: Mapping[str, Any]) -> float:
     """
     keys = ("chain", "platform") if "chain" in shift else ("sliders", "platform", "rails")
     most = max(float(np.abs(np.asarray(shift[key])).max(initial=0.0)) for key in keys)
-    if most <= 0.0:
-        return 1.0
-    wanted = SEEN_SHARE * lines.size / most
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
+    return round_down(SEEN_SHARE * lines.size / most) if most > 0.0 else 1.0
 
 
 def legs_at_fault(shift: Mapping[str, Any]) -> tuple[str, tuple[int, ...]]:

@@ -10,7 +10,6 @@ from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty, spoken
 from ptt.show.studio.figures import BLUE, ORANGE, PALE, Figure, axis_of, sides_axis, whole_figure, whole_layout
 
-BINS = 24
 RULER = (-2.0, 2.0)  # powers of ten about the usual size
 
 

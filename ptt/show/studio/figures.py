@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ptt.show.card.words import prefixed, spoken
+from ptt.show.sizing import spread
 from ptt.show.studio.looks import Look
 
 Figure = dict[str, Any]
@@ -78,11 +79,9 @@ def shown_rows(look: Look, picked: Sequence[int] = ()) -> np.ndarray:
         (m,) row numbers, ascending.
     """
     rows = np.flatnonzero(look.kept)
-    thin = (
-        rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST_READINGS, len(rows))).astype(int))] if len(rows) else rows
-    )
     extra = np.asarray(list(picked)[:MOST_READINGS], dtype=int)
-    return np.union1d(thin, extra[look.kept[extra]] if len(extra) else extra).astype(int)
+    shown = rows[spread(len(rows), MOST_READINGS)]
+    return np.union1d(shown, extra[look.kept[extra]] if len(extra) else extra).astype(int)
 
 
 def against_figure(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.progress import Progress
+from ptt.show.sizing import spread
 from ptt.show.studio.jobs_again import again
 from ptt.show.studio.jobs_effects import card, names, words_of_effect
 from ptt.show.studio.jobs_export import export, formats
@@ -144,7 +145,7 @@ def _unknown(found: "Diagnosis") -> Mapping[str, Any] | None:
         return None
     first = found.depends_on[0]
     points = np.zeros((0, 2)) if first.points is None else first.points
-    points = points[np.unique(np.linspace(0, max(len(points) - 1, 0), min(MOST_READINGS, len(points))).astype(int))]
+    points = points[spread(len(points), MOST_READINGS)]
     fine = 1e6 if first.residual.startswith("joint") else 1e3  # urad, um
     at, um = np.round(points[:, 0], 6).tolist(), np.round(fine * points[:, 1], 4).tolist()
     unit = first.unit if first.with_ is None else "" if first.size is None else first.size.unit

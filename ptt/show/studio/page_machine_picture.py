@@ -7,6 +7,7 @@ from nicegui import ui
 
 from ptt.show.card.scene import PoseLines, usual_times
 from ptt.show.card.words import length, together
+from ptt.show.sizing import spread
 from ptt.show.studio.arrow_figure import usual_scale
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
@@ -94,7 +95,7 @@ class MachinePicture:
         assert self.look is not None
         kept = np.flatnonzero(self.look.kept)
         kept = kept if len(kept) else np.arange(self.look.rows)
-        return np.asarray(kept[np.unique(np.linspace(0, len(kept) - 1, min(48, len(kept))).astype(int))])
+        return np.asarray(kept[spread(len(kept), 48)])
 
     def _shift(self) -> Any:
         return None if self.lesson is None else self.lesson.ghosts.get("shift", {}).get(self.key)
