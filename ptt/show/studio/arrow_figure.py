@@ -6,7 +6,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ptt.show.card.scene import PoseLines
 from ptt.show.card.solids import Solid, arrows
 from ptt.show.card.words import length, prefixed
 from ptt.show.sizing import round_down
@@ -33,8 +32,7 @@ def usual_scale(look: Look) -> float:
     if not look.kept.any():
         return 1.0
     span = max(float(np.ptp(look.target[look.kept], axis=0).max()), 1e-3)
-    drawing, row = look.drawing, int(np.flatnonzero(look.kept)[0])
-    size = PoseLines(drawing.rails, drawing.chains[row], drawing.platform[row]).size
+    size = look.drawing.at(int(np.flatnonzero(look.kept)[0])).size
     wanted = min(REACH * span, OF_MACHINE * size) / max(float(np.quantile(look.size_um[look.kept], 0.95)) / UM, 1e-9)
     return round_down(wanted, (1.0, 2.0, 3.0, 5.0))
 

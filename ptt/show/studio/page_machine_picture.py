@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from nicegui import ui
 
-from ptt.show.card.scene import PoseLines, usual_times
+from ptt.show.card.scene import POSES, usual_times
 from ptt.show.card.words import length, together
 from ptt.show.sizing import spread
 from ptt.show.studio.arrow_figure import usual_scale
@@ -84,8 +84,7 @@ class MachinePicture:
         """Enlarge the fault so that it is well seen."""
         shift = self._shift()
         if shift is not None and self.look is not None:
-            drawing, row = self.look.drawing, int(self._rows()[len(self._rows()) // 2])
-            lines = PoseLines(drawing.rails, drawing.chains[row], drawing.platform[row])
+            lines = self.look.drawing.at(int(self._rows()[len(self._rows()) // 2]))
             self.times.set_value(round(np.log10(usual_times(lines, shift)) / STEP) * STEP)
 
     def _rows(self) -> np.ndarray:
@@ -95,7 +94,7 @@ class MachinePicture:
         assert self.look is not None
         kept = np.flatnonzero(self.look.kept)
         kept = kept if len(kept) else np.arange(self.look.rows)
-        return np.asarray(kept[spread(len(kept), 48)])
+        return np.asarray(kept[spread(len(kept), POSES)])
 
     def _shift(self) -> Any:
         return None if self.lesson is None else self.lesson.ghosts.get("shift", {}).get(self.key)
