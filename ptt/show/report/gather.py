@@ -1,11 +1,10 @@
 """Everything that a report says, worked out once by the same functions as the other verbs."""
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from typing import TypeVar
 
 from ptt.correct.training.compensator import Compensator
@@ -34,7 +33,7 @@ from ptt.show.report.contents import Contents, ModelLook
 from ptt.show.report.facts import facts_of
 from ptt.show.report.network import network_facts
 from ptt.show.report.source import MadeOf, shown_table
-from ptt.version import __version__
+from ptt.version import __version__, installed
 
 PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
 STAGES = 6  # of a report
@@ -177,14 +176,5 @@ def _iso(problem: Problem) -> IsoPoses:
 
 
 def _versions() -> tuple[tuple[str, str], ...]:
-    return (("ptt", __version__), ("python", platform.python_version()), *_installed(PACKAGES))
-
-
-def _installed(names: Sequence[str]) -> list[tuple[str, str]]:
-    found = []
-    for name in names:
-        try:
-            found.append((name, version(name)))
-        except PackageNotFoundError:
-            continue
-    return found
+    there = ((name, number) for name, number in installed(PACKAGES).items() if number)
+    return (("ptt", __version__), ("python", platform.python_version()), *there)
