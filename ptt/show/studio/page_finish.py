@@ -46,7 +46,7 @@ class FinishView:
         with ui.element("div").classes("st-tools"):
             ui.html("Let a network learn the rest", sanitize=False, tag="h2").classes("st-head")
             ui.space()
-            self.train = ui.button("Train", icon="model_training", on_click=self._train).props("no-caps outline")
+            self.train = ui.button("Train", icon="model_training", on_click=self.studio.train).props("no-caps outline")
         self.told = ui.label().classes("st-note").mark("trained")
         self.plot = Picture().classes("w-full").style("height: 300px")
         self.plot.props('role=img aria-label="errors before and after"')
@@ -116,14 +116,6 @@ class FinishView:
             f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)} ({data['protocol']})."
         )
         self.plot.show(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
-
-    async def _train(self) -> None:
-        """Train the network on what the active model leaves."""
-        session = self.studio.session
-        if session.ready:
-            trained = await self.studio.work("training the network", "train", session.source, session.text)
-            if trained is not None:
-                self.studio.keep_training(session, trained)
 
     def _give_model(self) -> None:
         ui.download.content(self.studio.session.text, "machine.toml")
