@@ -51,7 +51,7 @@ def gather(
     after: Table | None = None,
     found_drawing: Diagnosis | None = None,
     found_given: Diagnosis | None = None,
-    progress: Progress | None = None,
+    progress: Progress = unwatched,
 ) -> Contents:
     """Work out everything that a report says.
 
@@ -72,27 +72,27 @@ def gather(
     Raises:
         InputError: run and machine cannot be brought together.
     """
-    tell, source, known = progress or unwatched, source or MadeOf(), known or library()
+    source, known = source or MadeOf(), known or library()
     compensator = machine if isinstance(machine, Compensator) else Compensator(read_model(machine, known), None, {})
     model, shown = compensator.model, shown_table(table, source)
     problem = replace(problem or build_problem(model.file, table), table=shown)
     why: dict[str, str] = {}
-    say = partial(_say, tell, "the drawing", 0)
+    say = partial(_say, progress, "the drawing", 0)
     drawing = _look(Model(model.file), problem, known, source, found_drawing, say)
     if not model.terms:
         given = drawing
     else:
-        given = _look(model, problem, known, source, found_given, partial(_say, tell, "the model", 1))
-    tell("fit", 2, STAGES)
+        given = _look(model, problem, known, source, found_given, partial(_say, progress, "the model", 1))
+    progress("fit", 2, STAGES)
     noisy = problem if given.comparison.noise is None else problem.with_noise(given.comparison.noise)
-    refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=tell), source)
-    tell("evaluate", 3, STAGES)
-    evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem, tell), source) or {}
-    tell("iso", 4, STAGES)
+    refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=progress), source)
+    progress("evaluate", 3, STAGES)
+    evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem, progress), source) or {}
+    progress("iso", 4, STAGES)
     iso = _unless("iso", why, lambda: _iso(problem), source)
     entries = _unless("history", why, lambda: read_entries(model.file), source) or ()
     ladders = tuple(tuple(ladder) for ladder in runs_of(entries))
-    tell("write", 5, STAGES)
+    progress("write", 5, STAGES)
     return Contents(
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         source=source,
