@@ -119,21 +119,17 @@ def format_plan(result: "FirstRun", out: str) -> str:
         if effect.needs:
             lines.append(f"{title:<20} {'-':>8}  needs {effect.needs}")
             continue
-        told: dict[tuple[str, str], list[float]] = {}
-        hidden = set()
+        told: dict[tuple[str, str], list[float | None]] = {}
         for name, unit, std, _ in effect.parameters:
-            stem = (name.split(" ")[0], unit)
-            told.setdefault(stem, [])
-            if std is None:
-                hidden.add(stem)
-            else:
-                told[stem].append(std)
-        parts = [
-            f"{stem} {max(values):.2g}" if values and stem_unit not in hidden else
-            f"{stem} {max(values):.2g}, some unseen" if values else f"{stem} unseen"
-            for stem_unit, values in told.items()
-            for stem in [stem_unit[0]]
-        ]  # fmt: skip
-        lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {'; '.join(parts)}")
+            told.setdefault((name.split(" ")[0], unit), []).append(std)
+        parts = "; ".join(_expected(stem, stds) for (stem, _), stds in told.items())
+        lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {parts}")
     lines += ["= is in the model already: how well this run would tell it again"] if own else []
     return "\n".join(lines)
+
+
+def _expected(stem: str, stds: "list[float | None]") -> str:
+    """The largest standard error of one kind of parameter."""
+    known = [std for std in stds if std is not None]
+    some = ", some unseen" if len(known) < len(stds) else ""
+    return f"{stem} {max(known):.2g}{some}" if known else f"{stem} unseen"
