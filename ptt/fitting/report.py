@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.fitting.observability import Combination, Correlation, correlations, unobservable
-from ptt.fitting.orientation import orientation_of
+from ptt.fitting.orientation import orientation_rms
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import residual_of, rms
 from ptt.fitting.stretches import Stretch, name_stretches
@@ -134,7 +134,6 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
     as_it_was = (given or drawn).residual
     stages = {"as read": read, "aligned": drawn.residual, "given": as_it_was, "fitted": fitted.residual}
     errors = {stage: rms(error, rows) for stage, error in stages.items()}
-    turned = orientation_of(fitted, problem)
     stretches, alone = name_stretches(fitted.outliers, fitted.residual, problem)
     lines, far = problem.table.line[alone].tolist(), np.linalg.norm(fitted.residual[alone], axis=1).tolist()
     return FitReport(
@@ -144,7 +143,7 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
         observability_indices(
             project_off(fitted.information, np.flatnonzero(fitted.layout.owner >= 0)), int(rows.sum())
         ),
-        None if turned is None else turned.rms_mrad,
+        orientation_rms(fitted, problem),
     )  # fmt: skip
 
 
