@@ -65,7 +65,7 @@ def sizes_beside(fitted: FitResult, problem: Problem) -> tuple[tuple[DrawnSize, 
     sound, keys = problem.masked(fitted.outliers), fitted.model.keys
     few = take(sound, sample_stretches(sound, SAMPLE)) if sound.table.rows > LONG else sound
     linear = linear_columns(fitted, few, _unnamed(keys, few), fitted.noise)
-    gram, side, square, count = linear.sums(np.zeros(few.table.rows, dtype=int), 1).total
+    gram, side, square, count = linear.total()
     times = sound.table.rows / few.table.rows
     sizes = tuple(_size(trial, keys, few) for trial in linear.trials)
     return sizes, (times * gram, times * side, times * square, round(times * count))

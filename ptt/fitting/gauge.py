@@ -70,7 +70,7 @@ def sparsest(
     mine = layout.owner < len(terms)
     own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held & ~layout.searched)
     held = layout.held.astype(float)
-    gram = _gram(linear)
+    gram = linear.total()[0]
     information, motions = _without(gram, own, np.setdiff1d(np.flatnonzero(mine), own), held)
     information = information * times
     free = _untold(information, values[own])
@@ -121,7 +121,7 @@ def _all_over(terms: Sequence[Term], beside: Sequence[Term], file: MachineFile, 
     layout = lay_out(Model(file), problem, (*terms, *beside))
     mine = layout.owner < len(terms)
     own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held & ~layout.searched)
-    gram = _gram(assemble(layout, layout.start(), problem, noise))
+    gram = assemble(layout, layout.start(), problem, noise).total()[0]
     rest = np.setdiff1d(np.flatnonzero(mine), own)
     return _without(gram, own, rest, layout.held.astype(float))[0] / len(place)
 
@@ -130,12 +130,6 @@ def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
     """Free directions, (u, m), in which the own values have a real part."""
     _, strength, ways = np.linalg.svd(free[own], full_matrices=False)
     return np.asarray(free @ ways[strength > PART].T)
-
-
-def _gram(linear: Linear) -> np.ndarray:
-    """Normal equations of all columns, reflectors fixed to the base included, (u, u)."""
-    together = np.concatenate([linear.columns[linear.rows], linear.base_columns])
-    return _square(together.reshape(together.shape[0] * together.shape[1], together.shape[2]))  # there may be none
 
 
 def _without(gram: np.ndarray, own: np.ndarray, rest: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.record import Record
-
-SEEN_INFORMATION = 1.0  # in usual sizes, from which a direction counts as seen, as in a fit
 
 
 @dataclass(frozen=True)

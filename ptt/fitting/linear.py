@@ -2,8 +2,7 @@
 
     linear = linear_columns(fitted, problem, candidates, noise)      # at a fit, candidates at zero beside it
     linear = assemble(layout, unknowns, problem, noise, candidates)  # the same at any point
-    sums = linear.sums(block, blocks)                                # normal equations, base reflectors included
-    gram, side, square, count = sums.total
+    gram, side, square, count = linear.total()                       # normal equations, base reflectors included
     posterior = learn(gram[np.ix_(own, own)], side[own], square, count, owner, freedom=...)
 
 Any choice of columns together with `linear.frame` is a model of `linear.values` to first order.
@@ -12,7 +11,6 @@ Any choice of columns together with `linear.frame` is a model of `linear.values`
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -22,14 +20,11 @@ from ptt.effects import Effect
 from ptt.effects.layout import linear_size, usual_values
 from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.fitting.layout import FRAME, MOUNT, Layout
-from ptt.fitting.sums import Sums, accumulate
-from ptt.fitting.whitened import build_whitened, turned, whiten
+from ptt.fitting.result import FitResult
+from ptt.fitting.whitened import Total, build_whitened, turned, whiten
 from ptt.model.chain import Chain, signature
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
-
-if TYPE_CHECKING:
-    from ptt.fitting.result import FitResult
 
 Shape = Mapping[str, Tensor]
 Shapes = Sequence[Shape] | Mapping[str, Sequence[Shape]]
@@ -92,19 +87,11 @@ class Linear:
         """Columns of the present model and the frame, which are the first."""
         return np.arange(sum(map(len, self.present.values())) + len(self.frame))
 
-    def sums(self, block: np.ndarray, blocks: int) -> Sums:
-        """Normal equations of the rows that count, block by block, base reflectors spread evenly over the blocks.
-
-        Args:
-            block: (n,) int, as in `ptt.fitting.sums.accumulate`.
-            blocks: number of blocks.
-
-        Returns:
-            The sums; no prior is in them.
-        """
-        rows = self.rows
-        sums = accumulate(self.columns[rows], self.values[rows], block[rows], blocks)
-        return sums if not len(self.base_values) else with_base(sums, self)
+    def total(self) -> Total:
+        """Normal equations of the rows that count and of the base reflectors; no prior is in them."""
+        gram, side, square, count = _sums(self.columns[self.rows], self.values[self.rows])
+        base = _sums(self.base_columns, self.base_values)
+        return gram + base[0], side + base[1], square + base[2], count + base[3]
 
     def without_rows(self) -> "Linear":
         """What the columns are, without their rows: all that is kept of a chunk once it is summed."""
@@ -161,7 +148,7 @@ class LinearPoint:
 
 
 def linear_columns(
-    fitted: "FitResult", problem: Problem, candidates: Sequence[Effect], noise: Noise, shapes: Shapes | None = None
+    fitted: FitResult, problem: Problem, candidates: Sequence[Effect], noise: Noise, shapes: Shapes | None = None
 ) -> Linear:
     """Linearise around a fitted model, with every candidate's columns at zero beside it.
 
@@ -234,22 +221,10 @@ def _try(
     return trials, [at.join(blocks, np.concatenate(sizes))] if blocks else []
 
 
-def with_base(sums: Sums, linear: Linear) -> Sums:
-    """Add base reflectors; they are never held out, so whichever block is hidden, the rest has nearly all of them.
-
-    Args:
-        sums: over rows.
-        linear: columns of any of the rows.
-
-    Returns:
-        The sums of both.
-    """
-    joined = accumulate(linear.base_columns, linear.base_values, np.zeros(len(linear.base_values), dtype=int), 1)
-    share = 1.0 / len(sums.count)
-    return Sums(
-        sums.gram + share * joined.gram, sums.side + share * joined.side, sums.square + share * joined.square,
-        sums.count + share * joined.count,
-    )  # fmt: skip
+def _sums(columns: np.ndarray, values: np.ndarray) -> Total:
+    """Normal equations of rows (m, 3, P) and their readings (m, 3); there may be none of either."""
+    flat, value = columns.reshape(values.size, columns.shape[2]), values.ravel()
+    return flat.T @ flat, flat.T @ value, float(value @ value), len(value)
 
 
 def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:

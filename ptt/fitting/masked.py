@@ -74,7 +74,7 @@ def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
     if not candidates:
         return None
     linear = linear_columns(fitted, problem.masked(fitted.outliers), candidates, fitted.noise)
-    gram, side, _, _ = linear.sums(np.zeros(problem.table.rows, dtype=int), 1).total
+    gram, side, _, _ = linear.total()
     layout, own = fitted.layout, fitted.layout.owner >= 0
     simple, more = np.arange(len(layout.scale)), np.concatenate([trial.columns for trial in linear.trials])
     prior, wide = fitted.prior, _scatter(fitted)

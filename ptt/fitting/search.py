@@ -15,6 +15,7 @@ from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Linear, Shape, assemble, tried_sizes
 from ptt.fitting.outliers import KNEE, linear_residual
 from ptt.fitting.reach import require_reach
+from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -22,7 +23,6 @@ from ptt.run.problem import Problem
 Choice = dict[str, tuple[Shape, np.ndarray]]  # of each new effect its shape, and its amplitudes in usual sizes
 
 WIDE = 1e5  # variance in usual sizes that a new effect may have: what rows hardly see may still be large
-SEEN_INFORMATION = 1.0  # in usual sizes, below which a direction is left out
 WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
 HALF = 0.7  # root of the weight of a row that counts for half
 OPENING = 0.05  # where amplitudes that cannot be negative start at the least, in usual sizes

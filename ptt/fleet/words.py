@@ -1,6 +1,6 @@
 """One machine of a fleet as text: run by run, what moves, what somebody should look at."""
 
-from ptt.fitting.sums import SEEN_INFORMATION
+from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.fleet.alarms import amount
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown

@@ -12,7 +12,7 @@ from ptt.effects.layout import usual_values
 from ptt.effects.metrology import TrackerFrame
 from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.result import PRIOR_SHARE
-from ptt.fitting.sums import SEEN_INFORMATION
+from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.machine import MachineFile
 from ptt.model.chain import Chain, linearise, trace
 from ptt.model.chain import signature as signature_of

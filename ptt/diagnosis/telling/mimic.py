@@ -14,7 +14,7 @@ from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.instead import FEW, commoner
 from ptt.diagnosis.search.plainest import PLAIN
-from ptt.fitting.sums import Projected, gain, project
+from ptt.fitting.projected import Projected, gain, project
 
 MOST_PARTS = 4
 UNSEEN = 3.0  # chi-squared below which a difference is none
@@ -58,7 +58,7 @@ def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
     sums = system.sums_of(there, WHITE)
     projected = project(sums.gram, sums.side, sums.square, np.searchsorted(there, base))
     side = projected.gram[:, own] @ values
-    work = Projected(projected.gram, side, float(values @ side[own]), 0, projected.before)
+    work = Projected(projected.gram, side, float(values @ side[own]), projected.before)
     if work.left < CLEAR * spread:
         return ()
     chosen: list[Atom] = []
@@ -83,4 +83,4 @@ def _left(work: Projected, parts: list[Atom]) -> float:
     """Sum of squares of the effect's work that the parts leave."""
     if not parts:
         return work.left
-    return work.left - gain(work, np.concatenate([part.columns for part in parts]))[0]
+    return work.left - gain(work, np.concatenate([part.columns for part in parts]))
