@@ -1,7 +1,6 @@
 """What an error is looked at as, and what it may depend on: residuals in tool and joint space, and their context."""
 
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -9,11 +8,9 @@ import torch
 from ptt.dependence.way import last_moves, ways_of
 from ptt.run.frames import rigid_columns
 from ptt.run.mounts import mount_slopes
+from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf, median_sigma
 from ptt.run.watched import watched_values
-
-if TYPE_CHECKING:
-    from ptt.run.problem import Problem
 
 ENOUGH = 12  # rows beyond the number of slopes before anything is taken out
 FAR = 6.0  # robust standard deviations
@@ -24,7 +21,7 @@ WIDE = 1.5  # times the short moves or pauses of a run that long ones take, for 
 SHORT = 0.05  # lever, as a share of the usual one (of the longest), below which a joint hardly moves the tool
 
 
-def residual_views(problem: "Problem", residual: np.ndarray) -> dict[str, np.ndarray]:
+def residual_views(problem: Problem, residual: np.ndarray) -> dict[str, np.ndarray]:
     """See a tool-space residual also as joint errors that would cause it.
 
     Args:
@@ -45,7 +42,7 @@ def residual_views(problem: "Problem", residual: np.ndarray) -> dict[str, np.nda
     return views | {f"{word} {i + 1}": inner[:, i] for i in range(view.joints)}
 
 
-def level(problem: "Problem", residual: np.ndarray, slopes: np.ndarray | None = None) -> np.ndarray:
+def level(problem: Problem, residual: np.ndarray, slopes: np.ndarray | None = None) -> np.ndarray:
     """Take out of a residual what the tracker's frame and the fitted effects could take, all coordinates alike.
 
     A fit weighs coordinates by their noise and leaves out far-off rows; what the model lacks then bends the frame and
@@ -166,7 +163,7 @@ def lone_joints(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
     return np.einsum("nck,nc->nk", jacobian, residual) / np.maximum(lever, SHORT * usual) / usual
 
 
-def context_views(problem: "Problem") -> dict[str, np.ndarray]:
+def context_views(problem: Problem) -> dict[str, np.ndarray]:
     """Everything that a residual may depend on and that varies.
 
     Args:
@@ -197,7 +194,7 @@ def context_views(problem: "Problem") -> dict[str, np.ndarray]:
     return {name: values for name, values in views.items() if _varies(name, values[used])}
 
 
-def path_views(problem: "Problem") -> dict[str, np.ndarray]:
+def path_views(problem: Problem) -> dict[str, np.ndarray]:
     """What an unknown may depend on: everything that a residual may, and the tool's moves.
 
     Args:
@@ -219,7 +216,7 @@ def path_views(problem: "Problem") -> dict[str, np.ndarray]:
     return {name: way for name, way in named.items() if _varies(name, way[problem.used])} | context_views(problem)
 
 
-def moves_of(problem: "Problem") -> dict[str, np.ndarray]:
+def moves_of(problem: Problem) -> dict[str, np.ndarray]:
     """Lengths and durations of the moves to the rows, where nine in ten differ enough for what settles to show it.
 
     Args:
@@ -238,7 +235,7 @@ def moves_of(problem: "Problem") -> dict[str, np.ndarray]:
     return found
 
 
-def unit_of(problem: "Problem", name: str) -> str:
+def unit_of(problem: Problem, name: str) -> str:
     """The unit of a variable that a residual may depend on.
 
     Args:

@@ -1,7 +1,7 @@
 """What a residual or an unknown depends on, as a value: the variable, the share that it explains, its curve."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -9,9 +9,7 @@ from ptt.dependence.contexts import unit_of
 from ptt.dependence.said import between, say_size
 from ptt.dependence.size import Size
 from ptt.record import Record
-
-if TYPE_CHECKING:
-    from ptt.run.problem import Problem
+from ptt.run.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -90,7 +88,7 @@ class Dependence(Record):
         return self.shape
 
 
-def with_unit(item: Dependence, problem: "Problem") -> Dependence:
+def with_unit(item: Dependence, problem: Problem) -> Dependence:
     """The same with the unit of its variable.
 
     Args:

@@ -1,7 +1,6 @@
 """What a residual follows: every residual tested against every variable, and the likelier cause of a tie."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,15 +8,13 @@ from ptt.dependence.causes import position_explains_more, varies_with
 from ptt.dependence.chance import gumbel_tail
 from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views
 from ptt.dependence.curves import LOCAL, FittedCurve, describe
+from ptt.dependence.dependence import Dependence, with_unit
 from ptt.dependence.scores import Score, Variable, build_scores
 from ptt.dependence.strata import LEAST_POSES, RepeatedPoses, find_poses
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
+from ptt.run.problem import Problem
 from ptt.run.tails import median_sigma
-
-if TYPE_CHECKING:
-    from ptt.run.problem import Problem
-from ptt.dependence.dependence import Dependence, with_unit
 
 LEVEL = 0.005  # chance, over all pairs together, below which a dependence is reported
 PERMUTATIONS = 128
@@ -27,7 +24,7 @@ NEAR = 0.9  # shares closer than this ratio are a tie
 
 
 def dependence_of(
-    problem: "Problem", residual: np.ndarray, *, slopes: np.ndarray | None = None, seed: int = 0
+    problem: Problem, residual: np.ndarray, *, slopes: np.ndarray | None = None, seed: int = 0
 ) -> tuple[Dependence, ...]:
     """What the residual of a problem depends on.
 

@@ -1,13 +1,9 @@
 """The error of a part of the rows, and of a run by level, quarter and the like."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Literal
 
 import numpy as np
-
-if TYPE_CHECKING:
-    pass
-from typing import TYPE_CHECKING, Literal
 
 QUARTERS = 4
 MOST_LEVELS = 8  # more payloads than this are put into quarters

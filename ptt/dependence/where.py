@@ -1,16 +1,14 @@
 """Where a model fails: the worst part of the workspace, the worst rows, and the error by joint, side, load and time."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from ptt.dependence.contexts import residual_views
 from ptt.dependence.parts import PartError, Unit, by_level, by_quarter, mean_over_poses, part_of
 from ptt.record import Record
-
-if TYPE_CHECKING:
-    from ptt.run.problem import Problem
+from ptt.run.problem import Problem
 
 CELLS = 3  # along each axis
 WORST = 10
@@ -74,7 +72,7 @@ class WhereItFails(Record):
     by_time: tuple[PartError, ...]
 
 
-def where_it_fails(problem: "Problem", residual: np.ndarray) -> WhereItFails:
+def where_it_fails(problem: Problem, residual: np.ndarray) -> WhereItFails:
     """Find where the error is.
 
     Args:
@@ -135,7 +133,7 @@ def worst_region(place: np.ndarray, size: np.ndarray) -> Region | None:
 
 
 def rows_by_size(
-    problem: "Problem", residual: np.ndarray, chosen: np.ndarray, most: int | None = None
+    problem: Problem, residual: np.ndarray, chosen: np.ndarray, most: int | None = None
 ) -> tuple[WorstRow, ...]:
     """Name chosen rows, the largest error first.
 
