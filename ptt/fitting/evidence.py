@@ -112,7 +112,6 @@ class _Point:
     left: float
     phi: float
     scales: np.ndarray
-    log_prior: float
 
 
 @dataclass(frozen=True)
@@ -160,7 +159,7 @@ class _Problem:
         phi, tail = self._noise(left)
         log_prior = -0.125 * float(((logs / self.spread) ** 2).sum())
         half = float(np.log(factor.diagonal()).sum() + 0.5 * (self.size @ logs + self.fixed))
-        return _Point(tail - half + log_prior, values, factor, prior, left, phi, scales, log_prior)
+        return _Point(tail - half + log_prior, values, factor, prior, left, phi, scales)
 
     def _noise(self, left: float) -> tuple[float, float]:
         """White variance, and the evidence's term of it."""
@@ -196,7 +195,7 @@ class _Problem:
         place = np.argsort(self.order)
         return Posterior(
             point.values[place], point.factor, self.order, point.prior[place], point.scales, slope.curvature,
-            point.value - point.log_prior, point.log_prior, point.left, point.phi, self.evaluations, ended,
+            point.value, point.left, point.phi, self.evaluations, ended,
         )  # fmt: skip
 
 

@@ -20,8 +20,8 @@ class Posterior:
         scales: (G,) learned variance of each group, in units of `phi`.
         curvature: (G, G) minus the second derivative of `total` by the logarithms of `scales`, where the last step
             began.
-        log_evidence: log marginal likelihood at these scales, nats, up to a constant of the data alone.
-        log_prior: log prior density of the scales over its peak, nats.
+        total: what is maximised, nats: log marginal likelihood at these scales, up to a constant of the data alone, and
+            log prior density of the scales over its peak.
         left: Q = |y - X values|^2 + values^T diag(1 / prior) values.
         phi: white variance, (freedom + Q) / (freedom + count).
         steps: evaluations of the evidence.
@@ -34,17 +34,11 @@ class Posterior:
     prior: np.ndarray
     scales: np.ndarray
     curvature: np.ndarray
-    log_evidence: float
-    log_prior: float
+    total: float
     left: float
     phi: float
     steps: int
     ended: bool = False
-
-    @property
-    def total(self) -> float:
-        """What is maximised: log evidence and log prior of the scales, nats."""
-        return self.log_evidence + self.log_prior
 
     @property
     def inverse(self) -> np.ndarray:
