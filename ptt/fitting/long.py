@@ -45,10 +45,6 @@ class LongSystem:
             self._known = kept.copy(), total
         return self._known[1]
 
-    def information(self, kept: np.ndarray) -> np.ndarray:
-        """J^T J of the rows that count, (u, u) in usual sizes."""
-        return self.sums(kept)[0]
-
 
 class LongEvaluator:
     """Builds the system at given unknowns in one pass over all chunks, and remembers the last one."""

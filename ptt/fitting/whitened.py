@@ -56,10 +56,6 @@ class WhitenedSystem:
         residual, jacobian = self.stacked(kept)
         return jacobian.T @ jacobian, jacobian.T @ residual, float(residual @ residual), len(residual)
 
-    def information(self, kept: np.ndarray) -> np.ndarray:
-        """J^T J of the rows that count, (u, u) in usual sizes."""
-        return self.sums(kept)[0]
-
 
 class Evaluator:
     """Builds the system at given unknowns and remembers the last one, which fit and outlier search both ask for."""
