@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ptt.fitting.indices import project_off
 from ptt.fitting.layout import FRAME, FRAME_NAMES, MOUNT, MOUNT_NAMES, Layout
 from ptt.fitting.patterns import Pattern, patterns
 from ptt.fitting.result import FitResult
@@ -126,7 +127,7 @@ def _information(fitted: FitResult) -> np.ndarray:
 
 def _patterns(fitted: FitResult, index: int, own: np.ndarray) -> Iterator[Pattern]:
     """Patterns of an effect's unknowns, in the same units."""
-    for pattern in patterns(fitted.layout, index, own):
+    for pattern in patterns(fitted.layout, index, own, fitted.model.joints):
         vector = pattern.vector / fitted.sizes
         yield replace(pattern, vector=vector / np.linalg.norm(vector))
 
@@ -138,10 +139,7 @@ def _confounded(fitted: FitResult) -> Iterator[tuple[int, Pattern]]:
         own = np.flatnonzero(layout.owner == index)
         if not len(own):
             continue
-        others = np.setdiff1d(np.arange(len(information)), own)
-        block = information[np.ix_(others, others)] + PULL * np.eye(len(others))
-        cross = information[np.ix_(others, own)]
-        kept = information[np.ix_(own, own)] - cross.T @ np.linalg.solve(block, cross)
+        kept = project_off(information, own, PULL)
         if np.linalg.eigvalsh(kept)[0] >= UNSEEN:
             continue
         for pattern in _patterns(fitted, index, own):

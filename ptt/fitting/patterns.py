@@ -5,11 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.effects.base import Parameter
 from ptt.fitting.layout import Layout
-from ptt.model.model import Term
-
-LEGS = 3
+from ptt.mechanisms.three_ptt import LEGS
 
 
 @dataclass(frozen=True)
@@ -27,13 +24,14 @@ class Pattern:
     cost: float
 
 
-def patterns(layout: Layout, index: int, own: np.ndarray) -> list[Pattern]:
+def patterns(layout: Layout, index: int, own: np.ndarray, joints: int) -> list[Pattern]:
     """Patterns of an effect's free parameters, the simplest first.
 
     Args:
         layout: of the fit.
         index: the effect's place among the terms.
         own: its columns, (p,) int.
+        joints: k.
 
     Returns:
         Single parameters, then what several make together.
@@ -43,7 +41,7 @@ def patterns(layout: Layout, index: int, own: np.ndarray) -> list[Pattern]:
     places = {name.removeprefix(f"{term.effect.key} "): int(i) for name, i in zip(names, own, strict=True)}
     size = len(layout.owner)
     single = [_pattern(name, {place: 1.0}, size, 0.0) for name, place in places.items()]
-    joint = [_pattern(words, weights, size, 0.5) for words, weights in _joint_patterns(term, layout, index, own)]
+    joint = [_pattern(words, weights, size, 0.5) for words, weights in _joint_patterns(layout, index, own, joints)]
     return single + joint
 
 
@@ -54,26 +52,23 @@ def _pattern(words: str, weights: dict[int, float], size: int, cost: float) -> P
     return Pattern(words, vector / np.linalg.norm(vector), cost)
 
 
-def _joint_patterns(term: Term, layout: Layout, index: int, own: np.ndarray) -> Iterator[tuple[str, dict[int, float]]]:
+def _joint_patterns(layout: Layout, index: int, own: np.ndarray, joints: int) -> Iterator[tuple[str, dict[int, float]]]:
     """Patterns over the joints: together, along x and y, and of sideways pairs (outward, along the azimuth)."""
-    blocks = _blocks(layout, index, own)
-    joints = next(iter(blocks.values()))[1].shape[0] if blocks else 0
-    if not joints:
-        return
+    term, blocks = layout.terms[index], _blocks(layout, index, own, joints)
     arm = "three-ptt" not in term.effect.mechanisms or joints != LEGS
     what = "joints" if arm else "sliders" if term.effect.stage == "drive" else "legs"
     angle = 2.0 * np.pi * np.arange(joints) / joints
-    for stem, (_, places) in blocks.items():
+    for stem, places in blocks.items():
         for c in range(places.shape[1]):
             name = stem if places.shape[1] == 1 else f"{stem} {c + 1}"
             yield f"{name} of all {what} together", dict(zip(places[:, c].tolist(), np.ones(joints), strict=True))
     if arm:
         return
     if {"radial", "tangential"} <= set(blocks):
-        radial, tangential = blocks["radial"][1], blocks["tangential"][1]
+        radial, tangential = blocks["radial"], blocks["tangential"]
         for c in range(radial.shape[1]):
             yield from _sideways(term.effect.key, radial[:, c], tangential[:, c], angle)
-    for stem, (_, places) in blocks.items():
+    for stem, places in blocks.items():
         for c in range(places.shape[1]):
             name = stem if places.shape[1] == 1 else f"{stem} {c + 1}"
             for way, weight in (("x", np.cos(angle)), ("y", np.sin(angle))):
@@ -90,23 +85,16 @@ def _sideways(
         yield f"{word} of all legs along {way}", dict(zip(places, [*out, *along], strict=True))
 
 
-def _blocks(layout: Layout, index: int, own: np.ndarray) -> dict[str, tuple[Parameter, np.ndarray]]:
-    """Stem -> parameter and places (joint, c) of the free parameters that each joint has."""
+def _blocks(layout: Layout, index: int, own: np.ndarray, joints: int) -> dict[str, np.ndarray]:
+    """Stem -> places (joint, c) of the free parameters that each joint has."""
     term, free = layout.terms[index], layout.free[index]
     place_of = np.full(len(free), -1)
     place_of[free] = own
     result, start = {}, 0
     for parameter in term.effect.parameters:
-        size = _size_in(term, parameter, len(free))
+        size = parameter.size(joints)
         places = place_of[start : start + size]
         start += size
         if parameter.per_joint and len(places) and (places >= 0).all():
-            result[parameter.stem] = (parameter, places.reshape(-1, parameter.count))
+            result[parameter.stem] = places.reshape(-1, parameter.count)
     return result
-
-
-def _size_in(term: Term, parameter: Parameter, total: int) -> int:
-    """Number of values of a parameter, the number of joints worked out from the whole."""
-    each = sum(item.count for item in term.effect.parameters if item.per_joint)
-    common = sum(item.count for item in term.effect.parameters if not item.per_joint)
-    return parameter.size((total - common) // each if each else 0)
