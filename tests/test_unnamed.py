@@ -12,7 +12,7 @@ from ptt.again.recheck import recheck
 from ptt.correct.compensate import compensate
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects.registry import library, make_effect
-from ptt.fitting import drawn_sizes
+from ptt.fitting import chunks, drawn_sizes
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.drawn_sizes import unnamed_sizes
 from ptt.fitting.kept import keep, kept_covariance
@@ -140,8 +140,8 @@ def test_of_a_long_run_stretches_stand_for_all(monkeypatch: pytest.MonkeyPatch) 
     problem = read(rig, np.tile(CUBE, (200, 1)), 1)
     fitted = fit(Model(FILE) + library()["tower-position"](), problem)
     whole = beside_unnamed(fitted, problem).std
-    monkeypatch.setattr(drawn_sizes, "LONG", 500)
-    monkeypatch.setattr(drawn_sizes, "SAMPLE", 300)
+    monkeypatch.setattr(chunks, "LONG", 500)
+    monkeypatch.setattr(chunks, "SAMPLE", 300)
     np.testing.assert_allclose(beside_unnamed(fitted, problem).std, whole, rtol=0.3)
 
 

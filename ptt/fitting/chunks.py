@@ -109,6 +109,11 @@ def sample_stretches(problem: Problem, rows: int = SAMPLE, stretch: int = STRETC
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
+def few_enough(problem: Problem) -> Problem:
+    """The problem as it is, or of a long run stretches that stand for it: columns of all rows would not fit."""
+    return take(problem, sample_stretches(problem, SAMPLE)) if problem.table.rows > LONG else problem
+
+
 def numbers(problem: Problem) -> np.ndarray:
     """Places of a problem's rows in the whole run, (m,) int."""
     return problem.view.places.numpy().astype(int)

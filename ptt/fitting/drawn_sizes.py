@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.effects import Effect, library
 from ptt.effects.registry import parse_key
-from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.fitting.chunks import few_enough
 from ptt.fitting.evidence import NARROWEST, WIDEST, learn
 from ptt.fitting.linear import ShapeTrial, linear_columns
 from ptt.fitting.posterior import Posterior
@@ -63,7 +63,7 @@ def _unnamed(keys: Sequence[str], problem: Problem) -> list[Effect]:
 def sizes_beside(fitted: FitResult, problem: Problem) -> tuple[tuple[DrawnSize, ...], Total]:
     """Sizes of the drawing that a model does not have, and sums of all columns, the fit's unknowns first."""
     sound, keys = problem.masked(fitted.outliers), fitted.model.keys
-    few = take(sound, sample_stretches(sound, SAMPLE)) if sound.table.rows > LONG else sound
+    few = few_enough(sound)
     linear = linear_columns(fitted, few, _unnamed(keys, few), fitted.noise)
     gram, side, square, count = linear.total()
     times = sound.table.rows / few.table.rows

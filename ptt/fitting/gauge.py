@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.fitting.chunks import few_enough
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES, lay_out
 from ptt.fitting.linear import Linear, assemble
 from ptt.machine import MachineFile
@@ -62,7 +62,7 @@ def sparsest(
     Returns:
         The terms in their order.
     """
-    few = take(problem, sample_stretches(problem, SAMPLE)) if problem.table.rows > LONG else problem
+    few = few_enough(problem)
     layout = lay_out(Model(problem.file), few, (*terms, *beside))
     values = layout.start()
     linear = assemble(layout, values, few, noise)

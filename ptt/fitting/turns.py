@@ -16,7 +16,7 @@ from ptt.effects.memory import gradual_reversal
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import listed
 from ptt.effects.reversal import Backlash, Windup, gap_of
-from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
+from ptt.fitting.chunks import few_enough
 from ptt.fitting.observability import Combination
 from ptt.fitting.result import FitResult
 from ptt.fitting.stated import fitted_terms
@@ -46,8 +46,7 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
     terms = [(term.effect, term.theta) for term in fitted.model.terms]
     if not any(isinstance(effect, Backlash) for effect, _ in terms):
         return fitted
-    sound = problem.masked(fitted.outliers)
-    few = take(sound, sample_stretches(sound, SAMPLE)) if sound.table.rows > LONG else sound
+    few = few_enough(problem.masked(fitted.outliers))
     used, sigma = torch.as_tensor(few.used), fitted.noise.total / np.sqrt(3.0)
     jacobian = linearise(terms, few.view).jacobian
     usual = _travel(fitted).usual
