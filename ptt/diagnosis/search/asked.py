@@ -1,12 +1,14 @@
-"""Asked: what is to be explained and with what, and the system that a turn opens on it."""
+"""Asked: what is to be explained and with what, and systems that are opened on it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.row_system import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.turn import Turn, shapes_of
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Effect, Library
@@ -66,3 +68,24 @@ def open_turn(
         unknown=unknown,
     )  # fmt: skip
     return Scorer(system, asked.model.keys, asked.steps, turn.barred)
+
+
+def scorer_at(asked: Asked, found: Found, fitted: FitResult, problem: Problem) -> tuple[Scorer, dict[str, str]]:
+    """The rows of an explanation linearised at another fit, nothing scored yet.
+
+    Args:
+        asked: what is to be explained.
+        found: the explanation.
+        fitted: the fit.
+        problem: the readings without those that open a run.
+
+    Returns:
+        A scorer, and effect -> what the data lack for it.
+    """
+    candidates, untestable = present_candidates(fitted, problem, asked.known, found.seen)
+    rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
+    system = build_row_system(
+        fitted, problem, candidates, found.noise, asked.freedom, rows, found.periods, span=asked.span
+    )
+    scorer = Scorer(system, asked.model.keys, asked.steps, found.scorer.barred, fields=found.scorer.fields)
+    return scorer, untestable

@@ -136,7 +136,7 @@ def _refit(fitted: FitResult, system: SummedSystem, state: State) -> FitResult:
 
 def _opened(found: Found, task: WholeSearch) -> FitResult:
     """A start for the model that was found, at its amplitudes; frames stay where they are."""
-    model = moved(found, task.model, task.sample, refine=found.span is None)
+    model = moved(found, task.model, task.sample, refine=False)
     layout = lay_out(model, task.sample, model.terms)
     unknowns, frames = layout.start(), len(found.system.frame)
     if frames:

@@ -10,13 +10,14 @@ from ptt.diagnosis.evidence.atoms import Atom, is_effect, is_sudden
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.asked import Asked, scorer_at
 from ptt.diagnosis.search.fits import fit_less
-from ptt.diagnosis.search.found import Found, is_better, moved, scorer_at
+from ptt.diagnosis.search.found import Found, is_better, moved
 from ptt.diagnosis.search.improve import HOPEFUL, improve
 from ptt.diagnosis.search.instead import is_plain, refilled
 from ptt.diagnosis.search.moves import SEEN_NATS, TRIED, added, loose
 from ptt.diagnosis.search.plainest import plainest
-from ptt.effects import Effect, Library
+from ptt.effects import Effect
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
@@ -78,18 +79,15 @@ def _searched_anew(model: Model, key: str) -> Model:
     return replace(less, terms=tuple(terms))
 
 
-def by_names(found: Found, model: Model, problem: Problem, known: Library, freedom: float, steps: int) -> Found:
+def by_names(asked: Asked, found: Found, problem: Problem) -> Found:
     """Linearise at what names alone explain, where one of them has a law that bends, and take that if it is better.
 
     A block may do no more than what a tangent leaves of such a law: of play that is taken up over several rows.
 
     Args:
+        asked: what is to be explained.
         found: the best explanation so far.
-        model: as given.
-        problem: the readings.
-        known: effects by name.
-        freedom: degrees of freedom behind the noise floor.
-        steps: how many effects may be added.
+        problem: the readings without those that open a run.
 
     Returns:
         The better explanation.
@@ -98,7 +96,7 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
     kept = [key for key in state.keys if atoms[key].effect is not None]
     if state.memory.pose == 0.0 and len(kept) == len(state.keys):
         ways = [*_bent(scorer, state), *_plainer(scorer, state)]
-        there = [_at_names(found, way, model, problem, known, freedom, steps) for way in ways]
+        there = [_at_names(asked, found, way, problem) for way in ways]
         return max((one for one in there if one is not None and is_better(one, found)), key=_total, default=found)
     alone = scorer.score(kept, WHITE)
     more = improve(scorer, alone, is_effect, swaps=False)
@@ -108,7 +106,7 @@ def by_names(found: Found, model: Model, problem: Problem, known: Library, freed
     # What reverses gradually may be no more than what a tangent leaves of play, as a block may.
     ways += [scorer.score([key for key in kept if key not in stood_in], WHITE)] if bent and stood_in else []
     ways += [more] if any(key not in kept and bends(atoms[key].effect) for key in more.keys) else []
-    there = [_at_names(found, named, model, problem, known, freedom, steps) for named in ways]
+    there = [_at_names(asked, found, named, problem) for named in ways]
     best = max((one for one in there if one is not None), key=_total, default=found)
     return best if is_better(best, found) else found
 
@@ -153,17 +151,15 @@ def _is_commoner(own: Atom, other: Atom) -> bool:
     return is_plain(other) and not is_sudden(other) and other.name != own.name and other.odds < own.odds
 
 
-def _at_names(
-    found: Found, named: State, model: Model, problem: Problem, known: Library, freedom: float, steps: int
-) -> Found | None:
+def _at_names(asked: Asked, found: Found, named: State, problem: Problem) -> Found | None:
     """What is found where names alone are fitted; None where that lies too far behind."""
     state, nothing = found.state, np.zeros_like(found.carried)
-    current = _straightened(moved(replace(found, state=named), model, problem), found, named)
+    current = _straightened(moved(replace(found, state=named), asked.model, problem), found, named)
     most = state.posterior.left + 2.0 * state.posterior.phi * HOPEFUL
     fitted = fit_less(current, problem, nothing, found.gross, found.noise, most)
     if fitted.status == HOPELESS:
         return None
-    other, untestable = scorer_at(found, fitted, model, problem, known, freedom, steps)
+    other, untestable = scorer_at(asked, found, fitted, problem)
     first = other.score([key for key in current.keys if key in other.system.atoms], WHITE)
     if first.total < state.total - HOPEFUL:
         return None

@@ -8,13 +8,13 @@ from ptt.diagnosis.evidence.atoms import is_block
 from ptt.diagnosis.evidence.noise_level import starting_noise
 from ptt.diagnosis.evidence.possible import beyond_machines
 from ptt.diagnosis.noise.gross import are_exceptions, has_a_place
-from ptt.diagnosis.search.asked import Asked
+from ptt.diagnosis.search.asked import Asked, scorer_at
 from ptt.diagnosis.search.bursts import broken_beams, crowded_moments
 from ptt.diagnosis.search.exact import by_names
 from ptt.diagnosis.search.first import names_suffice
 from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.follow import follow
-from ptt.diagnosis.search.found import Found, carried_by, moved, says_more, scorer_at
+from ptt.diagnosis.search.found import Found, carried_by, moved, says_more
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.laws import by_laws, with_atoms
 from ptt.diagnosis.search.moves import loose
@@ -64,7 +64,7 @@ def find(
     return found
 
 
-def names_say_all(model: Model, problem: Problem, known: Library, tell: Tell, steps: int = STEPS) -> bool:
+def names_say_all(model: Model, problem: Problem, known: Library, tell: Tell, steps: int) -> bool:
     """Whether names alone say all, which takes a small part of the time that unknowns do; arguments as of `find`."""
     return _names_do(*_asked(model, problem, known, tell, steps))
 
@@ -86,7 +86,7 @@ def _explained(asked: Asked, first: Turn) -> Found:
         other, others = _begun(asked, replace(first, barred=barred | {name}))
         if says_more(other, found):
             found, problem, barred = other, others, barred | {name}
-    found = by_names(found, asked.model, problem, asked.known, asked.freedom, asked.steps)
+    found = by_names(asked, found, problem)
     return found if asked.span is not None else _lawful(asked, _more_than_nothing(found, problem), problem)
 
 
@@ -163,7 +163,7 @@ def _told(asked: Asked, found: Found, problem: Problem) -> Found:
     carried = carried_by(found.state, found.system, problem)
     current = moved(found, asked.model, problem)
     fitted = fit_less(current, problem, carried, found.gross, found.noise)
-    scorer, untestable = scorer_at(found, fitted, asked.model, problem, asked.known, asked.freedom, asked.steps)
+    scorer, untestable = scorer_at(asked, found, fitted, problem)
     blocks = [found.system.atoms[key] for key in found.state.keys if is_block(found.system.atoms[key])]
     scorer = with_atoms(scorer, [block for block in blocks if block.key not in scorer.system.atoms])
     keys = [*(key for key in current.keys if key in scorer.system.atoms), *(block.key for block in blocks)]

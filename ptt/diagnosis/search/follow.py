@@ -81,7 +81,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
     scorer, state = by_drawing(scorer, state)
     return Found(
         fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
-        asked.span, opening=turn.opening, seen=turn.seen,
+        opening=turn.opening, seen=turn.seen,
     ), candidates  # fmt: skip
 
 

@@ -8,15 +8,13 @@ import torch
 from torch import Tensor
 
 from ptt.diagnosis.evidence.atoms import Atom
-from ptt.diagnosis.evidence.candidates import first_of, present_candidates
-from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
+from ptt.diagnosis.evidence.candidates import first_of
+from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.moves import LEAST_NATS
 from ptt.diagnosis.search.shapes import shape_key, with_shapes
-from ptt.diagnosis.unknown.span import Span
-from ptt.effects import Library
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult
@@ -43,7 +41,6 @@ class Found:
         untestable: effect -> what the data lack.
         periods: joint and length of those that were seen in what was left.
         seen: harmonics of a turn that were.
-        span: of the run that the rows are a part of; None where they are all of it.
         sample: stretches of the run that stand for it where a system keeps only sums.
         opening: rows left out because they tell from where the joints came to the run, (n,) bool; None for none.
     """
@@ -57,7 +54,6 @@ class Found:
     gross: np.ndarray
     untestable: dict[str, str]
     periods: Sequence[tuple[int, float]] = ()
-    span: Span | None = None
     sample: Problem | None = None
     opening: np.ndarray | None = None
     seen: tuple[OncePerRev, ...] = ()
@@ -76,30 +72,6 @@ def parts_of(state: State, system: System) -> dict[str, np.ndarray]:
 def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
     """What the blocks of a state put into the readings, (n, 3) mm."""
     return sum(parts_of(state, system).values(), np.zeros((problem.table.rows, 3)))
-
-
-def scorer_at(
-    found: Found, fitted: FitResult, model: Model, problem: Problem, known: Library, freedom: float, steps: int
-) -> tuple[Scorer, dict[str, str]]:
-    """The rows of an explanation linearised at another fit, nothing scored yet.
-
-    Args:
-        found: the explanation.
-        fitted: the fit.
-        model: as given.
-        problem: the readings.
-        known: effects by name.
-        freedom: degrees of freedom behind the noise floor.
-        steps: how many effects may be added.
-
-    Returns:
-        A scorer, and effect -> what the data lack for it.
-    """
-    candidates, untestable = present_candidates(fitted, problem, known, found.seen)
-    rows = problem.used & ~found.gross & np.isfinite(fitted.residual).all(axis=1)
-    system = build_row_system(fitted, problem, candidates, found.noise, freedom, rows, found.periods, span=found.span)
-    scorer = Scorer(system, model.keys, steps, found.scorer.barred, fields=found.scorer.fields)
-    return scorer, untestable
 
 
 def settled(state: State, system: System) -> bool:

@@ -57,8 +57,8 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
     turn = replace(first, kept=())
     for number in range(ROUNDS):
         problem = without_opening(asked.problem, turn.opening)
-        opened = _opened(asked, turn, problem) if number else _sifted(asked, turn, problem)
-        found, curves = _named(asked, opened, problem, plain_first=number == 0)
+        opened = _opened(asked, turn, problem, sifted=number == 0)
+        found, curves = _named(opened, problem, plain_first=number == 0)
         current, moments = moved(found, asked.model, problem), opened.turn.moments
         if set(current.keys) != set(turn.kept or ()):
             current = lost_by_one(current, asked.model, found, problem)
@@ -73,28 +73,22 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
     return replace(first, gross=turn.gross), turn
 
 
-def _opened(asked: Asked, turn: Turn, problem: Problem) -> _Round:
-    """All effects beside the fit of a turn."""
+def _opened(asked: Asked, turn: Turn, problem: Problem, *, sifted: bool) -> _Round:
+    """All effects beside the fit of a turn; of a first one without lone rows that no name can reach."""
     fitted = fit_less(turn.model, problem, turn.carried, turn.gross, turn.noise)
     candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
-    scorer = open_turn(asked, turn, problem, fitted, candidates, turn.gross, unknown=False)
-    return _Round(turn, fitted, candidates, untestable, scorer)
-
-
-def _sifted(asked: Asked, turn: Turn, problem: Problem) -> _Round:
-    """The same of a first turn, without lone rows that no name can reach."""
-    fitted = fit_less(turn.model, problem, turn.carried, turn.gross, turn.noise)
-    candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
-    linear = linear_columns(fitted, problem, candidates, turn.noise)
-    gross = sift(linear, problem)
+    linear, gross = None, turn.gross
+    if sifted:
+        linear = linear_columns(fitted, problem, candidates, turn.noise)
+        gross = sift(linear, problem)
     scorer = open_turn(asked, turn, problem, fitted, candidates, gross, linear, unknown=False)
-    more = sift_again(scorer, candidates, gross)
-    if not np.array_equal(more, gross):
-        scorer = open_turn(asked, turn, problem, fitted, candidates, more, linear, unknown=False)
-    return _Round(replace(turn, gross=more), fitted, candidates, untestable, scorer)
+    if sifted and not np.array_equal(more := sift_again(scorer, candidates, gross), gross):
+        gross = more
+        scorer = open_turn(asked, turn, problem, fitted, candidates, gross, linear, unknown=False)
+    return _Round(replace(turn, gross=gross), fitted, candidates, untestable, scorer)
 
 
-def _named(asked: Asked, opened: _Round, problem: Problem, *, plain_first: bool) -> tuple[Found, bool]:
+def _named(opened: _Round, problem: Problem, *, plain_first: bool) -> tuple[Found, bool]:
     """What names say beside a fit, and whether curves were asked as well.
 
     Curves wait until the model stands at what plain ones say: of few rows they bend to whatever waves there are, and
@@ -111,7 +105,7 @@ def _named(asked: Asked, opened: _Round, problem: Problem, *, plain_first: bool)
         state = _best(scorer, [scorer.score(keys, WHITE) for keys in (lasting, state.keys)], allowed)
     return Found(
         opened.fitted, system, scorer, state, turn.noise, turn.carried, turn.gross, opened.untestable, turn.periods,
-        asked.span, opening=turn.opening, seen=(*turn.seen, *waves),
+        opening=turn.opening, seen=(*turn.seen, *waves),
     ), curves  # fmt: skip
 
 
