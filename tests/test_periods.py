@@ -39,9 +39,10 @@ def test_a_line_is_found_where_it_is_and_offered_once(turning):
     line = find_period(found.scorer, nothing, problem)
     assert line is not None
     turn = problem.file.machine.screw_lead_mm
-    assert line.length == pytest.approx(turn if np.isscalar(turn) else turn[line.joint], rel=0.02)
-    other = find_period(found.scorer, nothing, problem, [(line.joint, line.length)])
-    assert other is None or other.joint != line.joint or abs(other.length / line.length - 1.0) > 1e-3
+    joint, length = line
+    assert length == pytest.approx(turn if np.isscalar(turn) else turn[joint], rel=0.02)
+    other = find_period(found.scorer, nothing, problem, [line])
+    assert other is None or other[0] != joint or abs(other[1] / length - 1.0) > 1e-3
 
 
 def test_what_each_pose_has_to_itself_is_worth_no_line(turning):

@@ -136,7 +136,7 @@ def _turned(
         following, model=current, noise=noise, carried=carried, held=blocks,
         kept=(*current.keys, *blocks),
         moments=unlike([*moments, *moments_of(current)]),
-        periods=periods if line is None else (*periods, (line.joint, line.length)),
+        periods=periods if line is None else (*periods, line),
         opening=opening,
     )  # fmt: skip
 

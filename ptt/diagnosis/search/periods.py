@@ -1,7 +1,6 @@
 """Periods that nobody foretold: lines in the spectrum of what an explanation leaves, over each joint's own travel."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,6 +9,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.spectrum import STEP, WIDE, JointWave, hides_waves, left_along
+from ptt.diagnosis.unknown.blocks import Period
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
@@ -20,24 +20,11 @@ LEAST_ROWS = 40  # from which a spectrum says anything
 FINER = 8  # places between two frequencies for the line that is found: what it leaves of itself is another line
 
 
-@dataclass(frozen=True)
-class Period:
-    """A line in the spectrum.
-
-    Attributes:
-        joint: whose travel it runs over, from 0.
-        length: of one period, mm or rad.
-    """
-
-    joint: int
-    length: float
-
-
 def find_period(
     scorer: Scorer,
     state: State,
     problem: Problem,
-    offered: Sequence[tuple[int, float]] = (),
+    offered: Sequence[Period] = (),
     waves: Sequence[OncePerRev] = (),
 ) -> Period | None:
     """The strongest line that is worth its price and has not been offered to a search yet.
@@ -50,7 +37,7 @@ def find_period(
         waves: harmonics that are offered by name, on whichever joint: a search judges them first.
 
     Returns:
-        The period; None where none is significant.
+        Joint and length of the period; None where none is significant.
     """
     if len(scorer.system.rows) < LEAST_ROWS:
         return None
@@ -66,12 +53,12 @@ def find_period(
             nats[np.abs(turns - along.span / length) < WIDE] = -np.inf
         if nats.max() > best:
             first = turns[np.argmax(nats > nats.max() - ALIAS)]
-            best, found = float(nats.max()), Period(along.joint, along.span / _placed(along, first))
+            best, found = float(nats.max()), (along.joint, along.span / _placed(along, first))
     return found
 
 
 def period_left(
-    scorer: Scorer, state: State, problem: Problem, offered: Sequence[tuple[int, float]], waves: Sequence[OncePerRev]
+    scorer: Scorer, state: State, problem: Problem, offered: Sequence[Period], waves: Sequence[OncePerRev]
 ) -> Period | None:
     """The same, also with free curves taken out where these leave none; arguments as there.
 
