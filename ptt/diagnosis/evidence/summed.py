@@ -136,15 +136,12 @@ def _sum_rows(
     return both
 
 
-def left_of(
-    run: LongRun, at: Ansatz, trials: Trials, system: SummedSystem, chosen: np.ndarray, values: np.ndarray
-) -> np.ndarray:
+def left_of(run: LongRun, at: Ansatz, system: SummedSystem, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
     """What a solution leaves of all rows that count.
 
     Args:
         run: the run.
         at: what it was linearised at.
-        trials: candidates of the system.
         system: the sums.
         chosen: (p,) columns.
         values: (p,).
@@ -226,5 +223,5 @@ def _system(
         linear.base_values.size, len(pose) - len(np.unique(pose)), lambda chosen, values: np.zeros((0, 3)),
         by_visit=run.by_visit,
     )  # fmt: skip
-    system.look = lambda chosen, values: left_of(run, at, trials, system, chosen, values)
+    system.look = lambda chosen, values: left_of(run, at, system, chosen, values)
     return system

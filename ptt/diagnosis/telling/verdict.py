@@ -99,7 +99,7 @@ def conclude(
     known: Library,
     tell: Tell,
     seed: int,
-    steps: int = STEPS,
+    steps: int,
 ) -> Diagnosis:
     """Put together what was found.
 
@@ -123,7 +123,7 @@ def conclude(
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
     said = said_of(found, model, problem, shown)
     named = said.told.steps
-    rms_um = _errors(found, tuple(step.key for step in named), clean)
+    rms_um = _errors(found, tuple(step.key for step in named))
     rest = _objected(rest, found, said, problem, rms_um["after"]["total"] / MICRO)
     noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
     verdict = _verdict(found, bool(named), rest)
@@ -214,7 +214,7 @@ def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]
     return found
 
 
-def _errors(found: Found, keys: tuple[str, ...], clean: Problem) -> dict[str, dict[str, float]]:
+def _errors(found: Found, keys: tuple[str, ...]) -> dict[str, dict[str, float]]:
     """Error of the model as given, and with the steps, um."""
     system, scorer = found.system, found.scorer
     errors = {}
