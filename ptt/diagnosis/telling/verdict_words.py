@@ -1,8 +1,9 @@
 """The verdict of a diagnosis in words, and what an unknown follows."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any
 
+from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import MOVES, middle
 from ptt.diagnosis.noise.slow import Slow
 from ptt.diagnosis.telling.words import headline
@@ -18,54 +19,61 @@ LINES = 5  # that anybody reads
 COLUMN = {"payload": "payload", "load": "payload", "link force": "payload", "temperature": "temperature"}
 
 
-class Strongest(Protocol):
-    """What the leading unknown depends on, as `ptt.dependence.dependence.Dependence` says it."""
-
-    residual: str
-    on: str
-    share: float
-    period_mm: float | None
-    shape: str
-    place: tuple[float, float] | None
-    with_: str | None
-    acts_on: str | None
-    unit: str
-    words: str
-
-
 def explain_verdict(result: Any, steps: int | None = None) -> str:
-    """The verdict of a diagnosis.
+    """The verdict of a diagnosis line by line, each line one thing, what cannot be told apart first.
 
     Args:
         result: the diagnosis: verdict, suggested, candidates, depends_on, rest, noise, rms_um, rows.
         steps: how many effects could be added; None for as many as it takes.
 
     Returns:
-        Text; of an unknown at most five lines, and one on the workspace.
+        Text; of an unknown at most five lines, else one for each step and one for the errors; and one on the workspace.
     """
-    count = len(result.suggested)
-    named = {step[0] for step in result.suggested}
-    columns = {term.effect.key: COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
-    followed = result.depends_on[0].on if result.depends_on else None  # the only one that is told in the verdict
-    far = "" if result.elsewhere is None else result.elsewhere.words(result.rms_um["after"]["total"])
-    return "\n".join(
-        tell_verdict(
-            result.verdict,
-            [candidate.words for candidate in result.candidates[:count]],
-            (result.rms_um["before"]["total"], result.rms_um["after"]["total"]),
-            result.noise,
-            result.rows,
-            ties=[headline(step[0], step[1:], one.sum_of) for step, one in zip(
-                result.suggested, result.candidates, strict=False)],
-            names=[step[0] for step in result.suggested],
-            strongest=result.depends_on[0] if result.depends_on else None,
-            reasons=result.rest.reasons,
-            overruled=result.verdict_probability[result.verdict] <= EVEN,
-            bent={key: on for key, on in columns.items() if key in named and on == followed},
-            cut_short=steps is not None and steps == count,
-            wander=result.wander,
-        ) + [far] * bool(far)
-    )  # fmt: skip
+    before, after = (result.rms_um[stage]["total"] for stage in ("before", "after"))
+    noise, excess = result.noise, _excess(after, result.noise, result.wander)
+    beyond = _beyond_stated(noise)
+    floor = f"the noise {noise.total * 1e3:.1f} um ({noise.source}{beyond})"
+    same, way = f"{after:.1f}" == f"{before:.1f}", "down" if after < before else "up"
+    fall = f"the error is {after:.1f} um, {'as it was' if same else f'{way} from {before:.1f} um'}; {floor}."
+    told = [candidate.words for candidate in result.candidates[: len(result.suggested)]]
+    if result.verdict == "nothing-missing":
+        sound = f"Nothing is missing that these {result.rows} readings could show"
+        varies = " Poses come back that badly, or something differs from visit to visit that no column tells."
+        lines = [f"{sound}: the error is {after:.1f} um, {floor}.{varies if beyond else ''}{excess}{_unstated(noise)}"]
+    elif result.verdict == "missing":
+        lines = [*_open_below(result), *told, f"With that {fall}{excess}"]
+    else:
+        lines = _unknown(result, told, cut_short=steps == len(told))
+        lines += [f"With what is named {fall}" if told else f"The error is {after:.1f} um, {floor}."]
+    if result.elsewhere is not None and (far := result.elsewhere.words(after)):
+        lines.append(far)
+    return "\n".join(lines)
+
+
+def _open_below(result: Any) -> list[str]:
+    """That steps are tied: it stands at the head of its step's words, but a later one has to be heard of first, too."""
+    steps = zip(result.suggested, result.candidates, strict=False)
+    ties = [step[0] if headline(step[0], step[1:], one.sum_of) else "" for step, one in steps]
+    if not any(ties) or ties[0]:
+        return []
+    return [f"What is called {listed([name for name in ties if name])} below could as well be another effect."]
+
+
+def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
+    """That something is missing, what it follows, and what is named beside it; `cut_short` if no more was allowed."""
+    strongest = result.depends_on[0] if result.depends_on else None
+    # Tests of the rest may say so alone, where the sets of effects do not.
+    overruled = result.verdict_probability[result.verdict] <= EVEN
+    what = "More is missing, but no more steps were allowed" if cut_short else MISSING
+    reasons = result.rest.reasons
+    lines = [f"{what}: {reasons[0]}." if reasons and (overruled or not strongest) else f"{what}."]
+    lines += [f"{depends(strongest)}{_bent(result, strongest.on)}"] if strongest else []
+    if 0 < len(told) <= LINES - 1 - len(lines):
+        lines += [f"Named beside it: {step}" for step in told]
+    elif told:
+        names = listed([step[0] for step in result.suggested])
+        lines.append(f"Named beside it: {names}; what each means is said with the candidates.")
+    return lines
 
 
 def held_to_base(error_um: float) -> str:
@@ -92,79 +100,18 @@ def with_free_mount(error_um: float) -> str:
     )
 
 
-def tell_verdict(
-    verdict: str,
-    steps: Sequence[str],
-    error_um: tuple[float, float],
-    noise: Noise,
-    rows: int,
-    *,
-    ties: Sequence[str] = (),
-    names: Sequence[str] = (),
-    strongest: Strongest | None = None,
-    reasons: Sequence[str] = (),
-    overruled: bool = False,
-    bent: Mapping[str, str] | None = None,
-    cut_short: bool = False,
-    wander: Slow | None = None,
-) -> list[str]:
-    """The verdict line by line, each line one thing, what cannot be told apart first.
-
-    Args:
-        verdict: 'missing', 'nothing-missing' or 'unknown'.
-        steps: words of each step.
-        error_um: error before and after the steps.
-        noise: the noise floor.
-        rows: readings that counted.
-        ties: for each step what cannot be told apart from it, '' for nothing.
-        names: of the steps.
-        strongest: what the leading unknown depends on.
-        reasons: what says that something is left.
-        overruled: these say so alone, and the sets of effects do not.
-        bent: of effects that are named, the column that they follow as the unknown does.
-        cut_short: no more steps were allowed.
-        wander: of the tracker's readings, where there is any.
-
-    Returns:
-        At most five lines where something unknown is missing; else one for each step and one for the errors.
-    """
-    before, after = error_um
-    beyond = _beyond_stated(noise)
-    floor = f"the noise {noise.total * 1e3:.1f} um ({noise.source}{beyond})"
-    excess = _excess(after, noise, wander)
-    if verdict == "nothing-missing":
-        sound = f"Nothing is missing that these {rows} readings could show"
-        varies = " Poses come back that badly, or something differs from visit to visit that no column tells."
-        return [f"{sound}: the error is {after:.1f} um, {floor}.{varies if beyond else ''}{excess}{_unstated(noise)}"]
-    same, way = f"{after:.1f}" == f"{before:.1f}", "down" if after < before else "up"
-    fall = f"the error is {after:.1f} um, {'as it was' if same else f'{way} from {before:.1f} um'}; {floor}."
-    if verdict == "missing":
-        # A tie stands at the head of its step's words; a later one has to be heard of first, too.
-        open_ones = [name for name, tie in zip(names, ties, strict=False) if tie]
-        open_words = f"What is called {listed(open_ones)} below could as well be another effect."
-        first = [open_words] if open_ones and not ties[0] else []
-        return [*first, *steps, f"With that {fall}{excess}"]
-    what = "More is missing, but no more steps were allowed" if cut_short else MISSING
-    told = reasons and (overruled or not strongest)
-    lines = [f"{what}: {reasons[0]}." if told else f"{what}."]
-    lines += [f"{depends(strongest)}{_bent(bent or {})}"] if strongest else []
-    if 0 < len(steps) <= LINES - 1 - len(lines):
-        lines += [f"Named beside it: {step}" for step in steps]
-    elif steps:
-        lines.append(f"Named beside it: {listed(list(names))}; what each means is said with the candidates.")
-    return [*lines, f"With what is named {fall}" if steps else f"The error is {after:.1f} um, {floor}."]
-
-
-def _bent(bent: Mapping[str, str]) -> str:
+def _bent(result: Any, followed: str) -> str:
     """A word where an effect that is named and the unknown beside it follow the same column: one cause may be both."""
-    if not bent:
+    named = {step[0] for step in result.suggested}
+    columns = {term.effect.key: COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
+    each = [f"{key} follows {on}" for key, on in columns.items() if key in named and on == followed]
+    if not each:
         return ""
-    each = [f"{key} follows {column}" for key, column in bent.items()]
     law = "its law may be bent" if len(each) == 1 else "their laws may be bent"
     return f" As {listed(each)} too, {law} rather than another cause missing, and the value said of it holds here only."
 
 
-def depends(strongest: Strongest) -> str:
+def depends(strongest: Dependence) -> str:
     """What the leading unknown follows, how large it is and which way it goes, in one line."""
     period = f" with a period of {strongest.period_mm:.3g} {strongest.unit}".rstrip() if strongest.period_mm else ""
     share = f"({strongest.share:.0%} of its variance){acting(strongest.acts_on, strongest.residual)}"
