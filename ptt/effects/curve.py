@@ -8,10 +8,11 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
-from ptt.effects.geometry import ACROSS, LEGS, across_axes
+from ptt.effects.geometry import ACROSS, across_axes
 from ptt.effects.parameter import Parameter
 from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.errors import InputError
+from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.view import View
 
 JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")

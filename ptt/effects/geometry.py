@@ -11,11 +11,9 @@ from torch import Tensor
 from ptt.effects.base import Effect, Stage
 from ptt.effects.phrases import Said
 from ptt.mechanisms.statics import link_forces
-from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.mechanisms.three_ptt import LEGS, SLOTS, ThreePtt
 from ptt.run.view import View
 
-LEGS = 3
-SLOTS = 15  # of ThreePtt: centre x, y, z and link length of each leg, then tool x, y, z
 ACROSS = ("outward", "sideways")  # what the two ways across a rail are called
 UPWARD = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
 CLOSURE = "first-order geometry: derivative of |p - c_i| = L_i"
@@ -65,7 +63,7 @@ def centre_basis(*columns: Tensor) -> Tensor:
         (n, 15, P).
     """
     parts = [column.unsqueeze(-1) if column.dim() == 3 else column for column in columns]  # shape: (n, leg, xyz, c)
-    basis = columns[0].new_zeros(len(columns[0]), SLOTS, LEGS * sum(part.shape[-1] for part in parts))
+    basis = columns[0].new_zeros(len(columns[0]), len(SLOTS), LEGS * sum(part.shape[-1] for part in parts))
     start = 0
     for part in parts:
         for leg in range(LEGS):
@@ -76,7 +74,7 @@ def centre_basis(*columns: Tensor) -> Tensor:
 
 def centre_slots(centres: Tensor) -> Tensor:
     """Shifts of the legs' joint centres, (n, leg, xyz), as shifts of all slots, (n, 15)."""
-    return torch.nn.functional.pad(torch.nn.functional.pad(centres, (0, 1)).flatten(1), (0, SLOTS - 4 * LEGS))
+    return torch.nn.functional.pad(torch.nn.functional.pad(centres, (0, 1)).flatten(1), (0, len(SLOTS) - 4 * LEGS))
 
 
 def length_basis(*columns: Tensor) -> Tensor:
@@ -90,7 +88,7 @@ def length_basis(*columns: Tensor) -> Tensor:
     """
     blocks = []
     for column in columns:
-        block = column.new_zeros(column.shape[0], SLOTS, LEGS)
+        block = column.new_zeros(column.shape[0], len(SLOTS), LEGS)
         for leg in range(LEGS):
             block[:, 4 * leg + 3, leg] = column[:, leg]
         blocks.append(block)

@@ -12,7 +12,6 @@ from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.geometry import (
     CLOSURE,
-    LEGS,
     ThreePttEffect,
     across_axes,
     centre_basis,
@@ -24,6 +23,7 @@ from ptt.effects.geometry import (
 from ptt.effects.layout import shape_of
 from ptt.effects.phrases import Phrase, Said
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
+from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.view import View
 
 

@@ -10,14 +10,13 @@ from torch import Tensor
 from ptt.effects.base import Parameter
 from ptt.effects.card import Card
 from ptt.effects.geometry import (
-    LEGS,
-    SLOTS,
     UPWARD,
     ThreePttEffect,
     horizontal_axes,
     machine,
 )
 from ptt.effects.phrases import Phrase
+from ptt.mechanisms.three_ptt import LEGS, SLOTS
 from ptt.run.view import View
 
 
@@ -109,7 +108,7 @@ def _turned(turn: Tensor, arms: Tensor) -> Tensor:
 def _carried(view: View, turn: Tensor, radial: Tensor) -> Tensor:
     """Geometry shifts that platform rotations (n, xyz, P) cause: joints B_i by -w x B_i, the reflector by w x r."""
     turns = turn.transpose(1, 2)  # shape: (n, P, xyz)
-    basis = turn.new_zeros(view.rows, SLOTS, turns.shape[1])
+    basis = turn.new_zeros(view.rows, len(SLOTS), turns.shape[1])
     for leg in range(LEGS):
         joint = view.platform_radius * radial[leg]
         basis[:, 4 * leg : 4 * leg + 3] = -torch.linalg.cross(turns, joint.expand_as(turns)).transpose(1, 2)
