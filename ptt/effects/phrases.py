@@ -28,6 +28,7 @@ FULL = 720.0  # deg from which the turns of a screw are said
 MOST_VALUES = 6  # of one effect that anybody reads
 SMALL = 0.02  # share of the largest value below which nobody would turn a screw
 ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
+MANY = {"s": "", "es": "", "is_": "are", "has": "have"}
 ABSURD = 30.0  # usual sizes that no machine is off by, but a drawing with a wrong sign or figure is
 SIGNIFICANT = 3.0  # standard errors from which a value is worth a word
 
@@ -202,10 +203,7 @@ def doubt(parts: Sequence[Said]) -> str:
 def _clause(who: str, text: str, group: Sequence[Said], noun: str) -> tuple[str, str]:
     many = len(group) > 1
     subject = who or f"{noun}{'s' if many else ''} {listed([str(part.joint) for part in group])}"
-    verb = (
-        {"s": "", "es": "", "is_": "are", "has": "have"} if many else {"s": "s", "es": "es", "is_": "is", "has": "has"}
-    )
-    return subject, text.format(what=sizes_in_words(group), **verb)
+    return subject, text.format(what=sizes_in_words(group), **(MANY if many else ONE))
 
 
 def sizes_in_words(group: Iterable[Said]) -> str:
