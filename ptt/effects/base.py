@@ -17,6 +17,13 @@ from ptt.run.view import View
 
 Stage = Literal["drive", "geometry", "structure", "metrology"]
 STAGES: tuple[Stage, ...] = ("drive", "geometry", "structure", "metrology")
+CONTEXTS = {  # what an effect may require -> what the data want where that does not vary
+    "payload": "column payload_kg with at least two loads",
+    "temperature": "column temp_c with a change of temperature",
+    "time": "column time_s over more than an instant",
+    "speed": "readings at two or more speeds (feed_mm_s, or time_s while moving)",
+    "direction": "poses reached from both directions",
+}
 
 
 @dataclass(frozen=True)
@@ -112,7 +119,7 @@ class Effect:
         Returns:
             One line for the user, or None where the data can test it.
         """
-        wanting = [_WANTED[context] for context in self.requires if context not in view.varies]
+        wanting = [CONTEXTS[context] for context in self.requires if context not in view.varies]
         return "; ".join(wanting) or None
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
@@ -289,12 +296,3 @@ class Effect:
             For example 'wind-up, over 2.1 mm of travel'.
         """
         return (self.arm_called if family(view) == "serial" else "") or self.called or self.key
-
-
-_WANTED = {
-    "payload": "column payload_kg with at least two loads",
-    "temperature": "column temp_c with a change of temperature",
-    "time": "column time_s over more than an instant",
-    "speed": "readings at two or more speeds (feed_mm_s, or time_s while moving)",
-    "direction": "poses reached from both directions",
-}

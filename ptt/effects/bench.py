@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from ptt.machine import MachineFile, parse_machine
 from ptt.run.table import Table, make_table
-from ptt.run.view import PER_ROW, View
+from ptt.run.view import View
 from ptt.run.viewing import build_view
 
 SEED = 7
@@ -99,20 +98,6 @@ def sample_table(kind: str) -> Table:
         "feed_mm_s": random.choice([5.0, 20.0, 40.0], rows),
     }
     return make_table(places, **columns) if kind == "three-ptt" else make_table(None, places, **columns)
-
-
-def take(view: View, rows: Tensor) -> View:
-    """Some rows of a view as they stand; the travel between them is not worked out anew.
-
-    Args:
-        view: n rows.
-        rows: (m,) int64, or (n,) bool.
-
-    Returns:
-        The view of those rows.
-    """
-    taken: dict[str, Any] = {name: value[rows] for name in PER_ROW if (value := getattr(view, name)) is not None}
-    return replace(view, **taken)
 
 
 def bare(view: View) -> View:

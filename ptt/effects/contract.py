@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect
-from ptt.effects.bench import bare, take
+from ptt.effects.base import CONTEXTS, Effect
+from ptt.effects.bench import bare
 from ptt.effects.case import Case, Differentiate, make_case
 from ptt.effects.layout import flatten, linear_size, sizes
 from ptt.effects.phrases import compose
@@ -18,7 +18,6 @@ from ptt.mechanisms.derivatives import by_input
 from ptt.run.view import PER_ROW
 
 UNITS = ("1", "mm", "rad", "s", "K", "kg", "N", "Nmm")
-CONTEXTS = ("payload", "temperature", "time", "speed", "direction")
 NOMINAL = 1e-12  # mm or rad
 ALIKE = 1e-12  # batch against loop; what a sum in another order may differ by
 CLOSE = 1e-5  # exact derivative against a central difference, share of the column
@@ -139,7 +138,7 @@ def check_rows(case: Case) -> str:
     else:
         parts = [torch.arange(case.view.rows) == row for row in range(0, case.view.rows, 11)]
     for rows in parts:
-        alone = case.shift(take(case.view, rows))
+        alone = case.shift(case.view.of_rows(rows))
         gap = float((alone - whole[rows]).abs().max())
         if not gap <= ALIKE * (1.0 + float(whole.abs().max())):
             where = f"run {int(case.view.run[rows][0])}" if case.effect.reverses else f"row {int(rows.nonzero()[0, 0])}"

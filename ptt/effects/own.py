@@ -14,7 +14,7 @@ from typing import Any
 
 import torch
 
-from ptt.effects.base import STAGES, Effect
+from ptt.effects.base import CONTEXTS, STAGES, Effect
 from ptt.effects.bench import sample_view
 from ptt.effects.layout import flatten, linear_size
 from ptt.effects.parameter import Parameter
@@ -130,7 +130,7 @@ def _check_words(cls: type[Effect], where: str) -> None:
         refuse(f"name {shown(cls.name)} is no name for an effect", 'write name = "my-effect", at most 60 letters')
     if cls.stage not in STAGES:
         refuse(f"stage '{shown(cls.stage)}' of {cls.name} is not known", f"use one of {', '.join(STAGES)}")
-    for key, allowed in (("mechanisms", KINDS), ("requires", tuple(_contexts()))):
+    for key, allowed in (("mechanisms", KINDS), ("requires", tuple(CONTEXTS))):
         values = getattr(cls, key)
         if not isinstance(values, tuple | list) or any(value not in allowed for value in values):
             refuse(f"{key} = {shown(values)} is not a tuple of these", f"use {key} = {allowed[:1]!r}, of {allowed}")
@@ -152,12 +152,6 @@ def _check_words(cls: type[Effect], where: str) -> None:
     roles = [parameter.role == "linear" for parameter in cls.parameters]
     if not any(roles) or roles != sorted(roles, reverse=True):
         refuse(f"parameters of {cls.name} need a linear one, and the linear ones first", "reorder them")
-
-
-def _contexts() -> tuple[str, ...]:
-    from ptt.effects.contract import CONTEXTS
-
-    return CONTEXTS
 
 
 def _broken(parameter: Parameter) -> str:
