@@ -3,7 +3,6 @@
 import torch
 from torch import Tensor
 
-from ptt.mechanisms.derivatives import by_input
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEG_SLOTS, LEGS, ThreePtt
@@ -22,17 +21,8 @@ def sensitivity(mechanism: Mechanism, q: Tensor, geometry: Tensor) -> tuple[Tens
     """
     if isinstance(mechanism, ThreePtt):
         return _three_ptt(mechanism, q, geometry)
-    if isinstance(mechanism, Serial):
-        return _serial(mechanism, q, geometry)
-    whole = geometry.expand(len(q), -1)
-    inputs = torch.cat([q, whole], dim=1)
-    k = q.shape[1]
-
-    def forward(x: Tensor) -> Tensor:
-        return mechanism.forward(x[:, :k], x[:, k:])
-
-    columns = by_input(forward, inputs)
-    return forward(inputs), columns[..., :k], columns[..., k:]
+    assert isinstance(mechanism, Serial)
+    return _serial(mechanism, q, geometry)
 
 
 def _three_ptt(mechanism: ThreePtt, q: Tensor, geometry: Tensor) -> tuple[Tensor, Tensor, Tensor]:
