@@ -13,37 +13,6 @@ NEAR_RATIO = 0.1
 ROUNDING = 1e-14
 """Share of the largest singular value under which the least one is rounding."""
 
-SPACING_SINE = 0.5 * 3.0**0.5
-SYMMETRY_TOLERANCE = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class DeterminantFactors:
-    """The factors of det J = (sqrt(3)/2) (R - r) S / (w_1 w_2 w_3) on upright rails 120 degrees apart of one radius.
-
-    Attributes:
-        radius_difference_mm: R - r; 0 is a direct singularity everywhere.
-        coplanarity_mm2: (n,) S = sum of (rho + 2 p . u_i) w_i; 0 where the link vectors lie in one plane.
-        slider_product_mm3: (n,) w_1 w_2 w_3; 0 where a link lies horizontal.
-    """
-
-    radius_difference_mm: float
-    coplanarity_mm2: Tensor
-    slider_product_mm3: Tensor
-
-
-@dataclass(frozen=True, eq=False)
-class Determinant:
-    """Determinant of J = db/dp.
-
-    Attributes:
-        value: (n,), by the matrix.
-        factors: the closed form's factors; None where the legs are not alike, which it is not made for.
-    """
-
-    value: Tensor
-    factors: DeterminantFactors | None
-
 
 @dataclass(frozen=True, eq=False)
 class Singularities:
@@ -82,8 +51,8 @@ class Singularities:
         return torch.stack((self.inverse, self.direct, self.constraint)).amin(0) < NEAR_RATIO
 
 
-def determinant(mechanism: ThreePtt, p: Tensor) -> Determinant:
-    """Determinant of J = db/dp and where its zeros and poles come from.
+def determinant(mechanism: ThreePtt, p: Tensor) -> Tensor:
+    """Determinant of J = db/dp.
 
     Source: J = diag(1 / (s_i . rail_i)) S for link vectors s_i, the rows of S; so det J vanishes with the volume that
     the links span and grows without bound where a link stands square on its rail.
@@ -93,16 +62,10 @@ def determinant(mechanism: ThreePtt, p: Tensor) -> Determinant:
         p: (n, 3) mm, tool positions.
 
     Returns:
-        The value and its factors, NaN out of reach.
+        (n,), NaN out of reach.
     """
     vector = mechanism.link_vectors(p)
-    along = (vector * mechanism.rail).sum(-1)
-    value = _volume(vector) / along.prod(-1)
-    radius = _common_radius(mechanism)
-    if radius is None:
-        return Determinant(value, None)
-    weight = radius + 2.0 * p @ mechanism.outward.T  # shape: (n, leg)
-    return Determinant(value, DeterminantFactors(radius, (weight * along).sum(-1), along.prod(-1)))
+    return _volume(vector) / (vector * mechanism.rail).sum(-1).prod(-1)
 
 
 def singularities(mechanism: ThreePtt, p: Tensor) -> Singularities:
@@ -209,17 +172,3 @@ def singular_values(matrix: Tensor) -> Tensor:
 def _volume(rows: Tensor) -> Tensor:
     """Triple product (n,) of the rows of (n, 3, 3)."""
     return (rows[..., 0, :] * torch.linalg.cross(rows[..., 1, :], rows[..., 2, :])).sum(-1)
-
-
-def _common_radius(mechanism: ThreePtt) -> float | None:
-    """R - r in mm where the rails are upright, 120 degrees apart anticlockwise and equally far out; else None."""
-    radial = mechanism.outward
-    radius = (mechanism.foot * radial).sum(-1)
-    turn = radial[:, 0] * radial.roll(-1, 0)[:, 1] - radial[:, 1] * radial.roll(-1, 0)[:, 0]
-    gaps = (
-        (mechanism.foot[:, :2] - radius.mean() * radial[:, :2]) / mechanism.link.max(),
-        mechanism.rail[:, :2],
-        turn - SPACING_SINE,
-    )
-    alike = all(float(gap.abs().max()) < SYMMETRY_TOLERANCE for gap in gaps)
-    return float(radius.mean()) if alike else None

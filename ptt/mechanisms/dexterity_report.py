@@ -1,7 +1,7 @@
 """Dexterity of a machine for a person: at home, at given targets, over the workspace."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -9,11 +9,10 @@ from torch import Tensor
 from ptt.machine import MachineFile
 from ptt.mechanisms import Mechanism, build_mechanism
 from ptt.mechanisms.dexterity import condition_number, determinant, manipulability, singularities
+from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.serial_inverse import middle, spread
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, workspace_map
-
-if TYPE_CHECKING:
-    from ptt.mechanisms.serial import Serial
 
 GRID = 41
 MARGINS = ("inverse_mm", "edge_mm", "inverse", "direct", "constraint")
@@ -33,6 +32,7 @@ def describe_dexterity(file: MachineFile, targets: Tensor | None = None) -> dict
     if isinstance(mechanism, ThreePtt):
         home, workspace = _at(mechanism, mechanism.forward(mechanism.home()[None])), _over_workspace(mechanism, file)
     else:
+        assert isinstance(mechanism, Serial)
         home, workspace = _arm_at_middle(mechanism), _arm_workspace(mechanism)
     data: dict[str, Any] = {
         "machine": file.machine.name,
@@ -57,7 +57,7 @@ def _at(mechanism: Mechanism, p: Tensor) -> list[dict[str, Any]]:
     }
     if isinstance(mechanism, ThreePtt):
         margins = singularities(mechanism, p)
-        columns["determinant"] = determinant(mechanism, p).value.tolist()
+        columns["determinant"] = determinant(mechanism, p).tolist()
         columns |= {name: getattr(margins, name).tolist() for name in MARGINS}
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
@@ -85,24 +85,18 @@ def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
     }
 
 
-def _arm_at_middle(arm: "Serial | Mechanism") -> list[dict[str, Any]]:
+def _arm_at_middle(arm: Serial) -> list[dict[str, Any]]:
     from ptt.mechanisms.dexterity_serial import scaled_jacobian
-    from ptt.mechanisms.serial import Serial
-    from ptt.mechanisms.serial_inverse import middle
 
-    assert isinstance(arm, Serial)
     q = middle(arm)[None]
     jacobian = scaled_jacobian(arm, q)
     entry = {"q": q[0].tolist(), "p_mm": arm.forward(q)[0].tolist(), "status": "ok"}
     return [entry | {"condition": float(condition_number(jacobian)), "manipulability": float(manipulability(jacobian))}]
 
 
-def _arm_workspace(arm: "Serial | Mechanism") -> dict[str, Any]:
+def _arm_workspace(arm: Serial) -> dict[str, Any]:
     from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian, singular_families
-    from ptt.mechanisms.serial import Serial
-    from ptt.mechanisms.serial_inverse import spread
 
-    assert isinstance(arm, Serial)
     values = condition_number(scaled_jacobian(arm, spread(arm, 4096)))
     best, least = most_isotropic(arm)
     best_position, least_position = most_isotropic(arm, "position")

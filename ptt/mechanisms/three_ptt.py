@@ -197,21 +197,6 @@ class ThreePtt:
         """
         return in_blocks(self._jacobian, q, geometry)
 
-    def inverse_jacobian(self, p: Tensor, geometry: Tensor | None = None) -> Tensor:
-        """J = db/dp of the source paper, so that db = J dp.
-
-        Source: row i is s_i / (s_i . rail_i); on upright rails [(X - rho c_i)/w_i, (Y - rho s_i)/w_i, 1].
-
-        Args:
-            p: (n, 3) mm, tool positions.
-            geometry: (n, 15) or (1, 15) mm, shift of each slot in `slots`.
-
-        Returns:
-            J: (n, 3, 3) mm per mm, row slider, column x, y, z.
-        """
-        vector = self.link_vectors(p, geometry)
-        return vector / (vector * self.rail).sum(-1, keepdim=True)
-
     def link_vectors(self, p: Tensor, geometry: Tensor | None = None) -> Tensor:
         """Link vectors s_i from the slider joint to the platform joint.
 
