@@ -42,24 +42,23 @@ def residual_views(problem: Problem, residual: np.ndarray) -> dict[str, np.ndarr
     return views | {f"{word} {i + 1}": inner[:, i] for i in range(view.joints)}
 
 
-def level(problem: Problem, residual: np.ndarray, slopes: np.ndarray | None = None) -> np.ndarray:
-    """Take out of a residual what the tracker's frame and the fitted effects could take, all coordinates alike.
+def level(problem: Problem, residual: np.ndarray) -> np.ndarray:
+    """Take out of a residual what the tracker's frame could take, all coordinates alike.
 
-    A fit weighs coordinates by their noise and leaves out far-off rows; what the model lacks then bends the frame and
-    the fitted effects for the sake of the quiet coordinates, and the bend would hide where the error comes from. Where
-    nothing is lacking that would only carry the noise of loud coordinates into the quiet ones.
+    A fit weighs coordinates by their noise and leaves out far-off rows; what the model lacks then bends the frame for
+    the sake of the quiet coordinates, and the bend would hide where the error comes from. Where nothing is lacking that
+    would only carry the noise of loud coordinates into the quiet ones.
 
     Args:
         problem: n rows.
         residual: (n, 3) mm, NaN where not observed.
-        slopes: (n, 3, P) derivative of the readings by the fitted parameters, None for a model as given.
 
     Returns:
         (n, 3) mm; a frame that is trusted or held by base reflectors takes nothing. Reflector mounts take theirs. As it
         is where it would take no more than noise has it take.
     """
     seen = problem.used & np.isfinite(residual).all(axis=1)
-    columns = [] if slopes is None else [slopes[seen]]
+    columns = list[np.ndarray]()
     if problem.frames and problem.base is None:
         place, member = problem.view.p[torch.as_tensor(seen)], problem.frame[seen]
         rigid = rigid_columns(place, place.mean(dim=0)).numpy()
@@ -94,7 +93,7 @@ def is_by_chance(basis: np.ndarray, taken: np.ndarray, covariance: np.ndarray) -
     Source: Hausman, Econometrica 46 (1978); the sum of squares by Satterthwaite's approximation.
 
     Args:
-        basis: orthonormal directions of frame and fitted effects, (3 n, r).
+        basis: orthonormal directions of frame and mounts, (3 n, r).
         taken: what equal weights take, (n, 3) mm.
         covariance: of one reading, (3, 3) mm^2.
     """

@@ -7,9 +7,9 @@ import numpy as np
 from ptt.dependence.causes import position_explains_more, varies_with
 from ptt.dependence.chance import gumbel_tail
 from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views
-from ptt.dependence.curves import LOCAL, FittedCurve, describe
+from ptt.dependence.curves import LOCAL, describe
 from ptt.dependence.dependence import Dependence, with_unit
-from ptt.dependence.scores import Score, Variable, build_scores
+from ptt.dependence.scores import Score, build_scores
 from ptt.dependence.strata import LEAST_POSES, RepeatedPoses, find_poses
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
@@ -23,25 +23,22 @@ FAR = 6.0  # robust standard deviations at which a residual is cut off
 NEAR = 0.9  # shares closer than this ratio are a tie
 
 
-def dependence_of(
-    problem: Problem, residual: np.ndarray, *, slopes: np.ndarray | None = None, seed: int = 0
-) -> tuple[Dependence, ...]:
+def dependence_of(problem: Problem, residual: np.ndarray, *, seed: int = 0) -> tuple[Dependence, ...]:
     """What the residual of a problem depends on.
 
     Args:
         problem: n rows.
         residual: (n, 3) mm, base frame, NaN on rows to leave out. Keep rows that a robust fit left out: a local fault
             looks like outliers to it; gross errors are cut off here.
-        slopes: (n, 3, P) derivative of the readings by the parameters that were fitted, if any.
         seed: of the permutations.
 
     Returns:
         Significant dependences, largest share first.
     """
-    views = residual_views(problem, level(problem, _thinned(residual, problem.used, seed), slopes))
+    views = residual_views(problem, level(problem, _thinned(residual, problem.used, seed)))
     noise = None
     if problem.noise is not None:
-        noise = dict(zip(("x", "y", "z"), map(float, problem.noise.sigma), strict=True))
+        noise = dict(zip(COORDINATES, map(float, problem.noise.sigma), strict=True))
     found = depends_on(
         views, context_views(problem), pose_groups(problem.table), travel_blocks(problem.table), noise=noise, seed=seed
     )
@@ -159,22 +156,13 @@ def _describe(
         residual = np.column_stack([data[name] for name, _ in chosen])
         findings = describe(residual, contexts[variable.name], second, variable.on_rows(), score.toll, poses)
         for (name, p_value), finding in zip(chosen, findings, strict=True):
-            described.append(_dependence(name, variable, p_value, finding))
+            described.append(
+                Dependence(
+                    name, variable.name, finding.share, p_value, finding.period, finding.shape, finding.curve,
+                    finding.place, variable.second,
+                )
+            )  # fmt: skip
     return described
-
-
-def _dependence(residual: str, variable: Variable, p_value: float, finding: FittedCurve) -> Dependence:
-    return Dependence(
-        residual,
-        variable.name,
-        finding.share,
-        p_value,
-        finding.period,
-        finding.shape,
-        finding.curve,
-        finding.place,
-        variable.second,
-    )
 
 
 def _only_clear(
