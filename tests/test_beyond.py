@@ -53,7 +53,7 @@ def test_a_fit_begins_within_reach_and_stays_there() -> None:
 
 
 def test_names_with_which_the_machine_could_not_stand_speak_against_an_explanation() -> None:
-    sound = Rest(None, 1.0, 1.0, (), ())
+    sound = Rest((), ())
     assert not with_objections(sound, True, (), NOISE, NOISE).significant
     said = with_objections(sound, True, (), NOISE, NOISE, ("tower-position", "backlash"))
     assert said.significant

@@ -183,7 +183,7 @@ def test_scatter_from_visit_to_visit_is_no_fault_unless_it_comes_back(readings, 
 
 def test_what_speaks_against_an_explanation_is_said_whichever_it_is():
     left, stated = (Noise(np.eye(3) * size**2, "std columns") for size in (0.03, 0.01))
-    sound = Rest(None, 1.0, 1.0, (), ())
+    sound = Rest((), ())
     assert with_objections(sound, True, (), left, None) == sound == with_objections(sound, True, (), stated, stated)
     reasons = with_objections(sound, False, ("backlash", "windup"), left, stated).reasons
     assert reasons[0].startswith("the readings ask for backlash and windup") and reasons[1].startswith(

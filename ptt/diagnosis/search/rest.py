@@ -34,16 +34,10 @@ class Rest:
     """What is left after everything that fits has been added.
 
     Attributes:
-        lack_p: lack of fit against true repeats; None with fewer than 30 degrees of freedom.
-        field_p: gain of a network over position on held-out rows, three coordinates together.
-        place_p: agreement of poses that are neighbours in space.
         depends_on: what the rest depends on, significant entries only.
         reasons: what is significant, in words.
     """
 
-    lack_p: float | None
-    field_p: float
-    place_p: float
     depends_on: tuple[Dependence, ...]
     reasons: tuple[str, ...]
 
@@ -98,7 +92,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     reasons += [
         f"what is left of {item.residual} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]
     ]
-    return Rest(lack, field, place, depends, tuple(reasons))
+    return Rest(depends, tuple(reasons))
 
 
 def with_objections(
