@@ -21,27 +21,26 @@ Part = Literal["position", "orientation", "pose"]
 SINGULAR = 1e-9  # smallest over largest singular value from which on a configuration counts as singular
 NEWTON_STEPS = 60
 POWERS = (2.0, 8.0, 32.0)
+SAMPLES = 4096  # joint values that are looked at before the best of them are refined
 LONGEST_STEP_RAD = 0.2
 FOUND = 1e-7  # ratio below which a walk has arrived; where two families cross it gets there to the root of rounding
 ASIDES, ASIDE_RAD = 8, 1e-4
 DECIDES = 0.2  # share of the steepest joint's slope from which a joint belongs to a family
 
 
-def scaled_jacobian(arm: Serial, q: Tensor, part: Part = "pose", length_mm: float | None = None) -> Tensor:
-    """Bring the geometric Jacobian to one unit.
+def scaled_jacobian(arm: Serial, q: Tensor, part: Part = "pose") -> Tensor:
+    """Bring the geometric Jacobian to one unit, position rows divided by the arm's characteristic length.
 
     Args:
         arm: the arm.
         q: (n, k) joint values, rad.
         part: which rows: the tool's position, its orientation, or both.
-        length_mm: characteristic length that the position rows are divided by; None for `Serial.length_mm`.
 
     Returns:
         (n, 3 or 6, k) rad/rad.
     """
-    length = arm.length_mm if length_mm is None else length_mm
     jacobian = arm.pose_jacobian(q)
-    position, orientation = jacobian[..., :3, :] / length, jacobian[..., 3:, :]
+    position, orientation = jacobian[..., :3, :] / arm.length_mm, jacobian[..., 3:, :]
     if part == "pose":
         return torch.cat([position, orientation], -2)
     return position if part == "position" else orientation
@@ -76,7 +75,7 @@ def nearest_singular(arm: Serial, q: Tensor, part: Part = "pose") -> tuple[Tenso
     return best, best_ratio
 
 
-def singular_families(arm: Serial, part: Part = "pose", starts: int = 200) -> dict[tuple[int, ...], Tensor]:
+def singular_families(arm: Serial, starts: int = 200) -> dict[tuple[int, ...], Tensor]:
     """Find which joints make an arm singular, as q4 alone (elbow) or q2 with q3 (shoulder) of a seven-joint arm.
 
     Each family is found by walking to singular joint values from many places. The joints that decide it are those along
@@ -84,13 +83,12 @@ def singular_families(arm: Serial, part: Part = "pose", starts: int = 200) -> di
 
     Args:
         arm: the arm.
-        part: which rows of the Jacobian.
         starts: from how many places to walk.
 
     Returns:
         Zero-based joints of a family -> (m, k) singular joint values, rad; largest family first.
     """
-    q, ratio = nearest_singular(arm, spread(arm, starts), part)
+    q, ratio = nearest_singular(arm, spread(arm, starts))
     found = q[ratio < FOUND]
     if not len(found):
         return {}
@@ -99,7 +97,7 @@ def singular_families(arm: Serial, part: Part = "pose", starts: int = 200) -> di
     for _ in range(ASIDES):
         aside = found + ASIDE_RAD * torch.randn(found.shape, dtype=found.dtype, generator=random)
         leaf = aside.requires_grad_()
-        (slope,) = torch.autograd.grad(singular_values(scaled_jacobian(arm, leaf, part))[:, -1].sum(), leaf)
+        (slope,) = torch.autograd.grad(singular_values(scaled_jacobian(arm, leaf))[:, -1].sum(), leaf)
         rise = torch.maximum(rise, slope.abs() / slope.abs().amax(-1, keepdim=True).clamp(min=1e-30))
     families: dict[tuple[int, ...], list[Tensor]] = {}
     for row, share in zip(found, rise, strict=True):
@@ -107,19 +105,18 @@ def singular_families(arm: Serial, part: Part = "pose", starts: int = 200) -> di
     return {joints: torch.stack(rows) for joints, rows in sorted(families.items(), key=lambda item: -len(item[1]))}
 
 
-def most_isotropic(arm: Serial, part: Part = "pose", starts: int = 8, samples: int = 4096) -> tuple[Tensor, float]:
+def most_isotropic(arm: Serial, part: Part = "pose", starts: int = 8) -> tuple[Tensor, float]:
     """Find the joint values whose motion is the most alike in all directions.
 
     Args:
         arm: the arm.
         part: which rows of the Jacobian.
         starts: how many of the best samples are refined.
-        samples: how many joint values are looked at first.
 
     Returns:
         (k,) joint values, rad, and their condition number, 1 where isotropic.
     """
-    candidates = spread(arm, samples)
+    candidates = spread(arm, SAMPLES)
     order = condition_number(scaled_jacobian(arm, candidates, part)).argsort()[:starts]
     found = [_refine(arm, candidates[row], part) for row in order]
     return min(found, key=lambda item: item[1])
@@ -142,12 +139,11 @@ class DexterityMap:
     manipulability: np.ndarray
 
 
-def dexterity_map(arm: Serial, part: Part = "pose", samples: int = 200_000, cells: int = 60) -> DexterityMap:
+def dexterity_map(arm: Serial, samples: int = 200_000, cells: int = 60) -> DexterityMap:
     """Map the best dexterity an arm can have at each place.
 
     Args:
         arm: the arm; axis 1 is the base's z, as in all standard tables.
-        part: which rows of the Jacobian.
         samples: joint values to try, spread over the limits.
         cells: cells along each side of the map.
 
@@ -155,7 +151,7 @@ def dexterity_map(arm: Serial, part: Part = "pose", samples: int = 200_000, cell
         The map.
     """
     q = spread(arm, samples)
-    jacobian = scaled_jacobian(arm, q, part)
+    jacobian = scaled_jacobian(arm, q)
     p = arm.forward(q).numpy()
     radius, height = np.hypot(p[:, 0], p[:, 1]), p[:, 2]
     across, up = (np.linspace(axis.min(), axis.max() + 1e-9, cells + 1) for axis in (radius, height))
@@ -167,14 +163,13 @@ def dexterity_map(arm: Serial, part: Part = "pose", samples: int = 200_000, cell
     return DexterityMap(across, up, -best[0], best[1])
 
 
-def joint_map(arm: Serial, first: int, second: int, part: Part = "pose", cells: int = 61) -> DexterityMap:
+def joint_map(arm: Serial, first: int, second: int, cells: int = 61) -> DexterityMap:
     """Map dexterity over two joints, the others at the bent middle of their limits.
 
     Args:
         arm: the arm.
         first: zero-based joint across.
         second: zero-based joint upward.
-        part: which rows of the Jacobian.
         cells: joint values along each side.
 
     Returns:
@@ -187,7 +182,7 @@ def joint_map(arm: Serial, first: int, second: int, part: Part = "pose", cells: 
         grid_across if i == first else grid_up if i == second else value.expand(cells, cells)
         for i, value in enumerate(middle(arm))
     ]
-    jacobian = scaled_jacobian(arm, torch.stack(columns, -1), part)
+    jacobian = scaled_jacobian(arm, torch.stack(columns, -1))
     return DexterityMap(
         across.numpy(), up.numpy(), condition_number(jacobian).numpy(), manipulability(jacobian).numpy()
     )

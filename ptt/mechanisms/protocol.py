@@ -75,37 +75,27 @@ class Mechanism(Protocol):
         """
 
 
-def reachable(mechanism: Mechanism, p: Tensor, geometry: Tensor | None = None) -> Tensor:
+def reachable(mechanism: Mechanism, p: Tensor) -> Tensor:
     """Mask of the tool positions that the mechanism can reach.
 
     Args:
         mechanism: the machine.
         p: (n, 3) mm, tool positions.
-        geometry: (n, G) or (1, G), shift of each geometry slot.
 
     Returns:
         (n,) bool.
     """
-    return torch.isfinite(mechanism.inverse(p, geometry)).all(-1)
+    return torch.isfinite(mechanism.inverse(p)).all(-1)
 
 
-def require_reachable(
-    mechanism: Mechanism,
-    p: Tensor,
-    where: str = "",
-    geometry: Tensor | None = None,
-    lines: Sequence[int] | None = None,
-    near: Tensor | None = None,
-) -> Tensor:
+def require_reachable(mechanism: Mechanism, p: Tensor, where: str = "", lines: Sequence[int] | None = None) -> Tensor:
     """Joint values of tool positions that must all be within reach.
 
     Args:
         mechanism: the machine.
         p: (n, 3) mm, tool positions.
         where: file that the rows come from, for the message.
-        geometry: (n, G) or (1, G), shift of each geometry slot.
         lines: (n,) line numbers to name in the message instead of zero-based rows.
-        near: (n, k) mm or rad, joint values to stay close to.
 
     Returns:
         q: (n, k) mm or rad, all finite.
@@ -113,26 +103,19 @@ def require_reachable(
     Raises:
         WorkspaceError: a position is out of reach; it names the rows.
     """
-    q = mechanism.inverse(p, geometry, near)
+    q = mechanism.inverse(p)
     fix = "check the units and the machine file, or take these targets out"
     _refuse_nonfinite(q, "no joint values reach the target", fix, where, lines)
     return q
 
 
-def require_assembled(
-    mechanism: Mechanism,
-    q: Tensor,
-    where: str = "",
-    geometry: Tensor | None = None,
-    lines: Sequence[int] | None = None,
-) -> Tensor:
+def require_assembled(mechanism: Mechanism, q: Tensor, where: str = "", lines: Sequence[int] | None = None) -> Tensor:
     """Tool positions of joint values at which the mechanism must close.
 
     Args:
         mechanism: the machine.
         q: (n, k) mm or rad, joint values.
         where: file that the rows come from, for the message.
-        geometry: (n, G) or (1, G), shift of each geometry slot.
         lines: (n,) line numbers to name in the message instead of zero-based rows.
 
     Returns:
@@ -141,7 +124,7 @@ def require_assembled(
     Raises:
         WorkspaceError: the links do not meet at some joint values; it names the rows.
     """
-    p = mechanism.forward(q, geometry)
+    p = mechanism.forward(q)
     fix = "check the units, the slider zeros and the link lengths"
     _refuse_nonfinite(p, "the links do not meet at these joint values", fix, where, lines)
     return p

@@ -197,19 +197,17 @@ class ThreePtt:
         """
         return in_blocks(self._jacobian, q, geometry)
 
-    def link_vectors(self, p: Tensor, geometry: Tensor | None = None) -> Tensor:
+    def link_vectors(self, p: Tensor) -> Tensor:
         """Link vectors s_i from the slider joint to the platform joint.
 
         Args:
             p: (n, 3) mm, tool positions.
-            geometry: (n, 15) or (1, 15) mm, shift of each slot in `slots`.
 
         Returns:
             s: (n, 3, 3) mm, row leg, column x, y, z; NaN where out of reach.
         """
-        centre, _, tool = self._spheres(rows_last(self.inverse(p, geometry)), geometry)
-        at = rows_last(p)
-        return ((at if tool is None else at - tool) - centre).movedim((0, 1), (-2, -1))
+        centre, _, _ = self._spheres(rows_last(self.inverse(p)), None)
+        return (rows_last(p) - centre).movedim((0, 1), (-2, -1))
 
     def home(self) -> Tensor:
         """Slider heights at p = 0.
