@@ -61,15 +61,14 @@ class Correlation:
     value: float
 
 
-def correlations(fitted: FitResult, limit: float = CORRELATED) -> tuple[Correlation, ...]:
-    """Correlations of measured effect parameters above a limit, strongest first.
+def correlations(fitted: FitResult) -> tuple[Correlation, ...]:
+    """Correlations of measured effect parameters, strongest first.
 
     Args:
         fitted: the fit.
-        limit: absolute value from which a pair is listed.
 
     Returns:
-        The pairs.
+        The pairs of more than `CORRELATED`, either way.
     """
     std = np.sqrt(np.diag(fitted.covariance))
     chosen = np.flatnonzero(fitted.measured & (fitted.layout.owner >= 0) & (std > 0))
@@ -77,7 +76,7 @@ def correlations(fitted: FitResult, limit: float = CORRELATED) -> tuple[Correlat
     names = fitted.layout.names
     pairs = [
         Correlation(names[chosen[i]], names[chosen[j]], float(matrix[i, j]))
-        for i, j in zip(*np.nonzero(np.triu(np.abs(matrix) > limit, 1)), strict=True)
+        for i, j in zip(*np.nonzero(np.triu(np.abs(matrix) > CORRELATED, 1)), strict=True)
     ]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair.value)))
 

@@ -1,6 +1,6 @@
 """A model: the nominal mechanism plus effects with their parameters, and how both are kept in a machine file."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -162,19 +162,17 @@ def by_stage(term: Term) -> tuple[int, str]:
     return STAGES.index(term.effect.stage), term.effect.key
 
 
-def start_term(effect: Effect, view: View, shape: Mapping[str, Tensor] | None = None) -> Term:
-    """Put an effect at zero amplitude.
+def start_term(effect: Effect, view: View) -> Term:
+    """Put an effect at zero amplitude, in the first shape that a search tries.
 
     Args:
         effect: the effect.
         view: the rows it will be fitted on.
-        shape: searched and given parameters; None takes the first trial.
 
     Returns:
         The term.
     """
-    chosen = effect.search(view)[0] if shape is None else shape
-    return Term(effect, flatten(effect, chosen, view.joints))
+    return Term(effect, flatten(effect, effect.search(view)[0], view.joints))
 
 
 def _whole(term: Term, joints: int) -> Term:
