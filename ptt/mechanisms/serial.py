@@ -11,7 +11,6 @@ from torch import Tensor
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial_chain import Link, LinkFrames, carry, walk
 from ptt.mechanisms.serial_inverse import solve_inverse, spread
-from ptt.mechanisms.serial_redundancy import Redundancy
 
 LINK_SLOTS = ("da [mm]", "dalpha [rad]", "dd [mm]", "dtheta [rad]", "dbeta [rad]")
 TOOL_SLOTS = ("tool x [mm]", "tool y [mm]", "tool z [mm]")
@@ -236,7 +235,6 @@ class Serial:
         near: Tensor | None = None,
         *,
         rotation: Tensor | None = None,
-        redundancy: Redundancy = "near",
     ) -> Tensor:
         """Find joint values within the limits that reach tool positions or poses.
 
@@ -245,12 +243,11 @@ class Serial:
             geometry: (n, G) or (1, G) errors of the geometry slots; None for the drawing.
             near: (n, k) or (1, k) joint values to start from and, where joints are to spare, to stay close to; rad.
             rotation: (n, 3, 3) tool orientations; None leaves the orientation free.
-            redundancy: what decides where joints are to spare: "near", or the largest "manipulability".
 
         Returns:
             (n, k) joint values, rad; NaN rows where none was found. `solve_inverse` also says how well.
         """
-        return solve_inverse(self, p, rotation=rotation, geometry=geometry, near=near, redundancy=redundancy).q
+        return solve_inverse(self, p, rotation=rotation, geometry=geometry, near=near).q
 
 
 @functools.lru_cache(maxsize=64)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ptt.mechanisms.serial_descent import TOLERANCE_MM, Arm, PoseTask, descend, length
-from ptt.mechanisms.serial_redundancy import Redundancy, settle
+from ptt.mechanisms.serial_redundancy import settle
 
 STARTS = 12  # further tries for rows that the first start does not bring home
 CANDIDATES = 1024  # joint values spread over the limits, from which the further starts are chosen
@@ -40,13 +40,13 @@ def solve_inverse(
     rotation: Tensor | None = None,
     geometry: Tensor | None = None,
     near: Tensor | None = None,
-    redundancy: Redundancy = "near",
     starts: int = STARTS,
 ) -> InverseResult:
     """Find joint values within the limits that reach tool positions or poses.
 
     Levenberg's damped least squares from `near`, then, for the rows that did not arrive, from those of a spread of
-    joint values whose poses lie closest. Where joints are to spare the answer then slides along the self-motion.
+    joint values whose poses lie closest. Where joints are to spare the answer then slides along the self-motion
+    as close to `near` as it can (a local optimum).
 
     Args:
         arm: the arm.
@@ -54,8 +54,6 @@ def solve_inverse(
         rotation: (n, 3, 3) tool orientations; None leaves the orientation free.
         geometry: (n, G) or (1, G) errors of the geometry slots; None for the drawing.
         near: (n, k) or (1, k) joint values to start from, rad; None for the bent middle of the limits.
-        redundancy: what decides where joints are to spare: "near" stays as close to `near` as it can (a local optimum),
-            "manipulability" climbs to where w = sqrt(det J J^T) of the task is largest.
         starts: how many further starts a row gets.
 
     Returns:
@@ -64,9 +62,7 @@ def solve_inverse(
     task = PoseTask(arm, p, rotation, geometry)
     first = (middle(arm)[None] if near is None else near).expand(len(p), -1)
     parts = torch.arange(len(p)).split(ROWS_AT_ONCE)
-    solved = [_solve(task.rows(rows), first[rows], redundancy, starts) for rows in parts] or [
-        _solve(task, first, redundancy, 0)
-    ]
+    solved = [_solve(task.rows(rows), first[rows], starts) for rows in parts] or [_solve(task, first, 0)]
     q, error = (torch.cat(items) for items in zip(*solved, strict=True))
     converged = error < TOLERANCE_MM
     return InverseResult(torch.where(converged[:, None], q, math.nan), converged, error)
@@ -100,7 +96,7 @@ def spread(arm: Arm, count: int) -> Tensor:
     return low + (high - low) * engine.draw(count, dtype=torch.float64)
 
 
-def _solve(task: PoseTask, first: Tensor, redundancy: Redundancy, starts: int) -> tuple[Tensor, Tensor]:
+def _solve(task: PoseTask, first: Tensor, starts: int) -> tuple[Tensor, Tensor]:
     q, error = first.clone(), torch.full_like(task.p[:, 0], math.inf)
     inside = torch.isfinite(task.p).all(-1) & torch.isfinite(first).all(-1) & (length(task.p) <= _farthest(task))
     rows = torch.nonzero(inside).flatten()
@@ -110,7 +106,7 @@ def _solve(task: PoseTask, first: Tensor, redundancy: Redundancy, starts: int) -
     _retry(task, q, error, rows[error[rows] >= TOLERANCE_MM], starts)
     done = torch.nonzero(error < TOLERANCE_MM).flatten()
     if len(done) and task.arm.joints > (3 if task.rotation is None else 6):
-        q[done], error[done] = settle(task.rows(done), q[done], first[done], redundancy)
+        q[done], error[done] = settle(task.rows(done), q[done], first[done])
     return q, error
 
 
