@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ptt.dependence.contexts import context_views
+from ptt.dependence.contexts import COORDINATES, context_views
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf
@@ -10,7 +10,6 @@ from ptt.run.tails import chi2_sf
 BINS = 32
 CHANCE = 1e-3  # over all variables together
 WORTH = 0.01  # share of the rest's variance from which a dependence is worth naming
-POSITION = ("x", "y", "z")
 CELLS = 6  # of each coordinate, for a rest that follows the place as a whole
 
 
@@ -30,9 +29,10 @@ def follow_in_all_rows(
     """
     rest = residual[rows] @ noise.whitener.T
     rest = rest / np.sqrt(np.square(rest).mean())
-    codes = {name: _bin(values[rows], BINS) for name, values in context_views(problem).items()}
-    if all(name in codes for name in POSITION):
-        x, y, z = (_bin(values[rows], CELLS) for name, values in context_views(problem).items() if name in POSITION)
+    views = {name: values[rows] for name, values in context_views(problem).items()}
+    codes = {name: _bin(values, BINS) for name, values in views.items()}
+    if all(name in views for name in COORDINATES):
+        x, y, z = (_bin(views[name], CELLS) for name in COORDINATES)
         codes["position"] = (x * CELLS + y) * CELLS + z
     found = []
     for name, code in codes.items():
