@@ -180,7 +180,9 @@ def noise_after(problem: Problem, system: System, state: State) -> Noise:
         return left
     if given.source == "repeats" and system.by_visit and state.memory.pose > 0.0:
         return replace(left, source=VISITED)
-    return _after_a_knock(left) if outdone(given, left) else given
+    if outdone(given, left):
+        return replace(left, source=f"{SATURATED}; repeats scatter by more, through what changed between them")
+    return given
 
 
 def outdone(given: Noise, left: Noise) -> bool:
@@ -222,10 +224,6 @@ def stated_noise(problem: Problem, system: System, state: State) -> Noise | None
         return None
     source, total = given.stated
     return Noise(np.eye(3) * total**2 / 3.0, source)
-
-
-def _after_a_knock(left: Noise) -> Noise:
-    return replace(left, source=f"{SATURATED}; repeats scatter by more, through what changed between them")
 
 
 def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.sampled import Held
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums, hidden_from
+from ptt.diagnosis.noise.memory import Hidden, HiddenSums, Memory, MemorySums
 
 
 @dataclass
@@ -62,4 +62,5 @@ class SummedSystem(System):
         both = np.ix_(*(np.append(chosen, len(self.scale)),) * 2)
         for index, (white, in_mm, rows) in self.hidden_sums.items():
             if index >= 0:
-                yield hidden_from(white[both], in_mm[both], rows)
+                kept = white[both]
+                yield HiddenSums(kept[:-1, :-1], kept[:-1, -1], float(kept[-1, -1]), rows, in_mm[both])

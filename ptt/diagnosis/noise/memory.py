@@ -176,11 +176,6 @@ def block_sums(joined: np.ndarray, noise: Noise) -> tuple[np.ndarray, np.ndarray
     return white, in_mm, len(joined)
 
 
-def hidden_from(white: np.ndarray, in_mm: np.ndarray, rows: int) -> Hidden:
-    """A held-out block from its normal sums."""
-    return HiddenSums(white[:-1, :-1], white[:-1, -1], float(white[-1, -1]), rows, in_mm)
-
-
 def base_sums(columns: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Normal sums of base reflectors, (P + 1, P + 1)."""
     flat = np.concatenate([columns, values[:, :, None]], axis=2).reshape(-1, columns.shape[2] + 1)
