@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from test_export_c import network_over, path_of, random_model
-from test_export_firmware import arm
+from built_c import path_of, random_model
+from test_export_c import network_over
+from test_export_urdf import arm
 
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Options

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from test_export_c import Built, Context
+from built_c import Built, Context
 
 from ptt.challenge.challenge import bench
 from ptt.correct.compensate import compensate
