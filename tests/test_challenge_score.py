@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import (
     bench,
+    new_challenge,
     open_challenge,
     write_challenge,
 )
@@ -21,16 +23,18 @@ from ptt.challenge.remeasure import remeasure
 from ptt.challenge.score import judge, score
 from ptt.challenge.truth import MICRO, READINGS, find_truth, off_frame, rms_length, table_of
 from ptt.commands.challenge import app
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.simulating import simulate as simulated
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.fitting.solve import fit
-from ptt.machine import save_machine
+from ptt.machine import load_machine, save_machine
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
 from ptt.run.problem import build_problem
+from ptt.run.reading import read_table
 
 KNOWN = library()
 
@@ -218,3 +222,15 @@ def test_the_opened_rig_measures_the_targets_again_as_they_were_measured(case, t
         assert np.abs(left[-10:]).max() < 0.05 < np.abs(left[:10]).max()
     else:
         assert np.abs(left).max() < 0.05
+
+
+@pytest.mark.parametrize("seed", [12, 13, pytest.param(14, marks=pytest.mark.long)])
+def test_a_fresh_rig_is_diagnosed_right(seed: int, tmp_path: Path) -> None:
+    folder = new_challenge(tmp_path / "c", "single", seed=seed).folder
+    file = load_machine(folder / "machine.toml")
+    found = diagnose(Model(file), build_problem(file, read_table(folder / "run.csv")))
+    truth = find_truth(open_challenge(folder).drawn, KNOWN)
+    result = score(found.model, truth)
+    choices = [judge(names, truth).right for names in product(*found.suggested)]  # what is tied is one statement
+    assert any(choices), (found.suggested, truth.hidden)
+    assert result.tool.to_dict()["after"]["total"] < 1.3 * MICRO * truth.noise.total

@@ -33,7 +33,7 @@ MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
 SANITISED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 
 
-@pytest.mark.parametrize("seed", [1, 2, 4])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long), 4])
 def test_all_effects_on_drawn_machines(seed: int, tmp_path: Path) -> None:
     file = draw_machine_file(seed).file
     # A joint that turns within a straight move and then moves by less than its play cannot be put right at all.

@@ -32,7 +32,7 @@ def run(path: Path, **inputs: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(names, session.run(names, {name: inputs[name] for name in wanted}), strict=True))
 
 
-@pytest.mark.parametrize("seed", [1, 4])
+@pytest.mark.parametrize("seed", [1, pytest.param(4, marks=pytest.mark.long)])
 def test_all_effects_on_drawn_machines(seed: int, tmp_path: Path) -> None:
     file = draw_machine_file(seed).file
     compensator = Compensator(random_model(file, seed), None, {})

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_fleet_store import fill, outcome
+from fleet_work import outcome
+from test_fleet_store import fill
 
 from ptt.errors import InputError
 from ptt.fleet.database import transaction
@@ -67,7 +68,7 @@ def test_what_came_of_a_run_is_written_once(tmp_path):
 WORKER = """
 import sys, time
 sys.path.insert(0, {here!r})
-from test_fleet_store import outcome
+from fleet_work import outcome
 from ptt.fleet.run import run_all
 from ptt.fleet.store import open_store
 def work(task, tell):

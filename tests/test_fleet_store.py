@@ -10,6 +10,7 @@ from pathlib import Path
 import duckdb
 import numpy as np
 import pytest
+from fleet_work import outcome
 from typer.testing import CliRunner
 
 from ptt.commands.main import app, run
@@ -19,7 +20,6 @@ from ptt.fleet.database import rows, transaction
 from ptt.fleet.readings import columns_to_table, read_columns, write_readings
 from ptt.fleet.run import run_all
 from ptt.fleet.store import add_machine, add_run, create_store, date_of, open_store, read_date
-from ptt.fleet.task import Outcome
 from ptt.run.reading import read_table
 from ptt.run.table import make_table, table_to_frame, write_table
 
@@ -47,12 +47,6 @@ def fill(folder: Path, machines: int = 2, runs: int = 3):
             write_table(table(100 * machine + number), path)
             add_run(store, name, path, read_table(path), None, ordered=False, units_said=False)
     return store
-
-
-def outcome(task, solved: bool = True) -> Outcome:
-    made = task.drawing if solved and task.solved is None else None
-    did = "diagnosis" if task.solved is None else "recheck"
-    return Outcome(task.run, task.machine, did, "same", task.date, 0.01, 5.0, solved=made)
 
 
 def test_readings_come_back_bit_for_bit(tmp_path):

@@ -74,7 +74,11 @@ def test_a_whole_file_of_which_nothing_follows_is_named(case, tmp_path, capsys):
 def test_train_is_a_verb_too(tmp_path, capsys):
     words = ["none.csv", "--machine", MACHINE, "--out", str(tmp_path / "out")]
     assert run(["train", *words]) == 2
-    assert capsys.readouterr().err == process(*words, program=("train.py",)).stderr
+    ended = process(*words, program=("train.py",))
+    assert capsys.readouterr().err == ended.stderr
+    assert ended.returncode == 2 and ended.stderr.count("\n") == 1 and "none.csv" in ended.stderr
+    assert not (tmp_path / "out").exists()
+    assert len((ROOT / "train.py").read_text().splitlines()) < 30
 
 
 @pytest.mark.parametrize(

@@ -84,7 +84,7 @@ def test_hidden_fault_is_named_first(name: str, kind: str) -> None:
     assert [step[0] for step in found.suggested] == [EXPECTED[kind]], found.words
 
 
-@pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
+@pytest.mark.parametrize("name", ["ur10", pytest.param("kuka_iiwa", marks=pytest.mark.long)])
 def test_sound_arm_gets_nothing_named(name: str) -> None:
     file = arm(name)
     _, table = measure(file, ArmFaults.none(len(file.machine.joint)), np.random.default_rng(5))

@@ -5,7 +5,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -254,8 +253,10 @@ def test_two_tabs_are_two_sessions_and_a_reload_keeps_place_and_steps(
     stranger.context.close()
 
 
-def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: Server):
-    open_files(page, DATA.parent / "experiment1.csv", DATA.parent / "machine.toml")  # takes long enough to be stopped
+def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: Server, tmp_path: Path):
+    part = pd.read_csv(DATA.parent / "experiment1.csv", nrows=500, dtype=str, keep_default_na=False)
+    part.to_csv(tmp_path / "part.csv", index=False)  # takes long enough to be stopped
+    open_files(page, tmp_path / "part.csv", DATA.parent / "machine.toml")
     expect(page.get_by_text(re.compile("finding what is missing: (how|which)"))).to_be_visible(timeout=WAIT)
     before = server.workers()
     page.get_by_role("button", name="Cancel").click()
@@ -264,7 +265,7 @@ def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: S
     while (now := server.spent(before)) != last:  # the process that calculated is gone, or has left off
         last = now
         page.wait_for_timeout(1000)
-    assert now - least < 5.0  # of some twenty that it would have taken
+    assert now - least < 5.0  # of some twelve that it would have taken
     expect(page.get_by_text("Not looked yet")).to_be_visible()
     show(page, "Look")
     page.get_by_label("go to line").fill("40")
@@ -312,13 +313,10 @@ def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):
         zip(("x_cmd", "y_cmd", "z_cmd", "x_meas", "y_meas", "z_meas"), (*target.T, *measured.T), strict=True)
     )
     pd.DataFrame(columns | {"time_s": 2.0 * np.arange(len(target))}).to_csv(tmp_path / "large.csv", index=False)
-    page.wait_for_timeout(3000)  # a process has loaded the library before a person has found a file
-    start = time.perf_counter()
     open_files(page, tmp_path / "large.csv", DATA / "machine.toml")
     expect(page.get_by_role("tab", name="Result")).to_have_attribute("aria-selected", "true", timeout=WAIT)
     drawn = "(document.querySelector('PLOT')?.data ?? []).some(t => t.name === 'readings' && t.x.length > 60)"
     page.wait_for_function(drawn.replace("PLOT", ".st-machine"), timeout=WAIT)
-    print(f"\n20,000 rows: first plot after {time.perf_counter() - start:.1f} s (wanted: below 5 s)")
     page.get_by_role("button", name="Cancel").click()
     show(page, "Look")
     page.wait_for_function(drawn.replace("PLOT", ".st-field"), timeout=WAIT)

@@ -119,7 +119,7 @@ def told(found: Diagnosis, gap: np.ndarray, waits: bool | None) -> None:
     [
         ("helix", 0.02),
         pytest.param("helix", 0.8, marks=pytest.mark.long),
-        ("raster", 0.06),
+        pytest.param("raster", 0.06, marks=pytest.mark.long),
         pytest.param("raster", 0.4, marks=pytest.mark.long),
         pytest.param("random", 0.06, marks=pytest.mark.long),
         ("random", 0.8),
