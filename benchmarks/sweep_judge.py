@@ -198,7 +198,10 @@ def _true_value(same: Mapping[str, tuple[str, float]], name: str, number: str, t
 
 
 def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | None) -> dict[str, Any]:
-    """What commands of the model do on the rig, without noise: times the noise, beside the held-out error printed."""
+    """What commands of the model do on the rig, without noise: times the noise, and over what was said of them.
+
+    `rosy` is over the held-out error that the diagnosis prints, `unforeseen` over that and `sigma_um` of the commands.
+    """
     noise = MICRO * truth.noise.total
     measured = remeasure(model, drawn)
     tool, missed = measured.to_dict(), measured.missed
@@ -208,7 +211,10 @@ def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | Non
     found["worse"] = after is not None and after > before + WORSE * noise
     if after is not None and printed_um:
         promised = np.hypot(printed_um, 0.0 if missed is None else MICRO * rms_length(missed[:, None]))
-        found["rosy"] = float(np.hypot(after, scatter(drawn)) / promised)
+        shown = np.hypot(after, scatter(drawn))
+        found["rosy"] = float(shown / promised)
+        sure = 0.0 if measured.sigma is None else MICRO * rms_length(np.nan_to_num(measured.sigma)[:, None])
+        found["unforeseen"] = float(shown / np.hypot(promised, sure))
     return found
 
 

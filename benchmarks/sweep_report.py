@@ -96,6 +96,7 @@ def summary(level: str, rows: Rows) -> str:
     line += f"; worse {sum(tool['worse'] for tool in tools)}/{len(tools)}"
     told = [tool["rosy"] for tool in tools if tool.get("rosy")]
     line += f", beyond {ROSY} x {sum(one > ROSY for one in told)}/{len(told)}"
+    line += f", with sigma_um {sum(tool.get('unforeseen', 0.0) > ROSY for tool in tools)}"
     line += f"; {np.median([row['seconds'] for row in good] or [np.nan]):.2f} s; refused {refused}, broken {broken}"
     return line
 

@@ -17,8 +17,9 @@ import torch
 from demo_experiments import LABELS, MODELS, describe, draw, measure_experiment
 from demo_loop import SEALED, walk_loop
 
-from ptt.commands.common import plain, progress
+from ptt.commands.common import progress
 from ptt.files import write_text
+from ptt.record import plain
 
 MOST_WORKERS = 4  # each needs about half a gigabyte
 WAIT = "This takes about two minutes on two cores."

@@ -9,7 +9,9 @@ from demo_pictures import plot_path, plot_reductions
 
 from nets import GaussianRbf
 from ptt.correct.compensate import compensate
-from ptt.correct.training.train import PROTOCOLS, correction_of, fit_physics, learn_rest, sound
+from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.protocols import PROTOCOLS
+from ptt.correct.training.rest import correction_of, learn_rest
 from ptt.effects.registry import library, make_effect
 from ptt.judge.evaluate import AXES, Evaluation, compare_errors, errors_of, evaluate_pair
 from ptt.machine import load_machine
@@ -20,7 +22,8 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import Table, make_table
-from ptt.show.plots.compensation import plot_error_curves
+from ptt.show.plots.common import save
+from ptt.show.plots.compensation import draw_error_curves
 
 HERE = Path(__file__).parent
 GEOMETRY = (
@@ -192,7 +195,7 @@ def draw(results: Results, first: Measured, out: Path) -> None:
     noise = errors_of(first.after, first.problem.file).noise
     floor = None if noise is None else {axis: 1e3 * s for axis, s in zip(AXES, noise.sigma, strict=True)}
     title = "Experiment 1, mean over 7 repeats of each pose"
-    plot_error_curves(*curves, out / "errors.png", title=title, noise_um=floor)
+    save(draw_error_curves(*curves, title=title, noise_um=floor), out / "errors.png")
     plot_path(target, *curves, out / "path.png", title="Experiment 1: the path")
 
 

@@ -12,7 +12,8 @@ from ptt.challenge.challenge import Sealed, open_challenge
 from ptt.challenge.score import Score, score
 from ptt.challenge.truth import find_truth
 from ptt.correct.compensate import compensate
-from ptt.correct.training.train import Training, correction_of, train
+from ptt.correct.training.rest import correction_of
+from ptt.correct.training.train import Training, train
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.diagnosis.telling.verdict import Diagnosis, diagnose
 from ptt.effects.registry import library, make_effect, parse_key
@@ -28,7 +29,7 @@ from ptt.run.reading import read_table
 from ptt.run.table import Table
 from ptt.show.plots.common import save
 from ptt.show.plots.compare import plot_comparison
-from ptt.show.plots.ladder import plot_ladder
+from ptt.show.plots.ladder import draw_ladder
 
 HERE = Path(__file__).parent
 SEALED = ("sealed_one", "sealed_three")
@@ -75,7 +76,7 @@ def walk_loop(name: str, out: Path) -> str:
     found = diagnose(model, problem, known)
     effects = [make_effect(known, *parse_key(step[0])) for step in found.suggested]
     ladder = climb(model, problem.with_noise(found.noise), effects)
-    plot_ladder(ladder, out / "ladder.png")
+    save(draw_ladder(ladder), out / "ladder.png")
     save_machine(write_model(ladder.model), out / "model.toml")
     trained = train(ladder.model, problem)
     sealed = open_challenge(HERE / name)

@@ -1,9 +1,8 @@
 """Centres of the hidden nodes, found without supervision by k-means."""
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from nets.scaling import FloatArray
 
 ITERATIONS = 20
 LARGEST_SAMPLE = 4000  # k-means on more distinct points costs time and moves the centres little

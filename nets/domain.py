@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from nets.scaling import FloatArray
+
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-FloatArray = npt.NDArray[np.float64]
 
 CELL = 1e-3  # of the box diagonal: training points closer than this count as one place
 SPACING_QUANTILE = 0.9

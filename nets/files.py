@@ -54,10 +54,8 @@ def save_rbf(
     """
     path = Path(path)
     about = {"format": FORMAT, "version": VERSION, "notes": dict(notes or {})}
-    tensors = {
-        name: np.ascontiguousarray(network.state_dict()[name].numpy()).reshape(shape)
-        for name, shape in _shapes(network).items()
-    }
+    state = network.state_dict()
+    tensors = {name: np.array(state[name].numpy(), order="C") for name in TENSORS}
     content = render_tensors(tensors, metadata={METADATA_KEY: json.dumps(about, sort_keys=True, allow_nan=False)})
     digest = hashlib.sha256(content).hexdigest()
     _write_atomic(path, content)
@@ -151,11 +149,6 @@ def _metadata(content: bytes, path: Path) -> dict[str, Any]:
         return dict(json.loads(header["__metadata__"][METADATA_KEY]))
     except (ValueError, KeyError, TypeError) as error:
         raise NetworkFileError(f"{path}: no {METADATA_KEY!r} metadata; not written by this program") from error
-
-
-def _shapes(network: GaussianRbf) -> dict[str, tuple[int, ...]]:
-    state = network.state_dict()
-    return {name: tuple(state[name].shape) for name in TENSORS}
 
 
 def _check_tensors(tensors: dict[str, FloatArray], path: Path) -> None:

@@ -9,9 +9,8 @@ gradient steps at once.
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from nets.scaling import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

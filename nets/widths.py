@@ -8,9 +8,8 @@ eps = Sp / sqrt(2 ln 2) = 0.8493 Sp.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from nets.scaling import FloatArray
 
 EPSILON_PER_SPREAD = 1.0 / math.sqrt(2.0 * math.log(2.0))
 

@@ -14,7 +14,9 @@ from typer.testing import CliRunner
 from ptt.commands import common
 from ptt.commands.main import VERBS, app, guard
 from ptt.commands.numbers import require_numbers
+from ptt.door.options import parse_settings
 from ptt.errors import InputError, PttError
+from ptt.record import plain
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"
@@ -101,13 +103,13 @@ def test_notes_wait_for_the_result_and_stay_off_standard_output(capsys):
 
 def test_plain_leaves_only_what_json_knows():
     value = {"a": np.float64("inf"), 1: (np.int64(2), np.array([1.0, np.nan])), "p": Path("x"), "s": {"b", "a"}}
-    assert common.plain(value) == {"a": None, "1": [2, [1.0, None]], "p": "x", "s": ["a", "b"]}
+    assert plain(value) == {"a": None, "1": [2, [1.0, None]], "p": "x", "s": ["a", "b"]}
 
 
 def test_settings_are_read_or_refused():
-    assert common.parse_settings(["payload_kg=2", "temp_c = 21.5"]) == {"payload_kg": 2.0, "temp_c": 21.5}
+    assert parse_settings(["payload_kg=2", "temp_c = 21.5"]) == {"payload_kg": 2.0, "temp_c": 21.5}
     with pytest.raises(InputError, match="payload_kg=2"):
-        common.parse_settings(["payload_kg"])
+        parse_settings(["payload_kg"])
 
 
 def test_a_file_that_is_no_machine_is_asked_about():

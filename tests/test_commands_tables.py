@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 from test_commands_main import ROOT, error_line, invoke
 
-from ptt.commands import common
 from ptt.commands.main import run_alone
+from ptt.door.outputs import refuse_readings
 from ptt.errors import InputError
 
 DATA = ROOT / "data"
@@ -185,7 +185,7 @@ def test_readings_are_never_overwritten_but_earlier_output_is(verb, run_frame, t
 def test_readings_are_seen_in_another_encoding_too(run_frame, tmp_path):
     run_frame.to_csv(tmp_path / "wide.csv", index=False, encoding="utf-16")
     with pytest.raises(InputError, match="holds readings"):
-        common.refuse_readings(tmp_path / "wide.csv")
+        refuse_readings(tmp_path / "wide.csv")
 
 
 def test_swapped_targets_are_named(run_frame, tmp_path):

@@ -17,8 +17,8 @@ from ptt.machine import save_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table, write_table
-from ptt.show.plots.common import round_down
 from ptt.show.plots.compare import plot_comparison
+from ptt.show.sizing import round_down
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 KEYS = {

@@ -25,7 +25,7 @@ from ptt.plan.arm import telling_poses
 from ptt.plan.first_run import plan_first_run, repeats_in
 from ptt.plan.foresight import beside, columns_of, see_plan
 from ptt.plan.space import build_space, draw_poses
-from ptt.plan.visits import single, table_of
+from ptt.plan.visits import singles, table_of
 from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import build_problem
@@ -159,7 +159,7 @@ def test_poses_of_an_arm_tell_more_than_random_ones(arm: MachineFile) -> None:
     random = draw_poses(space, 60, np.random.default_rng(1))
 
     def information(q: torch.Tensor) -> float:
-        view, _ = see_plan(Model(arm), table_of([single(pose, "v") for pose in q], space, straight=False))
+        view, _ = see_plan(Model(arm), table_of(singles(q), space, straight=False))
         every = np.ones(view.rows, dtype=bool)
         own = columns_of(Model(arm), library()["dh-offsets"](), view, 0.005).reshape(3 * len(q), -1)
         own = own * np.repeat([0.5, 1e-3, 0.5, 2e-3, 1e-3], 6)

@@ -1,6 +1,7 @@
 """The grid of corrections: its entries are those of `ptt predict`, and it is off by no more than it says."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from ptt.effects.structure import ColumnBend
 from ptt.effects.towers import TowerTilt
 from ptt.errors import InputError
 from ptt.machine import MachineFile
+from ptt.machine_schema import TargetsSpec
 from ptt.model.model import Model, Term
 from ptt.run.table import make_table
 
@@ -70,6 +72,16 @@ def test_entries_and_the_error_between_them(bench: MachineFile, tmp_path: Path) 
     off = 1e3 * np.abs(rule - exact).max(axis=1)
     assert 0.5 * float(found[1]) < np.sqrt(np.mean(np.square(off))) < 2.0 * float(found[1])
     assert max(off) <= 1.001 * float(found[2])
+
+
+def test_entries_are_of_the_base_frame_whatever_frame_targets_are_stated_in(bench: MachineFile, tmp_path: Path) -> None:
+    stated = replace(bench, targets=TargetsSpec(origin_mm=(50.0, 20.0, 10.0), turn_deg=(0.0, 0.0, 30.0)))
+    entries = []
+    for name, file in (("t.csv", bench), ("u.csv", stated)):
+        result = write(Compensator(_model(file), None, {}), tmp_path / name, Options(step=40.0))
+        assert result.error_um.format < 0.2 * result.error_um.drawing
+        entries.append(pd.read_csv(tmp_path / name, comment="#"))
+    pd.testing.assert_frame_equal(*entries)
 
 
 def test_a_step_that_makes_no_table_is_refused_with_a_better_one(bench: MachineFile, tmp_path: Path) -> None:

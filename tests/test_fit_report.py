@@ -21,7 +21,8 @@ from ptt.run.problem import build_problem
 
 def test_the_drawing_after_alignment_is_one_figure_whoever_prints_it() -> None:
     """Also with a frame of base reflectors, which a best motion of all readings would bend toward the errors."""
-    from ptt.commands.common import ReadOptions, open_run
+    from ptt.door.opened import open_run
+    from ptt.door.options import ReadOptions
     from ptt.judge.compare.comparison import compare_run
     from ptt.judge.ladder.climb import climb
 

@@ -17,7 +17,8 @@ from ptt.machine import format_machine, load_machine, parse_machine, save_machin
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 from ptt.run.table import write_table
-from ptt.show.plots.ladder import plot_history, plot_ladder
+from ptt.show.plots.common import png
+from ptt.show.plots.ladder import draw_history, draw_ladder
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +38,7 @@ def ptt(*words: object) -> object:
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
-def test_a_ladder_is_drawn_again_from_the_file(problem: Problem, folder: Path, tmp_path: Path) -> None:
+def test_a_ladder_is_drawn_again_from_the_file(problem: Problem, folder: Path) -> None:
     ladder = climb(Model(problem.file), problem, [KNOWN["backlash"](), KNOWN["link-length"]()])
     file = parse_machine(format_machine(record(ladder, "add", [folder / "run.csv"], date="2024-05-01T12:00:00+00:00")))
     entries = read_entries(file)
@@ -52,9 +53,7 @@ def test_a_ladder_is_drawn_again_from_the_file(problem: Problem, folder: Path, t
     assert entries[0].noise_um["source"] == "machine file"
     assert entries[0].rows == 119  # less the first, at which nobody knows from which side the machine came
     assert len(runs_of(entries)) == 1
-    plot_ladder(ladder, tmp_path / "a.png")
-    plot_history(entries, tmp_path / "b.png")
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    assert png(draw_ladder(ladder)) == png(draw_history(entries))
 
 
 def test_a_run_of_one_pose_is_refused_where_nothing_can_be_held_out(problem: Problem, tmp_path: Path) -> None:

@@ -232,7 +232,7 @@ def test_bad_input_is_one_line_and_leaves_no_file(
     if broken == "folder":
         out = tmp_path / "file" / "report.html"
         (tmp_path / "file").write_text("in the way")
-        monkeypatch.setattr("ptt.show.report.html.gather", lambda *given, **options: minimal)
+        monkeypatch.setattr("ptt.show.report.of_run.gather", lambda *given, **options: minimal)
     if broken == "column":
         run = tmp_path / "bad.csv"
         run.write_text("x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas\n1,2,3,1,2,--\n")

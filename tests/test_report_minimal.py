@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from ptt.run.viewing import build_view
 from ptt.show.card.words import pretty
 from ptt.show.report.contents import Contents
 from ptt.show.report.gather import gather
-from ptt.show.report.html import render, write_report
+from ptt.show.report.html import render
 from ptt.show.report.sections import sections_of
 from ptt.show.report.source import MadeOf
 from ptt.show.report.words import words_of
@@ -53,18 +52,15 @@ def test_minimal_model_says_what_is_not_there(minimal: Contents, mild: Page) -> 
     assert minimal.to_dict()["diagnose"] == {"drawing": None, "model": None}
 
 
-def test_hostile_names_are_words_when_written_from_a_table_and_a_machine(
-    minimal: Contents, mild: Page, tmp_path: Path
-) -> None:
+def test_hostile_names_are_words_when_written_from_a_table_and_a_machine(minimal: Contents, mild: Page) -> None:
     table = minimal.problem.table
     table = table.replace(
         run_label=(HOSTILE,), source=HOSTILE, name=np.full(table.rows, HOSTILE), extra={HOSTILE: table.name}
     )
     spec = minimal.file.machine.model_copy(update={"name": HOSTILE})
     source = MadeOf(names={"run": (HOSTILE,)})
-    contents = write_report(tmp_path / "deep" / "r.html", table, replace(minimal.file, machine=spec), source)
-    assert [path.name for path in (tmp_path / "deep").iterdir()] == ["r.html"]
-    page = Page((tmp_path / "deep" / "r.html").read_text(encoding="utf-8"))
+    contents = gather(table, replace(minimal.file, machine=spec), source)
+    page = Page(render(contents))
     assert page.faults == [] and sorted(set(page.tags)) == sorted(set(mild.tags))
     assert all(one.startswith(("#", "data:image/png;base64,")) for one in page.addresses)
     assert page.text.count("<script>alert('x')</script>") >= 4

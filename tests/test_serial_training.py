@@ -15,8 +15,9 @@ from ptt.commands.main import app
 from ptt.commands.train import train as train_command
 from ptt.correct.compensate import compensate
 from ptt.correct.training.compensator import load_compensator, save_compensator
+from ptt.correct.training.protocols import random_protocol
 from ptt.correct.training.rest import correction_of, spaces_of
-from ptt.correct.training.train import Training, random_protocol, train
+from ptt.correct.training.train import Training, train
 from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model

@@ -10,7 +10,7 @@ from ptt.commands.main import run
 from ptt.machine import load_machine
 from ptt.rig.draw_arm import draw_arm
 from ptt.show.card.ghost import ghosts_of
-from ptt.show.card.scene import PoseLines, legs_at_fault, moved, parts_of, usual_times
+from ptt.show.card.scene import legs_at_fault, moved, parts_of, usual_times
 from ptt.show.card.solids import arrows
 from ptt.show.studio import jobs
 from ptt.show.studio.card_figures import ruler_words
@@ -98,11 +98,11 @@ def test_a_ghost_is_on_the_part_that_has_the_fault(values: list[float], effect: 
     shift = ghosts_of(opened.model, opened.problem, (effect,))["shift"][effect]
     assert legs_at_fault(shift) == (kind, (leg,))
     look = jobs.look(RUN, MACHINE, silent)
-    lines = PoseLines(look.drawing.rails, look.drawing.chains[5], look.drawing.platform[5])
+    lines = look.drawing.at(5)
     there = moved(lines, shift, 0, 1.0)
     if kind == "link":  # the linear ghost makes the link longer by what it is
         rows = ghosts_of(opened.model, opened.problem, (effect,))["rows"]
-        at = PoseLines(look.drawing.rails, look.drawing.chains[rows[0]], look.drawing.platform[rows[0]])
+        at = look.drawing.at(rows[0])
         grown = np.linalg.norm(np.diff(moved(at, shift, 0, 1.0).chains, axis=1)[:, 0], axis=1) - 300.0
         np.testing.assert_allclose(grown, values, atol=2e-4)
     else:
@@ -112,7 +112,7 @@ def test_a_ghost_is_on_the_part_that_has_the_fault(values: list[float], effect: 
 
 def test_solids_of_a_machine_are_closed_and_where_the_lines_are(here: Path):
     look = jobs.look(RUN, MACHINE, silent)
-    lines = PoseLines(look.drawing.rails, look.drawing.chains[0], look.drawing.platform[0])
+    lines = look.drawing.at(0)
     for name, solid in parts_of(lines).items():
         edges = np.sort(
             np.concatenate([solid.faces[:, [0, 1]], solid.faces[:, [1, 2]], solid.faces[:, [2, 0]]]), axis=1

@@ -199,6 +199,7 @@ def test_a_perfect_model_reaches_the_noise_and_an_absurd_one_is_worse() -> None:
     assert good["after"] < 0.5 * good["before"] and not good["worse"]
     # The noise of this run is that of any run but for what few readings leave to chance.
     assert good["rosy"] == pytest.approx(np.hypot(good["after"], 1.0), rel=0.25)
+    assert good["unforeseen"] == good["rosy"]  # of a bare fit, commands know nothing of how sure they are
     turned = replace(model, terms=(replace(model.terms[0], theta=-4.0 * model.terms[0].theta),))
     assert sweep_judge.reached(turned, drawn, truth, None)["worse"]
 

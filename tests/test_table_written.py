@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 from test_table import HEADER, ROWS, csv, write
 
 from ptt.errors import InputError, TableError
+from ptt.run.readers.scale import scale_hint
 from ptt.run.reading import read_table
 from ptt.run.table import Table, concat_tables, make_table, write_table
 
@@ -113,6 +114,7 @@ def test_round_trip_is_lossless(
         joint_prefix="q" if joints == 6 else "b",
     )
     table.measured[0] = table.target[0]
+    assume(scale_hint(table.target, table.measured) is None)  # spreads a thousand times apart are refused
     path = tmp_path_factory.mktemp("trip") / "run.csv"
     write_table(table, path)
     again = read_table(path, joints=joints or 3, joint_prefix=table.joint_prefix)

@@ -5,7 +5,10 @@ import pytest
 
 from nets import RbfSettings
 from ptt.correct.training.nested import hold_out
-from ptt.correct.training.train import fit_physics, learn_rest, random_protocol, sound, train
+from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.protocols import random_protocol
+from ptt.correct.training.rest import learn_rest
+from ptt.correct.training.train import train
 from ptt.machine import MachineFile, parse_machine
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem

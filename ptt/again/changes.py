@@ -70,7 +70,7 @@ def changes_of(before: Before, joints: int) -> tuple[Change, ...]:
                 continue
             apart = parameter.count if parameter.per_joint and parameter.count >= CURVE else 1
             for part in own.reshape(-1, apart):
-                each = [_joint(int(at - own[0]), parameter.per_joint, parameter.count) for at in part]
+                each = ((part - own[0]) // parameter.count + 1).tolist() if parameter.per_joint else [0] * len(part)
                 label = names[part[0]] if apart == 1 else f"{parameter.name} {each[0]}"
                 key = f"{PREFIX}{term.effect.key} {label}"
                 found.append(
@@ -95,19 +95,13 @@ def _whole(parts: Sequence[Change], before: Before) -> list[Change]:
     if not ways.any():
         return []
     effect = parts[0].effect
-    every = [(n, p, j, u) for part in parts for n, p, j, u in zip(*_columns(part), strict=True)]
-    names, parameters, joints, units = zip(*every, strict=True)
+    names, parameters, joints, units = (
+        tuple(one for part in parts for one in getattr(part, field))
+        for field in ("names", "parameters", "joints", "units")
+    )
     at = np.concatenate([part.at for part in parts])
     key = f"{PREFIX}{effect.key} as a whole"
     return [Change(key, effect, places, names, parameters, joints, units, at, ways, True)]
-
-
-def _columns(part: Change) -> tuple[tuple[str, ...], tuple[str, ...], tuple[int, ...], tuple[str, ...]]:
-    return part.names, part.parameters, part.joints, part.units
-
-
-def _joint(index: int, per_joint: bool, count: int) -> int:
-    return index // count + 1 if per_joint else 0
 
 
 def atoms_of_changes(changes: Sequence[Change], first: int) -> dict[str, Atom]:

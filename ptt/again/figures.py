@@ -120,12 +120,9 @@ def errors_of(found: Weighed) -> dict[str, float]:
     """
     system, state, before = found.system, found.state, found.before
     own = found.own.reshape(3 * len(system.rows), -1)
-    basis, _ = np.linalg.qr(system.columns.reshape(len(own), -1)[:, found.frame])
-    value = system.values.ravel() - own @ (before.values - before.start) - _by_set_up(found)
-    off = value - basis @ (basis.T @ value)
+    off = found.without_frame(system.values.ravel() - own @ (before.values - before.start) - _by_set_up(found))
     unnamed = found.open_.reshape(len(own), -1)
-    doubt = np.hstack([own @ before.root, found.goes_on.reshape(-1, 1), unnamed])
-    doubt = doubt - basis @ (basis.T @ doubt)
+    doubt = found.without_frame(np.hstack([own @ before.root, found.goes_on.reshape(-1, 1), unnamed]))
     spread = [system.in_mm(column.reshape(-1, 3)) for column in doubt.T]
     doubtful = 1e6 * sum(float(np.square(part).sum()) for part in spread) / max(len(system.rows), 1)
     memory = state.memory.wander  # frames of each run take what lies in its mean
@@ -162,11 +159,9 @@ def made_by(found: Weighed, values: np.ndarray) -> dict[str, float]:
     """
     layout, system = found.at.fitted.layout, found.system
     flat = found.own.reshape(3 * len(system.rows), -1)
-    basis, _ = np.linalg.qr(system.columns.reshape(3 * len(system.rows), -1)[:, found.frame])
     owner, made = layout.owner[: len(values)], {}
     for index, term in enumerate((*layout.terms, None)):
         mine = np.ones(len(values), dtype=bool) if term is None else owner == index
-        work = flat[:, mine] @ values[mine]
-        work = system.in_mm((work - basis @ (basis.T @ work)).reshape(-1, 3))
+        work = system.in_mm(found.without_frame(flat[:, mine] @ values[mine]).reshape(-1, 3))
         made[TOTAL if term is None else term.effect.key] = rms(work, np.ones(len(work), dtype=bool))["total"]
     return made

@@ -62,11 +62,10 @@ def look_for_news(found: Weighed, model: Model, problem: Problem, known: Library
 def size_of_new(found: Weighed) -> float:
     """What is new does to the readings, the set-up's part taken off, root mean square in um."""
     system, state = found.system, found.state
-    rows = len(system.rows)
     places = np.concatenate([state.of(key) for key in found.new])
     work = (system.columns[:, :, state.columns[places]] @ state.posterior.values[places]).ravel()
-    basis, _ = np.linalg.qr(system.columns[:, :, found.frame].reshape(3 * rows, -1))
-    return rms(system.in_mm((work - basis @ (basis.T @ work)).reshape(-1, 3)), np.ones(rows, dtype=bool))["total"]
+    off = system.in_mm(found.without_frame(work).reshape(-1, 3))
+    return rms(off, np.ones(len(off), dtype=bool))["total"]
 
 
 def _nothing_of_machine(diagnosis: Diagnosis, known: Library) -> bool:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -77,8 +78,7 @@ class Weighed:
     def new(self) -> tuple[str, ...]:
         """Keys of effects and unknown physics of the machine that the model does not have."""
         atoms = self.system.atoms
-        rest = [key for key in self.state.keys if not key.startswith((PREFIX, THEN))]
-        return tuple(key for key in rest if not _of_set_up(atoms[key].effect))
+        return tuple(key for key in self._unknown if not _of_set_up(atoms[key].effect))
 
     @property
     def then(self) -> tuple[Then, ...]:
@@ -89,8 +89,12 @@ class Weighed:
     def set_up(self) -> tuple[str, ...]:
         """Keys of what happened to the set-up during the run, which is no change of the machine."""
         atoms = self.system.atoms
-        rest = [key for key in self.state.keys if not key.startswith((PREFIX, THEN))]
-        return tuple(key for key in rest if _of_set_up(atoms[key].effect))
+        return tuple(key for key in self._unknown if _of_set_up(atoms[key].effect))
+
+    @property
+    def _unknown(self) -> list[str]:
+        """Keys that neither a value of the model nor its own run's rooms have."""
+        return [key for key in self.state.keys if not key.startswith((PREFIX, THEN))]
 
     @property
     def frame(self) -> np.ndarray:
@@ -102,6 +106,15 @@ class Weighed:
         """What the model's curves seem to do where they were not seen, (m, 3) whitened."""
         own = np.flatnonzero(self.state.owner < 0)
         return np.asarray(self.beyond @ self.state.posterior.values[own[len(own) - self.beyond.shape[2] :]])
+
+    @cached_property
+    def _basis(self) -> np.ndarray:
+        """Orthonormal basis of what the run's own frames and mounts do, (3 m, f)."""
+        return np.asarray(np.linalg.qr(self.system.columns.reshape(3 * len(self.system.rows), -1)[:, self.frame])[0])
+
+    def without_frame(self, values: np.ndarray) -> np.ndarray:
+        """Whitened readings, (3 m,) or (3 m, c), less what the run's own frames and mounts can take of them."""
+        return np.asarray(values - self._basis @ (self._basis.T @ values))
 
     def columns_of(self, change: Change) -> np.ndarray:
         """Places of a change's columns in the system."""

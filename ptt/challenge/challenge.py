@@ -248,18 +248,3 @@ def _bare(file: MachineFile) -> MachineFile:
     """The drawing alone: a rig has no fitted effects, and its controller compensates nothing."""
     bare = replace(file, effect=(), history=())
     return bare if bare.controller == ControllerSpec() else replace(bare, controller=ControllerSpec(), text="")
-
-
-__all__ = [
-    "BENCH",
-    "Asked",
-    "Challenge",
-    "Sealed",
-    "bench",
-    "draw_level",
-    "new_challenge",
-    "open_challenge",
-    "seal",
-    "unseal",
-    "write_challenge",
-]

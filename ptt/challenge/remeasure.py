@@ -28,11 +28,14 @@ class ToolError:
         after: (n, 3) mm, with the model's commands; None where the machine cannot follow them.
         missed: by how much the commands themselves say that they miss their targets, (n,) mm, as at a reversal that no
             command can take; None where they cannot be sent.
+        sigma: what the commands say that is uncertain of where the tool will be, (n,) mm, NaN where nothing tells; None
+            where they cannot be sent.
     """
 
     before: np.ndarray
     after: np.ndarray | None
     missed: np.ndarray | None = None
+    sigma: np.ndarray | None = None
 
     def to_dict(self) -> dict[str, dict[str, float] | None]:
         """Root mean squares for JSON, um."""
@@ -57,16 +60,17 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     poses = before.frame["role"] != "base"
     wanted = table_of(before.frame[poses])
     read, missed = before.frame[READINGS].notna().all(axis=1)[poses].to_numpy(), None
+    sigma = None
     try:
         commands = compensate(model, wanted, correction=correction)
         if not commands.sent.all():
             return ToolError(_error(before, drawn, read), None)
-        missed = commands.missed[read]
+        missed, sigma = commands.missed[read], commands.sigma[read]
         sent = pd.DataFrame(commands.q, columns=drawn.rig.sent)
         after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn, read)
     except WorkspaceError:
         after = None
-    return ToolError(_error(before, drawn, read), after, missed)
+    return ToolError(_error(before, drawn, read), after, missed, sigma)
 
 
 def as_left(rig: Rig) -> Rig:

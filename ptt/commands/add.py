@@ -53,7 +53,7 @@ def finish(result: "Changed", out: Path | None, plots: Path | None, json: bool) 
     if out is not None:
         result.save(out)
     if plots is not None:
-        from ptt.show.plots.ladder import plot_ladder
+        from ptt.show.plots.common import save
 
-        plot_ladder(result.ladder, plots / "ladder.png")
+        save(result.plot(), plots / "ladder.png")
     show(result.to_dict(), str(result), json)

@@ -101,6 +101,7 @@ def _drawn_if_possible(file: "MachineFile", path: Path) -> Path | None:
 
 
 def _draw(file: "MachineFile", path: Path) -> None:
-    from ptt.show.plots.machine import plot_machine
+    from ptt.show.plots.common import save
+    from ptt.show.plots.machine import draw_machine
 
-    plot_machine(file, path)
+    save(draw_machine(file), path)

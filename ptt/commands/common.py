@@ -11,7 +11,7 @@ it imports nothing heavier than typer, because `ptt --help` imports them all::
         '''Compare a run with a model.'''
         from ptt.door.comparing import compare as held_against
 
-        loaded, rows = load_both(run, model, Reading(also, targets, set_, map_, effects, json))
+        loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json))
         with progress() as tell:
             result = held_against(loaded, rows, progress=tell, note=note)
         show(result.to_dict(), str(result), json)
@@ -29,16 +29,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.output import Progress, note, plain, progress, show, tell_notes
+from ptt.commands.output import note, progress, show
 from ptt.door.options import ReadOptions, parse_settings
-from ptt.door.outputs import refuse_readings
 
 if TYPE_CHECKING:
-    from ptt.correct.training.compensator import Compensator
     from ptt.door.model import Model
-    from ptt.door.opened import Opened
     from ptt.door.run import Run as Rows
-    from ptt.effects.registry import Library
     from ptt.machine import MachineFile
     from ptt.run.readers import Ask
     from ptt.run.table import Table
@@ -65,9 +61,8 @@ Anyway = Annotated[bool, typer.Option("--anyway", help="Go on although the set-u
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else; never ask.")]
 
 __all__ = [
-    "Also", "Anyway", "Context", "Effects", "Json", "Map", "ModelPath", "Progress", "ReadOptions", "Run", "Set",
-    "Targets", "asker", "load_both", "note", "open_library", "open_model", "open_run", "parse_settings", "plain",
-    "progress", "read_rows", "refuse_idle", "refuse_readings", "show", "tell_notes",
+    "Also", "Anyway", "Context", "Effects", "Json", "Map", "ModelPath", "ReadOptions", "Run", "Set", "Targets",
+    "asker", "load_both", "note", "parse_settings", "progress", "read_rows", "refuse_idle", "show",
 ]  # fmt: skip
 
 
@@ -90,48 +85,6 @@ def load_both(run: Path, model: Path, reading: ReadOptions) -> "tuple[Model, Row
 
     loaded = load(model, effects=reading.effects or ())
     return loaded, read_path(run, loaded, reading, ask=asker(reading), note=note)
-
-
-def open_run(run: Path, model: Path, reading: ReadOptions) -> "Opened":
-    """Read a run and a model and bring them together.
-
-    Args:
-        run: tracker CSV.
-        model: machine.toml or compensator folder.
-        reading: how.
-
-    Returns:
-        Both.
-
-    Raises:
-        InputError: whatever cannot be read or used.
-        SetupError: a mistake in the set-up that makes the rest worthless, unless `reading.anyway`.
-    """
-    from ptt.door.opened import meet
-
-    return meet(*load_both(run, model, reading), anyway=reading.anyway, note=note)
-
-
-def open_library(reading: ReadOptions) -> "Library":
-    """The effects that are known, the user's own files included."""
-    from ptt.effects.registry import library
-
-    return library(*(reading.effects or ()))
-
-
-def open_model(path: Path, library: "Library | None" = None) -> "Compensator":
-    """Read a machine.toml or a compensator folder.
-
-    Args:
-        path: file or folder.
-        library: effects by name; None for the library.
-
-    Returns:
-        Model and network.
-    """
-    from ptt.correct.training.compensator import load_compensator
-
-    return load_compensator(path, library)
 
 
 def read_rows(

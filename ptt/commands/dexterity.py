@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ptt.commands.common import Json, Map, ReadOptions, note, open_model, read_rows, show
+from ptt.commands.common import Json, Map, ReadOptions, note, read_rows, show
 
 SHOWN_ROWS = 12
 RARE = 0.03  # share of walks below which a family is a crossing of others
@@ -25,9 +25,10 @@ def dexterity(
     """Say how evenly the tool can be moved, and how far it is from each kind of singularity."""
     import torch
 
+    from ptt.door.model import load
     from ptt.mechanisms.dexterity_report import describe_dexterity
 
-    file = open_model(machine).model.file
+    file = load(machine).file
     table = None if targets is None else read_rows(targets, file, ReadOptions(map_=map_, json=json), "targets")
     data = describe_dexterity(file, None if table is None else torch.tensor(table.target))
     if table is not None:

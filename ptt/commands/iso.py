@@ -10,10 +10,8 @@ from ptt.commands.common import (
     Effects,
     Json,
     Map,
-    ReadOptions,
     Set,
     Targets,
-    open_library,
     parse_settings,
     refuse_idle,
     show,
@@ -21,7 +19,6 @@ from ptt.commands.common import (
 
 if TYPE_CHECKING:
     from ptt.judge.iso.figures import IsoPoses
-    from ptt.mechanisms.protocol import Mechanism
     from ptt.run.table import Table
 
 SHOWN_GROSS = 5  # that anybody reads
@@ -48,7 +45,9 @@ def iso(
     from ptt.judge.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
     if effects:  # no figure needs them; a file that cannot be used is said all the same
-        open_library(ReadOptions(effects=effects))
+        from ptt.effects.registry import library
+
+        library(*effects)
     result: IsoAxes | IsoPoses
     if is_axis_file(run):
         idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_, "--any-direction": any_direction}
@@ -71,23 +70,13 @@ def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple
     if model is None:
         return read_table(run, None, **reading), False
     from ptt.correct.training.machine_of import machine_of
+    from ptt.judge.iso.figures import with_targets
     from ptt.mechanisms import build_mechanism
 
     file = machine_of(model)
     mechanism = build_mechanism(file.machine)
     table = read_table(run, joints=mechanism.joints, joint_prefix=file.machine.letter, **reading)
-    return _with_targets(table, mechanism), file.tracker.frame == "fitted-per-run"
-
-
-def _with_targets(table: "Table", mechanism: "Mechanism") -> "Table":
-    """Fill missing targets from the joint commands."""
-    import numpy as np
-    import torch
-
-    if table.command is None:
-        return table
-    reached = mechanism.forward(torch.as_tensor(table.command)).numpy()
-    return table.replace(target=np.where(np.isnan(table.target), reached, table.target))
+    return with_targets(table, mechanism), file.tracker.frame == "fitted-per-run"
 
 
 def _text(figures: dict[str, Any]) -> str:

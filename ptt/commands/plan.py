@@ -5,21 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import (
-    Effects,
-    Json,
-    ReadOptions,
-    open_library,
-    open_model,
-    progress,
-    read_rows,
-    refuse_readings,
-    show,
-)
+from ptt.commands.common import Effects, Json, ReadOptions, progress, read_rows, show
 
 if TYPE_CHECKING:
-    from ptt.effects import Library
-    from ptt.model.model import Model
+    from ptt.door.model import Model
     from ptt.plan.first_run import FirstRun
 
 
@@ -49,36 +38,33 @@ def plan(
     json: Json = False,
 ) -> None:
     """Plan a first run: volume, both directions of arrival, repeats, datum revisits; and say what it will tell."""
+    from ptt.door.model import load
     from ptt.plan.first_run import plan_first_run
     from ptt.run.table import write_table
 
-    refuse_readings(out)
-    reading = ReadOptions(effects=effects, json=json)
-    known = open_library(reading)
-    model = open_model(machine, known).model
+    model = load(machine, effects=effects or ())
     if candidates is not None:
-        _choose(candidates, rows, out, model, known, reading, seed)
+        _choose(candidates, rows, out, model, ReadOptions(json=json), seed)
         return
     loads = read_numbers(payloads, "--payloads")
     half = read_numbers(box, "--box", 3)
     size = None if not half else (half[0], half[1], half[2])
     with progress() as tell:
         result = plan_first_run(
-            model, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=known, progress=tell
-        )
+            model.physics, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=model.library,
+            progress=tell,
+        )  # fmt: skip
     write_table(result.targets, out)
     show({**result.to_dict(), "out": str(out)}, format_plan(result, str(out)), json)
 
 
-def _choose(
-    candidates: Path, rows: int, out: Path, model: "Model", known: "Library", reading: ReadOptions, seed: int
-) -> None:
+def _choose(candidates: Path, rows: int, out: Path, model: "Model", reading: ReadOptions, seed: int) -> None:
     """Choose D-optimal rows of a list and say how observable they make the geometry."""
     from ptt.plan.arm import choose_from
     from ptt.run.table import take_rows, write_table
 
     table = read_rows(candidates, model.file, reading, "targets")
-    chosen = choose_from(model, table, rows, known, seed)
+    chosen = choose_from(model.physics, table, rows, model.library, seed)
     write_table(take_rows(table, chosen.rows), out)
     sets = {"chosen": chosen.indices, "at random": chosen.drawn, "whole list": chosen.whole}
     lines = [f"{out}: {rows} of {table.rows} rows, D-optimal for {', '.join(chosen.effects)}"]
@@ -133,21 +119,17 @@ def format_plan(result: "FirstRun", out: str) -> str:
         if effect.needs:
             lines.append(f"{title:<20} {'-':>8}  needs {effect.needs}")
             continue
-        told: dict[tuple[str, str], list[float]] = {}
-        hidden = set()
+        told: dict[tuple[str, str], list[float | None]] = {}
         for name, unit, std, _ in effect.parameters:
-            stem = (name.split(" ")[0], unit)
-            told.setdefault(stem, [])
-            if std is None:
-                hidden.add(stem)
-            else:
-                told[stem].append(std)
-        parts = [
-            f"{stem} {max(values):.2g}" if values and stem_unit not in hidden else
-            f"{stem} {max(values):.2g}, some unseen" if values else f"{stem} unseen"
-            for stem_unit, values in told.items()
-            for stem in [stem_unit[0]]
-        ]  # fmt: skip
-        lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {'; '.join(parts)}")
+            told.setdefault((name.split(" ")[0], unit), []).append(std)
+        parts = "; ".join(_expected(stem, stds) for (stem, _), stds in told.items())
+        lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {parts}")
     lines += ["= is in the model already: how well this run would tell it again"] if own else []
     return "\n".join(lines)
+
+
+def _expected(stem: str, stds: "list[float | None]") -> str:
+    """The largest standard error of one kind of parameter."""
+    known = [std for std in stds if std is not None]
+    some = ", some unseen" if len(known) < len(stds) else ""
+    return f"{stem} {max(known):.2g}{some}" if known else f"{stem} unseen"

@@ -17,7 +17,6 @@ from ptt.commands.common import (
     asker,
     note,
     progress,
-    refuse_readings,
     show,
 )
 
@@ -60,7 +59,6 @@ def predict(
     from ptt.door.predicting import predict as invert
     from ptt.door.run import targets_path
 
-    refuse_readings(out)
     reading = ReadOptions(set_=set_, map_=map_, effects=effects, json=json, anyway=anyway)
     loaded = load(model, effects=effects or ())
     way: Literal["software", "none"] | None = None if reversal is None else reversal.value

@@ -5,19 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ptt.commands.common import (
-    Effects,
-    Json,
-    ModelPath,
-    ReadOptions,
-    Set,
-    note,
-    open_library,
-    open_model,
-    parse_settings,
-    refuse_readings,
-    show,
-)
+from ptt.commands.common import Effects, Json, ModelPath, Set, note, parse_settings, show
 
 CONTEXT = ("payload_kg", "temp_c", "time_s")
 Triple = tuple[float, float, float]
@@ -52,11 +40,10 @@ def program(
     import numpy as np
 
     from ptt.correct.program.program import correct_program
+    from ptt.door.model import load
     from ptt.files import write_bytes
 
-    _refuse_itself(source, out)
-    refuse_readings(out)
-    compensator = open_model(model, open_library(ReadOptions(effects=effects, json=json)))
+    compensator = load(model, effects=effects or ()).compensator
     text, encoding, end = _read(source)
     result = correct_program(
         compensator,
@@ -102,13 +89,6 @@ def _context(set_: list[str] | None) -> dict[str, float]:
     for key, value in numbers.items():
         require_number(key, value)
     return numbers
-
-
-def _refuse_itself(source: Path, out: Path) -> None:
-    from ptt.errors import InputError
-
-    if out.exists() and source.exists() and out.resolve() == source.resolve():
-        raise InputError("is the program itself; nothing was written", where=str(out), fix="name another file")
 
 
 def _text(data: dict[str, Any]) -> str:

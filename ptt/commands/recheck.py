@@ -44,7 +44,7 @@ def recheck(
     with progress() as tell:
         result = hold_against(loaded, rows, anyway=anyway, progress=tell, note=note)
     if plots is not None:
-        from ptt.show.plots.recheck import plot_moved
+        from ptt.show.plots.common import save
 
-        plot_moved(result.result, plots / "recheck.png")
+        save(result.plot(), plots / "recheck.png")
     show(result.to_dict(), str(result), json)

@@ -17,7 +17,8 @@ from ptt.commands.common import (
     Run,
     Set,
     Targets,
-    open_run,
+    asker,
+    note,
     progress,
     show,
 )
@@ -53,11 +54,14 @@ def report(
     json: Json = False,
 ) -> None:
     """Write one HTML page that needs nothing else: data, error, verdict, ladder, parameters, before and after."""
+    from ptt.door.opened import open_run
     from ptt.show.report.of_run import report_run
 
     reading = ReadOptions(also, targets, set_, map_, effects, json, anyway)
-    opened = open_run(run, model, reading)
-    later = None if after is None else (after, open_run(after, model, replace(reading, also=None)).table)
+    opened, later = open_run(run, model, reading, ask=asker(reading), note=note), None
+    if after is not None:
+        alone = replace(reading, also=None)
+        later = after, open_run(after, model, alone, ask=asker(alone), note=note).table
     with progress() as tell:
         contents = report_run(
             opened, out, run=run, model=model, compensator=compensator, after=later, reading=reading,

@@ -2,22 +2,16 @@
 
 import platform
 import sys
-from importlib.metadata import PackageNotFoundError, version
+
+from ptt.version import __version__, installed
 
 PACKAGES = ("torch", "numpy", "scipy", "pandas", "pydantic", "safetensors", "tomlkit", "typer", "matplotlib", "nicegui")
 
 
 def versions() -> dict[str, str | None]:
     """Versions by name, None for a package that is not there; nothing heavy is imported."""
-    from ptt.version import __version__
-
-    found: dict[str, str | None] = {"ptt": __version__, "python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = None
-    return found | {"platform": f"{sys.platform} {platform.machine()}"}
+    own = {"ptt": __version__, "python": platform.python_version()}
+    return {**own, **installed(PACKAGES), "platform": f"{sys.platform} {platform.machine()}"}
 
 
 def text_of(found: dict[str, str | None]) -> str:

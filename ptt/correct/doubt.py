@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.correct.task import CommandTask
-from ptt.fitting.kept import Kept, kept_covariance
+from ptt.fitting.kept import kept_covariance
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
@@ -46,7 +46,7 @@ def command_sigma(
         (n,) mm, NaN where nothing is kept; and how sure a command should be in mm: the error of held-out rows, nothing
         where the drawing did as well at them, None where nothing tells it.
     """
-    kept: Kept | None = kept_covariance(model)
+    kept = kept_covariance(model)
     if (terms and kept is None) or (not terms and network is None):
         return np.full(len(q), np.nan), None
     sigma = np.zeros(len(q))

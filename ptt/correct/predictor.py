@@ -53,7 +53,7 @@ class Predictor:
             InputError: the model has effects that C does not hold.
         """
         source = source_of(compensator, ["built for calls from Python"])
-        for key, why in (source.parts.cannot or {}).items():
+        for key, why in source.parts.cannot.items():
             raise InputError(
                 f"effect '{key}' cannot be had row by row: {why}", fix="use `ptt predict`, or leave it out"
             )

@@ -59,7 +59,7 @@ def settle(task: CommandTask) -> tuple[Solved, np.ndarray, np.ndarray]:
         if not sent.any():
             solved = _standing(task)
             break
-        solved = _solve(task, task.start, sent)  # whatever came before: an arm's posture follows its start
+        solved = _solve(task, sent)
         status = np.where(sent, _after(task, solved), status)
         shift = np.where(solved.reached, task.shift(solved.height).numpy(), shift)
         if (sent_rows(status) == sent).all():
@@ -168,10 +168,13 @@ def _standing(task: CommandTask) -> Solved:
     return Solved(height, q, torch.full_like(task.asked, torch.inf), np.zeros(len(q), dtype=bool))
 
 
-def _solve(task: CommandTask, near: Tensor, sent: np.ndarray) -> Solved:
-    """Commands that start from those near by: first for the steady effects, then for those that remember the way."""
+def _solve(task: CommandTask, sent: np.ndarray) -> Solved:
+    """Commands: first for the steady effects, then for those that remember the way.
+
+    The search begins where the task says, whatever came before: an arm's posture follows its start.
+    """
     given, behind, task = np.arange(len(sent)) < task.given, task.behind, task.paced(sent)
-    near = near if behind is None else torch.cat([behind.height, near[task.given :]])
+    near = task.start if behind is None else torch.cat([behind.height, task.start[task.given :]])
     lead, goal = _lead(task, sent), (task.asked, sent, task.given)
     if lead is None:
         height, step = invert(task.steady, task.mechanism, task.see, near, *goal)

@@ -51,7 +51,7 @@ class Compared(Result):
         return self.result.to_dict() | self.opened.set_up | aside | {"setup": self._findings()} | pair
 
     def _findings(self) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = self.opened.check.to_dict()["findings"] if self.opened.check else []
+        found: list[dict[str, Any]] = self.opened.check.to_dict()["findings"]
         return found
 
     def __str__(self) -> str:

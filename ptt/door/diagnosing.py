@@ -160,11 +160,10 @@ def diagnose(
     result = learn(
         opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: progress(what, 0, 0)
     )
-    assert opened.check is not None
     return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
 
 
-def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
+def format_diagnosis(result: Diagnosis, table: Table | None = None) -> str:
     """The diagnosis as text.
 
     Args:
@@ -186,21 +185,16 @@ def format_diagnosis(result: "Diagnosis", table: Table | None = None) -> str:
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
     noise, left = result.noise.to_dict(), int(result.outliers.sum())
     where = f": {named_rows(table, result.outliers)}" if left and table is not None else ""
+    opens = int(result.opening.sum())
+    aside = f"; {told_aside(opens)}" if opens else ""
     lines.append(
         f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
-        f"{left} left out as gross errors{where}{_aside(int(result.opening.sum()))}"
+        f"{left} left out as gross errors{where}{aside}"
     )
     return "\n".join(lines)
 
 
-def _aside(rows: int) -> str:
-    """Why there are fewer readings than in the run: it opens with them."""
-    if not rows:
-        return ""
-    return f"; {told_aside(rows)}"
-
-
-def _next(result: "Diagnosis") -> list[str]:
+def _next(result: Diagnosis) -> list[str]:
     """What to do with the verdict."""
     lines, names = [], " ".join(_as_word(group[0]) for group in result.suggested)
     if names:
@@ -226,7 +220,7 @@ def _as_word(name: str) -> str:
     return f'"{name}"' if "[" in name else name
 
 
-def _candidates(result: "Diagnosis") -> list[str]:
+def _candidates(result: Diagnosis) -> list[str]:
     """A line for each effect, the steps of the path first, and what the columns mean."""
     width = max(20, *(len(candidate.effect) for candidate in result.candidates))
     lines = [f"{'effect':<{width + 2}} {'p-value':>9} {'share':>7} {'held-out um':>18}  cannot be told from"]
@@ -246,7 +240,7 @@ def _candidates(result: "Diagnosis") -> list[str]:
     return lines
 
 
-def _meanings(result: "Diagnosis") -> list[str]:
+def _meanings(result: Diagnosis) -> list[str]:
     """What each step means, where the verdict has no room for it."""
     steps = result.candidates[: len(result.suggested)]
     if all(step.words in result.words for step in steps):
@@ -254,7 +248,7 @@ def _meanings(result: "Diagnosis") -> list[str]:
     return ["what each step means:", *(f"  {step.words}" for step in steps), ""]
 
 
-def _dependences(result: "Diagnosis") -> list[str]:
+def _dependences(result: Diagnosis) -> list[str]:
     """What is left follows this, a line or two each."""
     lines = ["what is left depends on:"]
     for item in result.depends_on:

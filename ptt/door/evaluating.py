@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from ptt.correct.training.heldout import evaluate_heldout
-from ptt.correct.training.train import PROTOCOLS
+from ptt.correct.training.protocols import PROTOCOLS
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import meet

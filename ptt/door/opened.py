@@ -11,7 +11,7 @@ from ptt.diagnosis.telling.floor import noise_floor
 from ptt.door.model import Model, load
 from ptt.door.options import ReadOptions
 from ptt.door.reading import require_commands
-from ptt.door.result import Heard, Note, unheard
+from ptt.door.result import Note, unheard
 from ptt.door.run import Run, Targets, read_path
 from ptt.effects.registry import Library
 from ptt.errors import SetupError, TableError
@@ -39,18 +39,16 @@ class Opened:
         files: the run files, in the order given.
         library: effects by name, the user's own included.
         check: what was found in the set-up.
-        notes: what was found and followed on the way.
         run: as it was read: files that were written of data frames last as long as it does.
     """
 
     compensator: Compensator
     table: Table
     problem: Problem
-    files: tuple[str, ...] = field(default=())
-    library: Library | None = None
-    check: Check | None = None
-    notes: tuple[str, ...] = ()
-    run: Run | None = field(default=None, repr=False)
+    files: tuple[str, ...]
+    library: Library
+    check: Check
+    run: Run = field(repr=False)
 
     @property
     def model(self) -> Physics:
@@ -68,7 +66,7 @@ class Opened:
         Raises:
             TableError: nothing tells it.
         """
-        return noise_floor(self.model, self.problem, self.library or {})
+        return noise_floor(self.model, self.problem, self.library)
 
     def noisy(self, progress: Progress = unwatched) -> Problem:
         """The problem with its noise floor."""
@@ -123,24 +121,23 @@ def meet(model: Model, run: Run, *, anyway: bool = False, note: Note = unheard) 
         InputError: the run cannot be seen through this machine.
         SetupError: a mistake in the set-up that is sure, unless `anyway`.
     """
-    tell = Heard(note)
     physics, table = model.physics, run.table
-    setup = check_rows(physics.file, run, anyway=anyway, note=tell)
+    setup = check_rows(physics.file, run, anyway=anyway, note=note)
     try:
         require_commands(physics.file, table)
-        table, problem = _seen(physics.file, table, anyway=anyway and bool(setup.sure), note=tell)
+        table, problem = _seen(physics.file, table, anyway=anyway and bool(setup.sure), note=note)
     except Exception as error:
         if not setup.sure:
             raise
         raise SetupError(f"{_told(table, setup)}; nothing more can be said before that ({error})", setup) from error
     fitting, lines = for_runs(physics, problem)
     for line in (*set_up_lines(problem), *lines):
-        tell(line)
+        note(line)
     targets = kept_frame(fitting.file.targets, problem.stated_in)  # for targets to come
     fitting = replace(fitting, file=replace(fitting.file, targets=targets))
     compensator = replace(model.compensator, model=fitting)
     files = tuple(str(path) for path in run.files)
-    return Opened(compensator, table, problem, files, model.library, setup, tuple(tell.lines), run)
+    return Opened(compensator, table, problem, files, model.library, setup, run)
 
 
 def _seen(file: MachineFile, table: Table, *, anyway: bool, note: Note) -> tuple[Table, Problem]:

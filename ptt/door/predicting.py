@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate
 from ptt.correct.context import Beyond, beyond_context, beyond_lines, missing_context, require_context
-from ptt.correct.training.train import correction_of
+from ptt.correct.training.rest import correction_of
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import check_rows

@@ -8,7 +8,7 @@ from typing import Any
 from ptt.challenge.challenge import Sealed, open_challenge
 from ptt.challenge.score import Score, score
 from ptt.challenge.truth import find_truth
-from ptt.correct.training.train import correction_of
+from ptt.correct.training.rest import correction_of
 from ptt.door.model import Model
 from ptt.door.result import Result
 

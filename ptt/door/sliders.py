@@ -1,7 +1,7 @@
 """sliders.csv column by column, and what is said of it."""
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +12,6 @@ from ptt.run.readers.mapping import IGNORE
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame
 from ptt.run.written import columns_of
-
-if TYPE_CHECKING:
-    pass
 
 
 def sliders_columns(table: Table, commands: Commands, *, sent: bool | None = None) -> dict[str, np.ndarray]:

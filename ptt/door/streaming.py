@@ -13,7 +13,7 @@ import numpy as np
 from ptt.correct.compensate import LIMIT_MM, Reversal, plan_of
 from ptt.correct.context import Beyond, beyond_context
 from ptt.correct.stream import Stream
-from ptt.correct.training.train import correction_of
+from ptt.correct.training.rest import correction_of
 from ptt.door.model import Model
 from ptt.door.opened import check_rows
 from ptt.door.options import ReadOptions

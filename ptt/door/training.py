@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ptt.correct.training.compensator import compensator_of, require_folder
-from ptt.correct.training.train import PROTOCOLS, Training
+from ptt.correct.training.protocols import PROTOCOLS
+from ptt.correct.training.train import Training
 from ptt.correct.training.train import train as train_model
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model

@@ -58,6 +58,14 @@ class Posterior:
         place = np.argsort(self.order)
         return np.asarray((self.cholesky @ self.cholesky.T)[np.ix_(place, place)])
 
+    def inverse_of(self, some: np.ndarray) -> np.ndarray:
+        """What `inverse` has of (m,) unknowns, (m, m)."""
+        place = np.argsort(self.order)[some]
+        unit = np.zeros((len(self.order), len(some)))
+        unit[place, np.arange(len(some))] = 1.0
+        along = lapack.dtrtrs(self.cholesky, unit, lower=1)[0]
+        return np.asarray(along.T @ along)
+
     def zeroed(self, some: np.ndarray) -> float:
         """Log evidence that is gained where some of the unknowns are zero, at these scales, nats.
 
@@ -66,11 +74,7 @@ class Posterior:
         Args:
             some: (m,) which.
         """
-        place = np.argsort(self.order)[some]
-        unit = np.zeros((len(self.order), len(some)))
-        unit[place, np.arange(len(some))] = 1.0
-        along = lapack.dtrtrs(self.cholesky, unit, lower=1)[0]
-        factor, values = factor_of(along.T @ along, 0.0), self.values[some]
+        factor, values = factor_of(self.inverse_of(some), 0.0), self.values[some]
         sure = lapack.dpotrs(factor, values, lower=1)[0]
         width = 0.5 * float(np.log(self.prior[some]).sum()) - float(np.log(factor.diagonal()).sum())
         return width - 0.5 * float(values @ sure) / self.phi

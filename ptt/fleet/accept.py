@@ -93,19 +93,21 @@ def accept(
             what = f"another `ptt fleet run` works on '{shown(machine)}'"
             raise InputError(what, where=str(store.folder), fix="accept when it is done")
         try:
-            return _already(store, run) or _accept(store, run, tell or (lambda what: None), work or _refit())
+            return _already(store, run) or _accept(store, run, tell or (lambda what: None), work)
         finally:
             release(store, name)
 
 
-def _accept(store: Store, run: dict[str, Any], tell: Tell, work: Work) -> Accepted:
+def _accept(store: Store, run: dict[str, Any], tell: Tell, work: Work | None) -> Accepted:
+    from ptt.fleet.work import refit
+
     with transaction(store.file, read_only=True) as connection:
         held = model_at(connection, run["machine"], run["run"])
         drawing = drawing_of(connection, run["machine"])
     if held is None or not parse_machine(held[1], run["machine"]).effect:
         raise PosesError(f"nothing was ever fitted to '{shown(run['machine'])}', so there is nothing to refit")
     tell("refit")
-    text = work(task_of(store, run, drawing, held[1]))
+    text = (work or refit)(task_of(store, run, drawing, held[1]))
     with transaction(store.file) as connection:
         later = accept_model(connection, run["machine"], run["run"], text)
     return _told(run, text, new=True, waiting=len(later))
@@ -168,9 +170,3 @@ def _called(which: str | None) -> str:
 
 def _listed(runs: Sequence[dict[str, Any]]) -> str:
     return ", ".join(shown(run["file"]) for run in runs[-6:]) or "it has none"
-
-
-def _refit() -> Work:
-    from ptt.fleet.work import refit
-
-    return refit

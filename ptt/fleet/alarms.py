@@ -105,15 +105,15 @@ def _jump(movement: Movement, moves: Moves, names: Names, days: np.ndarray) -> A
     return _alarm(names, place, "jump", words, size, std, when)
 
 
-def unlike(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+def unlike(values: Mapping[str, tuple[float, float]]) -> dict[str, float]:
     """Machines whose value is unlike that of their sisters.
 
     Args:
         values: machine -> value and its standard error.
 
     Returns:
-        Machine -> its distance from the sisters' median in robust standard deviations, and the chance of that, every
-        machine counted.
+        Machine -> its distance from the sisters' median in robust standard deviations, where that hardly comes by
+        chance, every machine counted.
     """
     if len(values) < SISTERS:
         return {}
@@ -125,7 +125,7 @@ def unlike(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, 
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(scale > 0.0, (own - middle) / scale, 0.0)
     chance = 2.0 * stats.t.sf(np.abs(distance), len(own) - 1) * len(own)
-    return {name: (float(far), float(p)) for name, far, p in zip(values, distance, chance, strict=True) if p < ALPHA}
+    return {name: float(far) for name, far, p in zip(values, distance, chance, strict=True) if p < ALPHA}
 
 
 def unlike_alarm(effect: str, parameter: str, label: str, unit: str, value: float, middle: float, far: float) -> Alarm:

@@ -1,5 +1,6 @@
 """A model fitted to a log part by part."""
 
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -84,27 +85,24 @@ class LogFit:
         passes = f"{self.rows} rows in {self.passes} passes, {len(self.gross)} left out as gross errors"
         return "\n".join([*lines, f"{passes}; {self.fitted.status}"])
 
-    def to_file(self, log: Log, source: Path, date: str | None = None) -> MachineFile:
+    def to_file(self, log: Log, source: Path) -> MachineFile:
         """The fitted model with its covariance and one more step of its history.
 
         Args:
             log: that it was fitted to.
             source: its file as it was given.
-            date: ISO 8601; None for now.
         """
         digest = sha256(source)
-        noise = {**self.fitted.noise.to_dict()}
         step: dict[str, Any] = {
-            "date": date or datetime.now(UTC).isoformat(timespec="seconds"), "command": "fit", "kind": "refit",
+            "date": datetime.now(UTC).isoformat(timespec="seconds"), "command": "fit", "kind": "refit",
             "files": [{"file": source.name, "sha256": digest}], "rows": self.rows, "ranges": log.ranges,
             "helped": self.after_um["total"] < self.before_um["total"], "error_before_um": self.before_um,
             "error_after_um": self.after_um, "heldout_before_um": self.before_um, "heldout_after_um": self.after_um,
-            "noise_um": noise, "parameters_before": {},
+            "noise_um": self.fitted.noise.to_dict(), "parameters_before": {},
         }  # fmt: skip
-        model = self.fitted.model
         covariance = keep_covariance(self.fitted, 1e-3 * self.after_um["total"])
-        written = write_model(model, [digest])
-        return replace(written, history=(*model.file.history, step), covariance=covariance)
+        history = (*self.fitted.model.file.history, step)
+        return replace(write_model(self.fitted.model, [digest]), history=history, covariance=covariance)
 
 
 def fit_log(model: Model, log: Log, client: Any = None, tell: Progress | None = None) -> LogFit:
@@ -165,11 +163,9 @@ def fit_file(
         with worded([Handed(rows, str(log))]):
             require_sound(given.file, rows, log, anyway=anyway, note=note)
             opened = open_log(given.file, rows.absolute())
-        if scheduler is None and workers is None:
-            found = fit_log(given, opened, None, tell)
-        else:
-            with cluster(scheduler, workers) as client:
-                found = fit_log(given, opened, client, tell)
+        here = scheduler is None and workers is None
+        with nullcontext() if here else cluster(scheduler, workers) as client:
+            found = fit_log(given, opened, client, tell)
     save_machine(found.to_file(opened, log), out)
     return found
 

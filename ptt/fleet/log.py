@@ -5,7 +5,6 @@ it is handed on from the part before (`ptt.run.turns`).
 """
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -94,7 +93,7 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
         InputError: it cannot be read, or holds what only a run that is read whole can tell.
     """
     path = Path(file)
-    rows = _rows_of(path)
+    rows = int(ask_log(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
     step = max(rows // SPREAD, 1)
     spread = build_problem(machine, read_log(path, f"WHERE file_row_number % {step} = 0"))
     _require_one_run(spread, path)
@@ -191,10 +190,6 @@ def _require_one_run(problem: Problem, path: Path) -> None:
         raise InputError(f"has {what}, which is not fitted part by part", where=str(path), fix=fix)
 
 
-def _rows_of(path: Path) -> int:
-    return int(ask_log(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
-
-
 def read_log(path: Path, which: str) -> Table:
     """Some rows of a log.
 
@@ -225,13 +220,12 @@ def _numbers(values: np.ndarray) -> np.ndarray:
 SOURCE = "read_parquet(?, file_row_number = true)"
 
 
-def ask_log(path: Path, query: str, values: Sequence[object] = ()) -> dict[str, np.ndarray]:
+def ask_log(path: Path, query: str) -> dict[str, np.ndarray]:
     """The columns that a query of a log answers with.
 
     Args:
         path: Parquet.
         query: in SQL, of `SOURCE`.
-        values: of its further question marks.
 
     Raises:
         InputError: it cannot be read.
@@ -239,7 +233,7 @@ def ask_log(path: Path, query: str, values: Sequence[object] = ()) -> dict[str, 
     package = duckdb()
     with in_memory() as connection:
         try:
-            columns: dict[str, Any] = connection.execute(query, [str(path), *values]).fetchnumpy()
+            columns: dict[str, Any] = connection.execute(query, [str(path)]).fetchnumpy()
         except package.Error as error:
             fix = "see docs/files.md; a CSV is copied to Parquet by `ptt fleet fit`"
             raise InputError(f"cannot be read: {str(error).splitlines()[0]}", where=str(path), fix=fix) from None

@@ -29,20 +29,18 @@ def drawing_of(connection: "Connection", machine: str) -> str:
     return str(rows(connection, query, machine)[0]["toml"])
 
 
-def model_at(connection: "Connection", machine: str, run: str, *, before: bool = False) -> tuple[str, str] | None:
+def model_at(connection: "Connection", machine: str, run: str) -> tuple[str, str] | None:
     """The model that a run is held against: the machine's when it was measured, else the first that there is.
 
     Args:
         connection: to the store.
         machine: its name.
         run: SHA-256.
-        before: leave out a model that this run itself made.
 
     Returns:
         The run that made it, and the machine.toml; None where no run was worked on yet.
     """
-    sides = ((WHEN.format("<" if before else "<="), "DESC"), (WHEN.format(">"), "ASC"))
-    for side, order in sides:
+    for side, order in ((WHEN.format("<="), "DESC"), (WHEN.format(">"), "ASC")):
         query = f"{HELD} AND {side} ORDER BY runs.date {order}, runs.place {order} LIMIT 1"
         if found := rows(connection, query, machine, run):
             return str(found[0]["run"]), str(found[0]["toml"])

@@ -2,7 +2,7 @@
 
 import html
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -166,7 +166,7 @@ def _standing(name: str, drawing: str, rows: Sequence[Mapping[str, Any]]) -> Sta
         sound = tuple(alarm for alarm in alarms if alarm is not None)
         standing = Standing(name, drawing, past, sound, names, series.days, moves)
     trends = (*of_runs(past), *standing.alarms)
-    return Standing(**{**vars(standing), "alarms": unsettled((*trends, *of_changes(past, trends)), past)})
+    return replace(standing, alarms=unsettled((*trends, *of_changes(past, trends)), past))
 
 
 def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
@@ -192,10 +192,10 @@ def _beside_sisters(standings: Sequence[Standing]) -> list[Standing]:
     for drawing in {standing.drawing for standing in standings}:
         for (effect, parameter, label, unit), values in _last_values(standings, drawing).items():
             middle = float(np.median([value for value, _ in values.values()]))
-            for machine, (far, _) in unlike(values).items():
+            for machine, far in unlike(values).items():
                 alarm = unlike_alarm(effect, parameter, label, unit, values[machine][0], middle, far)
                 extra.setdefault(machine, []).append(alarm)
-    return [Standing(**{**vars(each), "alarms": (*each.alarms, *extra.get(each.machine, ()))}) for each in standings]
+    return [replace(each, alarms=(*each.alarms, *extra.get(each.machine, ()))) for each in standings]
 
 
 def _last_values(

@@ -1,7 +1,6 @@
 """Which runs wait, who works on them, and what came of them; every step one short transaction."""
 
 import json
-import math
 import platform
 from collections.abc import Collection, Mapping, Sequence
 from functools import cache
@@ -14,6 +13,7 @@ from ptt.fleet.owner import alive
 from ptt.fleet.readings import read_columns
 from ptt.fleet.store import Store
 from ptt.fleet.task import Outcome, Task
+from ptt.record import plain
 
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection as Connection
@@ -116,8 +116,8 @@ def keep(store: Store, outcome: Outcome) -> bool:
         program = _program(connection)
         insert(
             connection, "outcomes", run=outcome.run, machine=outcome.machine, did=outcome.did, verdict=outcome.verdict,
-            error_um=_number(outcome.error_um), expected_um=_number(outcome.expected_um),
-            noise_um=_number(outcome.noise_um), words=outcome.words, seconds=outcome.seconds, program=program,
+            error_um=plain(outcome.error_um), expected_um=plain(outcome.expected_um),
+            noise_um=plain(outcome.noise_um), words=outcome.words, seconds=outcome.seconds, program=program,
             finished=now(),
         )  # fmt: skip
         _keep_results(connection, outcome)
@@ -165,7 +165,7 @@ def _keep_told(connection: "Connection", outcome: Outcome) -> None:
         insert(
             connection, "parameters", run=outcome.run, machine=outcome.machine, effect=effect, parameter=parameter,
             label=told.labels[place], unit=told.units[place], value=float(told.values[place]),
-            std=_number(float(told.std[place])), usual=float(told.usual[place]),
+            std=plain(float(told.std[place])), usual=float(told.usual[place]),
         )  # fmt: skip
 
 
@@ -189,20 +189,5 @@ def _version(package: str) -> str:
         return "unknown"
 
 
-def _number(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
 def _json(value: Any) -> str:
-    return json.dumps(_plain(value), allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """Numpy values as plain ones; what JSON has no word for as null."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple | set | frozenset):
-        return [_plain(item) for item in value]
-    return _number(value) if isinstance(value, float) else value
+    return json.dumps(plain(value), allow_nan=False)

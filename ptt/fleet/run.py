@@ -62,7 +62,9 @@ def run_all(store: Store, progress: Progress | None = None, work: Work | None = 
     Returns:
         What was done.
     """
-    tell, done, do = progress or unwatched, Done(), work or _work()
+    from ptt.fleet.work import work as whole
+
+    tell, done, do = progress or unwatched, Done(), work or whole
     with owner(store.workers) as name:
         total = sum(waiting(store).values())
         try:
@@ -81,9 +83,3 @@ def run_all(store: Store, progress: Progress | None = None, work: Work | None = 
 
 def _tell(tell: Progress, place: str, done: int, total: int, what: str) -> None:
     tell(f"{place}: {what}", done, total)
-
-
-def _work() -> Work:
-    from ptt.fleet.work import work
-
-    return work

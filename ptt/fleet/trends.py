@@ -97,12 +97,11 @@ class Course:
     before: float = float("nan")
 
 
-def movements(series: Series, alpha: float = ALPHA) -> Moves:
+def movements(series: Series) -> Moves:
     """Find what moves.
 
     Args:
         series: one machine's runs, by date.
-        alpha: chance of a false word on a machine on which nothing moves.
 
     Returns:
         What moves, and each run's values.
@@ -113,7 +112,7 @@ def movements(series: Series, alpha: float = ALPHA) -> Moves:
     found: list[float] = []
     for _ in range(MOST_MOVEMENTS):
         best = _best(series, chosen, candidates)
-        if best is None or best[1] * tried > alpha:
+        if best is None or best[1] * tried > ALPHA:
             break
         chosen.append(best[0])
         found.append(min(best[1] * tried, 1.0))
@@ -167,12 +166,10 @@ def _solve(series: Series, chosen: Sequence[Course]) -> tuple[np.ndarray, np.nda
     normal, right = np.zeros((size, size)), np.zeros(size)
     normal[:count, :count] = series.information.sum(axis=0)
     right[:count] = series.score.sum(axis=0)
-    for number, (place, course) in enumerate((each.place, each.course) for each in chosen):
-        at = count + number
-        normal[at, :count] = normal[:count, at] = np.einsum("n,np->p", course, series.information[:, place])
-        right[at] = course @ series.score[:, place]
-        for other, beside in enumerate(chosen):
-            normal[at, count + other] = (course * beside.course) @ series.information[:, place, beside.place]
+    for at, each in enumerate(chosen, count):
+        normal[at] = _cross(series, each, chosen)
+        normal[:count, at] = normal[at, :count]
+        right[at] = each.course @ series.score[:, each.place]
     inverse = np.linalg.pinv(normal, rcond=RIDGE, hermitian=True)
     values = inverse @ right
     course = _course(series, values, chosen)
@@ -186,10 +183,8 @@ def _course(series: Series, values: np.ndarray, chosen: Sequence[Course]) -> np.
     return course
 
 
-def _cross(
-    series: Series, candidate: Course,
-    chosen: Sequence[Course],
-) -> np.ndarray:  # fmt: skip
+def _cross(series: Series, candidate: Course, chosen: Sequence[Course]) -> np.ndarray:
+    """What one way shares with all levels and the chosen ways, (p + m,): a row of the normal matrix."""
     place, course = candidate.place, candidate.course
     levels = np.einsum("n,np->p", course, series.information[:, place])
     sizes = [float((course * each.course) @ series.information[:, place, each.place]) for each in chosen]

@@ -20,6 +20,7 @@ from ptt.machine import format_machine
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 from ptt.progress import Tell
+from ptt.run.problem import Problem
 
 
 def work(task: Task, tell: Tell | None = None) -> Outcome:
@@ -37,9 +38,8 @@ def work(task: Task, tell: Tell | None = None) -> Outcome:
         outcome = _work(task, tell)
     except PttError as error:
         outcome = Outcome(task.run, task.machine, "nothing", "failed", str(error), 0.0)
-    except (
-        Exception
-    ) as error:  # what nobody foresaw in one run must not stop the others; it is told, `--again` tries it
+    except Exception as error:
+        # What nobody foresaw in one run must not stop the others; it is told, `--again` tries it.
         words = f"unexpected {type(error).__name__}: {error}"
         outcome = Outcome(task.run, task.machine, "nothing", "failed", words, 0.0)
     return replace(outcome, seconds=time.perf_counter() - start)
@@ -120,6 +120,6 @@ def _shaped(term: Term) -> Term:
     return replace(term, fixed=term.fixed | searched)
 
 
-def _left(fitted: FitResult, opened: Any) -> float:
-    rows = opened.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+def _left(fitted: FitResult, problem: Problem) -> float:
+    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     return float(rms(fitted.residual, rows)["total"])

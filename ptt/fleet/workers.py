@@ -46,22 +46,17 @@ def run_on_workers(
     Raises:
         InputError: distributed is missing, or no scheduler answers.
     """
-    do = work or _work()
+    from ptt.fleet.work import work as whole
+
     tell, done = progress or unwatched, Done()
     with owner(store.workers) as name, cluster(scheduler, workers) as client:
         total = sum(waiting(store).values())
         try:
-            _distribute(store, name, client, do, done, lambda what: tell(what, done.runs, total))
+            _distribute(store, name, client, work or whole, done, lambda what: tell(what, done.runs, total))
         finally:
             release(store, name)
     done.elsewhere = max(0, sum(waiting(store).values()) - len(done.lost))
     return done
-
-
-def _work() -> Callable[[Task], Outcome]:
-    from ptt.fleet.work import work
-
-    return work
 
 
 @contextmanager

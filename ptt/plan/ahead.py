@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from ptt.plan.foresight import DWELL, FEED
 from ptt.plan.palette import Palette, paint
 from ptt.plan.space import Space
 from ptt.plan.visits import Visit, table_of
@@ -13,9 +14,6 @@ from ptt.run.mounts import place_mounts
 from ptt.run.table import Table
 from ptt.run.view import View
 from ptt.run.viewing import build_view
-
-DWELL = 10.0  # s for a reading, and between two runs
-FEED = 20.0  # mm/s between poses
 
 
 def paint_ahead(palette: Palette, visits: Sequence[Visit], space: Space, *, still: bool = False) -> np.ndarray:

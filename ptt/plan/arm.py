@@ -13,7 +13,7 @@ from ptt.model.model import Model
 from ptt.plan.foresight import beside, columns_of, see_plan
 from ptt.plan.selection import select_poses
 from ptt.plan.space import Space, draw_poses
-from ptt.plan.visits import single, table_of
+from ptt.plan.visits import singles, table_of
 from ptt.run.noise import DEFAULT_SIGMA
 from ptt.run.table import Table
 
@@ -62,7 +62,7 @@ def telling_poses(
     poses = draw_poses(space, CHOICE * count, random)
     if known.get("dh-offsets") is None and "dh-offsets" not in model.keys:
         return poses[:count]
-    table = table_of([single(pose, "v") for pose in poses], space, straight=False)
+    table = table_of(singles(poses), space, straight=False)
     columns, _ = _columns(model, table, known, sigma)
     return poses[select_poses(columns, count)]
 

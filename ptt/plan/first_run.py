@@ -14,7 +14,7 @@ from ptt.plan.arm import telling_poses
 from ptt.plan.foresight import Foresight, foresee, see_plan
 from ptt.plan.pool import with_base
 from ptt.plan.space import Space, build_space, draw_poses
-from ptt.plan.visits import Visit, both_ways, single, table_of
+from ptt.plan.visits import Visit, both_ways, singles, table_of
 from ptt.progress import Progress
 from ptt.record import Record
 from ptt.run.noise import DEFAULT_SIGMA, ENOUGH, repeat_groups
@@ -146,8 +146,8 @@ def _parts(
     if left <= 0:
         return repeated
     if space.by_tool:
-        return [*repeated, *(single(pose, "v") for pose in draw_poses(space, left, random, progress))]
-    return [*repeated, *(single(pose, "v") for pose in telling_poses(model, space, left, random, known, sigma))]
+        return [*repeated, *singles(draw_poses(space, left, random, progress))]
+    return [*repeated, *singles(telling_poses(model, space, left, random, known, sigma))]
 
 
 def _in_best_order(model: Model, space: Space, parts: list[Visit], random: np.random.Generator) -> list[Visit]:

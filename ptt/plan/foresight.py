@@ -25,7 +25,7 @@ from ptt.run.table import Table
 from ptt.run.view import View
 from ptt.run.viewing import build_view
 
-DWELL, FEED = 10.0, 20.0  # s for a reading, mm/s between poses
+DWELL, FEED = 10.0, 20.0  # s for a reading, and between two runs; mm/s between poses
 FRAME_USUAL = torch.tensor([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, dtype=torch.float64)
 FREE = 1e-6  # prior on what is fitted beside an effect, in usual sizes squared
 

@@ -65,9 +65,7 @@ def find_duels(
     )
     wide = mix_palette(fitted, problem, rivals)
     rows = known_rows(wide)
-    chosen: dict[str, list[tuple[str, bool, list[int]]]] = {}
-    for step in steps:
-        chosen[step[0]] = _leading(wide, rows, step, goal)
+    chosen = {step[0]: _leading(wide, rows, step, goal) for step in steps}
     used = sorted({index for found in chosen.values() for *_, places in found for index in places})
     palette = mix_palette(fitted, problem, tuple(rivals[index] for index in used))
     kept = np.concatenate([np.arange(wide.width - sum(map(len, wide.index))), *(wide.index[i] for i in used)])

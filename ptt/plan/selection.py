@@ -6,22 +6,24 @@ SWEEPS = 4  # rounds of exchange, at most
 GAIN = 1e-9  # growth of log det below which an exchange is none
 
 
-def select_poses(columns: np.ndarray, count: int, *, prior: np.ndarray | None = None) -> np.ndarray:
-    """Choose poses that make det(P + sum X^T X) as large as a greedy choice and pairwise exchanges get it.
+def select_poses(columns: np.ndarray, count: int) -> np.ndarray:
+    """Choose poses that make det(1 + sum X^T X) as large as a greedy choice and pairwise exchanges get it.
+
+    One usual size is known of each parameter beforehand.
 
     Source: Fedorov, Theory of Optimal Experiments (1972); one pose adds log det(1 + X M^-1 X^T) to log det M.
 
     Args:
         columns: (n, 3, P) derivative of each candidate's reading by the parameters, in usual sizes and units of noise.
         count: how many to choose.
-        prior: (P, P) information P that is there before; None: one usual size known of each parameter.
 
     Returns:
         (count,) int, candidates in the order of their choice; all of them where there are not more.
     """
     if count >= len(columns):
         return np.arange(len(columns))
-    spread = np.linalg.inv(np.eye(columns.shape[-1]) if prior is None else prior)  # inverse information
+    before = np.eye(columns.shape[-1])
+    spread = before  # inverse information
     chosen: list[int] = []
     for _ in range(count):
         best, _ = _best(columns, spread, chosen)
@@ -30,8 +32,7 @@ def select_poses(columns: np.ndarray, count: int, *, prior: np.ndarray | None = 
     for _ in range(SWEEPS):
         if not _exchange(columns, spread, chosen):
             break
-        information = np.eye(columns.shape[-1]) if prior is None else prior
-        spread = np.linalg.inv(information + np.einsum("nip,niq->pq", columns[chosen], columns[chosen]))
+        spread = np.linalg.inv(before + np.einsum("nip,niq->pq", columns[chosen], columns[chosen]))
     return np.array(chosen)
 
 

@@ -67,7 +67,7 @@ def both_ways(space: Space, count: int, random: np.random.Generator, *, repeats:
     ways = directions(space.joints)
     ways = ways[(random.permutation(len(ways) // 2)[:, None] * 2 + np.arange(2)).ravel()]
     near, far = (NEAREST, FARTHEST) if space.by_tool else (NEAREST_RAD, FARTHEST_RAD)
-    reachable = _settable(space, far)
+    reachable = ((space.upper - space.lower) / (10.0 * far)).clamp(max=1.0)  # share of the overtravel, (k,)
     visits: list[Visit] = []
     while len(visits) < count and len(poses):
         tried, poses = poses[: count - len(visits)], poses[count - len(visits) :]
@@ -82,14 +82,9 @@ def both_ways(space: Space, count: int, random: np.random.Generator, *, repeats:
     return visits
 
 
-def _settable(space: Space, far: float) -> Tensor:
-    """Share of the overtravel that each joint's range allows, (k,)."""
-    return ((space.upper - space.lower) / (10.0 * far)).clamp(max=1.0)
-
-
-def single(q: Tensor, name: str, role: str = "pose") -> Visit:
-    """A visit of one row."""
-    return Visit(q[None], (name,), role)
+def singles(poses: Tensor) -> list[Visit]:
+    """Visits of one row each, (m, k) joint values in all."""
+    return [Visit(q[None], ("v",)) for q in poses]
 
 
 def in_driving_order(visits: Sequence[Visit], space: Space) -> list[Visit]:
@@ -140,14 +135,13 @@ def _short_path(visits: Sequence[Visit], space: Space) -> list[Visit]:
     return [visits[index] for index in order]
 
 
-def table_of(visits: Sequence[Visit], space: Space, *, straight: bool, source: str = "targets") -> Table:
+def table_of(visits: Sequence[Visit], space: Space, *, straight: bool) -> Table:
     """A targets table of visits in the order given; it says from which side each joint arrives.
 
     Args:
         visits: rows; base reflectors are visits of role 'base' with any joint values.
         space: for tool positions.
         straight: the tool runs straight between rows.
-        source: name of the table.
 
     Returns:
         The table: targets for a 3-PTT, joint commands for an arm.
@@ -168,7 +162,7 @@ def table_of(visits: Sequence[Visit], space: Space, *, straight: bool, source: s
     stated = {title: values for title, values in columns.items() if values is not None}
     prefix = "b" if space.by_tool else "q"
     place = {"target": places} if space.by_tool else {"target": None, "command": places}
-    table = make_table(**place, name=name, role=role, source=source, joint_prefix=prefix, **stated)
+    table = make_table(**place, name=name, role=role, source="targets", joint_prefix=prefix, **stated)
     sent = _sent(space, places, base)
     travel = read_travel(space.mechanism, sent, space.mechanism.forward(sent), table, straight=straight)
     direction = np.where(base[:, None], np.nan, travel.direction.numpy())

@@ -11,20 +11,20 @@ from ptt.rig.thermal import Warmth, warm_up
 MICRO = 1e-3  # mm per um
 
 
-def follow_warmth(rig: Rig, path: motion.Path, time: Array, rows: int, seed: int | None) -> Warmth:
+def follow_warmth(rig: Rig, path: motion.Path, time: Array, seed: int | None) -> Warmth:
     """Temperatures of a run.
 
     Args:
         rig: room, lags, heat of duty.
         path: of the sliders.
         time: (n,) s.
-        rows: n.
         seed: of the sensor's noise; None leaves it out.
 
     Returns:
         The temperatures.
     """
     step = np.abs(np.diff(path.slider, axis=0, prepend=path.slider[:1]))
+    rows = len(time)
     travelled = np.zeros((rows, 3))
     np.add.at(travelled, path.row, step)
     sigma = rig.thermal.sensor_sigma_k
@@ -71,7 +71,7 @@ def drive_sliders(
 def _homing(rig: Rig, schedule: Schedule) -> Array:
     """Every run is homed anew."""
     random = np.random.default_rng([rig.seed, 7])
-    return rig.drive.homing_scatter_mm * random.normal(size=(int(schedule.run.max()) + 1, 3))[schedule.run]
+    return rig.drive.homing_scatter_mm * random.normal(size=(schedule.runs, 3))[schedule.run]
 
 
 def _slip(rig: Rig, time: Array) -> Array:

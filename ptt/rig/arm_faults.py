@@ -65,10 +65,15 @@ def tool_on_drawing(spec: SerialSpec, q: Array) -> Array:
     return sound.tool(sound.settle(q, np.zeros(len(q)), np.full(len(q), spec.reference_temp_c))[1])
 
 
+def joint_limits(spec: SerialSpec) -> Array:
+    """Lowest and highest value of each joint by the drawing, (2, k) rad; infinite where it states none."""
+    ends = [(-np.inf, np.inf) if joint.limits_deg is None else np.radians(joint.limits_deg) for joint in spec.joint]
+    return np.array(ends).T
+
+
 def within_limits(spec: SerialSpec, q: Array) -> Array:
     """Whether joints (n, k) rad lie within the drawing's limits, (n, k) bool."""
-    ends = [(-np.inf, np.inf) if joint.limits_deg is None else np.radians(joint.limits_deg) for joint in spec.joint]
-    low, high = np.array(ends).T
+    low, high = joint_limits(spec)
     return np.asarray((q >= low - SLACK) & (q <= high + SLACK))
 
 

@@ -93,10 +93,9 @@ class ArmScene:
         """An error of a joint, rad, that moves the tool as far as wanted."""
         return self.wanted(random) / float(self.lever[joint])
 
-    def angles(self, random: Random, *, signed: bool = True, alone: bool = True) -> list[float]:
+    def angles(self, random: Random, *, signed: bool = True) -> list[float]:
         """Errors of one joint or of all that can be seen, (k,) rad, each as large as wanted."""
-        one = alone and random.random() < 0.5
-        picked = {self.some_joint(random)} if one else set(self.strong.tolist())
+        picked = {self.some_joint(random)} if random.random() < 0.5 else set(self.strong.tolist())
         sizes = [self.angle(random, joint) if joint in picked else 0.0 for joint in range(self.joints)]
         return [size * float(random.choice([-1.0, 1.0])) if signed else size for size in sizes]
 

@@ -72,7 +72,7 @@ def draw_rig(
     """
     random = np.random.default_rng([seed, 21])
     chosen, protocol = _choose(level, random, protocol, fault)
-    base = parse_rig({"machine": {"kind": "three-ptt", **_bare(machine)}, "seed": seed})
+    base = parse_rig({"machine": _bare(machine), "seed": seed})
     rig = replace(base, machine=machine)
     drawing = ideal_machine(rig.spec)
     scene = Scene(drawing, rig.spec, HALF_SIZE, protocol)
@@ -88,7 +88,8 @@ def draw_rig(
         else:
             settings.setdefault(item.section, {}).update(size)
     if "knock_share" in settings["tracker"]:
-        settings["tracker"]["knock_row"] = _knock_row(settings["tracker"].pop("knock_share"), len(targets), conditions)
+        share = settings["tracker"].pop("knock_share")
+        settings["tracker"]["knock_row"] = int(share * len(targets) * conditions.get("cycles", 1))
     return DrawnRig(_apply(rig, settings, odd), targets, truth, protocol)
 
 
@@ -168,10 +169,6 @@ def _frame(random: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _knock_row(share: float, targets: int, conditions: Mapping[str, Any]) -> int:
-    return int(share * targets * conditions.get("cycles", 1))
-
-
 def _apply(rig: Rig, settings: Mapping[str, Mapping[str, Any]], odd: list[dict[str, Any]]) -> Rig:
     content: dict[str, Any] = {
         name: getattr(rig, name).model_dump(mode="json", exclude_defaults=True)
@@ -180,11 +177,9 @@ def _apply(rig: Rig, settings: Mapping[str, Mapping[str, Any]], odd: list[dict[s
     }
     for name, values in settings.items():
         content[name] |= values
-    parsed = parse_rig(
-        {**content, "odd": odd, "seed": rig.seed, "machine": {"kind": "three-ptt", **_bare(rig.machine)}}
-    )
+    parsed = parse_rig({**content, "odd": odd, "seed": rig.seed, "machine": _bare(rig.machine)})
     return replace(parsed, machine=rig.machine)
 
 
 def _bare(machine: MachineFile) -> dict[str, Any]:
-    return {key: value for key, value in machine.machine.model_dump(mode="json").items() if value is not None}
+    return machine.machine.model_dump(mode="json", exclude_none=True)

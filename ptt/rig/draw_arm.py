@@ -6,6 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from ptt.machine import SerialSpec
+from ptt.rig.arm_faults import joint_limits
 from ptt.rig.nominal import Array
 from ptt.rig.serial_arm import ArmFaults, ArmRig, rigid
 
@@ -49,16 +50,6 @@ class ArmRun:
     def readings(self) -> Array:
         """What the tracker reads, (n, 3) mm."""
         return self.rig.measure(self.q, self.payload_kg, self.temp_c, self.seed)
-
-    @property
-    def moved_um(self) -> float:
-        """Root mean square distance by which the fault moves the reflector, um, tracker frame left in place."""
-        broken = replace(self.rig, sigma_mm=0.0)
-        sound = replace(broken, faults=ArmFaults.none(len(self.rig.spec.joint)))
-        moved = broken.measure(self.q, self.payload_kg, self.temp_c, 0) - sound.measure(
-            self.q, self.payload_kg, self.temp_c, 0
-        )
-        return float(np.sqrt(np.square(moved).sum(axis=1).mean()) * 1e3)
 
 
 def draw_arm(spec: SerialSpec, fault: ArmFault, seed: int, rows: int = 220, sigma_mm: float = 0.01) -> ArmRun:
@@ -147,14 +138,9 @@ def unweighed(spec: SerialSpec) -> SerialSpec:
 
 def joint_ranges(spec: SerialSpec) -> tuple[Array, Array]:
     """Least and greatest value of each joint in a drawn run, (k,) rad each."""
-    low, high = np.array([_range(joint.limits_deg) for joint in spec.joint]).T
-    return low, high
+    low, high = 0.8 * joint_limits(spec)
+    return np.maximum(low, -0.8 * WIDE_RAD), np.minimum(high, 0.8 * WIDE_RAD)
 
 
 def _log(random: np.random.Generator, low: float, high: float, count: int) -> Array:
     return np.exp(random.uniform(np.log(low), np.log(high), count))
-
-
-def _range(limits_deg: tuple[float, float] | None) -> tuple[float, float]:
-    low, high = (-np.inf, np.inf) if limits_deg is None else np.radians(limits_deg)
-    return max(0.8 * low, -0.8 * WIDE_RAD), min(0.8 * high, 0.8 * WIDE_RAD)

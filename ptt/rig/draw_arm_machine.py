@@ -8,6 +8,7 @@ import numpy as np
 
 from ptt.machine import MachineFile, SerialSpec
 from ptt.machine_schema import BasePoint, TrackerSpec
+from ptt.rig.arm_faults import joint_limits
 from ptt.rig.arm_state import tool_slopes
 from ptt.rig.draw_arm import draw_masses
 from ptt.rig.draw_machine import Frame
@@ -191,8 +192,7 @@ def _weigh(spec: SerialSpec, random: Random) -> SerialSpec:
 
 def _ranges(spec: SerialSpec, random: Random) -> tuple[Array, Array]:
     """Joint values of a run about a posture that is far from singular ones, (k,) rad each."""
-    ends = [(-np.inf, np.inf) if link.limits_deg is None else np.radians(link.limits_deg) for link in spec.joint]
-    low, high = np.clip(0.9 * np.array(ends).T, -TURNS, TURNS)
+    low, high = np.clip(0.9 * joint_limits(spec), -TURNS, TURNS)
     homes = random.uniform(0.8 * low, 0.8 * high, (HOMES, spec.joints))
     home = homes[np.argmax(posture(spec, homes))]
     half = random.uniform(*WIDE, spec.joints)

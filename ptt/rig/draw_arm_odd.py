@@ -29,11 +29,11 @@ def _one(
     return draw
 
 
-def _urad(random: Random, scene: ArmScene, joint: int, times: float = 1.0) -> float:
+def _urad(random: Random, scene: ArmScene, joint: int, times: float) -> float:
     return times * scene.angle(random, joint) / MICRO
 
 
-def _signed(random: Random, scene: ArmScene, joint: int, times: float = 1.0) -> float:
+def _signed(random: Random, scene: ArmScene, joint: int, times: float) -> float:
     return _urad(random, scene, joint, times) * float(random.choice([-1.0, 1.0]))
 
 

@@ -70,10 +70,10 @@ def draw_foreign(
     tracker["datum_every"] = 0 if moving else datum  # nobody breaks off a smooth run
     told = random.random() < 0.5
     away = float(np.linalg.norm(tracker["station_mm"]))
-    file = _tell(foreign.file, stated_sigma(values, away) * random.uniform(0.8, 1.25) if told else None)
+    file = tell_noise(foreign.file, stated_sigma(values, away) * random.uniform(0.8, 1.25) if told else None)
     dwell = float(np.round(random.uniform(2.0, 12.0), 1))
     content = {"seed": seed, "conditions": {"dwell_s": dwell, **conditions}, "tracker": tracker}
-    rig = parse_rig({"machine": {"kind": "three-ptt", **_dump(spec)}, **content})
+    rig = parse_rig({"machine": spec.model_dump(mode="json", exclude_none=True), **content})
     absent = STATIC if protocol in ("path", "volume") and random.random() < 0.4 else ()
     notes = {"noise": kind, "path": plan.path, "repeats": plan.repeats}
     return DrawnRig(replace(rig, machine=file), plan.targets, {}, protocol, foreign.room, absent, notes)
@@ -127,11 +127,7 @@ def _set_up(random: Random, file: MachineFile) -> dict[str, Any]:
     return values
 
 
-def _tell(file: MachineFile, sigma: float | None) -> MachineFile:
+def tell_noise(file: MachineFile, sigma: float | None) -> MachineFile:
     """The machine file with what it says of the noise."""
     rounded = None if sigma is None else float(f"{sigma:.2g}")
     return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": rounded}), text="")
-
-
-def _dump(spec: ThreePttSpec) -> dict[str, Any]:
-    return {key: value for key, value in spec.model_dump(mode="json").items() if value is not None}

@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,17 +11,14 @@ from ptt.machine import MachineFile, format_machine
 from ptt.rig.draw import DrawnRig, Protocol
 from ptt.rig.draw_arm_machine import ForeignArm, draw_arm_file
 from ptt.rig.draw_arm_paths import draw_arm_plan
-from ptt.rig.draw_foreign import STATIC
+from ptt.rig.draw_foreign import STATIC, tell_noise
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
 from ptt.rig.rig import parse_rig
 from ptt.rig.schedule import TARGET
 
 Random = np.random.Generator
 ROWS = (40, 700)
-LOUDER = (
-    1.0,
-    6.0,
-)  # times a bench: longer ways, warmer air, a nest set by hand
+LOUDER = (1.0, 6.0)  # times a bench: longer ways, warmer air, a nest set by hand
 LENGTHS = ("white_mm", "outlier_mm", "axis_um", "quantum_um", "wander_um", "radial_um", "sideways_um_per_m")
 ARM_PROTOCOLS: tuple[Protocol, ...] = ("volume", "payload", "warmup")
 KG_A_METRE = 8.0  # what an arm carries at the most, by its reach
@@ -66,7 +62,7 @@ def draw_foreign_arm(
     tracker["station_mm"] = _farther(tracker["station_mm"], arm.reach_mm)
     told = random.random() < 0.5
     sigma = stated_sigma(values, float(np.linalg.norm(tracker["station_mm"]))) * random.uniform(0.8, 1.25)
-    file = _tell(arm.file, sigma if told else None)
+    file = tell_noise(arm.file, sigma if told else None)
     content: dict[str, Any] = {
         "machine": tomllib.loads(format_machine(file)),
         "seed": seed,
@@ -144,8 +140,3 @@ def _mount(random: Random, file: MachineFile) -> dict[str, Any]:
     if file.tracker.tool == "trusted":
         return {}
     return {"reflector_mm": place} | ({"reflector_scatter_mm": 0.5} if file.tracker.tool == "fitted-per-run" else {})
-
-
-def _tell(file: MachineFile, sigma: float | None) -> MachineFile:
-    rounded = None if sigma is None else float(f"{sigma:.2g}")
-    return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": rounded}), text="")

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -31,11 +30,6 @@ class Plan:
     cycles: int
     path: str
     repeats: str
-
-    @property
-    def conditions(self) -> dict[str, Any]:
-        """Keys of [conditions]."""
-        return {"cycles": self.cycles}
 
 
 def draw_plan(

@@ -10,6 +10,7 @@ from ptt.rig.nominal import Array
 from ptt.rig.rig import Rig
 
 TARGET = ["x_cmd", "y_cmd", "z_cmd"]
+WHERE = "targets"  # in messages
 DATUM, HOLD = -1, -2  # in `origin`: rows that no row of the targets stands for
 
 
@@ -57,7 +58,7 @@ class Schedule:
         return self.role == "base"
 
 
-def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, where: str = "targets") -> Schedule:
+def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None) -> Schedule:
     """Lay out every row of a simulated run.
 
     Args:
@@ -65,7 +66,6 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, wh
         commands: the targets, columns as in a targets file; for a rig of one cycle their column repeat says which cycle
             of a longer run a row is of.
         sliders: columns b1.. or q1.. to send instead, a row per row of `commands` or per row and cycle.
-        where: the targets file for messages.
 
     Returns:
         The schedule.
@@ -73,18 +73,18 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None, wh
     Raises:
         TableError: columns missing, sliders of another length, an unknown base reflector.
     """
-    table = _tidy(commands, rig.commanded, where)
+    table = _tidy(commands, rig.commanded)
     origin, cycle = _layout(rig, table)
     pose = origin >= 0
     row = np.where(pose, origin, 0)
     role = np.where(pose, table["role"].to_numpy()[row], np.where(origin == DATUM, "datum", "base"))
     name = np.where(pose, table["name"].to_numpy()[row], np.where(origin == DATUM, "datum", ""))
     held = role == "base"
-    name = _name_base(rig, name, origin, held, where)
+    name = _name_base(rig, name, origin, held)
     target = np.where(pose[:, None], table[TARGET].to_numpy(float)[row], np.asarray(rig.tracker.datum_mm))
     command = np.where(pose[:, None], table[rig.commanded].to_numpy(float)[row], np.nan)
     if sliders is not None:
-        command = _send(sliders, rig.sent, command, pose, held, len(table), where)
+        command = _send(sliders, rig.sent, command, pose, held, len(table))
     target, command = _hold(target, held), _hold(command, held)
     conditions = rig.conditions
     return Schedule(
@@ -121,40 +121,40 @@ def tell_time(rig: Rig, schedule: Schedule, tool: Array) -> Array:
     return np.cumsum(step + conditions.pause_s * (np.diff(schedule.repeat, prepend=schedule.repeat[0]) != 0))
 
 
-def _tidy(commands: pd.DataFrame, joints: list[str], where: str) -> pd.DataFrame:
+def _tidy(commands: pd.DataFrame, joints: list[str]) -> pd.DataFrame:
     """A copy with every column this module reads."""
     table = commands.reset_index(drop=True).copy()
     if table.empty:
-        raise TableError("has no rows", where=where, fix="give at least one target")
+        raise TableError("has no rows", where=WHERE, fix="give at least one target")
     for group in (TARGET, joints):
         present = [column in table for column in group]
         if any(present) and not all(present):
             missing = group[present.index(False)]
-            raise TableError(f"column {missing} is missing", where=where, fix=f"give all of {', '.join(group)}")
+            raise TableError(f"column {missing} is missing", where=WHERE, fix=f"give all of {', '.join(group)}")
         if not any(present):
             table[group] = np.nan
     for column, default in (("name", ""), ("role", "pose")):
         values = table[column] if column in table else pd.Series([default] * len(table))
         table[column] = values.fillna(default).astype(str).replace("", default)
     for column in ("payload_kg", "feed_mm_s"):
-        table[column] = _numbers(table, [column], where)[:, 0] if column in table else np.nan
-    table["read"] = _numbers(table, ["read"], where)[:, 0] if "read" in table else 1.0
-    told = _numbers(table, ["repeat"], where)[:, 0] if "repeat" in table else np.ones(len(table))
+        table[column] = _numbers(table, [column])[:, 0] if column in table else np.nan
+    table["read"] = _numbers(table, ["read"])[:, 0] if "read" in table else 1.0
+    told = _numbers(table, ["repeat"])[:, 0] if "repeat" in table else np.ones(len(table))
     table["repeat"] = np.where(np.isfinite(told), told, 1.0).astype(int)
-    numbers = {"target": _numbers(table, TARGET, where), "command": _numbers(table, joints, where)}
+    numbers = {"target": _numbers(table, TARGET), "command": _numbers(table, joints)}
     table[TARGET], table[joints] = numbers["target"], numbers["command"]
     known = np.isfinite(numbers["target"]).all(1) | np.isfinite(numbers["command"]).all(1)
     lost = ~(known | (table["role"] == "base").to_numpy())
     if lost.any():
         raise TableError(
             f"row {int(np.argmax(lost)) + 1} has neither x_cmd, y_cmd, z_cmd nor {', '.join(joints)}",
-            where=where,
+            where=WHERE,
             fix="fill in one of the two",
         )
     return table
 
 
-def _numbers(table: pd.DataFrame, columns: list[str], where: str) -> Array:
+def _numbers(table: pd.DataFrame, columns: list[str], where: str = WHERE) -> Array:
     """Columns as floats, (n, c); an empty cell is NaN."""
     values = np.empty((len(table), len(columns)))
     for number, column in enumerate(columns):
@@ -201,7 +201,7 @@ def _laps(rig: Rig, table: pd.DataFrame) -> list[tuple[int, Array]]:
     return [*enumerate(np.split(rows, np.flatnonzero(np.diff(told)) + 1))]
 
 
-def _name_base(rig: Rig, name: Array, origin: Array, held: Array, where: str) -> Array:
+def _name_base(rig: Rig, name: Array, origin: Array, held: Array) -> Array:
     """Names of the base reflectors in the order they are measured, those in the targets as they stand there."""
     known = [point.name for point in rig.machine.tracker.base_point]
     own = held & (origin == HOLD)
@@ -212,15 +212,13 @@ def _name_base(rig: Rig, name: Array, origin: Array, held: Array, where: str) ->
     if strange:
         raise TableError(
             f"base reflector {strange[0]!r} is not in the machine file",
-            where=where,
+            where=WHERE,
             fix=f"use one of {', '.join(known) or 'none'}, or add it as [[tracker.base_point]]",
         )
     return named.astype(str)
 
 
-def _send(
-    sliders: pd.DataFrame, joints: list[str], command: Array, pose: Array, held: Array, rows: int, where: str
-) -> Array:
+def _send(sliders: pd.DataFrame, joints: list[str], command: Array, pose: Array, held: Array, rows: int) -> Array:
     """Commands with those of the targets' rows replaced by joints that are given, (n, k) mm or rad."""
     missing = [column for column in joints if column not in sliders]
     if missing:
@@ -231,7 +229,7 @@ def _send(
     poses = int(pose.sum())
     if len(values) not in (rows, poses):
         raise TableError(
-            f"{len(values)} rows of sliders for {rows} targets", where="sliders", fix=f"give a row per row of {where}"
+            f"{len(values)} rows of sliders for {rows} targets", where="sliders", fix=f"give a row per row of {WHERE}"
         )
     given = values if len(values) == poses else np.tile(values, (poses // rows, 1))
     lost = ~held[pose] & ~np.isfinite(given).all(1)

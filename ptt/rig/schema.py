@@ -13,6 +13,7 @@ def _spread(value: object) -> object:
 
 
 PerLeg = Annotated[Triple, BeforeValidator(_spread)]
+LengthPerLeg = Annotated[tuple[PositiveFloat, PositiveFloat, PositiveFloat], BeforeValidator(_spread)]
 Leg = Annotated[int, Field(ge=1, le=3)]
 ZERO: Triple = (0.0, 0.0, 0.0)
 MAP: tuple[tuple[float, ...], ...] = ()
@@ -79,15 +80,9 @@ class Drive(Section):
     turn2_phase_rad: PerLeg = ZERO
     backlash_mm: PerLeg = ZERO
     windup_um: PerLeg = ZERO
-    windup_length_mm: Annotated[tuple[PositiveFloat, PositiveFloat, PositiveFloat], BeforeValidator(_spread)] = (
-        1.0,
-    ) * 3
+    windup_length_mm: LengthPerLeg = (1.0, 1.0, 1.0)
     friction_um: PerLeg = ZERO
-    friction_length_mm: Annotated[tuple[PositiveFloat, PositiveFloat, PositiveFloat], BeforeValidator(_spread)] = (
-        1.0,
-        1.0,
-        1.0,
-    )
+    friction_length_mm: LengthPerLeg = (1.0, 1.0, 1.0)
     following_s: PerLeg = ZERO
     compliance_um_per_n: PerLeg = ZERO
 

@@ -78,16 +78,16 @@ def simulate(
         WorkspaceError: targets or commands out of reach.
     """
     _require_rows(rig, len(commands))
+    run_seed = rig.seed if seed is None else seed
     if rig.serial is not None:
-        return _simulate_arm(rig, rig.serial, commands, sliders, noise=noise, seed=rig.seed if seed is None else seed)
+        return _simulate_arm(rig, rig.serial, commands, sliders, noise=noise, seed=run_seed)
     drawing = ideal_machine(rig.spec)
     schedule = plan_rows(rig, commands, sliders)
     tool, command = _settle(rig, drawing, schedule)
     time = tell_time(rig, schedule, tool)
-    run_seed = rig.seed if seed is None else seed
     straight = rig.spec.moves == "straight"
     path = motion.run_path(drawing, tool, command, schedule.run, straight=straight, lead_in=rig.conditions.lead_in_mm)
-    warmth = follow_warmth(rig, path, time, schedule.rows, run_seed if noise else None)
+    warmth = follow_warmth(rig, path, time, run_seed if noise else None)
     still = (schedule.role != "pose") | (not rig.conditions.moving)
     ends = motion.end_moves(drawing, tool, command) if straight else None
     speed = motion.slider_speed(command, tool, time, still, schedule.run, ends)

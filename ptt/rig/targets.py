@@ -42,20 +42,18 @@ def there_and_back(path: Array) -> Array:
     return np.concatenate([path, path[-2:0:-1]])
 
 
-def make_loop(rows: int, *, radius: float = 60.0, height: float = 30.0) -> Array:
-    """A smooth closed path in space: two turns whose radius and height swing once.
+def make_loop(rows: int) -> Array:
+    """A smooth closed path in space: two turns whose radius and height swing once, to 60 and 30 mm.
 
     Args:
         rows: number of points n.
-        radius: largest, mm.
-        height: largest, mm.
 
     Returns:
         (n, 3) mm, to 0.1 um.
     """
     swing = 2.0 * np.pi * np.arange(rows) / rows
-    wide = radius * (0.75 + 0.25 * np.cos(swing))
-    path = np.column_stack([wide * np.cos(2 * swing), wide * np.sin(2 * swing), height * np.sin(swing)])
+    wide = 60.0 * (0.75 + 0.25 * np.cos(swing))
+    path = np.column_stack([wide * np.cos(2 * swing), wide * np.sin(2 * swing), 30.0 * np.sin(swing)])
     return np.round(path, 4)
 
 

@@ -36,17 +36,16 @@ def number_alike(values: np.ndarray, tolerance: float, within: np.ndarray | None
     return number_rows(group[:, None])
 
 
-def same_places(place: np.ndarray, within: np.ndarray | None = None) -> np.ndarray:
+def same_places(place: np.ndarray) -> np.ndarray:
     """Number places; those of one pose have one number.
 
     Args:
         place: (n, 3) mm or (n, k) mm or rad.
-        within: (n,) int, rows with different numbers are never alike.
 
     Returns:
         (n,) int from 0, in order of first appearance.
     """
-    return number_alike(place, SAME_POSE, within)
+    return number_alike(place, SAME_POSE)
 
 
 def count_places(place: np.ndarray) -> int:

@@ -35,7 +35,6 @@ def smoothly(problem: Problem) -> Problem | None:
     if other.sum() < LEAST_READINGS:
         return None
     machine = problem.file.machine.model_copy(update={"moves": "smooth"})
-    two_sided = bool((travel.direction.amin(dim=0) < travel.direction.amax(dim=0)).any())
-    varies = view.varies | {"direction"} if two_sided else view.varies - {"direction"}
+    varies = view.varies | {"direction"} if travel.two_sided else view.varies - {"direction"}
     seen = replace(view, direction=travel.direction, turning=travel.turning, varies=varies)
     return replace(problem, file=replace(problem.file, machine=machine), view=seen)

@@ -33,9 +33,9 @@ class Travel:
     starts: Tensor
 
     @property
-    def joints(self) -> int:
-        """Number of joints k."""
-        return self.direction.shape[1]
+    def two_sided(self) -> bool:
+        """Whether some joint arrives from both sides."""
+        return bool(((self.direction > 0).any(dim=0) & (self.direction < 0).any(dim=0)).any())
 
 
 def read_travel(
@@ -70,11 +70,7 @@ def read_travel(
     direction = arrival_direction(q.numpy(), turning, starts)
     if stated is not None:
         direction = np.where(known, stated, direction)
-    return Travel(
-        torch.as_tensor(direction),
-        torch.as_tensor(turning),
-        torch.as_tensor(starts),
-    )
+    return Travel(torch.as_tensor(direction), torch.as_tensor(turning), torch.as_tensor(starts))
 
 
 def run_starts(run: np.ndarray) -> np.ndarray:

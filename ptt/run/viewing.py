@@ -36,13 +36,8 @@ def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
         WorkspaceError: a target out of reach, by line.
     """
     target = torch.as_tensor(table.target, dtype=torch.float64)
-    command = None if table.command is None else torch.as_tensor(table.command, dtype=torch.float64)
-    known = (
-        torch.zeros_like(target, dtype=torch.bool)[:, :1] if command is None else torch.isfinite(command).all(1, True)
-    )
-    wanted = torch.isfinite(target).all(dim=1) & ~known[:, 0]
-    blank = torch.full((table.rows, mechanism.joints), torch.nan, dtype=torch.float64)
-    q = blank if command is None else command.clone()
+    q = _tensor(np.full((table.rows, mechanism.joints), np.nan) if table.command is None else table.command)
+    wanted = torch.isfinite(target).all(dim=1) & ~torch.isfinite(q).all(dim=1)
     if bool(wanted.any()):
         lines = [int(line) for line in table.line[wanted.numpy()]]
         q[wanted] = require_reachable(mechanism, target[wanted], table.source, lines=lines)
@@ -185,7 +180,6 @@ def _what_varies(table: "Table", travel: Travel, velocity: Tensor) -> frozenset[
     speed = velocity.norm(dim=1)[torch.as_tensor(pose)]
     if len(speed) and float(speed.max()) > 0 and float(speed.std()) > EVEN * float(speed.mean()):
         names.append("speed")
-    both = [(travel.direction[:, i] > 0).any() and (travel.direction[:, i] < 0).any() for i in range(travel.joints)]
-    if any(bool(item) for item in both):
+    if travel.two_sided:
         names.append("direction")
     return frozenset(names)

@@ -14,6 +14,7 @@ from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
 from ptt.setup.arm_fit import arm_spec, judge_arm, linear, linear_many, pose_many
 from ptt.setup.candidates import UNITS, mirrors, units
+from ptt.setup.judged import undo_all
 from ptt.setup.proof import FALL
 from ptt.setup.result import Finding
 from ptt.setup.rows import slipped
@@ -97,10 +98,8 @@ def _tried(setup: Setup, rows: np.ndarray, hypotheses: list[Hypothesis]) -> list
     judged = []
     for hypothesis in hypotheses:
         for more in _read_off(hypothesis.undo(setup), rows):
-            steps = [hypothesis, *more]
-            cured = setup
-            for step in steps:
-                cured = step.undo(cured)
+            steps = (hypothesis, *more)
+            cured = undo_all(steps, setup)
             judged.append((judge_arm(cured, rows), [step for step in steps if step.undone], cured))
     return sorted(judged, key=lambda item: np.log(item[0] + LEAST_MM) + sum(step.cost + 0.1 for step in item[1]))
 

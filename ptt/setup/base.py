@@ -1,7 +1,5 @@
 """Base reflectors that do not lie to each other as the machine file has them."""
 
-from dataclasses import replace
-
 from ptt.run.base_frame import BASE_FIX, odd_base, untrue_base
 from ptt.setup.columns import said
 from ptt.setup.result import Finding
@@ -24,6 +22,6 @@ def find_base(setup: Setup) -> list[Finding]:
     unknown, off = odd_base(setup.file, setup.table)
     if unknown:
         words = f"the run reads {', '.join(unknown)} at the base, which the machine file does not have"
-        return [replace(said(setup, "base-reflectors", words, "add a [[tracker.base_point]] for each"), sure=False)]
+        return [said(setup, "base-reflectors", words, "add a [[tracker.base_point]] for each", False)]
     words = f"left out, by distances to the others not where [[tracker.base_point]] has them: {', '.join(off)}"
-    return [replace(said(setup, "base-reflectors", words, BASE_FIX), sure=False)] if off else []
+    return [said(setup, "base-reflectors", words, BASE_FIX, False)] if off else []

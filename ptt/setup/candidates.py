@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 import torch
 
-from ptt.machine import ThreePttSpec
 from ptt.setup.rigid import medians
 from ptt.setup.score import build, forward_many
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
@@ -95,7 +94,7 @@ def scales(setup: Setup) -> Iterator[Hypothesis]:
         yield Hypothesis("unit-scale", f"every length of the run taken as {unit}", fix, both, 0.1)
 
 
-def slider_orders(setup: Setup) -> Iterator[Hypothesis]:
+def slider_orders() -> Iterator[Hypothesis]:
     """Sliders in another order, counted downward, or both; the zero that goes with it comes from the targets."""
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
@@ -230,8 +229,7 @@ def slider_formulas(before: np.ndarray | None, after: np.ndarray | None) -> str:
 
 def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """What has to be added to sliders that were turned round so that they stand about home, as runs do, (3,) mm."""
-    spec = setup.file.machine
-    mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
+    mechanism = build(drawn(setup))
     home = np.zeros(3) if mechanism is None else mechanism.home().numpy()
     zero = home - medians(counted)
     return np.where(signs < 0, zero.mean() if signs.max() < 0 else zero, 0.0)
@@ -239,8 +237,7 @@ def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.
 
 def _zeros(setup: Setup, signs: np.ndarray) -> np.ndarray | None:
     """What has to be added to each slider's heights to reach the targets, (3,) mm; None where there are no targets."""
-    spec = setup.file.machine
-    mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
+    mechanism = build(drawn(setup))
     if mechanism is None or setup.table.command is None:
         return None
     reach = mechanism.inverse(torch.as_tensor(setup.table.target, dtype=torch.float64)).numpy()

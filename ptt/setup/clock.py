@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ptt.setup.columns import Result, fastest, known, said, shifted
+from ptt.setup.columns import Result, fastest, known, said, settled, shifted
 from ptt.setup.result import Finding
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup, used_rows
@@ -21,10 +21,7 @@ def find_speed(setup: Setup) -> tuple[list[Finding], Setup]:
     Returns:
         At most one finding, and the files with it undone where that is sure.
     """
-    found = _speed(setup)
-    if found is None:
-        return [], setup
-    return [found[0]], found[1](setup) if found[1] is not None and found[0].sure else setup
+    return settled(setup, _speed(setup))
 
 
 def find_clock(setup: Setup) -> Result | None:

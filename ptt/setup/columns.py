@@ -37,6 +37,14 @@ def said(setup: Setup, mistake: Mistake, words: str, fix: str, sure: bool = True
     return Finding(mistake, words, fix, None, None, sure, setup.table.source)
 
 
+def settled(setup: Setup, found: Result | None) -> tuple[list[Finding], Setup]:
+    """What a check found as a list, and the files with it undone where that is sure and can be."""
+    if found is None:
+        return [], setup
+    finding, undo = found
+    return [finding], undo(setup) if undo is not None and finding.sure else setup
+
+
 def shifted(field: str, factor: float, offset: float) -> Undo:
     """A column times a factor plus an offset."""
     return lambda setup: setup.with_rows(**{field: np.asarray(getattr(setup.table, field)) * factor + offset})

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ptt.setup.clock import find_clock, find_feed
-from ptt.setup.columns import HOTTEST, Result, heaviest, known, said, shifted
+from ptt.setup.columns import HOTTEST, Result, heaviest, known, said, settled, shifted
 from ptt.setup.result import Finding
 from ptt.setup.setup import Setup
 from ptt.setup.stray import find_stray
@@ -30,10 +30,8 @@ def find_units(setup: Setup) -> tuple[list[Finding], Setup]:
     findings, setup = find_stray(setup)
     checks: tuple[Callable[[Setup], Result | None], ...] = (_temperature, _payload, find_clock, find_feed)
     for check in checks:
-        found = check(setup)
-        if found is not None:
-            findings.append(found[0])
-            setup = found[1](setup) if found[1] is not None and found[0].sure else setup
+        told, setup = settled(setup, check(setup))
+        findings += told
     return findings, setup
 
 

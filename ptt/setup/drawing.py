@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.machine import ThreePttSpec
 from ptt.setup.candidates import UNITS, mirrors, order_words, slider_orders, slider_units, turned_axes, units
-from ptt.setup.setup import Hypothesis, Setup, Undo
+from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 
 SHORTEST, LONGEST = 60.0, 1e4  # mm: links of machines that carry a reflector
 UNEVEN = 0.1  # deg
@@ -44,7 +44,7 @@ def mistakes_in(setup: Setup) -> list[Hypothesis]:
         found += units("both")
         found += mirrors("both") if sent else []
     if sent:
-        found += [*slider_units(setup), *slider_orders(setup)]
+        found += [*slider_units(setup), *slider_orders()]
     if sent or wanted:
         found += [*drawing_slips(setup)]
     return found
@@ -52,8 +52,7 @@ def mistakes_in(setup: Setup) -> list[Hypothesis]:
 
 def drawing_slips(setup: Setup) -> Iterator[Hypothesis]:
     """Slips in the machine file that need no number to be found."""
-    spec = setup.file.machine
-    assert isinstance(spec, ThreePttSpec)
+    spec = drawn(setup)
     other = "below" if spec.sliders == "above" else "above"
     yield Hypothesis(
         "slider-side", f"the sliders {other} the platform", f'write sliders = "{other}"', drawn_with(sliders=other)

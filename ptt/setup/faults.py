@@ -3,6 +3,7 @@
 import numpy as np
 import torch
 
+from ptt.run.frames import rigid_columns
 from ptt.setup.rigid import TRIM, align_many, medians
 from ptt.setup.score import build
 from ptt.setup.setup import Setup, drawn
@@ -64,7 +65,8 @@ def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarra
     if known.sum() < 4:
         return np.asarray(distance[0])
     kept = known & (np.nan_to_num(distance[0]) <= TRIM * float(medians(distance.T)[0]) + 1e-9)
-    matrix, count = np.concatenate([columns, _motions(np.nan_to_num(place), free)], axis=2), columns.shape[2]
+    moves = rigid_columns(torch.as_tensor(np.nan_to_num(place)), length=1e3).numpy()  # by 1 mm, by 1 mrad
+    matrix, count = np.concatenate([columns, moves] if free else [columns], axis=2), columns.shape[2]
     rows = matrix[kept].reshape(-1, matrix.shape[2])
     normal, right = rows.T @ rows, rows.T @ left[kept].ravel()
     loose = LOOSE
@@ -75,15 +77,3 @@ def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarra
             break
         loose *= TIGHTEN
     return np.asarray(np.linalg.norm(left - matrix @ size, axis=1))
-
-
-def _motions(place: np.ndarray, free: bool) -> np.ndarray:
-    """Small rigid motions, (m, 3, 6): a shift by 1 mm, a turn by 1 mrad; none where the frame is trusted."""
-    if not free:
-        return np.zeros((len(place), 3, 0))
-    motion = np.zeros((len(place), 3, 6))
-    motion[:, range(3), range(3)] = 1.0
-    for axis in range(3):  # e_axis x place
-        one, other = (axis + 1) % 3, (axis + 2) % 3
-        motion[:, one, 3 + axis], motion[:, other, 3 + axis] = -place[:, other] / 1e3, place[:, one] / 1e3
-    return motion

@@ -10,6 +10,7 @@ from ptt.machine import ThreePttSpec
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.run.frames import rigid_columns
 from ptt.setup.candidates import BEYOND_HOMING, slider_words, zeros_from_home
+from ptt.setup.drawing import drawn_with
 from ptt.setup.rigid import align_many, medians
 from ptt.setup.score import agree_points, build, forward_many
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
@@ -69,25 +70,17 @@ def frame_words(turn: np.ndarray, shift: np.ndarray) -> str:
 
 def _lengths(setup: Setup) -> Iterator[Hypothesis]:
     """The one length that, changed alone, makes the columns agree best."""
-    spec = setup.file.machine
-    if not isinstance(spec, ThreePttSpec):
-        return
+    spec = drawn(setup)
     for key, value in _search(setup).items():
-        drawn = getattr(spec, key)
-        if abs(value - drawn) < SLIP:
+        stated = getattr(spec, key)
+        if abs(value - stated) < SLIP:
             continue
-        words = f"{key} = {value:.6g} in place of {drawn:.6g}"
+        words = f"{key} = {value:.6g} in place of {stated:.6g}"
         if key == "base_radius_mm":
-            other = spec.platform_radius_mm - (value - drawn)
+            other = spec.platform_radius_mm - (value - stated)
             words += f" (or platform_radius_mm = {other:.6g}: only their difference counts)"
-        changes = {key: round(value, 4)}
-        yield Hypothesis(
-            "drawing-length", words, f"write {key} = {value:.6g} if the drawing agrees", _redrawn(changes), 0.6
-        )
-
-
-def _redrawn(changes: dict[str, float]) -> Undo:
-    return lambda setup: setup.with_drawing(**changes)
+        fix, undo = f"write {key} = {value:.6g} if the drawing agrees", drawn_with(**{key: round(value, 4)})
+        yield Hypothesis("drawing-length", words, fix, undo, 0.6)
 
 
 def _counted(signs: np.ndarray, zero: np.ndarray) -> Undo:
@@ -96,8 +89,8 @@ def _counted(signs: np.ndarray, zero: np.ndarray) -> Undo:
 
 def _search(setup: Setup) -> dict[str, float]:
     """The value of each length at which the columns agree best, by a grid that closes in; all lengths at once."""
-    spec, mechanism = setup.file.machine, build(setup.file.machine)
-    if mechanism is None or not isinstance(spec, ThreePttSpec):
+    spec, mechanism = drawn(setup), build(drawn(setup))
+    if mechanism is None:
         return {}
     rows = np.arange(0, setup.table.rows, max(1, setup.table.rows // FEW_ROWS))
     centre = {key: float(getattr(spec, key)) for key in SEARCHED}
@@ -146,8 +139,7 @@ def _moved(spec: ThreePttSpec, key: str, value: float) -> np.ndarray:
 
 def _zeros_by_readings(setup: Setup) -> Iterator[Hypothesis]:
     """Each slider's zero from the readings alone; what all have in common is the tracker's height."""
-    spec, command = setup.file.machine, setup.table.command
-    mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
+    mechanism, command = build(drawn(setup)), setup.table.command
     if mechanism is None or command is None:
         return
     rows = np.arange(0, setup.table.rows, max(1, setup.table.rows // FEW_ROWS))

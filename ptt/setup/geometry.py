@@ -3,8 +3,9 @@
 import numpy as np
 
 from ptt.setup.candidates import read_off, slider_formulas
+from ptt.setup.columns import said
 from ptt.setup.drawing import mistakes_in
-from ptt.setup.fitted import SLIP, fitted_mistakes
+from ptt.setup.fitted import SEARCHED, SLIP, fitted_mistakes
 from ptt.setup.judged import BROKEN, MOST_ROWS, Judged, is_proof, judge, thinned, undo_all
 from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
 from ptt.setup.result import Finding
@@ -113,7 +114,7 @@ def _turned_round(plain: Judged, setup: Setup) -> tuple[list[Finding], Setup]:
     fix = f"write base_radius_mm = {platform:g} and platform_radius_mm = {base:g}, if the drawing agrees"
     sure = platform > base
     cured = setup.with_drawing(base_radius_mm=platform, platform_radius_mm=base) if sure else setup
-    return [Finding("radii-interchanged", words, fix, None, None, sure, setup.table.source)], cured
+    return [said(setup, "radii-interchanged", words, fix, sure)], cured
 
 
 def _exactly(plain: Judged) -> Judged | None:
@@ -204,8 +205,7 @@ def _is_sure(step: Hypothesis, plain: Judged, best: Judged) -> bool:
         return False
     if step.mistake != "drawing-length":
         return True
-    keys = ("link_length_mm", "base_radius_mm")
-    moved = max(abs(getattr(best.setup.file.machine, key) - getattr(plain.setup.file.machine, key)) for key in keys)
+    moved = max(abs(getattr(drawn(best.setup), key) - getattr(drawn(plain.setup), key)) for key in SEARCHED)
     apart = plain.agreement.rms[2]
     return bool(moved > BUILT or (np.isfinite(apart) and apart > EXACT[0] and moved > SLIP))
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.run.tails import median_sigma
-from ptt.setup.columns import Result, said
+from ptt.setup.columns import Result, said, settled
 from ptt.setup.proof import BEYOND_FAULTS
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many
@@ -28,10 +28,7 @@ def find_noise(setup: Setup) -> tuple[list[Finding], Setup]:
     Returns:
         At most one finding, and the files with the noise restated where that is sure.
     """
-    found = _noise(setup)
-    if found is None:
-        return [], setup
-    return [found[0]], found[1](setup) if found[1] is not None else setup
+    return settled(setup, _noise(setup))
 
 
 def _noise(setup: Setup) -> Result | None:

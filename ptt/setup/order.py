@@ -5,6 +5,7 @@ import re
 import numpy as np
 
 from ptt.run.table import take_rows
+from ptt.setup.columns import said
 from ptt.setup.result import Finding
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup
@@ -43,7 +44,7 @@ def _by_time(setup: Setup) -> tuple[list[Finding], Setup] | None:
     fix = "sort the rows by time" if sure else "sort the rows by time, or number two runs in a column 'run'"
     order = np.lexsort((time, table.run))
     cured = Setup(setup.file, take_rows(table, order)) if sure else setup
-    return [Finding("row-order", words, fix, None, None, sure, table.source)], cured
+    return [said(setup, "row-order", words, fix, sure)], cured
 
 
 def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:
@@ -61,7 +62,7 @@ def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:
         f"rows are sorted by the letters of their names ({', '.join(shown.split(', ')[:4])}, ...): not in travel order"
     )
     order = np.argsort(numbers, kind="stable")
-    finding = Finding("row-order", words, "sort the rows by the number in their name", None, None, True, table.source)
+    finding = said(setup, "row-order", words, "sort the rows by the number in their name")
     return [finding], Setup(setup.file, take_rows(table, order))
 
 
@@ -84,5 +85,5 @@ def _by_place(setup: Setup) -> tuple[list[Finding], Setup] | None:
                 "drove, no play, lag or drift can be told"
             )
             fix = "give the rows in the order of measuring, or a column time_s"
-            return [Finding("row-order", words, fix, None, None, False, setup.table.source)], setup
+            return [said(setup, "row-order", words, fix, False)], setup
     return None

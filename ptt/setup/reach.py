@@ -3,8 +3,9 @@
 import numpy as np
 import torch
 
-from ptt.machine import ThreePttSpec
+from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.setup.candidates import mirrors, scales, units
+from ptt.setup.columns import said
 from ptt.setup.drawing import drawing_slips, is_no_machine
 from ptt.setup.result import Finding
 from ptt.setup.score import agree, build
@@ -45,7 +46,7 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
         f"with {found[0].undone} all but {NEARLY_NONE:.0%} are in{also}"
     )
     sure = before > NEARLY_ALL and not others
-    finding = Finding(found[0].mistake, words, found[0].fix, None, None, sure, setup.table.source)
+    finding = said(setup, found[0].mistake, words, found[0].fix, sure)
     return [finding], found[0].undo(setup) if sure else setup
 
 
@@ -78,7 +79,7 @@ def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
         f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone} all but "
         f"{NEARLY_NONE:.0%} lie in it"
     )
-    return [Finding("unit-scale", words, hypothesis.fix, None, None, True, setup.table.source)], cured
+    return [said(setup, "unit-scale", words, hypothesis.fix)], cured
 
 
 def _width(setup: Setup) -> float:
@@ -100,9 +101,7 @@ def _out_of_travel(setup: Setup) -> float | None:
     sent = command[np.isfinite(command).all(axis=1)]
     if len(sent) < LEAST_ROWS or np.ptp(sent, axis=0).max() < 1e-9:
         return None
-    low, high = mechanism.limits().numpy()
-    rim = MARGIN * (high - low)
-    return float(1.0 - ((sent >= low - rim) & (sent <= high + rim)).all(axis=1).mean())
+    return _outside(mechanism, sent)
 
 
 def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -132,21 +131,22 @@ def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
         f"the targets lie within {width:.3g} mm of each other on a machine with links of {size:.0f} mm: "
         "this looks like metres"
     )
-    return [Finding("unit-scale", words, metres.fix, None, None, True, setup.table.source)], metres.undo(setup)
+    return [said(setup, "unit-scale", words, metres.fix)], metres.undo(setup)
 
 
 def out_of_reach(setup: Setup) -> float | None:
     """Share of targets that the sliders cannot reach within their travel; None where there are too few to tell."""
-    spec = setup.file.machine
-    target = setup.table.target[used_rows(setup.table)]
+    mechanism, target = build(drawn(setup)), setup.table.target[used_rows(setup.table)]
     target = target[np.isfinite(target).all(axis=1)]
-    mechanism = build(spec) if isinstance(spec, ThreePttSpec) else None
     if len(target) < LEAST_ROWS or np.ptp(target, axis=0).max() < 1e-6:
         return None
-    if mechanism is None or not isinstance(spec, ThreePttSpec):
+    if mechanism is None:
         return 1.0
-    slider = mechanism.inverse(torch.as_tensor(target, dtype=torch.float64)).numpy()
+    return _outside(mechanism, mechanism.inverse(torch.as_tensor(target, dtype=torch.float64)).numpy())
+
+
+def _outside(mechanism: ThreePtt, slider: np.ndarray) -> float:
+    """Share of slider heights, (m, 3) mm, that lie outside the travel; those that no slider has are NaN and do."""
     low, high = mechanism.limits().numpy()
     rim = MARGIN * (high - low)
-    inside = ((slider >= low - rim) & (slider <= high + rim)).all(axis=1)
-    return float(1.0 - inside.mean())
+    return float(1.0 - ((slider >= low - rim) & (slider <= high + rim)).all(axis=1).mean())

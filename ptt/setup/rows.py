@@ -1,7 +1,10 @@
 """Mistakes that touch some rows: readings that slipped by a row, a block on another reflector."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from ptt.setup.columns import said
 from ptt.setup.faults import fault_columns, left_after_faults
 from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
 from ptt.setup.result import Finding
@@ -146,7 +149,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
                 'where the tracker was set up anew for a run: frame = "fitted-per-run" under [tracker] of the machine '
                 f"file; else {fix}"
             )
-        findings.append(Finding("wrong-reflector", words, fix, None, None, True, setup.table.source))
+        findings.append(said(setup, "wrong-reflector", words, fix))
     if not 0 < len(shifts) <= MOST_REFLECTORS:
         return [], setup
     kept = np.linalg.norm(left, axis=1)
@@ -155,8 +158,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         return [], setup
     figures = f"; with that off, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
     told = [
-        Finding(item.mistake, item.words + figures, item.fix, 1e3 * before, 1e3 * after, True, item.source)
-        for item in findings
+        replace(item, words=item.words + figures, before_um=1e3 * before, after_um=1e3 * after) for item in findings
     ]
     return told, setup.with_rows(measured=reading)
 

@@ -45,9 +45,7 @@ class AxisTables:
         Returns:
             (n, k).
         """
-        columns = range(q.shape[1])
-        up = np.column_stack([np.interp(q[:, axis], self.at[:, axis], self.forward[:, axis]) for axis in columns])
-        down = np.column_stack([np.interp(q[:, axis], self.at[:, axis], self.reverse[:, axis]) for axis in columns])
+        up, down = (_straight(q, self.at, values) for values in (self.forward, self.reverse))
         return np.asarray(np.where(direction > 0, up, down))
 
 
@@ -67,8 +65,7 @@ class Drives:
 
     def at_rows(self, q: Array) -> Array:
         """The shift of axes that are sent to q (n, k), (n, k)."""
-        columns = range(q.shape[1])
-        return np.column_stack([np.interp(q[:, i], self.at[:, i], self.shift[:, i]) for i in columns])
+        return _straight(q, self.at, self.shift)
 
 
 def read_drives(ground: Ground) -> Drives:
@@ -161,7 +158,7 @@ def cut_tables(drives: Drives, at: Array, smooth: Array, half: Array) -> AxisTab
     Returns:
         The tables.
     """
-    wanted = np.column_stack([np.interp(at[:, i], drives.at[:, i], smooth[:, i]) for i in range(at.shape[1])])
+    wanted = _straight(at, drives.at, smooth)
     value = wanted
     for _ in range(ROUNDS):
         value = wanted - drives.at_rows(at + value)
@@ -174,7 +171,7 @@ def tabled(ground: Ground, drives: Drives, at: Array) -> Callable[[Effect], Arra
     def shift(effect: Effect) -> Array:
         if effect.key not in drives.of:
             return np.zeros_like(ground.nominal)
-        return _straight(drives, drives.of[effect.key], at, ground.static)
+        return _tabled(drives, drives.of[effect.key], at, ground.static)
 
     return shift
 
@@ -191,13 +188,14 @@ def _shifts(ground: Ground, terms: list, at: Array) -> dict[str, Array]:
 
 def _lost(drives: Drives, at: Array) -> float:
     """Largest error of straight lines between entries."""
-    return float(np.abs(_straight(drives, drives.shift, at, drives.at) - drives.shift).max())
+    return float(np.abs(_tabled(drives, drives.shift, at, drives.at) - drives.shift).max())
 
 
-def _straight(drives: Drives, values: Array, at: Array, q: Array) -> Array:
+def _tabled(drives: Drives, values: Array, at: Array, q: Array) -> Array:
     """Curves (F, k) taken at entries (K, k) and drawn straight between them, at q (n, k)."""
-    columns = []
-    for axis in range(q.shape[1]):
-        entries = np.interp(at[:, axis], drives.at[:, axis], values[:, axis])
-        columns.append(np.interp(q[:, axis], at[:, axis], entries))
-    return np.column_stack(columns)
+    return _straight(q, at, _straight(at, drives.at, values))
+
+
+def _straight(q: Array, at: Array, values: Array) -> Array:
+    """Values (m, k) at places (m, k) of each axis, drawn straight between them, at q (n, k); as at the ends beyond."""
+    return np.column_stack([np.interp(q[:, i], at[:, i], values[:, i]) for i in range(q.shape[1])])

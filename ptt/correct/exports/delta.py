@@ -10,6 +10,7 @@ from ptt.correct.exports.left import Ground
 from ptt.errors import InputError
 from ptt.machine import ThreePttSpec
 from ptt.mechanisms import build_mechanism
+from ptt.run.viewing import joint_limits
 
 Array = np.ndarray
 
@@ -120,9 +121,9 @@ def rounded(delta: Delta, digits: int) -> Delta:
     return replace(delta, radius=round(delta.radius, digits), **parts)
 
 
-def upper_ends(spec: ThreePttSpec) -> Array:
+def upper_ends(ground: Ground) -> Array:
     """Where the end stops are: the upper ends of the sliders' travel, (3,) mm."""
-    return np.array([high for _, high in spec.travel_ends])
+    return np.asarray(joint_limits(ground.compensator.model.file).numpy()[:, 1])
 
 
 def require_upright(ground: Ground) -> ThreePttSpec:

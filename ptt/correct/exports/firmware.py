@@ -85,15 +85,11 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
 def _hints(ground: Ground, firmware: Firmware) -> dict[str, str]:
     """What the firmware's own settings can do about an effect that its delta has no place for."""
     scale = [term.theta for term in ground.compensator.model.terms if term.effect.name == "lead-scale"]
-    factors = [f"{1.0 + float(value):.6f}" for value in sum(scale[1:], scale[0])] if scale else []
-    return (
-        {
-            "lead-scale": f"first {firmware.scale} {', '.join(factors)}, home, measure again and fit anew instead of"
-            " loading this file"
-        }
-        if scale
-        else {}
-    )
+    if not scale:
+        return {}
+    factors = ", ".join(f"{1.0 + float(value):.6f}" for value in sum(scale[1:], scale[0]))
+    again = "home, measure again and fit anew instead of loading this file"
+    return {"lead-scale": f"first {firmware.scale} {factors}, {again}"}
 
 
 def what_to_do(load: str, left: ErrorLeft) -> tuple[str, ...]:

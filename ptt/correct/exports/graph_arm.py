@@ -5,6 +5,7 @@ A vector is three values (n, 1) or numbers; numbers stay numbers as long as noth
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -143,21 +144,16 @@ def settle(
 
 def _least_move(lever: Sequence[Vector], step: Vector, damping: float) -> list[Any]:
     """J^T (J J^T + damping)^-1 step, by the minors of that matrix."""
-    square = [[_total([by(each[row], each[column]) for each in lever]) for column in range(3)] for row in range(3)]
+    square = [
+        [reduce(plus, [by(each[row], each[column]) for each in lever]) for column in range(3)] for row in range(3)
+    ]
     square = [
         [plus(value, damping) if i == j else value for j, value in enumerate(row)] for i, row in enumerate(square)
     ]
     minors = [cross(square[(row + 1) % 3], square[(row + 2) % 3]) for row in range(3)]
     volume = dot(square[0], minors[0])
-    force = [_total([by(minors[row][axis], step[row]) for row in range(3)]) / volume for axis in range(3)]
+    force = [reduce(plus, [by(minors[row][axis], step[row]) for row in range(3)]) / volume for axis in range(3)]
     return [dot(each, force) for each in lever]
-
-
-def _total(parts: Sequence[Any]) -> Any:
-    total = parts[0]
-    for part in parts[1:]:
-        total = plus(total, part)
-    return total
 
 
 def _errors(arm: Serial, theta: np.ndarray) -> np.ndarray:

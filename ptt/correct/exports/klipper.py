@@ -14,7 +14,6 @@ from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, reach_of, write_delta
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.left import Ground
-from ptt.machine import ThreePttSpec
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
@@ -33,9 +32,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
 
 
 def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
-    spec = ground.compensator.model.file.machine
-    assert isinstance(spec, ThreePttSpec)
-    ends = upper_ends(spec)
+    ends = upper_ends(ground)
     plain = rounded(delta, DIGITS)
     stop = np.round(ends - delta.shift - plain.stops, DIGITS)
     printed = Delta(plain.radius, plain.azimuth, plain.rod, ends - stop - plain.stops, plain.tilt)

@@ -1,6 +1,8 @@
 """What an export leaves: over the workspace, by how much the model says that commands miss."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +16,7 @@ from ptt.errors import PosesError
 from ptt.machine_schema import TargetsSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts, predict
+from ptt.model.model import Model
 from ptt.plan.space import build_space, draw_poses
 from ptt.run.table import Table, make_table, take_rows
 from ptt.run.viewing import build_view
@@ -75,12 +78,12 @@ def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> 
         place, command=q.numpy() if arm else None, direction=direction, **_context(options.table, len(place))
     )
     table = table.replace(joint_prefix="q" if arm else "b", source="workspace")
-    first = _solve(compensator, table, q.numpy())
+    first = solve(compensator, table, q.numpy())
     kept = np.flatnonzero(first.sent)
     if not len(kept):
         raise PosesError(f"{file.source}: no place of the workspace can be sent; `ptt predict` says why of each target")
     table = take_rows(table, kept)
-    commands = first if len(kept) == len(q) else _solve(compensator, table, q.numpy()[kept])
+    commands = first if len(kept) == len(q) else solve(compensator, table, q.numpy()[kept])
     static = commands.q - commands.reversal
     return Ground(compensator, table, place[kept], q.numpy()[kept], direction[kept], static, commands)
 
@@ -162,7 +165,22 @@ def network_parts(compensator: "Compensator", posture: np.ndarray) -> tuple[Corr
     return correction_of(network, at), lambda wanted: network.inside(wanted if at is None else at)
 
 
-def _solve(compensator: "Compensator", table: Table, posture: np.ndarray) -> Commands:
+def without(compensator: "Compensator", keys: Iterable[str]) -> "Compensator":
+    """The same without some effects of its model, by their keys."""
+    return replace(compensator, model=reduce(Model.without, keys, compensator.model))
+
+
+def solve(compensator: "Compensator", table: Table, posture: np.ndarray) -> Commands:
+    """Commands of targets by physics and network.
+
+    Args:
+        compensator: with or without a network.
+        table: n targets.
+        posture: (n, k) nominal joint commands, for a network over joints.
+
+    Returns:
+        The commands.
+    """
     correction, inside = network_parts(compensator, posture)
     return compensate(compensator.model, table, correction=correction, inside=inside, network=compensator.error)
 

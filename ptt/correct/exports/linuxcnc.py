@@ -138,13 +138,9 @@ def fit_tables(ground: Ground, step: float | None) -> tuple[Fit, Array, Drives]:
     tables = cut_tables(drives, at + height, along(inverse @ lacks(found)), by_direction(ground))
     tables = AxisTables(at, np.round(tables.forward, DIGITS), np.round(tables.reverse, DIGITS))
     slope = np.stack([(lacks(found + each) - lacks(found - each)) / 2e-3 for each in 1e-3 * np.eye(2)], axis=-1)
-    tangent = np.concatenate([columns, slope, _ways(jacobian, ground)], axis=1)
+    ways = (jacobian * ground.direction[:, None, :]).reshape(-1, 3)  # a table's difference between the two ways
+    tangent = np.concatenate([columns, slope, ways], axis=1)
     return Fit(radius, rod, turn, height, tables), tangent.reshape(len(jacobian), 3, -1), drives
-
-
-def _ways(jacobian: Array, ground: Ground) -> Array:
-    """How the tool moves with a table's difference between the two ways, (3 n, 3)."""
-    return np.asarray((jacobian * ground.direction[:, None, :]).reshape(-1, 3))
 
 
 def _turn(start: Delta) -> float:

@@ -15,7 +15,6 @@ from ptt.correct.exports.firmware import Firmware, write_delta
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.left import Ground
 from ptt.correct.exports.reprapfirmware import SCALE, TOWERS, corrections, words_of
-from ptt.machine import ThreePttSpec
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
@@ -30,9 +29,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
 
 
 def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
-    spec = ground.compensator.model.file.machine
-    assert isinstance(spec, ThreePttSpec)
-    ends = upper_ends(spec)
+    ends = upper_ends(ground)
     plain = rounded(delta, DIGITS)
     rod = round(float(plain.rod.mean()), DIGITS)
     trim, angle = np.round(plain.rod - rod, DIGITS), np.round(corrections(plain.azimuth), DIGITS)

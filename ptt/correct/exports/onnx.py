@@ -1,13 +1,11 @@
 """The static part of a model as an ONNX graph in float64: positions in, commands out; reversal is the caller's."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nets import GaussianRbf
-from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import AHEAD, parts_of
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.graph import Graph, Node
@@ -15,7 +13,7 @@ from ptt.correct.exports.graph_arm import CONTEXT, settle
 from ptt.correct.exports.graph_effects import EFFECTS
 from ptt.correct.exports.graph_legs import LegRows, Vector, meet, spread
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.left import error_left, holdings, network_parts, survey
+from ptt.correct.exports.left import error_left, holdings, solve, survey, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.errors import InputError
@@ -61,21 +59,16 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     if compensator.model.file.machine.kind == "serial":
         _require_no_network(compensator)
     ground = survey(compensator, options)
-    held = compensator
-    for key in cannot:
-        held = replace(held, model=held.model.without(key))
-    model = build_graph(held, head_lines(compensator, options))
+    model = build_graph(without(compensator, cannot), head_lines(compensator, options))
     onnx.checker.check_model(model)
     written = write_all({out: model.SerializeToString()})
-    correction, inside = network_parts(held, ground.nominal)
-    base = replace(held.model, file=ground.compensator.model.file)
-    q = compensate(base, ground.table, correction=correction, inside=inside).q
+    q = solve(without(ground.compensator, cannot), ground.table, ground.nominal).q
     holds, left_out = holdings(ground, cannot)
     return Written(written, holds, left_out, error_left(ground, q))
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:
-    own = parts_of(compensator.model).cannot or {}
+    own = parts_of(compensator.model).cannot
     why = {key: text for key, text in own.items() if text == AHEAD or "own" in text}
     _, turning, _ = split_terms(compensator.model)
     return why | {effect.key: SIDE for effect, _ in turning}
@@ -105,11 +98,7 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     if compensator.network is not None:
         step, inside = _network(graph, compensator.network, place)
         asked = place + graph.node("Where", inside, step, np.zeros((1, 3)))
-    payload = Node(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
-    warmth = graph.constant([[0.0]])
-    if "temperature" in uses:
-        warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
-    b = _settle(graph, file, steady, asked, payload, warmth)
+    b = _settle(graph, file, steady, asked, *_context(graph, file, uses))
     inputs = [("p", 3), *_context_inputs(uses)]
     outputs = [("b", b, 3, 11)] + ([("inside", inside, 1, 9)] if inside is not None else [])  # 11 double, 9 bool
     return _model(graph, inputs, outputs, head)
@@ -122,10 +111,7 @@ def _arm_graph(compensator: "Compensator", head: list[str]) -> Any:
     assert isinstance(arm, Serial) and isinstance(file.machine, SerialSpec)
     steady, _, _ = split_terms(compensator.model, "none")
     uses = {need for effect, _ in steady for need in CONTEXT[effect.name]}
-    payload = Node(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
-    warmth = graph.constant([[0.0]])
-    if "temperature" in uses:
-        warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
+    payload, warmth = _context(graph, file, uses)
     effects = [(effect, theta.numpy()) for effect, theta in steady]
     q = settle(graph, arm, file.machine, effects, Node(graph, "q_nominal"), payload, warmth)
     inputs = [("q_nominal", arm.joints), *_context_inputs(uses)]
@@ -136,6 +122,15 @@ def _require_no_network(compensator: "Compensator") -> None:
     if compensator.network is not None:
         fix = "take --to c, or the machine.toml without the network"
         raise InputError("an arm's network is over joint values and not in the graph", where="--to onnx", fix=fix)
+
+
+def _context(graph: Graph, file: MachineFile, uses: set[str]) -> tuple[Node, Node]:
+    """Payload in kg and warmth in K, (n, 1) each; zero where no effect asks for them."""
+    payload = Node(graph, "payload_kg") if "payload" in uses else graph.constant([[0.0]])
+    warmth = graph.constant([[0.0]])
+    if "temperature" in uses:
+        warmth = Node(graph, "temp_c") - np.array([[file.machine.reference_temp_c]])
+    return payload, warmth
 
 
 def _context_inputs(uses: set[str]) -> list[tuple[str, int]]:

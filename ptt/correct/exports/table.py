@@ -1,7 +1,6 @@
 """A CSV grid of corrections over the workspace, with the error of interpolating in it."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,11 +9,10 @@ import torch
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
 
-from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import HELD, rms_um, said_left, without_payload
-from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
+from ptt.correct.exports.left import Ground, error_left, holdings, solve, survey, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.errors import InputError
@@ -57,9 +55,9 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     axes = _axes(ground, options.step)
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     cannot = _cannot(compensator)
-    still = _without(compensator, cannot)
+    still = without(ground.compensator, cannot)  # places are in the base frame, whatever frame targets are stated in
     between = _between(still, axes, places, ground)
-    still = _without(still, [key for key, (whole, left) in between.items() if left > whole])
+    still = without(still, [key for key, (whole, left) in between.items() if left > whole])
     shift = _corrections(still, places)
     there = np.isfinite(shift).all(axis=1)
     shift = shift[there][cKDTree(places[there]).query(places)[1]]  # cells at the edge have corners beyond it
@@ -67,7 +65,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     head = [*head_lines(compensator, options), *_explained(axes, apart)]
     text = "".join(f"# {line}\n" for line in head) + "x_mm,y_mm,z_mm,db1_mm,db2_mm,db3_mm,sent\n"
     rows = np.column_stack([places, shift, there])
-    text += "".join(",".join(_cell(value) for value in row) + "\n" for row in rows)
+    text += "".join(",".join(f"{value:.7g}" for value in row) + "\n" for row in rows)
     written = write_all({out: text})
     q = ground.nominal + _interpolate(axes, shift, ground.targets)
     fine = {
@@ -89,13 +87,6 @@ def _cannot(compensator: "Compensator") -> dict[str, str]:
         elif needs:
             why[term.effect.key] = needs[0]
     return why
-
-
-def _without(compensator: "Compensator", keys: Iterable[str]) -> "Compensator":
-    model = compensator.model
-    for key in keys:
-        model = model.without(key)
-    return replace(compensator, model=model)
 
 
 def _between(
@@ -133,8 +124,7 @@ def _axes(ground: Ground, step: float | None) -> list[np.ndarray]:
 
 def _corrections(still: "Compensator", places: np.ndarray) -> np.ndarray:
     """Command less the drawing's, (n, 3) mm; NaN where nothing can be sent."""
-    correction, inside = network_parts(still, places)
-    commands = compensate(still.model, make_table(places), correction=correction, inside=inside)
+    commands = solve(still, make_table(places), places)  # a network is over places here
     nominal = build_mechanism(still.model.file.machine).inverse(torch.as_tensor(places)).numpy()
     return np.asarray(np.where(commands.sent[:, None], commands.q - nominal, np.nan))
 
@@ -172,7 +162,3 @@ def _off(apart: np.ndarray) -> str:
     if not len(apart):
         return "nothing known"
     return f"{np.sqrt((apart**2).mean()):.3g} um rms, {apart.max():.3g} um at most, a slider, {len(apart)} cells"
-
-
-def _cell(value: float) -> str:
-    return f"{value:.7g}"

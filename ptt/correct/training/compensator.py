@@ -1,6 +1,7 @@
 """The folder that train.py writes: model.toml, rbf.safetensors, compensator.json. Never pickle."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -165,13 +166,10 @@ def load_compensator(path: str | Path, known: Library | None = None) -> Compensa
         recover_folder(place)
     if not place.is_dir():
         return Compensator(read_model(load_machine(place), known), None, {})
-    for left in reversed(range(TRIES)):
-        try:
+    for _ in range(TRIES - 1):
+        with suppress(InputError):
             return _load(place, known)
-        except InputError:
-            if not left:
-                raise
-    raise AssertionError("unreachable")
+    return _load(place, known)
 
 
 def _load(place: Path, known: Library | None) -> Compensator:

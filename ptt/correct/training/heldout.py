@@ -6,8 +6,10 @@ import numpy as np
 
 from nets import RbfTraining
 from ptt.correct.training.compensator import Compensator
-from ptt.correct.training.rest import Space
-from ptt.correct.training.train import Protocol, fit_physics, hold_out, learn_rest, sound
+from ptt.correct.training.nested import hold_out
+from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.protocols import Protocol
+from ptt.correct.training.rest import Space, learn_rest
 from ptt.errors import PosesError
 from ptt.fitting.solve import hold_to_base
 from ptt.judge.evaluate import Evaluation

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nets import GaussianRbf, RbfSettings, RbfTraining
+from nets import RbfSettings, RbfTraining
 from ptt.correct.training.physics import fit_physics, keep_physics, sound
 from ptt.correct.training.protocols import Protocol
-from ptt.correct.training.rest import Space, inputs_of, learn_rest
+from ptt.correct.training.rest import Space, inputs_of, learn_rest, step_of
 from ptt.fitting.chunks import LONG
 from ptt.fitting.long import hidden_residual
 from ptt.fitting.solve import hold_to_base, rms
@@ -132,11 +132,6 @@ def _one_step_away(model: Model, problem: Problem, protocol: Protocol) -> np.nda
 def better_space(networks: Mapping[Space, RbfTraining]) -> Space:
     """Inputs whose network says least error for rows that it held out of its own choice."""
     return min(networks, key=lambda space: float(np.square(networks[space].heldout_rms).sum()))
-
-
-def step_of(network: GaussianRbf, place: np.ndarray) -> np.ndarray:
-    """The network's step, (m, 3) mm; none outside its training domain."""
-    return np.where(network.inside(place)[:, None], network.predict(place), 0.0)
 
 
 def _groups(protocol: Protocol, rest: Problem) -> np.ndarray:

@@ -122,12 +122,12 @@ def correction_of(network: GaussianRbf, posture: np.ndarray | None = None) -> Ca
     Returns:
         N(p) = p + step(p), p unchanged outside the training domain.
     """
+    return lambda wanted: wanted + step_of(network, wanted if posture is None else posture)
 
-    def correct(wanted: np.ndarray) -> np.ndarray:
-        at = wanted if posture is None else posture
-        return wanted + np.where(network.inside(at)[:, None], network.predict(at), 0.0)
 
-    return correct
+def step_of(network: GaussianRbf, place: np.ndarray) -> np.ndarray:
+    """The network's step, (m, 3) mm, at its inputs (m, 3) mm or (m, k) rad; none outside its training domain."""
+    return np.where(network.inside(place)[:, None], network.predict(place), 0.0)
 
 
 def _beside(places: np.ndarray) -> np.ndarray:

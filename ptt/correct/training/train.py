@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from nets import RbfSettings, RbfTraining, muted
-from ptt.correct.training.nested import Figures, HeldOut, better_space, hold_out
+from ptt.correct.training.nested import Figures, better_space, hold_out
 from ptt.correct.training.physics import Physics, fit_physics, keep_physics, sound
-from ptt.correct.training.protocols import PROTOCOLS, Protocol, block_protocol, random_protocol
-from ptt.correct.training.rest import Space, correction_of, inputs_of, learn_rest, rest_of, spaces_of
+from ptt.correct.training.protocols import Protocol, block_protocol
+from ptt.correct.training.rest import Space, inputs_of, learn_rest, spaces_of
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.solve import hold_to_base, rms
@@ -16,25 +16,6 @@ from ptt.fitting.turns import with_turns
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
 from ptt.run.problem import Problem
-
-__all__ = [
-    "PROTOCOLS",
-    "HeldOut",
-    "Physics",
-    "Progress",
-    "Protocol",
-    "Training",
-    "block_protocol",
-    "correction_of",
-    "fit_physics",
-    "hold_out",
-    "keep_physics",
-    "learn_rest",
-    "random_protocol",
-    "rest_of",
-    "sound",
-    "train",
-]
 
 
 @dataclass(frozen=True)

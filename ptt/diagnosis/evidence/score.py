@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, is_any, is_field
-from ptt.diagnosis.evidence.idle import idle_columns
+from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.memories import best_memory, prior_of
 from ptt.diagnosis.evidence.possible import is_impossible, nats_of_form
 from ptt.diagnosis.evidence.screen import Basis, Begun, Gain, Screen
@@ -119,10 +119,10 @@ class Scorer:
         odds = sum(atom.odds for atom in atoms if atom.key not in self.given)
         beside = prior_of(memory, system) - odds - sums.log_noise
         posterior = self._learned(atoms, sums, system.spare, begin, least - beside)
-        gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner, first)
+        gained = self._at_few_joints(atoms, posterior, owner, first)
         if posterior.ended and posterior.total + gained > least - beside:
             posterior = self._learned(atoms, sums, system.spare, posterior.scales)
-            gained = self._at_few_joints(atoms, posterior, sums.gram.diagonal(), owner, first)
+            gained = self._at_few_joints(atoms, posterior, owner, first)
         total = posterior.total + gained + beside
         scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
@@ -133,7 +133,7 @@ class Scorer:
         return replace(state, total=total + sum(forms.values()), forms=forms)
 
     def _at_few_joints(
-        self, atoms: Sequence[Atom], posterior: Posterior, strength: np.ndarray, owner: np.ndarray, first: np.ndarray
+        self, atoms: Sequence[Atom], posterior: Posterior, owner: np.ndarray, first: np.ndarray
     ) -> float:
         """Nats that a set gains with each effect at no more joints than show it, less the odds of just these.
 
@@ -144,20 +144,20 @@ class Scorer:
 
         Source: Dickey, The weighted likelihood ratio, Annals of Mathematical Statistics 42 (1971), at held widths.
         """
-        energy, off, odds, most = posterior.values**2 * strength / posterior.phi, list[int](), 0.0, 0.0
+        off, odds, most = list[int](), 0.0, 0.0
         for index, atom in enumerate(atoms):
             joint = atom.joint if atom.leg is None else atom.leg[atom.group]
             if joint is None or atom.key in self.given:
                 continue
-            own = np.flatnonzero(owner == index)
-            idle, against = idle_columns(joint, energy[own])
-            if atom.leg is not None and idle.any():
-                widths = posterior.scales[first[index] + np.unique(atom.group[idle])]
-                against -= float(np.square(0.5 * np.log(widths) / WIDTH).sum()) / 2.0
-            alone = posterior.zeroed(own[idle]) - against if idle.any() else 0.0
-            if alone > 0.0:
-                most, odds = max(most, alone), odds + against
-                off += own[idle].tolist()
+            own, back = np.flatnonzero(owner == index), None
+            if atom.leg is not None:
+                widths = posterior.scales[first[index] : first[index + 1]]
+                back = (np.square(0.5 * np.log(widths) / WIDTH) / 2.0 / np.bincount(atom.group))[atom.group]
+            inverse, prior = posterior.inverse_of(own), posterior.prior[own]
+            idle = idle_joints(joint, posterior.values[own], inverse, prior, posterior.phi, back)
+            if idle is not None:
+                most, odds = max(most, idle.nats), odds + idle.odds
+                off += own[idle.columns].tolist()
         return max(posterior.zeroed(np.array(off)) - odds, most) if off else 0.0
 
     def _learned(

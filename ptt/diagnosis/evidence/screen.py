@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from ptt.diagnosis.evidence.atoms import Atom
-from ptt.diagnosis.evidence.idle import idle_columns
+from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import Memory, run_of
 from ptt.fitting.evidence import WIDTH, learn
@@ -164,11 +164,12 @@ class Screen:
             gram: of what the set leaves of them, (w, w).
             side: (w,).
         """
-        values = np.linalg.solve(gram + np.eye(len(gram)) / self.gains[atom.key].scales[0], side)
-        idle, odds = idle_columns(joint, values**2 * gram.diagonal() / self.basis.posterior.phi)
-        if idle.any():
-            few = gram[np.ix_(~idle, ~idle)][None], side[~idle][None]
-            nats = self._noise_gain(*_at_ratios(*few))[0] - USUAL - odds - atom.odds
+        prior = np.full(len(gram), float(self.gains[atom.key].scales[0]))
+        inverse = np.linalg.inv(gram + np.diag(1.0 / prior))
+        idle = idle_joints(joint, inverse @ side, inverse, prior, self.basis.posterior.phi)
+        if idle is not None:
+            few = gram[np.ix_(~idle.columns, ~idle.columns)][None], side[~idle.columns][None]
+            nats = self._noise_gain(*_at_ratios(*few))[0] - USUAL - idle.odds - atom.odds
             best = int(nats.argmax())
             if nats[best] > self.gains[atom.key].nats:
                 self.gains[atom.key] = Gain(float(nats[best]), atom.key, RATIOS[best : best + 1])

@@ -75,6 +75,11 @@ class Comparison:
         return int(self.kept.sum())
 
     @property
+    def serial(self) -> bool:
+        """Whether the machine is an arm."""
+        return any(name.startswith("joint") for name in self.joint)
+
+    @property
     def frame_removed(self) -> dict[str, float]:
         """Root mean square of how far the rigid motion moved the readings, um, per axis and total."""
         return figures((self.unaligned - self.residual)[self.kept])["rms_um"]
@@ -127,14 +132,13 @@ class Comparison:
         }
 
     def _joint_figures(self) -> dict[str, Any]:
-        serial = any(name.startswith("joint") for name in self.joint)
-        unit = URAD if serial else UM
+        unit = URAD if self.serial else UM
         parts = {name: one_figure(values[self.kept], unit) for name, values in self.joint.items()}
-        return {"joint_urad" if serial else "slider_um": parts}
+        return {"joint_urad" if self.serial else "slider_um": parts}
 
 
 def compare_run(
-    model: Model, problem: Problem, *, noise: Noise | None = None, seed: int = 0, progress: Progress | None = None
+    model: Model, problem: Problem, *, noise: Noise | None = None, progress: Progress = unwatched
 ) -> Comparison:
     """Hold a run against a model; only the tracker frame is fitted, and no network is asked.
 
@@ -142,25 +146,23 @@ def compare_run(
         model: its effects are held at their values.
         problem: the readings.
         noise: the noise floor; None takes the problem's, which may be unknown.
-        seed: of the permutation tests.
         progress: told what is being done.
 
     Returns:
         The comparison.
     """
-    tell = progress or unwatched
     noise = noise or problem.noise
-    tell("residual", 0, 3)
+    progress("residual", 0, 3)
     fitted = residual_of(model, problem, noise)
     stretches, gross = name_stretches(fitted.outliers, fitted.residual, problem)
     kept = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     residual = np.where(kept[:, None], fitted.residual, np.nan)
-    tell("where it fails", 1, 3)
+    progress("where it fails", 1, 3)
     where = where_it_fails(problem, residual)
     lack = lack_of_fit_of(problem, residual, fitted.rank)
-    tell("what it depends on", 2, 3)
+    progress("what it depends on", 2, 3)
     weighed = problem if noise is None else problem.with_noise(noise)
-    depends = dependence_of(weighed, residual, seed=seed)
+    depends = dependence_of(weighed, residual)
     joint = {name: values for name, values in residual_views(problem, residual).items() if name not in AXES}
     reading, predicted = problem.table.measured, fitted.prediction.reading.numpy()
     return Comparison(

@@ -107,18 +107,13 @@ def _meaning(result: Comparison) -> list[str]:
     return [*stands, words, f"The model misses no more than repeats scatter (lack of fit, {by_chance(test.p_value)})."]
 
 
-def _serial(result: Comparison) -> bool:
-    return any(name.startswith("joint") for name in result.joint)
-
-
 def _joint_title(result: Comparison) -> str:
-    return f"the same as errors of the {'joints, urad' if _serial(result) else 'sliders, um'}"
+    return f"the same as errors of the {'joints, urad' if result.serial else 'sliders, um'}"
 
 
 def _joints(result: Comparison) -> Table:
     """Errors of the joints that would cause the residual, by side of arrival."""
-    serial = _serial(result)
-    factor, words = (1e6, ("forward", "back")) if serial else (1e3, ("up", "down"))
+    factor, words = (1e6, ("forward", "back")) if result.serial else (1e3, ("up", "down"))
     sides = {part.label: part for part in result.where.by_direction}
     table = _table("", "rms", f"mean arriving {words[0]}", f"mean arriving {words[1]}", "difference")
     for part in result.where.by_joint:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from ptt.errors import TableError, shown
@@ -14,6 +15,7 @@ from ptt.judge.gross import gross_rows
 from ptt.judge.iso.axis import AxisFigures, axis_figures
 from ptt.judge.iso.pose import pose_report
 from ptt.judge.iso.pose_figures import PoseReport
+from ptt.mechanisms.protocol import Mechanism
 from ptt.record import Record
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.frames import align, kabsch
@@ -131,6 +133,19 @@ class IsoPoses(Record):
     source: str
     gross: tuple[str, ...] = ()
     without: PoseReport | None = None
+
+
+def with_targets(table: Table, mechanism: Mechanism) -> Table:
+    """The same rows with targets where they have none: what the joint commands ask of the drawing.
+
+    Args:
+        table: n rows.
+        mechanism: the drawing.
+    """
+    if table.command is None:
+        return table
+    reached = mechanism.forward(torch.as_tensor(table.command)).numpy()
+    return table.replace(target=np.where(np.isnan(table.target), reached, table.target))
 
 
 def align_to_targets(measured: Array, target: Array, motion: Motion = kabsch) -> Array:

@@ -36,20 +36,13 @@ QUIETER = 0.8  # of what repeats scatter by, below which a model has explained a
 GIVEN, REFIT = "as given", "refit"
 
 
-def climb(
-    model: Model,
-    problem: Problem,
-    effects: Sequence[Effect],
-    noise: Noise | None = None,
-    progress: Progress | None = None,
-) -> Ladder:
+def climb(model: Model, problem: Problem, effects: Sequence[Effect], *, progress: Progress = unwatched) -> Ladder:
     """Add effects one after the other and refit everything jointly after each.
 
     Args:
         model: as given.
         problem: the readings.
         effects: in the order in which they are added; none refits only.
-        noise: the noise floor; None takes the problem's.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -69,19 +62,16 @@ def climb(
     for effect in effects:
         base = base + effect
         rungs.append((effect.key, "added", base))
-    return _measure(rungs, problem, noise, notes, progress)
+    return _measure(rungs, problem, notes, progress)
 
 
-def descend(
-    model: Model, problem: Problem, keys: Sequence[str], noise: Noise | None = None, progress: Progress | None = None
-) -> Ladder:
+def descend(model: Model, problem: Problem, keys: Sequence[str], *, progress: Progress = unwatched) -> Ladder:
     """Remove effects one after the other and refit everything jointly after each.
 
     Args:
         model: as given.
         problem: the readings.
         keys: names, with [label] where there is one.
-        noise: the noise floor; None takes the problem's.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -97,7 +87,7 @@ def descend(
     for key in keys:
         base = base.without(key)
         rungs.append((key, "removed", base))
-    return _measure(rungs, problem, noise, notes, progress)
+    return _measure(rungs, problem, notes, progress)
 
 
 def _as_it_turns(model: Model, effects: Sequence[Effect], problem: Problem) -> tuple[Model, Problem]:
@@ -143,18 +133,16 @@ def _first_rungs(model: Model, base: Model) -> list[tuple[str, str, Model]]:
 
 
 def _measure(
-    rungs: Sequence[tuple[str, str, Model]], problem: Problem, noise: Noise | None, notes: tuple[str, ...],
-    progress: Progress | None,
-) -> Ladder:  # fmt: skip
+    rungs: Sequence[tuple[str, str, Model]], problem: Problem, notes: tuple[str, ...], tell: Progress
+) -> Ladder:
     """Fit every rung on all rows and on all but each fold, and score both on the same sound rows."""
-    tell = progress or unwatched
     hidden = folds(problem.table, FOLDS, blocks_beside(problem.frames))
-    fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
+    fits, held_out = _fitted(rungs, problem, None, hidden, tell)
     aside = _untold(fits, problem)
     if aside.any():
         problem, notes = without_opening(problem, aside), (*notes, told_aside(int(aside.sum())))
-        fits, held_out = _fitted(rungs, problem, noise, hidden, tell)
-    narrower = _noise_beside(fits[-1], problem) if noise is None else None
+        fits, held_out = _fitted(rungs, problem, None, hidden, tell)
+    narrower = _noise_beside(fits[-1], problem)
     if narrower is not None:
         fits, held_out = _fitted(rungs, problem, narrower, hidden, tell)
     tell("report", 1, 1)

@@ -12,16 +12,7 @@ from numpy.typing import NDArray
 from ptt.errors import TableError
 from ptt.record import Record
 from ptt.run.backlash.dead_travel import ReversalPass, measure_reversal, turning_row
-from ptt.run.backlash.reversal import travel_direction
 from ptt.run.backlash.scale import ScaleLog
-
-__all__ = [
-    "BacklashResult",
-    "ReversalPass",
-    "SliderBacklash",
-    "measure_backlash",
-    "travel_direction",
-]
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 STANDSTILL = 1e-6  # mm or rad; a smaller move of a command is rounding
 
 
-def travel_direction(q: Array, starts: ArrayLike | None = None, tolerance: float = STANDSTILL) -> NDArray[np.int8]:
+def travel_direction(q: Array, starts: ArrayLike | None = None) -> NDArray[np.int8]:
     """Direction in which each joint arrives at each row.
 
     Standstill keeps the last direction; the rows of a run before its first move, the first row always among them, are
@@ -24,7 +24,6 @@ def travel_direction(q: Array, starts: ArrayLike | None = None, tolerance: float
     Args:
         q: (n, k) joint commands in travel order, already corrected, mm or rad.
         starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
-        tolerance: a move of at most this size is standstill, unit of q.
 
     Returns:
         (n, k) directions, +1 or -1.
@@ -36,7 +35,7 @@ def travel_direction(q: Array, starts: ArrayLike | None = None, tolerance: float
     held = _last_before(np.isfinite(q))
     sent = np.where(held >= first, np.take_along_axis(q, np.maximum(held, 0), axis=0), np.nan)
     move = np.diff(sent, axis=0, prepend=np.nan)
-    moved = (np.abs(move) > tolerance) & (np.arange(len(q))[:, None] > first)
+    moved = (np.abs(move) > STANDSTILL) & (np.arange(len(q))[:, None] > first)
     return hold_direction(np.where(moved, move, 0.0), starts)
 
 

@@ -28,7 +28,6 @@ def in_travel_order(export: Export, order: str | None) -> tuple[Export, list[str
     Raises:
         TableError: time goes back within a run and nobody said what to do, or there is no time to sort by.
     """
-    refuse_order(order)
     time, run = _clock(export)
     if order == BY_TIME:
         if time is None:

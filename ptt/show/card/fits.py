@@ -14,6 +14,7 @@ from ptt.model.chain import Prediction, predict
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 from ptt.show.card.telling import telling_of
+from ptt.show.sizing import spread
 
 LEVER = 0.5  # of the usual one, below which an arm's pose tells little of a joint
 MOST_READINGS = 1200  # that a picture shows
@@ -98,7 +99,7 @@ def _fit(
     variable, label = telling_of(card.telling, joint, problem, contexts)
     factor, unit = (1e6, "urad") if serial and inner else (1e3, "um")
     rows = np.flatnonzero(np.isfinite(of_data) & np.isfinite(of_fit) & np.isfinite(variable))
-    rows = rows[np.unique(np.linspace(0, max(len(rows) - 1, 0), min(MOST_READINGS, len(rows))).astype(int))]
+    rows = rows[spread(len(rows), MOST_READINGS)]
     return {
         "telling": np.round(variable[rows], 6).tolist(),
         "data_um": np.round(factor * of_data[rows], 4).tolist(),

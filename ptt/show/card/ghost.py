@@ -15,39 +15,40 @@ from ptt.model.chain import predict
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 from ptt.run.view import View
-from ptt.show.card.scene import PoseLines
-
-POSES = 48  # along the travel; a slider scrubs through them
+from ptt.show.card.scene import POSES, MachineLines
+from ptt.show.sizing import spread
 
 
 def poses_of(problem: Problem) -> np.ndarray:
     """Rows spread over the travel, (m,) int."""
     rows = np.flatnonzero(problem.used)
-    return rows[np.unique(np.linspace(0, len(rows) - 1, min(POSES, len(rows))).astype(int))]
+    return rows[spread(len(rows), POSES)]
 
 
-def lines_at(problem: Problem, row: int) -> PoseLines:
-    """The machine as drawn, at the command of one row.
+def machine_lines(problem: Problem) -> MachineLines:
+    """The machine as drawn, at the commands of each row.
 
     Args:
         problem: n rows.
-        row: which.
 
     Returns:
         Its lines.
     """
     view, spec = problem.view, problem.file.machine
-    q, p = view.q[row : row + 1], view.p[row].numpy()
-    if isinstance(view.mechanism, Serial):
-        chain = np.concatenate([np.zeros((1, 3)), view.mechanism.frames(q)[0][0].numpy(), p[None]])
-        return PoseLines(np.zeros((0, 2, 3)), chain[None], np.zeros((0, 3)))
-    assert isinstance(view.mechanism, ThreePtt) and spec.kind == "three-ptt"
+    mechanism, q, p = view.mechanism, view.q.numpy(), view.p.numpy()
+    if isinstance(mechanism, Serial):
+        origins = mechanism.frames(view.q)[0].numpy()
+        chain = np.concatenate([np.zeros((len(q), 1, 3)), origins, p[:, None]], axis=1)
+        return MachineLines(np.zeros((0, 2, 3)), chain[:, None], np.zeros((len(q), 0, 3)))
+    assert isinstance(mechanism, ThreePtt) and spec.kind == "three-ptt"
     azimuth = np.radians(spec.slider_azimuth_deg)
     corner = spec.platform_radius_mm * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
-    foot, rail = view.mechanism.foot.numpy() + corner, view.mechanism.rail.numpy()
-    rails = foot[:, None] + np.asarray(spec.travel_ends)[:, :, None] * rail[:, None]
-    sliders = foot + q[0].numpy()[:, None] * rail
-    return PoseLines(rails, np.stack([sliders, p + corner], axis=1), p + corner)
+    foot, rail = mechanism.foot.numpy() + corner, mechanism.rail.numpy()
+    ends = np.asarray(spec.travel_ends)
+    rails = foot[:, None] + ends[:, :, None] * rail[:, None]
+    sliders = foot[None] + q[:, :, None] * rail[None]
+    platform = p[:, None] + corner[None]
+    return MachineLines(rails, np.stack([sliders, platform], axis=2), platform)
 
 
 def ghosts_of(model: Model, problem: Problem, keys: tuple[str, ...]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from ptt.diagnosis.telling.verdict_words import acting
 from ptt.diagnosis.telling.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.cards import card_of
 from ptt.effects.layout import family
-from ptt.effects.phrases import Said, capital, sizes_in_words, worth_saying
+from ptt.effects.phrases import ONE, Said, capital, sizes_in_words, worth_saying
 from ptt.fitting.gauge import Told, sparsest
 from ptt.record import Record
 from ptt.run.problem import Problem
@@ -90,7 +90,7 @@ class DiagnosisCard(Record):
         left_um: with all findings.
         noise_um: of one reading, total.
         findings: the largest first.
-        measured_next: what to measure to part ties, a line each.
+        measure_next: what to measure to part ties, a line each.
     """
 
     verdict: str
@@ -212,9 +212,8 @@ def _said(told: Told, problem: Problem) -> list[Said]:
 def _value(part: Said, noun: str) -> CauseValue:
     who = part.who or (f"{noun} {part.joint}" if part.joint else "machine")
     error = None if part.error != part.error else float(part.error)
-    verb = {"s": "s", "es": "es", "is_": "is", "has": "has"}
-    text = part.text.format(what=sizes_in_words([part]), **verb)
-    side = part.text.partition("{what}")[2].format(**verb).strip()
+    text = part.text.format(what=sizes_in_words([part]), **ONE)
+    side = part.text.partition("{what}")[2].format(**ONE).strip()
     return CauseValue(
         who, part.joint, pretty(text), float(part.size), error, pretty(part.unit), float(part.worth), pretty(side)
     )

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from ptt.show.card.solids import Solid, ball, block, joined, plate, tube
+from ptt.show.sizing import round_down
 
 AT_FAULT = 0.25  # of the largest share, from which a part is drawn as the one that is off
+POSES = 48  # along the travel; a slider scrubs through them
 SEEN_SHARE = 0.13  # of the machine's size that the largest displacement is drawn as
-PARTS = ("rails", "sliders", "links", "platform")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,25 @@ class PoseLines:
         points = np.concatenate([each.reshape(-1, 3) for each in (self.rails, self.chains, self.platform)])
         points = points[np.isfinite(points).all(axis=1)]
         return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class MachineLines:
+    """A machine at each row as lines.
+
+    Attributes:
+        rails: (r, 2, 3) mm, ends of each rail; none on a serial arm.
+        chains: (n, c, m, 3) mm, for each row c lines of m points: links of a 3-PTT, the arm of a serial one.
+        platform: (n, j, 3) mm, corners of the platform, closed by the drawer; no corners on a serial arm.
+    """
+
+    rails: np.ndarray
+    chains: np.ndarray
+    platform: np.ndarray
+
+    def at(self, row: int) -> PoseLines:
+        """The machine at the pose of one row."""
+        return PoseLines(self.rails, self.chains[row], self.platform[row])
 
 
 def parts_of(lines: PoseLines) -> dict[str, Solid]:
@@ -110,11 +130,7 @@ def usual_times(lines: PoseLines, shift: Mapping[str, Any]) -> float:
     """
     keys = ("chain", "platform") if "chain" in shift else ("sliders", "platform", "rails")
     most = max(float(np.abs(np.asarray(shift[key])).max(initial=0.0)) for key in keys)
-    if most <= 0.0:
-        return 1.0
-    wanted = SEEN_SHARE * lines.size / most
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
+    return round_down(SEEN_SHARE * lines.size / most) if most > 0.0 else 1.0
 
 
 def legs_at_fault(shift: Mapping[str, Any]) -> tuple[str, tuple[int, ...]]:

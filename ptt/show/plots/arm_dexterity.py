@@ -16,7 +16,6 @@ from ptt.files import write_bytes
 from ptt.mechanisms.dexterity_serial import DexterityMap, dexterity_map, joint_map, singular_families
 from ptt.mechanisms.serial import Serial
 
-DPI = 150
 SAMPLES = 200_000  # joint values to try for the workspace
 CELLS = 60
 WORST = 30.0  # condition number from which all is one colour

@@ -63,9 +63,3 @@ def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
         frameon=False,
         fontsize=9,
     )
-
-
-def round_down(value: float) -> float:
-    """Largest of 1, 2, 5 times a power of ten that is no larger than a positive value."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-9)))

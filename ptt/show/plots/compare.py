@@ -9,7 +9,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
 from ptt.judge.compare.comparison import AXES, Comparison
-from ptt.progress import Progress
+from ptt.progress import Progress, unwatched
 from ptt.run.problem import Problem
 from ptt.show.plots.common import BLUE, DPI, ORANGE, legend_below, save, thinned
 from ptt.show.plots.depends import draw_dependences
@@ -22,7 +22,7 @@ BOTH = 2.0  # half-width of the noise band in standard deviations
 
 
 def plot_comparison(
-    result: Comparison, problem: Problem, folder: str | Path, *, progress: Progress | None = None
+    result: Comparison, problem: Problem, folder: str | Path, *, progress: Progress = unwatched
 ) -> tuple[Path, ...]:
     """Draw all pictures of a comparison.
 
@@ -44,8 +44,7 @@ def plot_comparison(
     }
     written = []
     for number, (name, draw) in enumerate(draws.items()):
-        if progress is not None:
-            progress(f"draw {name}", number, len(draws))
+        progress(f"draw {name}", number, len(draws))
         figure = draw(result, problem)
         if figure is not None:
             written.append(Path(folder) / f"{name}.png")

@@ -1,29 +1,14 @@
 """Pictures of errors before and after: curves along the path."""
 
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ptt.show.plots.common import save
-
 AXES = ("x", "y", "z")
 BEFORE, AFTER = "#d1495b", "#00798c"
 DPI = 130
-
-
-def plot_error_curves(
-    before: np.ndarray,
-    after: np.ndarray,
-    path: str | Path,
-    *,
-    title: str = "",
-    noise_um: Mapping[str, float] | None = None,
-) -> None:
-    """Draw the error of each axis along the path and write it as PNG; arguments as `draw_error_curves`."""
-    save(draw_error_curves(before, after, title=title, noise_um=noise_um), path)
 
 
 def draw_error_curves(

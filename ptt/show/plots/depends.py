@@ -147,9 +147,8 @@ def _draw_pair(panel: Axes, pair: Panel, result: Comparison, problem: Problem, c
 def _error_of(residual: str, result: Comparison) -> tuple[np.ndarray, str]:
     if residual in AXES:
         return 1e3 * result.residual[:, AXES.index(residual)], "um"
-    return (1e6 if residual.startswith("joint") else 1e3) * result.joint[residual], (
-        "urad" if residual.startswith("joint") else "um"
-    )
+    factor, unit = (1e6, "urad") if residual.startswith("joint") else (1e3, "um")
+    return factor * result.joint[residual], unit
 
 
 def _draw_points(panel: Axes, values: np.ndarray, error: np.ndarray) -> None:

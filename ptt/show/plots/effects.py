@@ -11,9 +11,9 @@ from ptt.effects import Effect
 from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.cards import card_of
 from ptt.show.plots.atlas import LOAD, SPEED, UM, WARM, Field, Sign, effect_field, effect_sign, picture_theta
-from ptt.show.plots.common import in_micro, round_down, save
+from ptt.show.plots.common import DPI, in_micro, save
+from ptt.show.sizing import round_down
 
-DPI = 120
 ARROWS = 15  # every so many points of the grid carry an arrow
 
 

@@ -11,7 +11,8 @@ from ptt.judge.before_after import BeforeAfter, Side
 from ptt.judge.compare.comparison import Comparison
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
-from ptt.show.plots.common import COLOUR_MAP, DPI, round_down
+from ptt.show.plots.common import COLOUR_MAP, DPI
+from ptt.show.sizing import round_down, spread
 
 MOST_ARROWS = 300
 REACH = 0.18  # of the workspace's size that the 95 % arrow takes
@@ -78,7 +79,7 @@ def draw_pair(pair: BeforeAfter) -> Figure:
 
 
 def _thinned(side: Side) -> tuple[np.ndarray, np.ndarray]:
-    chosen = np.unique(np.linspace(0, len(side.place) - 1, min(MOST_ARROWS, len(side.place))).astype(int))
+    chosen = spread(len(side.place), MOST_ARROWS)
     return side.place[chosen], side.error[chosen]
 
 
@@ -99,7 +100,7 @@ def field_of(result: Comparison, problem: Problem) -> tuple[np.ndarray, np.ndarr
         np.column_stack([np.bincount(number, column) / count for column in values[rows].T])
         for values in (problem.target, result.residual)
     )
-    chosen = np.unique(np.linspace(0, len(count) - 1, min(MOST_ARROWS, len(count))).astype(int))
+    chosen = spread(len(count), MOST_ARROWS)
     return place[chosen], error[chosen], len(count)
 
 
@@ -113,8 +114,7 @@ def enlargement(span: float, size: float) -> float:
     Returns:
         1, 2 or 5 times a power of ten.
     """
-    wanted = REACH * span / max(size, 1e-9)
-    return round_down(wanted)
+    return round_down(REACH * span / max(size, 1e-9))
 
 
 def _draw_space(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndarray, norm: Normalize) -> None:

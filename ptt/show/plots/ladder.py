@@ -1,7 +1,6 @@
 """The ladder as a picture: error per axis after each step, training and held-out, and the noise floor to reach."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,22 +9,12 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.judge.history import AXES, HistoryEntry
 from ptt.judge.ladder.ladder import Ladder
-from ptt.show.plots.common import save
 
 DPI = 150
 TRAINING, HELD_OUT, NOISE = "#33658a", "#f26419", "#6b705c"
+SIGNS = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
 
 Rung = tuple[str, dict[str, float], dict[str, float]]  # words, training error, held-out error
-
-
-def plot_ladder(ladder: Ladder, path: str | Path) -> None:
-    """Draw a ladder and write it as PNG.
-
-    Args:
-        ladder: the ladder.
-        path: PNG to write.
-    """
-    save(draw_ladder(ladder), Path(path))
 
 
 def draw_ladder(ladder: Ladder) -> Figure:
@@ -37,22 +26,22 @@ def draw_ladder(ladder: Ladder) -> Figure:
     Returns:
         The figure.
     """
-    signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
-    rungs = [(signs.get(s.kind, "") + s.effect, s.rms_um, s.heldout_rms_um) for s in ladder.steps]
+    rungs = [(SIGNS.get(s.kind, "") + s.effect, s.rms_um, s.heldout_rms_um) for s in ladder.steps]
     return draw_rungs(rungs, ladder.noise_um)
 
 
-def plot_history(entries: Sequence[HistoryEntry], path: str | Path) -> None:
+def draw_history(entries: Sequence[HistoryEntry]) -> Figure:
     """Draw a ladder again from the history of a machine file.
 
     Args:
         entries: the steps of one ladder, as `ptt.judge.history.runs_of` cuts them.
-        path: PNG to write.
+
+    Returns:
+        The figure.
     """
-    signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
     rungs: list[Rung] = [("as given", entries[0].before_um, entries[0].heldout_before_um)]
-    rungs += [(signs.get(e.kind, "") + e.effect, e.after_um, e.heldout_after_um) for e in entries]
-    save(draw_rungs(rungs, entries[-1].noise_um), Path(path))
+    rungs += [(SIGNS.get(e.kind, "") + e.effect, e.after_um, e.heldout_after_um) for e in entries]
+    return draw_rungs(rungs, entries[-1].noise_um)
 
 
 def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float]) -> Figure:

@@ -1,7 +1,5 @@
 """The drawing of a machine as the program understood it: from above, from the side, and what its numbers mean."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -10,24 +8,11 @@ from ptt.errors import MachineError
 from ptt.machine import MachineFile, ThreePttSpec
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.setup.machine import describe_machine, reachable
-from ptt.show.plots.common import BLUE, DARK, ORANGE, PALE, save
+from ptt.show.plots.common import BLUE, DARK, ORANGE, PALE
 
 RAIL, GREY = "#bbbbbb", "#666666"
 BEYOND = 0.12  # of the machine's size, the rim around it
 GRID = 241
-
-
-def plot_machine(file: MachineFile, path: Path) -> None:
-    """Draw a 3-PTT as understood and write it as PNG.
-
-    Args:
-        file: the machine.
-        path: where to.
-
-    Raises:
-        MachineError: an arm, or a machine that cannot be built.
-    """
-    save(draw_machine(file), path)
 
 
 def draw_machine(file: MachineFile, words: bool = True) -> Figure:

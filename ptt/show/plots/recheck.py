@@ -1,12 +1,10 @@
 """A recheck as a picture: how far each value of a solved model has moved, in standard errors, and the errors beside."""
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from ptt.again.result import Recheck
-from ptt.show.plots.common import BLUE, DPI, ORANGE, PALE, save
+from ptt.show.plots.common import BLUE, DPI, ORANGE, PALE
 
 SHOWN_VALUES = 16  # in a picture
 
@@ -53,13 +51,3 @@ def draw_moved(result: Recheck) -> Figure:
         panel.spines[["top", "right"]].set_visible(False)
     figure.suptitle(f"verdict: {result.verdict}")
     return figure
-
-
-def plot_moved(result: Recheck, path: Path) -> None:
-    """Write the picture as PNG.
-
-    Args:
-        result: the recheck.
-        path: of the file.
-    """
-    save(draw_moved(result), path)

@@ -1,23 +1,20 @@
 """The workspace map: condition number over x and y at three heights."""
 
-import io
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from ptt.files import write_bytes
-from ptt.machine import SerialSpec, ThreePttSpec
+from ptt.machine import ThreePttSpec
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import WorkspaceMap, workspace_map
+from ptt.show.plots.common import save
 
 GRID = 241
 DPI = 150
@@ -26,49 +23,26 @@ COLOUR_MAP = "viridis_r"  # bright is good, as on the maps of arms
 LIMIT_COLOUR = "#d1495b"
 
 
-def plot_workspace_map(
-    mechanism: Mechanism,
-    spec: ThreePttSpec | SerialSpec,
-    path: str | Path,
-    *,
-    heights_mm: Sequence[float] | None = None,
-    extent_mm: float | None = None,
-) -> None:
+def plot_workspace_map(mechanism: Mechanism, spec: ThreePttSpec, path: str | Path) -> None:
     """Draw the condition number of the Jacobian over x and y at three heights, with the ends of travel.
 
     Args:
         mechanism: the machine.
         spec: its drawing, for the title and the size of the picture.
         path: PNG to write.
-        heights_mm: the heights, one panel each; None takes three spread over the travel.
-        extent_mm: half width of the square that is searched; None takes the links' reach.
     """
-    heights = torch.tensor(_heights(spec, mechanism) if heights_mm is None else heights_mm, dtype=torch.float64)
-    extent = _extent(spec) if extent_mm is None else extent_mm
-    if extent_mm is None:
-        extent = _tighten(workspace_map(mechanism, *_axes(extent), heights), extent)
+    heights = torch.tensor(_heights(spec, mechanism), dtype=torch.float64)
+    reach = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)  # surely holds the workspace
+    extent = _tighten(workspace_map(mechanism, *_axes(reach), heights), reach)
     result = workspace_map(mechanism, *_axes(extent), heights)
-    figure = _draw(result, f"{spec.name}: dexterity over the workspace")
-    picture = io.BytesIO()
-    FigureCanvasAgg(figure).print_png(picture)
-    write_bytes(path, picture.getvalue())
+    save(_draw(result, f"{spec.name}: dexterity over the workspace"), path)
 
 
-def _heights(spec: ThreePttSpec | SerialSpec, mechanism: Mechanism) -> list[float]:
+def _heights(spec: ThreePttSpec, mechanism: Mechanism) -> list[float]:
     """Three heights in mm: a sixth, a half and five sixths of what the travel gives at x = y = 0."""
-    if isinstance(spec, SerialSpec):
-        top = _extent(spec)
-        return [float(round(top * share)) for share in (0.2, 0.4, 0.6)]
     home = float(mechanism.home().mean())
     low, high = (end - home for end in spec.common_travel)
     return [float(round(low + share * (high - low))) for share in (1 / 6, 1 / 2, 5 / 6)]
-
-
-def _extent(spec: ThreePttSpec | SerialSpec) -> float:
-    """Half width in mm of a square that surely holds the workspace."""
-    if isinstance(spec, SerialSpec):
-        return sum(float(np.hypot(joint.a_mm, joint.d_mm)) for joint in spec.joint)
-    return spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)
 
 
 def _tighten(result: WorkspaceMap, extent: float) -> float:

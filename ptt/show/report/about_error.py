@@ -117,8 +117,7 @@ def _where(result: Comparison) -> list[Block]:
 
 
 def _joints(result: Comparison) -> Grid:
-    serial = any(name.startswith("joint") for name in result.joint)
-    factor, unit, ways = (1e6, "urad", ("forward", "back")) if serial else (1e3, "um", ("up", "down"))
+    factor, unit, ways = (1e6, "urad", ("forward", "back")) if result.serial else (1e3, "um", ("up", "down"))
     sides = {part.label: part for part in result.where.by_direction}
     rows = []
     for part in result.where.by_joint:
@@ -127,7 +126,7 @@ def _joints(result: Comparison) -> Grid:
         gap = None if means[0] is None or means[1] is None else means[0] - means[1]
         rows.append((part.label, um(factor * part.rms), um(means[0]), um(means[1]), um(gap)))
     head = ("", "RMS", f"mean arriving {ways[0]}", f"mean arriving {ways[1]}", "difference")
-    return grid(f"The same as errors of the {'joints' if serial else 'sliders'}, {unit}", head, rows)
+    return grid(f"The same as errors of the {'joints' if result.serial else 'sliders'}, {unit}", head, rows)
 
 
 def _worst(result: Comparison) -> Grid:

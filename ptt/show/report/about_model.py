@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from ptt.fitting.report import Value
 from ptt.judge.history import HistoryEntry
 from ptt.model.model import Term, parameter_names, told_values
+from ptt.show.plots.ladder import SIGNS
 from ptt.show.report.blocks import Block, Grid, Lines, Picture, Section, Words, grid
 from ptt.show.report.commands import ladder_command
 from ptt.show.report.contents import Contents
@@ -104,12 +105,11 @@ def _stages(facts: NetworkFacts) -> list[tuple[str, ...]]:
 
 
 def _ladder_grid(ladder: Sequence[HistoryEntry]) -> Grid:
-    signs = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
     first, last = ladder[0], ladder[-1]
     rows = [("as given", *axes(first.before_um), *axes(first.heldout_before_um), NONE)]
     rows += [
         (
-            f"{signs.get(entry.kind, '')}{entry.effect}",
+            f"{SIGNS.get(entry.kind, '')}{entry.effect}",
             *axes(entry.after_um),
             *axes(entry.heldout_after_um),
             "yes" if entry.helped else "no",

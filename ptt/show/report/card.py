@@ -2,18 +2,17 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from io import BytesIO
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from ptt.show.card.bar import MOST_FINDINGS, bar_html
-from ptt.show.card.ghost import ghosts_of, lines_at
+from ptt.show.card.ghost import ghosts_of, machine_lines
 from ptt.show.card.picture import draw_scene
 from ptt.show.card.result import card_of_diagnosis
 from ptt.show.card.scene import usual_times
 from ptt.show.card.words import how_sure, length
+from ptt.show.plots.common import png
 from ptt.show.report.contents import Contents, ModelLook
 
 DPI = 130
@@ -84,13 +83,11 @@ def _picture(look: ModelLook, card: dict[str, Any], contents: Contents) -> tuple
     keys = tuple(step[0] for step in found.suggested)
     ghosts = ghosts_of(found.model, problem, keys[:1])
     middle = ghosts["rows"][len(ghosts["rows"]) // 2]
-    lines = lines_at(problem, int(middle))
+    lines = machine_lines(problem).at(int(middle))
     shift = ghosts["shift"].get(keys[0]) if keys else None
     times = 1.0 if shift is None else usual_times(lines, shift)
     figure = draw_scene(lines, shift, card["findings"][0]["values"] if keys else [], times)
     figure.set_dpi(DPI)
-    buffer = BytesIO()
-    FigureCanvasAgg(figure).print_png(buffer)
     if shift is None:
-        return buffer.getvalue(), "The machine at the middle of the run."
-    return buffer.getvalue(), f"The machine as drawn; in orange {keys[0]}, {times:,.0f} times as large as it is."
+        return png(figure), "The machine at the middle of the run."
+    return png(figure), f"The machine as drawn; in orange {keys[0]}, {times:,.0f} times as large as it is."

@@ -1,15 +1,11 @@
 """Everything that a report says, worked out once by the same functions as the other verbs."""
 
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import PackageNotFoundError, version
 from typing import TypeVar
-
-import numpy as np
-import torch
 
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.heldout import evaluate_heldout
@@ -23,7 +19,7 @@ from ptt.judge.before_after import compare_pair
 from ptt.judge.compare.comparison import compare_run
 from ptt.judge.evaluate import Evaluation
 from ptt.judge.history import read_entries, runs_of
-from ptt.judge.iso.figures import IsoPoses, iso_of_poses
+from ptt.judge.iso.figures import IsoPoses, iso_of_poses, with_targets
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
@@ -37,7 +33,7 @@ from ptt.show.report.contents import Contents, ModelLook
 from ptt.show.report.facts import facts_of
 from ptt.show.report.network import network_facts
 from ptt.show.report.source import MadeOf, shown_table
-from ptt.version import __version__
+from ptt.version import __version__, installed
 
 PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
 STAGES = 6  # of a report
@@ -55,7 +51,7 @@ def gather(
     after: Table | None = None,
     found_drawing: Diagnosis | None = None,
     found_given: Diagnosis | None = None,
-    progress: Progress | None = None,
+    progress: Progress = unwatched,
 ) -> Contents:
     """Work out everything that a report says.
 
@@ -76,27 +72,27 @@ def gather(
     Raises:
         InputError: run and machine cannot be brought together.
     """
-    tell, source, known = progress or unwatched, source or MadeOf(), known or library()
+    source, known = source or MadeOf(), known or library()
     compensator = machine if isinstance(machine, Compensator) else Compensator(read_model(machine, known), None, {})
     model, shown = compensator.model, shown_table(table, source)
     problem = replace(problem or build_problem(model.file, table), table=shown)
     why: dict[str, str] = {}
-    say = partial(_say, tell, "the drawing", 0)
+    say = partial(_say, progress, "the drawing", 0)
     drawing = _look(Model(model.file), problem, known, source, found_drawing, say)
     if not model.terms:
         given = drawing
     else:
-        given = _look(model, problem, known, source, found_given, partial(_say, tell, "the model", 1))
-    tell("fit", 2, STAGES)
+        given = _look(model, problem, known, source, found_given, partial(_say, progress, "the model", 1))
+    progress("fit", 2, STAGES)
     noisy = problem if given.comparison.noise is None else problem.with_noise(given.comparison.noise)
-    refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=tell), source)
-    tell("evaluate", 3, STAGES)
-    evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem, tell), source) or {}
-    tell("iso", 4, STAGES)
+    refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=progress), source)
+    progress("evaluate", 3, STAGES)
+    evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem, progress), source) or {}
+    progress("iso", 4, STAGES)
     iso = _unless("iso", why, lambda: _iso(problem), source)
     entries = _unless("history", why, lambda: read_entries(model.file), source) or ()
     ladders = tuple(tuple(ladder) for ladder in runs_of(entries))
-    tell("write", 5, STAGES)
+    progress("write", 5, STAGES)
     return Contents(
         date=datetime.now(UTC).isoformat(timespec="seconds"),
         source=source,
@@ -175,22 +171,10 @@ def _evaluate(compensator: Compensator, problem: Problem, tell: Progress) -> dic
 
 def _iso(problem: Problem) -> IsoPoses:
     """As `ptt iso` does: targets that the file leaves out are what the commands ask for."""
-    table = problem.table
-    if table.command is not None:
-        reached = build_mechanism(problem.file.machine).forward(torch.as_tensor(table.command)).numpy()
-        table = table.replace(target=np.where(np.isnan(table.target), reached, table.target))
+    table = with_targets(problem.table, build_mechanism(problem.file.machine))
     return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run")
 
 
 def _versions() -> tuple[tuple[str, str], ...]:
-    return (("ptt", __version__), ("python", platform.python_version()), *_installed(PACKAGES))
-
-
-def _installed(names: Sequence[str]) -> list[tuple[str, str]]:
-    found = []
-    for name in names:
-        try:
-            found.append((name, version(name)))
-        except PackageNotFoundError:
-            continue
-    return found
+    there = ((name, number) for name, number in installed(PACKAGES).items() if number)
+    return (("ptt", __version__), ("python", platform.python_version()), *there)

@@ -6,12 +6,14 @@ from ptt.correct.training.compensator import Compensator, load_compensator
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.door.opened import Opened
 from ptt.door.options import ReadOptions
+from ptt.files import write_text
 from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
 from ptt.show.report.contents import Contents
-from ptt.show.report.gather import with_network
-from ptt.show.report.html import write_report
+from ptt.show.report.gather import gather, with_network
+from ptt.show.report.html import render
 from ptt.show.report.source import MadeOf, source_of
+from ptt.show.report.words import words_of
 
 
 def report_run(
@@ -29,7 +31,7 @@ def report_run(
     language: str = "en",
     progress: Progress = unwatched,
 ) -> Contents:
-    """Write the report.
+    """Work a report out and write it; the file appears whole or not at all.
 
     Args:
         opened: run and model.
@@ -49,22 +51,25 @@ def report_run(
         What is in the report.
 
     Raises:
-        InputError: a network that is of another model, or a file that cannot be written.
+        InputError: a network that is of another model, no words for the language, plotly is missing, or a file that
+            cannot be written.
     """
-    return write_report(
-        out,
+    machine = _with_network(opened, compensator)
+    source = _source(run, model, compensator, None if after is None else after[0], reading)
+    say = words_of(language)  # a language that is not there is said before anything is worked out
+    contents = gather(
         opened.table,
-        _with_network(opened, compensator),
-        _source(run, model, compensator, None if after is None else after[0], reading),
+        machine,
+        source,
         known=opened.library,
         problem=opened.problem,
         after=None if after is None else after[1],
-        drawing=drawing,
-        given=given,
-        interactive=interactive,
-        language=language,
+        found_drawing=drawing,
+        found_given=given,
         progress=progress,
     )
+    write_text(out, render(contents, interactive=interactive, language=language, say=say))
+    return contents
 
 
 def _with_network(opened: Opened, folder: Path | None) -> Compensator:

@@ -2,8 +2,6 @@
 
 import base64
 from collections.abc import Callable, Mapping
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from matplotlib import rc_context
@@ -13,10 +11,10 @@ from ptt.judge.compare.comparison import Comparison
 from ptt.run.problem import Problem
 from ptt.show.plots.common import png
 from ptt.show.plots.compare import draw_course, draw_histogram
-from ptt.show.plots.compensation import plot_error_curves
+from ptt.show.plots.compensation import draw_error_curves
 from ptt.show.plots.depends import draw_dependences
 from ptt.show.plots.field import draw_field, draw_pair
-from ptt.show.plots.ladder import plot_history
+from ptt.show.plots.ladder import draw_history
 from ptt.show.report.blocks import Picture, Section
 from ptt.show.report.contents import Contents
 
@@ -52,10 +50,9 @@ def draw_picture(name: str, contents: Contents) -> bytes:
         PNG.
     """
     what, _, of = name.partition("-")
-    if what == "ladder":
-        return _written(lambda path: plot_history(contents.ladders[int(of)], path))
-    if what == "curves":
-        return _written(lambda path: _draw_curves(contents, path))
+    if what in ("ladder", "curves"):
+        with rc_context(LETTERS):
+            return png(draw_history(contents.ladders[int(of)]) if what == "ladder" else _curves(contents))
     if what == "pair":
         assert contents.pair is not None
         return _png(draw_pair(contents.pair), 0.55)
@@ -75,10 +72,10 @@ def data_uri(picture: bytes) -> str:
     return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
 
 
-def _draw_curves(contents: Contents, path: Path) -> None:
+def _curves(contents: Contents) -> Figure:
     result = contents.evaluation["blocks"]
     noise = None if result.noise is None else {axis: float(result.noise.to_dict()[axis]) for axis in "xyz"}
-    plot_error_curves(result.before, result.after, path, noise_um=noise)
+    return draw_error_curves(result.before, result.after, noise_um=noise)
 
 
 def _png(figure: Figure, shape: float) -> bytes:
@@ -87,11 +84,3 @@ def _png(figure: Figure, shape: float) -> bytes:
     figure.set_size_inches(min(WIDE, wide), min(WIDE, wide) * (shape or 1.08 * high / wide))
     figure.set_dpi(DPI)
     return png(figure)
-
-
-def _written(draw: Callable[[Path], None]) -> bytes:
-    """What a function of a path draws, with letters that survive being shrunk."""
-    with TemporaryDirectory() as folder, rc_context(LETTERS):
-        path = Path(folder) / "picture.png"
-        draw(path)
-        return path.read_bytes()

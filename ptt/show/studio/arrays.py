@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ptt.show.studio.looks import Look, MachineLines
+from ptt.show.card.scene import MachineLines
+from ptt.show.studio.looks import Look
 
 DRAWING = "drawing."
 

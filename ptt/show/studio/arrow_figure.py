@@ -6,9 +6,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ptt.show.card.scene import PoseLines
 from ptt.show.card.solids import Solid, arrows
 from ptt.show.card.words import length, prefixed
+from ptt.show.sizing import round_down
 from ptt.show.studio.figures import MIDDLE, UM, Figure
 from ptt.show.studio.looks import Look
 
@@ -17,10 +17,8 @@ SHOWN_ARROWS = 240  # more hide each other
 FEW = 1e6  # cells that are counted one by one
 REACH = 0.45  # of the path's size that the 95 % arrow takes
 OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
-APART, THIN = (
-    0.4,
-    0.004,
-)  # of the way to the next arrow, of what fills the picture: half a head's width at most, at least
+APART = 0.4  # of the way to the next arrow, half a head's width at most
+THIN = 0.004  # of what fills the picture, at least
 THICK = 0.045  # of what fills the picture, the length of an arrow below which it gets no thinner
 BAR = {
     "orientation": "h", "thickness": 11, "len": 0.62, "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "bottom",
@@ -34,11 +32,9 @@ def usual_scale(look: Look) -> float:
     if not look.kept.any():
         return 1.0
     span = max(float(np.ptp(look.target[look.kept], axis=0).max()), 1e-3)
-    drawing, row = look.drawing, int(np.flatnonzero(look.kept)[0])
-    size = PoseLines(drawing.rails, drawing.chains[row], drawing.platform[row]).size
+    size = look.drawing.at(int(np.flatnonzero(look.kept)[0])).size
     wanted = min(REACH * span, OF_MACHINE * size) / max(float(np.quantile(look.size_um[look.kept], 0.95)) / UM, 1e-9)
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max(step * power for step in (1.0, 2.0, 3.0, 5.0) if step * power <= wanted * (1.0 + 1e-9)))
+    return round_down(wanted, (1.0, 2.0, 3.0, 5.0))
 
 
 @dataclass(frozen=True)

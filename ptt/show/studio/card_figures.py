@@ -8,9 +8,8 @@ import numpy as np
 
 from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty, spoken
-from ptt.show.studio.figures import BLUE, ORANGE, PALE, Figure, axis_of, sides_axis, whole_figure, whole_layout
+from ptt.show.studio.figures import ABOVE, BLUE, ORANGE, PALE, Figure, axis_of, sides_axis, whole_figure, whole_layout
 
-BINS = 24
 RULER = (-2.0, 2.0)  # powers of ten about the usual size
 
 
@@ -37,7 +36,7 @@ def fit_figure(fit: Mapping[str, Any]) -> Figure:
         xaxis=axis,
         yaxis=axis_of(f"{name}: error [{shown}]", zeroline=True),
         showlegend=True,
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        legend=ABOVE,
         margin={"l": 62, "r": 10, "t": 30, "b": 44},
     )
     points = [
@@ -132,7 +131,7 @@ def unknown_figure(unknown: Mapping[str, Any], serial: bool) -> Figure:
         xaxis=axis,
         yaxis=axis_of(up, zeroline=True),
         showlegend=True,
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        legend=ABOVE,
         margin={"l": 66, "r": 12, "t": 30, "b": 48},
     )
     return whole_figure(data, layout)
@@ -177,7 +176,7 @@ def sign_figure(sign: Mapping[str, Any]) -> Figure:
         xaxis=axis_of(across),
         yaxis=axis_of(pretty(up), zeroline=True),
         showlegend=len(levels) == 2,
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        legend=ABOVE,
         margin={"l": 62, "r": 10, "t": 28, "b": 44},
     )
     return whole_figure(data, layout)

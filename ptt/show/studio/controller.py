@@ -15,7 +15,7 @@ from ptt.show.studio.looks import Look
 from ptt.show.studio.outcomes import QuestionError, SetupFoundError
 from ptt.show.studio.panels import Later
 from ptt.show.studio.pool import Pool
-from ptt.show.studio.results import Source, Trained
+from ptt.show.studio.results import Source
 from ptt.show.studio.session import Session
 from ptt.show.studio.snapshot import key_of
 from ptt.show.studio.steps import START
@@ -53,6 +53,7 @@ class Studio(Doing):
         self.staged = Staged()
         self.picked: list[int] = []
         self.view = "Load"
+        self.go: Callable[[str], object] = lambda view: None  # shows another view, once there is a page
         self._listeners: dict[str, list[Listener]] = {}
         self._turn_of, self._looking = asyncio.Lock(), asyncio.Lock()
         self._keeper = Keeper(place, self.fail)
@@ -129,7 +130,7 @@ class Studio(Doing):
         self.tell("staged")
         self.tell("busy")
 
-    async def open(self, source: Source, machine: str, then: Callable[[], None] = lambda: None) -> bool:
+    async def open(self, source: Source, machine: str, then: Callable[[], object] = lambda: None) -> bool:
         """Read a run and hold it against a machine; what is open or mistaken is shown, and the old session stays.
 
         Args:
@@ -214,9 +215,13 @@ class Studio(Doing):
         await self._look()
         await self.learn(unasked=True)
 
-    def keep_training(self, session: Session, trained: Trained) -> None:
-        """Keep a compensator with the model that it was trained on, if the run is still the same."""
-        self._found(session, trained=trained)
+    async def train(self) -> None:
+        """Train the network on what the active model leaves."""
+        session = self.session
+        if session.ready:
+            trained = await self.work("training the network", "train", session.source, session.text)
+            if trained is not None:
+                self._found(session, trained=trained)
 
     async def switch(self, key: str, on: bool) -> None:
         """Count an effect or leave it aside, without a refit."""

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ptt.show.card.words import prefixed, spoken
+from ptt.show.sizing import spread
 from ptt.show.studio.looks import Look
 
 Figure = dict[str, Any]
@@ -16,6 +17,7 @@ BLUE, PALE, VIOLET, ORANGE, GREY = "#3a84b4", "#8fb4d0", "#9467bd", "#c98500", "
 MIDDLE = "#6f777d"  # read on white and on dark alike
 FONT = {"family": "Roboto, Arial, sans-serif", "size": 13, "color": MIDDLE}
 GRID = "rgba(128,136,144,0.28)"
+ABOVE = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}  # a legend over the picture
 UM = 1e3
 
 UNITS = {"b": "mm", "q": "rad", "x": "mm", "y": "mm", "z": "mm", "payload": "kg", "temperature": "\N{DEGREE SIGN}C"}
@@ -78,11 +80,9 @@ def shown_rows(look: Look, picked: Sequence[int] = ()) -> np.ndarray:
         (m,) row numbers, ascending.
     """
     rows = np.flatnonzero(look.kept)
-    thin = (
-        rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST_READINGS, len(rows))).astype(int))] if len(rows) else rows
-    )
     extra = np.asarray(list(picked)[:MOST_READINGS], dtype=int)
-    return np.union1d(thin, extra[look.kept[extra]] if len(extra) else extra).astype(int)
+    shown = rows[spread(len(rows), MOST_READINGS)]
+    return np.union1d(shown, extra[look.kept[extra]] if len(extra) else extra).astype(int)
 
 
 def against_figure(
@@ -124,7 +124,7 @@ def against_figure(
         margin={"l": 62, "r": 10, "t": 28 if beside else 8, "b": 44},
         showlegend=beside is not None,
         dragmode="select",
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0, "font": {"size": 11}},
+        legend=ABOVE | {"font": {"size": 11}},
         uirevision=f"{view}{context}",
         selectionrevision=str(hash(tuple(picked))),
     )
@@ -135,14 +135,15 @@ def _points(
     x: np.ndarray, y: np.ndarray, rows: np.ndarray, colour: str, name: str, *, symbol: str = "circle", size: int = 5
 ) -> Figure:
     return {
-        **_mark(x.tolist(), y.tolist(), {"color": colour, "symbol": symbol, "size": size}, name),
+        "type": "scatter",
+        "mode": "markers",
+        "x": x.tolist(),
+        "y": y.tolist(),
+        "marker": {"color": colour, "symbol": symbol, "size": size},
+        "name": name,
         "customdata": rows.tolist(),
         "unselected": {"marker": {"opacity": 1.0}},  # what is picked is marked in every picture alike
     }
-
-
-def _mark(x: Sequence[float], y: Sequence[float], marker: Figure, name: str) -> Figure:
-    return {"type": "scatter", "mode": "markers", "x": list(x), "y": list(y), "marker": marker, "name": name}
 
 
 def axis_of(title: str, zeroline: bool = False) -> Figure:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ptt.show.card.words import length, prefixed
-from ptt.show.studio.figures import BLUE, GREY, ORANGE, Figure, axis_of, whole_figure, whole_layout
+from ptt.show.studio.figures import ABOVE, BLUE, GREY, ORANGE, Figure, axis_of, whole_figure, whole_layout
 
 WHEN = ("before", "after")
 MICRO = "\N{MICRO SIGN}m"
@@ -109,6 +109,6 @@ def _dated(title: str, legend: bool = False, zero: bool = False) -> Figure:
         xaxis={**axis_of(""), "type": "date", "hoverformat": "%Y-%m-%d", "nticks": 6},
         yaxis=value,
         showlegend=legend,
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        legend=ABOVE,
         margin={"l": 60, "r": 10, "t": 28 if legend else 10, "b": 32},
     )

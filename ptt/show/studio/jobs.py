@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.progress import Progress
+from ptt.show.sizing import spread
 from ptt.show.studio.jobs_again import again
 from ptt.show.studio.jobs_effects import card, names, words_of_effect
 from ptt.show.studio.jobs_export import export, formats
@@ -61,8 +62,7 @@ def look(source: Source, model: str, tell: Progress) -> Look:
     tell("reading the run", 0, 0)
     opened = open_both(source, model)
     tell("residual", 0, 0)
-    setup = opened.check.to_dict()["findings"] if opened.check else []
-    return look_at(opened.model, opened.problem, setup=setup)
+    return look_at(opened.model, opened.problem, setup=opened.check.to_dict()["findings"])
 
 
 def compare(source: Source, model: str, tell: Progress) -> Compared:
@@ -74,7 +74,7 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 
     opened = open_both(source, model)
     result = compare_run(opened.model, opened.problem, noise=opened.noise_or_none(), progress=tell)
-    setup = opened.check.to_dict()["findings"] if opened.check else []
+    setup = opened.check.to_dict()["findings"]
     data = plain(result.to_dict() | opened.set_up | {"setup": setup})
     return Compared(look_at(opened.model, opened.problem, result, setup), data, format_comparison(result))
 
@@ -84,7 +84,6 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     from ptt.diagnosis.telling.long import choose_diagnosis
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
-    from ptt.effects.registry import library
     from ptt.fitting.drawn_sizes import unnamed_sizes
     from ptt.run.table import table_to_frame
     from ptt.show.card.fits import fits_of
@@ -99,7 +98,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     poses = None if result.separation is None else result.separation.targets
     csv = "" if poses is None else table_to_frame(poses).to_csv(index=False, lineterminator="\n")
     steps = tuple(step[0] for step in result.suggested)
-    known, family = opened.library or library(), problem.file.machine.kind
+    family = problem.file.machine.kind
     return Learned(
         plain(result.to_dict() | opened.set_up),
         format_diagnosis(result, problem.table),
@@ -108,7 +107,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
         fits=fits_of(result, opened.model, problem),
         ghosts=ghosts_of(result.model, problem, steps),
         unknown=_unknown(result),
-        cards=plain({key: words_of_effect(known, key, family) for key in steps}),
+        cards=plain({key: words_of_effect(opened.library, key, family) for key in steps}),
         sizes=[size.key for size in unnamed_sizes(result.model.keys, problem)] if result.names_size else [],
         whole=_packed(result),
     )
@@ -146,7 +145,7 @@ def _unknown(found: "Diagnosis") -> Mapping[str, Any] | None:
         return None
     first = found.depends_on[0]
     points = np.zeros((0, 2)) if first.points is None else first.points
-    points = points[np.unique(np.linspace(0, max(len(points) - 1, 0), min(MOST_READINGS, len(points))).astype(int))]
+    points = points[spread(len(points), MOST_READINGS)]
     fine = 1e6 if first.residual.startswith("joint") else 1e3  # urad, um
     at, um = np.round(points[:, 0], 6).tolist(), np.round(fine * points[:, 1], 4).tolist()
     unit = first.unit if first.with_ is None else "" if first.size is None else first.size.unit
@@ -156,7 +155,7 @@ def _unknown(found: "Diagnosis") -> Mapping[str, Any] | None:
 def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell: Progress) -> Changed:
     """As `ptt add`, `ptt remove` or `ptt fit`."""
     from ptt.door.result import plain
-    from ptt.effects.registry import library, make_effect, parse_key
+    from ptt.effects.registry import make_effect, parse_key
     from ptt.fitting.report import format_fit
     from ptt.judge.history import record
     from ptt.judge.ladder.climb import climb, descend
@@ -164,12 +163,11 @@ def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell
     from ptt.plan.elsewhere import elsewhere_um
 
     opened = open_both(source, model)
-    known = opened.library or library()
     problem = opened.noisy(tell)
     if verb == "remove":
         ladder = descend(opened.model, problem, effects, progress=tell)
     else:
-        new = [make_effect(known, *parse_key(text)) for text in effects]
+        new = [make_effect(opened.library, *parse_key(text)) for text in effects]
         ladder = climb(opened.model, problem, new, progress=tell)
     text = format_machine(record(ladder, verb, opened.files))
     figures = ladder.to_dict() | elsewhere_um(ladder.steps[-1].fitted, opened.problem) | opened.set_up

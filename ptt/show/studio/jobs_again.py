@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ptt.errors import PttError
 from ptt.progress import Progress
+from ptt.show.sizing import spread
 from ptt.show.studio.opening import open_both, place_of
 from ptt.show.studio.results import Source
 
@@ -74,7 +75,7 @@ def _arrows(pair: "BeforeAfter") -> dict[str, Any]:
     size = float(np.quantile(np.linalg.norm(pair.before.error, axis=1), 0.95))
     drawn: dict[str, Any] = {"times": enlargement(span, size)}
     for words, side in (("before", pair.before), ("after", pair.after)):
-        rows = np.unique(np.linspace(0, len(side.place) - 1, min(ARROWS, len(side.place))).astype(int))
+        rows = spread(len(side.place), ARROWS)
         drawn[words] = {"place": _listed(side.place[rows]), "error": _listed(side.error[rows])}
     return drawn
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from ptt.show.card.words import prefixed
 from ptt.show.studio.figures import (
+    ABOVE,
     BLUE,
     GREY,
     ORANGE,
@@ -21,7 +22,6 @@ from ptt.show.studio.snapshot import Rung
 
 Points = list[tuple[str, float]]  # step and error
 TICKS = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]
-ABOVE = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
 STAGES = {"given": ("model as given", PALE), "physics": ("refitted", BLUE), "rbf": ("with the network", VIOLET)}
 AXES = ("x", "y", "z", "total")
 

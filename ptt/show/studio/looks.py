@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ptt.show.card.scene import MachineLines
+
 if TYPE_CHECKING:
     from ptt.judge.compare.comparison import Comparison
     from ptt.model.model import Model
@@ -16,21 +18,6 @@ COVARIATES = {
     "feed_mm_s": "feed [mm/s]", "direction": "directions of arrival", "torque": "torque", "std": "tracker deviations",
 }  # fmt: skip
 SAMPLE = 3  # rows that a table of columns shows
-
-
-@dataclass(frozen=True, eq=False)
-class MachineLines:
-    """The machine as lines.
-
-    Attributes:
-        rails: (r, 2, 3) mm, ends of each rail; none on a serial arm.
-        chains: (n, c, m, 3) mm, for each row c lines of m points: links of a 3-PTT, the arm of a serial one.
-        platform: (n, j, 3) mm, corners of the platform, closed by the drawer; no corners on a serial arm.
-    """
-
-    rails: np.ndarray
-    chains: np.ndarray
-    platform: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,6 +107,7 @@ def look_at(
     """
     from ptt.dependence.contexts import path_views, residual_views
     from ptt.fitting.solve import residual_of
+    from ptt.show.card.ghost import machine_lines
 
     if compared is None:
         fitted = residual_of(model, problem)
@@ -207,33 +195,3 @@ def rest_of_arm(file: Any) -> list[list[float]]:
     q = torch.zeros(1, arm.joints, dtype=torch.float64)
     origins, tool = arm.frames(q)[0][0], arm.forward(q)[0]
     return [[0.0, 0.0, 0.0], *origins.tolist(), tool.tolist()]
-
-
-def machine_lines(problem: "Problem") -> MachineLines:
-    """The machine as drawn, at the commands of each row.
-
-    Args:
-        problem: n rows.
-
-    Returns:
-        Its lines.
-    """
-    from ptt.mechanisms.serial import Serial
-    from ptt.mechanisms.three_ptt import ThreePtt
-
-    view, spec = problem.view, problem.file.machine
-    mechanism, q, p = view.mechanism, view.q.numpy(), view.p.numpy()
-    if isinstance(mechanism, Serial) or spec.kind == "serial":
-        assert isinstance(mechanism, Serial)
-        origins = mechanism.frames(view.q)[0].numpy()
-        chain = np.concatenate([np.zeros((len(q), 1, 3)), origins, p[:, None]], axis=1)
-        return MachineLines(np.zeros((0, 2, 3)), chain[:, None], np.zeros((len(q), 0, 3)))
-    assert isinstance(mechanism, ThreePtt)
-    azimuth = np.radians(spec.slider_azimuth_deg)
-    corner = spec.platform_radius_mm * np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
-    foot, rail = mechanism.foot.numpy() + corner, mechanism.rail.numpy()
-    ends = np.asarray(spec.travel_ends)
-    rails = foot[:, None] + ends[:, :, None] * rail[:, None]
-    sliders = foot[None] + q[:, :, None] * rail[None]
-    platform = p[:, None] + corner[None]
-    return MachineLines(rails, np.stack([sliders, platform], axis=2), platform)

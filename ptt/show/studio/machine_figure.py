@@ -46,8 +46,7 @@ def machine_figure(
     Returns:
         The figure.
     """
-    drawing = look.drawing
-    lines = PoseLines(drawing.rails, drawing.chains[row], drawing.platform[row])
+    lines = look.drawing.at(row)
     there = None if ghost is None or not machine else moved(lines, ghost["shift"], int(ghost["at"]), ghost["times"])
     box = _box(look, scale) if near or not machine else _whole_box(look, scale, there)
     data: list[Figure] = []

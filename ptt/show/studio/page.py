@@ -1,24 +1,25 @@
 """The page: header with undo and theme, six views with addresses of their own, progress, and what went wrong."""
 
 import time
+from collections.abc import Callable
 
 from nicegui import events, ui
 
 from ptt.show.card.words import length
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.page_again import build_again
-from ptt.show.studio.page_finish import build_finish
+from ptt.show.studio.page_again import AgainView
+from ptt.show.studio.page_finish import FinishView
 from ptt.show.studio.page_load import build_load
-from ptt.show.studio.page_look import build_look
-from ptt.show.studio.page_model import build_model
-from ptt.show.studio.page_result import build_result
+from ptt.show.studio.page_look import LookView
+from ptt.show.studio.page_model import ModelView
+from ptt.show.studio.page_result import ResultView
 from ptt.show.studio.panels import SWITCH, Panels
 from ptt.show.studio.snapshot import key_of
 from ptt.show.studio.style import CSS
 
-VIEWS = {
-    "Load": build_load, "Result": build_result, "Look": build_look, "Model": build_model, "Finish": build_finish,
-    "Again": build_again,
+VIEWS: dict[str, Callable[[Studio], object]] = {
+    "Load": build_load, "Result": ResultView, "Look": LookView, "Model": ModelView, "Finish": FinishView,
+    "Again": AgainView,
 }  # fmt: skip
 ICONS = {
     "Load": "upload_file", "Result": "troubleshoot", "Look": "visibility", "Model": "tune", "Finish": "task_alt",
@@ -55,13 +56,10 @@ def build_page(studio: Studio, view: str) -> None:
         theme = ui.button(icon="dark_mode").props('flat round dense color=white aria-label="light or dark"')
         theme.on("click", js_handler=THEME)
     tabs.set_value(studio.view)
-
-    def show(name: str) -> None:
-        tabs.set_value(name)
-
+    studio.go = tabs.set_value
     with ui.element("div").classes("nicegui-content w-full"):
         _build_status(studio)
-        panels = Panels(studio, VIEWS, show)
+        panels = Panels(studio, VIEWS)
 
     def shown() -> None:
         studio.view = str(tabs.value)
@@ -73,7 +71,7 @@ def build_page(studio: Studio, view: str) -> None:
     shown()
     ui.keyboard(on_key=lambda event: _pressed(studio, event), ignore=["input", "textarea"])
     ui.run_javascript(BACK)
-    ui.on("view", lambda event: show(next((n for n in VIEWS if n.lower() == event.args), "Load")))
+    ui.on("view", lambda event: studio.go(next((n for n in VIEWS if n.lower() == event.args), "Load")))
 
 
 def address_of(studio: Studio, view: str) -> str:

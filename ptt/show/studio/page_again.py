@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
 from datetime import date
@@ -266,13 +266,3 @@ def _show_months(months: Mapping[str, Any]) -> None:
         head = ("date", "run", "verdict", "error with the model")
         with ui.element("div").classes("st-grid").props("tabindex=0"):
             ui.html(table_html(head, rows, words=3, caption="runs by date"), sanitize=False).classes("w-full")
-
-
-def build_again(studio: Studio, go: Callable[[str], None]) -> None:
-    """Build the view.
-
-    Args:
-        studio: of this session.
-        go: shows another view.
-    """
-    AgainView(studio)

@@ -1,15 +1,15 @@
 """What the columns of a file hold: a grid with a preview, a meaning and a unit for each, kept as a file for --map."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from nicegui import ui
 
 from ptt.run.readers.columns import UNITS, dimension_of
+from ptt.run.readers.mapping import IGNORE
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.outcomes import QuestionError
 
-IGNORE = "ignore"
 CHIPS = {"c": "\N{DEGREE SIGN}C", "k": "K", "f": "\N{DEGREE SIGN}F", "stamp": "date and time"}
 WORDS = {
     **{f"{a}_meas": f"reading {a}" for a in "xyz"},
@@ -43,25 +43,15 @@ def choices_of(joints: int, prefix: str) -> dict[str, str]:
     more = {f"dir{i}": f"direction of {who} {i}" for i in each} | {
         f"tau{i}": f"force or torque of {who} {i}" for i in each
     }
-    return {IGNORE: "\N{EN DASH} not used"} | {k: v for k, v in WORDS.items()} | sent | more
-
-
-def build_columns(studio: Studio, go: Callable[[str], None]) -> None:
-    """Build the grid; it opens where a file leaves something open, and on demand.
-
-    Args:
-        studio: of this session.
-        go: shows another view.
-    """
-    ColumnsView(studio, go)
+    return {IGNORE: "\N{EN DASH} not used"} | WORDS | sent | more
 
 
 class ColumnsView:
-    """The grid's parts."""
+    """The grid's parts; it opens where a file leaves something open, and on demand."""
 
-    def __init__(self, studio: Studio, go: Callable[[str], None]) -> None:
+    def __init__(self, studio: Studio) -> None:
         """Build it."""
-        self.studio, self.go = studio, go
+        self.studio = studio
         self.quantity: dict[str, ui.select] = {}
         self.unit: dict[str, ui.toggle] = {}
         with ui.element("div").classes("st-box").mark("columns") as self.box:
@@ -175,6 +165,6 @@ class ColumnsView:
         machine = self.studio.staged.machine or (now.text if now else "")
         self.box.set_visibility(False)
         if machine:
-            await self.studio.open(made, machine, lambda: self.go("Result"))
+            await self.studio.open(made, machine, lambda: self.studio.go("Result"))
         else:
             self.studio.stage(source=made)

@@ -88,12 +88,3 @@ class ExportView:
             ui.label(pretty(line)).classes("st-note")
         give = ui.button(f"Download {found['name']}", icon="download")
         give.on_click(lambda: ui.download.content(found["content"], found["name"])).props("no-caps unelevated")
-
-
-def build_export(studio: Studio) -> ExportView:
-    """Build the box.
-
-    Args:
-        studio: of this session.
-    """
-    return ExportView(studio)

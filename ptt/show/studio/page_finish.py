@@ -9,7 +9,7 @@ from ptt.show.card.words import length, percent
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.ladder_figures import before_after_figure
-from ptt.show.studio.page_export import build_export
+from ptt.show.studio.page_export import ExportView
 from ptt.show.studio.page_tools import build_tools
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import SEAL
@@ -32,7 +32,7 @@ class FinishView:
         with ui.element("div").classes("st-two"):
             with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
                 self._build_downloads()
-                build_export(studio)
+                ExportView(studio)
                 self._build_commands()
             with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
                 with ui.element("div").classes("st-box"):
@@ -46,7 +46,7 @@ class FinishView:
         with ui.element("div").classes("st-tools"):
             ui.html("Let a network learn the rest", sanitize=False, tag="h2").classes("st-head")
             ui.space()
-            self.train = ui.button("Train", icon="model_training", on_click=self._train).props("no-caps outline")
+            self.train = ui.button("Train", icon="model_training", on_click=self.studio.train).props("no-caps outline")
         self.told = ui.label().classes("st-note").mark("trained")
         self.plot = Picture().classes("w-full").style("height: 300px")
         self.plot.props('role=img aria-label="errors before and after"')
@@ -116,14 +116,6 @@ class FinishView:
             f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)} ({data['protocol']})."
         )
         self.plot.show(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
-
-    async def _train(self) -> None:
-        """Train the network on what the active model leaves."""
-        session = self.studio.session
-        if session.ready:
-            trained = await self.studio.work("training the network", "train", session.source, session.text)
-            if trained is not None:
-                self.studio.keep_training(session, trained)
 
     def _give_model(self) -> None:
         ui.download.content(self.studio.session.text, "machine.toml")
@@ -196,13 +188,3 @@ def commands_of(studio: Studio) -> list[str]:
         lines.append(f"python train.py {run} --machine {last} --out compensator")
         last = "compensator"
     return [*lines, f"ptt predict targets.csv --model {last} --out sliders.csv"]
-
-
-def build_finish(studio: Studio, go: Callable[[str], None]) -> None:
-    """Build the view.
-
-    Args:
-        studio: of this tab.
-        go: shows another view.
-    """
-    FinishView(studio)

@@ -12,7 +12,7 @@ from ptt.files import write_bytes
 from ptt.machine import parse_machine
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.guard import LIMIT
-from ptt.show.studio.page_columns import build_columns
+from ptt.show.studio.page_columns import ColumnsView
 from ptt.show.studio.page_machine import open_machine_form
 from ptt.show.studio.page_recent import build_recent
 from ptt.show.studio.page_setup import build_setup
@@ -21,31 +21,29 @@ from ptt.show.studio.results import SEAL, Source
 from ptt.show.studio.samples import ARM, FIRST, LEVELS, SAMPLES, sample_files
 from ptt.show.studio.uploads import keep
 
-Go = Callable[[str], None]
 LOOP = files("ptt.show.studio").joinpath("loop.svg").read_text(encoding="utf-8")
 RUN, MACHINE = "Tracker run (CSV, TXT)", "Machine (machine.toml)"
 PURPOSE = "Finds out why a robot misses its target, and writes the commands that hit it."
 
 
-def build_load(studio: Studio, go: Go) -> None:
+def build_load(studio: Studio) -> None:
     """Build the view.
 
     Args:
         studio: of this session.
-        go: shows another view.
     """
     with ui.element("div").classes("st-two"):
         with ui.element("div").classes("st-col st-scroll"):
-            _build_hero(studio, go)
-            _build_files(studio, go)
-            _build_more(studio, go)
+            _build_hero(studio)
+            _build_files(studio)
+            _build_more(studio)
         with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
-            build_setup(studio, go)
-            build_columns(studio, go)
-            build_understood(studio, go)
+            build_setup(studio)
+            ColumnsView(studio)
+            build_understood(studio)
 
 
-def _build_hero(studio: Studio, go: Go) -> None:
+def _build_hero(studio: Studio) -> None:
     """What this does in a line and a picture, until something is open."""
     with ui.element("div").classes("st-box") as box:
         ui.html(PURPOSE, sanitize=False, tag="h2").classes("st-hero")
@@ -53,11 +51,11 @@ def _build_hero(studio: Studio, go: Go) -> None:
         with ui.element("div").classes("st-tools"):
             for name, words, look in ((FIRST, "Try a sample", "unelevated"), (ARM, "Try an arm", "outline")):
                 if name in _samples():
-                    sample = ui.button(words, icon="play_arrow", on_click=partial(_take_sample, studio, go, name))
+                    sample = ui.button(words, icon="play_arrow", on_click=partial(_take_sample, studio, name))
                     sample.props(f"no-caps size=16px {look}")
             if not _samples():  # installed without its sources: one is drawn
                 drawn = ui.button(
-                    "Try a sample", icon="play_arrow", on_click=partial(_take_challenge, studio, go, "single")
+                    "Try a sample", icon="play_arrow", on_click=partial(_take_challenge, studio, "single")
                 )
                 drawn.props("no-caps size=16px unelevated")
             own = ui.button("Open your own files", icon="folder_open").props("no-caps size=16px outline")
@@ -74,15 +72,13 @@ def _build_hero(studio: Studio, go: Go) -> None:
     update()
 
 
-def _build_files(studio: Studio, go: Go) -> None:
+def _build_files(studio: Studio) -> None:
     with ui.element("div").classes("st-box st-col").style("height: auto"):
         ui.html("Your own files", sanitize=False, tag="h2").classes("st-head")
         run = _drop(studio, RUN, "run", lambda name, data: _take_run(studio, name, data))
         machine = _drop(studio, MACHINE, "machine", lambda name, data: _take_machine(studio, name, data))
         with ui.element("div").classes("st-tools"):
-            opening = ui.button("Open", icon="play_arrow", on_click=lambda: _open(studio, go)).props(
-                "no-caps unelevated"
-            )
+            opening = ui.button("Open", icon="play_arrow", on_click=lambda: _open(studio)).props("no-caps unelevated")
             opening.props('aria-label="open the files"')
             form = ui.button("Describe the machine here", icon="straighten", on_click=lambda: open_machine_form(studio))
             form.props("no-caps flat dense")
@@ -127,7 +123,7 @@ def _waiting(source: Source | None, machine: str, staged: str, ready: bool) -> s
     return f"Files stay on this computer; at most {LIMIT >> 20} MB each; nothing in them is executed."
 
 
-def _build_more(studio: Studio, go: Go) -> None:
+def _build_more(studio: Studio) -> None:
     with ui.element("div").classes("st-box st-col").style("height: auto"):
         ui.html("Or try it", sanitize=False, tag="h2").classes("st-head")
         found = _samples()
@@ -135,9 +131,7 @@ def _build_more(studio: Studio, go: Go) -> None:
             with ui.element("div").classes("st-tools"):
                 names = {name: SAMPLES[name] for name in found}
                 which = ui.select(names, value=found[0], label="Sample").props("dense outlined").classes("w-72")
-                ui.button("Load sample", on_click=lambda: _take_sample(studio, go, which.value)).props(
-                    "no-caps outline"
-                )
+                ui.button("Load sample", on_click=lambda: _take_sample(studio, which.value)).props("no-caps outline")
         with ui.element("div").classes("st-tools"):
             level = ui.select(LEVELS, value="single", label="Challenge").props("dense outlined").classes("w-72")
             arm = sample_files(ARM)
@@ -145,7 +139,7 @@ def _build_more(studio: Studio, go: Go) -> None:
             kind = ui.select(kinds, value="", label="Machine").props("dense outlined").classes("w-40")
             ui.button(
                 "Draw a fresh challenge",
-                on_click=lambda: _take_challenge(studio, go, level.value, kind.value or None),
+                on_click=lambda: _take_challenge(studio, level.value, kind.value or None),
             ).props("no-caps outline")
         ui.label("A challenge is a machine with sealed faults. Finish opens the seal.").classes("st-note")
     build_recent(studio)
@@ -189,12 +183,12 @@ def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awa
     return upload
 
 
-async def _open(studio: Studio, go: Go) -> None:
+async def _open(studio: Studio) -> None:
     """Open what lies ready; with what is open already where only one of both is new."""
     staged, session = studio.staged, studio.session
     source, machine = staged.source or session.source, staged.machine or (session.now.text if session.now else "")
-    if source is not None and machine and await studio.open(source, machine, lambda: go("Result")):
-        return
+    if source is not None and machine:
+        await studio.open(source, machine, lambda: studio.go("Result"))
 
 
 async def _take_run(studio: Studio, name: str, data: bytes) -> None:
@@ -231,22 +225,22 @@ def _samples() -> list[str]:
     return [name for name in SAMPLES if sample_files(name)]
 
 
-async def _take_sample(studio: Studio, go: Go, name: str) -> None:
+async def _take_sample(studio: Studio, name: str) -> None:
     found = sample_files(name)
     assert found is not None
     named = {file.name: file for file in found}
     run = _keep(studio, "run.csv", named["run.csv"].read_bytes())
     if SEAL in named:
         write_bytes(studio.folder / SEAL, named[SEAL].read_bytes())
-    await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"), lambda: go("Result"))
+    await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"), lambda: studio.go("Result"))
 
 
-async def _take_challenge(studio: Studio, go: Go, level: str, arm: str | None = None) -> None:
+async def _take_challenge(studio: Studio, level: str, arm: str | None = None) -> None:
     made = await studio.work("drawing a machine and measuring it", "challenge", level, None, arm)
     if made is not None:
         run, machine = (studio.folder / name for name in made)
         kept = keep(studio.folder, run.name, run.read_bytes())
-        await studio.open(Source(kept), machine.read_text(encoding="utf-8"), lambda: go("Result"))
+        await studio.open(Source(kept), machine.read_text(encoding="utf-8"), lambda: studio.go("Result"))
 
 
 def _keep(studio: Studio, name: str, data: bytes) -> str:

@@ -1,7 +1,7 @@
 """Look: the error field over the machine, the residual against any variable, the time line, and the readings."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from nicegui import events, ui
@@ -228,16 +228,6 @@ def middle_of(look: Look) -> int:
         return 0
     place = look.target[rows]
     return int(rows[np.argmin(np.linalg.norm(place - place.mean(axis=0), axis=1))])
-
-
-def build_look(studio: Studio, go: Callable[[str], None]) -> None:
-    """Build the view.
-
-    Args:
-        studio: of this tab.
-        go: shows another view.
-    """
-    LookView(studio)
 
 
 def _table(look: Look, rows: Sequence[int]) -> str:

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from nicegui import ui
 
-from ptt.show.card.scene import PoseLines, usual_times
+from ptt.show.card.scene import POSES, usual_times
 from ptt.show.card.words import length, together
+from ptt.show.sizing import spread
 from ptt.show.studio.arrow_figure import usual_scale
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
@@ -83,8 +84,7 @@ class MachinePicture:
         """Enlarge the fault so that it is well seen."""
         shift = self._shift()
         if shift is not None and self.look is not None:
-            drawing, row = self.look.drawing, int(self._rows()[len(self._rows()) // 2])
-            lines = PoseLines(drawing.rails, drawing.chains[row], drawing.platform[row])
+            lines = self.look.drawing.at(int(self._rows()[len(self._rows()) // 2]))
             self.times.set_value(round(np.log10(usual_times(lines, shift)) / STEP) * STEP)
 
     def _rows(self) -> np.ndarray:
@@ -94,7 +94,7 @@ class MachinePicture:
         assert self.look is not None
         kept = np.flatnonzero(self.look.kept)
         kept = kept if len(kept) else np.arange(self.look.rows)
-        return np.asarray(kept[np.unique(np.linspace(0, len(kept) - 1, min(48, len(kept))).astype(int))])
+        return np.asarray(kept[spread(len(kept), POSES)])
 
     def _shift(self) -> Any:
         return None if self.lesson is None else self.lesson.ghosts.get("shift", {}).get(self.key)
@@ -114,7 +114,7 @@ class MachinePicture:
         )
         ghost = None
         if shift is not None and self.fault.value:
-            values = [value for value in finding["values"] if value["joint"] or finding] if finding else []
+            values = finding["values"] if finding else []
             ghost = {"shift": shift, "at": min(at, len(shift["platform"]) - 1), "times": times, "values": values}
         shown = scale if self.arrows.value else 0.0
         told = [f"errors {scale:,.0f} times enlarged: 10 mm of arrow is {length(1e4 / scale)}"] if shown else []

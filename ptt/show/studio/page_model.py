@@ -1,6 +1,6 @@
 """Model: the ladder of errors beside the noise floor, effects with their switches, the model with and without."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from nicegui import ui
 
@@ -233,13 +233,3 @@ def _switched(now: Snapshot) -> str:
     if now.off:
         return f"{', '.join(sorted(now.off))} off"
     return "switched on again" if now.rungs else ""
-
-
-def build_model(studio: Studio, go: Callable[[str], None]) -> None:
-    """Build the view.
-
-    Args:
-        studio: of this tab.
-        go: shows another view.
-    """
-    ModelView(studio)

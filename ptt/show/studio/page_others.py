@@ -95,14 +95,3 @@ class OthersView:
                 button = ui.button("Add", on_click=lambda: self.add(key)).props("dense no-caps outline size=sm")
                 button.props["aria-label"] = f"add {key} from the list"
                 self.adds[key] = button.style("padding: 0 8px")
-
-
-def build_others(studio: Studio, add: Callable[[str], Awaitable[None]], cards: EffectCards) -> OthersView:
-    """Build the box.
-
-    Args:
-        studio: of this session.
-        add: adds an effect.
-        cards: of effects.
-    """
-    return OthersView(studio, add, cards)

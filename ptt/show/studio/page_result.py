@@ -1,6 +1,6 @@
 """Result: from error to noise as one bar, what is off and what to do about it, and where on the machine it is."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from nicegui import ui
@@ -11,21 +11,20 @@ from ptt.show.card.words import how_sure, length
 from ptt.show.studio.controller import LEARN, LONG, Studio
 from ptt.show.studio.page_effect import EffectCards
 from ptt.show.studio.page_machine_picture import MachinePicture
-from ptt.show.studio.page_others import build_others
-from ptt.show.studio.page_unknown import build_unknown
+from ptt.show.studio.page_others import OthersView
+from ptt.show.studio.page_unknown import UnknownView
 from ptt.show.studio.results import Learned
 from ptt.show.studio.snapshot import key_of
 
-Go = Callable[[str], None]
 ICONS = {"missing": "lightbulb", "nothing-missing": "check_circle", "unknown": "help"}
 
 
 class ResultView:
     """The view's parts."""
 
-    def __init__(self, studio: Studio, go: Go) -> None:
+    def __init__(self, studio: Studio) -> None:
         """Build it."""
-        self.studio, self.go = studio, go
+        self.studio = studio
         self.cards = EffectCards(studio)
         self.filled: Learned | None = None
         self.adds: dict[str, tuple[ui.button, ui.label]] = {}
@@ -38,8 +37,8 @@ class ResultView:
                     self.next = ui.element("div").classes("st-tools").style("margin-top: 10px")
                     with self.next:
                         self._build_next()
-                self.unknown = build_unknown(studio, go)
-                self.others = build_others(studio, self.add, self.cards)
+                UnknownView(studio)
+                OthersView(studio, self.add, self.cards)
             with ui.element("div").classes("st-box st-col"):
                 self.picture = MachinePicture(studio)
         studio.when("Result", "session", self.show)
@@ -66,7 +65,7 @@ class ResultView:
         self.poses = ui.button("Poses that part them (CSV)", icon="download", on_click=self._give_poses).props(
             "no-caps outline"
         )
-        self.finish = ui.button("Take it to the machine", icon="task_alt", on_click=lambda: self.go("Finish"))
+        self.finish = ui.button("Take it to the machine", icon="task_alt", on_click=lambda: self.studio.go("Finish"))
         self.finish.props("no-caps outline")
 
     def lesson(self) -> tuple[Learned | None, bool]:
@@ -238,13 +237,3 @@ class ResultView:
         lesson, _ = self.lesson()
         if lesson is not None:
             ui.download.content(lesson.measure_next, "measure_next.csv")
-
-
-def build_result(studio: Studio, go: Go) -> None:
-    """Build the view.
-
-    Args:
-        studio: of this session.
-        go: shows another view.
-    """
-    ResultView(studio, go)

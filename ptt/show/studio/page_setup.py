@@ -1,6 +1,6 @@
 """The set-up card: what looks mistaken, with its proof and cure; mend it, or go on all the same."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,21 +10,20 @@ from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
 
 
-def build_setup(studio: Studio, go: Callable[[str], None]) -> None:
+def build_setup(studio: Studio) -> None:
     """Build the card; it is there only while a mistake is.
 
     Args:
         studio: of this session.
-        go: shows another view.
     """
     with ui.element("div").classes("st-box").mark("setup") as box:
         ui.html("First the set-up: something looks mistaken", sanitize=False, tag="h2").classes("st-title")
         body = ui.element("div").classes("w-full")
         with ui.element("div").classes("st-tools").style("margin-top: 10px"):
-            mend = ui.button("Put it right and open", icon="build", on_click=lambda: _mend(studio, go)).props(
+            mend = ui.button("Put it right and open", icon="build", on_click=lambda: _mend(studio)).props(
                 "no-caps unelevated"
             )
-            anyway = ui.button("Go on anyway", icon="fast_forward", on_click=lambda: _anyway(studio, go)).props(
+            anyway = ui.button("Go on anyway", icon="fast_forward", on_click=lambda: _anyway(studio)).props(
                 "no-caps outline"
             )
         ui.label("Putting it right writes a mended copy beside your files; they stay as they are.").classes("st-note")
@@ -69,17 +68,17 @@ def show_finding(finding: Mapping[str, Any]) -> None:
         ui.label(f"Cure: {pretty(finding['fix'])}").classes("st-cure")
 
 
-async def _mend(studio: Studio, go: Callable[[str], None]) -> None:
+async def _mend(studio: Studio) -> None:
     staged = studio.staged
     if staged.source is None:
         return
     made = await studio.work("putting it right", "mend", staged.source, staged.machine)
     if made is not None:
         source, machine = made
-        await studio.open(source, machine, lambda: go("Result"))
+        await studio.open(source, machine, lambda: studio.go("Result"))
 
 
-async def _anyway(studio: Studio, go: Callable[[str], None]) -> None:
+async def _anyway(studio: Studio) -> None:
     staged = studio.staged
     if staged.source is not None:
-        await studio.open(replace(staged.source, anyway=True), staged.machine, lambda: go("Result"))
+        await studio.open(replace(staged.source, anyway=True), staged.machine, lambda: studio.go("Result"))

@@ -1,6 +1,6 @@
 """What was understood of a run: warnings first, then its columns with units and samples, and its figures."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from nicegui import ui
 
@@ -16,12 +16,11 @@ SLOWEST = 4.0  # times that a busy or slow computer takes
 FIRST = ("warning: ", "not used: ")  # beginnings of what a person has to know of a file before anything else
 
 
-def build_understood(studio: Studio, go: Callable[[str], None]) -> None:
+def build_understood(studio: Studio) -> None:
     """Build the box.
 
     Args:
         studio: of this session.
-        go: shows another view.
     """
     with ui.element("div").classes("st-box"):
         ui.html("What was understood", sanitize=False, tag="h2").classes("st-head")
@@ -43,13 +42,13 @@ def build_understood(studio: Studio, go: Callable[[str], None]) -> None:
                         "Nothing is open yet. A run is a table: where the tool should be, what was sent, what was read."
                     )
                 return
-            _show(studio, look, go)
+            _show(studio, look)
 
     studio.when("Load", "session", update)
     update()
 
 
-def _show(studio: Studio, look: Look, go: Callable[[str], None]) -> None:
+def _show(studio: Studio, look: Look) -> None:
     warnings, lines = parted(look.understood)
     for words in warnings:
         ui.label(words).classes("st-tie").style("margin: 6px 0; width: 100%")
@@ -63,8 +62,12 @@ def _show(studio: Studio, look: Look, go: Callable[[str], None]) -> None:
                 "and goes on while you look; it is not begun unasked."
             )
     with ui.element("div").classes("st-tools").style("margin: 6px 0"):
-        ui.button("See the result", icon="troubleshoot", on_click=lambda: go("Result")).props("no-caps unelevated")
-        ui.button("Look at the readings", icon="visibility", on_click=lambda: go("Look")).props("no-caps outline")
+        ui.button("See the result", icon="troubleshoot", on_click=lambda: studio.go("Result")).props(
+            "no-caps unelevated"
+        )
+        ui.button("Look at the readings", icon="visibility", on_click=lambda: studio.go("Look")).props(
+            "no-caps outline"
+        )
     left = int((~look.kept).sum())
     rest = f" ({left} left out: base, not observed or gross errors)" if left else ""
     facts = [

@@ -1,7 +1,7 @@
 """An unknown: the one curve that it follows, large, and an effect written from it."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -23,9 +23,9 @@ HOW = {
 class UnknownView:
     """The view's parts."""
 
-    def __init__(self, studio: Studio, go: Callable[[str], None]) -> None:
+    def __init__(self, studio: Studio) -> None:
         """Build it."""
-        self.studio, self.go = studio, go
+        self.studio = studio
         self.shown: Learned | None = None
         self.file = ""
         with ui.element("div").classes("st-box").mark("unknown") as self.box:
@@ -89,13 +89,3 @@ def _seen_as(unknown: Mapping[str, Any]) -> str:
     if acts in (None, unknown["residual"]):
         return ""
     return f" The picture has it as an error of {unknown['residual']}; the sentence above as one of {who_is_off(acts)}."
-
-
-def build_unknown(studio: Studio, go: Callable[[str], None]) -> UnknownView:
-    """Build the box.
-
-    Args:
-        studio: of this session.
-        go: shows another view.
-    """
-    return UnknownView(studio, go)

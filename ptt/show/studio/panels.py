@@ -77,13 +77,12 @@ class Later:
 class Panels:
     """The views, each in its panel."""
 
-    def __init__(self, studio: "Studio", views: Mapping[str, Callable[..., None]], show: Callable[[str], None]) -> None:
+    def __init__(self, studio: "Studio", views: "Mapping[str, Callable[[Studio], object]]") -> None:
         """Lay out empty panels; a view is built when it is seen or when there is time.
 
         Args:
             studio: of this session.
-            views: name -> what builds it, from the studio and from what shows another view.
-            show: shows another view.
+            views: name -> what builds it.
         """
         self._studio = studio
         self._panels: dict[str, ui.element] = {}
@@ -92,10 +91,10 @@ class Panels:
                 panel = ui.element("div").classes("st-panel")
                 panel.props(f'role=tabpanel data-view={name} aria-label="{name}"')
                 self._panels[name] = panel
-                studio.later.ask(name, partial(self._build, panel, partial(build, studio, show)))
+                studio.later.ask(name, partial(self._build, panel, partial(build, studio)))
 
     @staticmethod
-    def _build(panel: ui.element, build: Callable[[], None]) -> None:
+    def _build(panel: ui.element, build: Callable[[], object]) -> None:
         with panel:
             build()
 

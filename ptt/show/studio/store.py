@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 from ptt.errors import InputError, PttError
@@ -60,19 +59,14 @@ class SessionFolder:
         self.files = self.folder / FILES
         self.files.mkdir(parents=True, exist_ok=True)
         self._kept: set[Path] = set()
-        self._turn = Lock()
 
     def save(self, session: Session) -> None:
-        """Write down a session; what was found is written once.
+        """Write down a session; what was found is written once. One at a time, which its `Keeper` sees to.
 
         Raises:
             InputError: the folder cannot be written.
             HostError: the disk is full.
         """
-        with self._turn:
-            self._save(session)
-
-    def _save(self, session: Session) -> None:
         if session.source is None or session.now is None:
             return
         state = {
@@ -119,8 +113,7 @@ class SessionFolder:
 
     def remove(self) -> None:
         """Take it off the disk."""
-        with self._turn:
-            shutil.rmtree(self.folder, ignore_errors=True)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     @property
     def empty(self) -> bool:

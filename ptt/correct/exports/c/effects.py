@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib.resources import files
 
@@ -39,7 +39,6 @@ class Parts:
         functions: the fixed functions that are called.
         calls: stage -> lines that call them.
         needs: what of the drawing they ask for: 'drawing', 'force'.
-        spline: whether curves are among them.
         gap: (k,) play of each joint.
         waits: whether a reversal waits until it is taken up.
         windup: (2, k) height and length of each joint's wind-up; None without.
@@ -49,13 +48,13 @@ class Parts:
 
     tables: str = ""
     functions: str = ""
-    calls: dict[str, list[str]] | None = None
+    calls: dict[str, list[str]] = field(default_factory=lambda: {"drive": [], "geometry": [], "structure": []})
     needs: frozenset[str] = frozenset()
     gap: np.ndarray | None = None
     waits: bool = True
     windup: np.ndarray | None = None
     chain: np.ndarray | None = None
-    cannot: dict[str, str] | None = None
+    cannot: dict[str, str] = field(default_factory=dict)
 
     @property
     def reverses(self) -> bool:
@@ -116,7 +115,7 @@ def parts_of(model: Model) -> Parts:
         The parts, and which effects are not among them.
     """
     steady, turning, _ = split_terms(model)
-    parts = Parts(calls={"drive": [], "geometry": [], "structure": []}, cannot={})
+    parts = Parts()
     for index, (effect, theta) in enumerate(steady):
         parts = _steady(parts, effect, theta.numpy(), model.file, index)
     for effect, theta in turning:
@@ -126,7 +125,6 @@ def parts_of(model: Model) -> Parts:
 
 def _steady(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile, index: int) -> Parts:
     kind, joints = file.machine.kind, file.machine.joints
-    assert parts.calls is not None and parts.cannot is not None
     if effect.name == "dh-offsets":
         errors = theta.reshape(5, joints).T * _slots(file)
         return replace(parts, chain=errors if parts.chain is None else parts.chain + errors)
@@ -172,21 +170,18 @@ def _arguments(effect: Effect, theta: np.ndarray, joints: int, name: str) -> tup
 
 
 def _turning(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile) -> Parts:
-    assert parts.cannot is not None
     if file.machine.moves == "straight" and file.machine.kind == "serial":
-        return replace(parts, cannot=parts.cannot | {effect.key: STRAIGHT})
-    if file.machine.moves == "smooth":
-        return replace(parts, cannot=parts.cannot | {effect.key: SMOOTH_WAY})
-    if effect.name == "backlash":
-        if parts.gap is None:
-            gap, waits = gap_of(torch.as_tensor(theta))
-            return replace(parts, gap=gap.numpy(), waits=waits)
-        return replace(parts, cannot=parts.cannot | {effect.key: SECOND})
-    if effect.name == "windup":
-        if parts.windup is None:
-            return replace(parts, windup=theta.reshape(2, -1))
-        return replace(parts, cannot=parts.cannot | {effect.key: SECOND})
-    return replace(parts, cannot=parts.cannot | {effect.key: OWN})
+        why = STRAIGHT
+    elif file.machine.moves == "smooth":
+        why = SMOOTH_WAY
+    elif effect.name == "backlash" and parts.gap is None:
+        gap, waits = gap_of(torch.as_tensor(theta))
+        return replace(parts, gap=gap.numpy(), waits=waits)
+    elif effect.name == "windup" and parts.windup is None:
+        return replace(parts, windup=theta.reshape(2, -1))
+    else:
+        why = SECOND if effect.name in ("backlash", "windup") else OWN
+    return replace(parts, cannot=parts.cannot | {effect.key: why})
 
 
 def _slots(file: MachineFile) -> np.ndarray:

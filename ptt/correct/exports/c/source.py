@@ -145,22 +145,13 @@ def _three_ptt(mechanism: ThreePtt, file: MachineFile, parts: Parts) -> str:
         "ptt_reflector": (spec.reflector_mm, "mm from the platform's centre"),
     }
     always = ("ptt_foot", "ptt_rail", "ptt_link", "ptt_outer")
-    text = "".join(
-        table(name, values, note=note) for name, (values, note) in tables.items() if name in always + _used(parts)
-    )
+    used = [name for name in tables if name in always or name in parts.functions]
+    text = "".join(table(name, tables[name][0], note=tables[name][1]) for name in used)
     text += define("PTT_SIDE", mechanism.side) + define("PTT_ABOVE", 1.0 if mechanism.above else -1.0)
     text += define("PTT_SHORTEST", float(mechanism.link.min()))
     text += define("PTT_NEAR", NEAR_RATIO) + define("PTT_PLATFORM_KG", spec.platform_mass_kg)
     text += define("PTT_PLATFORM_MM", spec.platform_radius_mm) + define("PTT_BASE_MM", spec.base_radius_mm)
     return text + define("PTT_LINK_MM", spec.link_length_mm)
-
-
-def _used(parts: Parts) -> tuple[str, ...]:
-    return tuple(
-        name
-        for name in ("ptt_radial", "ptt_across", "ptt_stand", "ptt_azimuth", "ptt_reflector")
-        if name in parts.functions
-    )
 
 
 def _azimuth(degrees: tuple[float, float, float]) -> np.ndarray:
@@ -197,7 +188,6 @@ def _chain(name: str, rows: np.ndarray) -> str:
 
 
 def _effects(parts: Parts, arm: bool) -> str:
-    assert parts.calls is not None
     title = "/* ---- effects: tables of what was fitted, then what each does " + "-" * 52 + " */\n\n"
     return (
         title

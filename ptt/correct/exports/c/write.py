@@ -1,6 +1,5 @@
 """Write a model as C99 source, with a test of its own."""
 
-from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,14 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from ptt.correct.commands import Commands
-from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import kernel
 from ptt.correct.exports.c.numbers import number, table
 from ptt.correct.exports.c.source import comment_of, source_of
 from ptt.correct.exports.format import Options, Written, said_held
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, survey
+from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, solve, survey, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.machine import MachineFile
@@ -51,10 +48,10 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     ground = survey(compensator, options)
     head = head_lines(compensator, options)
     source = source_of(compensator, head)
-    cannot = source.parts.cannot or {}
+    cannot = source.parts.cannot
     holds, left_out = holdings(ground, cannot)
-    held = _held(ground.compensator, cannot)
-    left = error_left(ground, ground.commands.q if not cannot else _solve(held, ground.table, ground.nominal).q)
+    held = without(ground.compensator, cannot)
+    left = error_left(ground, ground.commands.q if not cannot else solve(held, ground.table, ground.nominal).q)
     head += [f"holds {said_held(holds, [item.effect for item in left_out], left)}"]
     head += [f"cannot hold {item.effect}" for item in left_out]
     written = write_all(
@@ -65,19 +62,6 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
         }
     )
     return Written(written, holds, left_out, left, _notes(compensator))
-
-
-def _held(compensator: "Compensator", cannot: dict[str, str]) -> "Compensator":
-    """The model with nothing but what the code holds."""
-    model = compensator.model
-    for key in cannot:
-        model = model.without(key)
-    return replace(compensator, model=model)
-
-
-def _solve(held: "Compensator", targets: Table, posture: np.ndarray) -> Commands:
-    correction, inside = network_parts(held, posture)
-    return compensate(held.model, targets, correction=correction, inside=inside)
 
 
 def _selftest(file: MachineFile, held: "Compensator", ground: Ground, head: str) -> str:
@@ -93,7 +77,7 @@ def _selftest(file: MachineFile, held: "Compensator", ground: Ground, head: str)
         Text of the program.
     """
     path = _path(held, ground)
-    q = _solve(held, path, np.asarray(ground.nominal[: path.rows] if path.command is None else path.command)).q
+    q = solve(held, path, np.asarray(ground.nominal[: path.rows] if path.command is None else path.command)).q
     (frame,) = target_frames(file, make_table(path.target))
     arm = path.command is not None
     tables = table("nominal", path.command) if arm else table("target", frame.as_stated(path.target))
@@ -123,7 +107,7 @@ def _path(held: "Compensator", ground: Ground) -> Table:
     arm = file.machine.kind == "serial"
     context = {"payload_kg": LOAD, "temp_c": file.machine.reference_temp_c + WARM}
     path = make_table(place, command=joints if arm else None, joint_prefix="q" if arm else "b", **context)
-    sent = _solve(held, path, joints).sent
+    sent = solve(held, path, joints).sent
     return take_rows(path, np.flatnonzero(sent))
 
 
