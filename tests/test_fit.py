@@ -234,3 +234,16 @@ def test_windup_length_is_found() -> None:
     result = fitted(["windup"], build_problem(file, measure(table, file, [truth])))
     found = result.model.terms[0]
     assert float(((found.theta - truth.theta) / found.std).abs().max()) < 4.0
+
+
+def test_windup_lengths_of_each_joint_are_found_however_much_they_differ() -> None:
+    """A search tries lengths that are alike for all; what each joint has of its own may be a multiple of these."""
+    file, table = machine(), empty_run(300)
+    lengths = torch.tensor([40.0, 8.0, 20.0]).double()
+    even = term("windup", build_view(file, table), [0.03, 0.03, 0.04], length=6.0)
+    truth = replace(even, theta=torch.cat([even.theta[:3], lengths]))
+    problem = build_problem(file, measure(table, file, [truth]))
+    result = fitted(["windup"], problem)
+    found = result.model.terms[0]
+    assert float(((found.theta - truth.theta) / found.std).abs().max()) < 4.0
+    assert result.chi2 < 1.1 * result.freedom
