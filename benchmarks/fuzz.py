@@ -200,7 +200,7 @@ class Fuzzer:
         make_inputs(self.base, lambda words: require_done(words, self.base, self.logs), fleet)
         self._known: dict[str, str] = {}
 
-    def _fresh(self, words: Sequence[str] = ()) -> None:
+    def fresh(self, words: Sequence[str] = ()) -> None:
         """A place with the sound inputs in it; the fleet's store, which is large, only where it is used."""
         shutil.rmtree(self.place, ignore_errors=True)
         unused = () if words[:1] == ["fleet"] else (STORE,)
@@ -237,7 +237,7 @@ class Fuzzer:
         """
         rng = random.Random(f"{seed}/{number}")
         words, inputs, out, _ = rng.choices(self.commands, [weight for *_, weight in self.commands])[0]
-        self._fresh(words)
+        self.fresh(words)
         if rng.random() < 0.2 and words[0] != PAGE:
             words, mutation = mutate_words(words, self.place, rng)
         else:
@@ -246,7 +246,7 @@ class Fuzzer:
             mutation = replace(mutation, verdict="")
         told = words[0] in ("fleet", "report")  # they say the digests of their inputs
         expected = self.sound(words) if mutation.verdict == "same" and not told else None
-        before = _digests(self.place)
+        before = digests(self.place)
         ended = fork_words(words, self.place, self.logs)
         kind, why = judge(ended, mutation, words, out, before, self.place, expected)
         error = ended.err.strip()[-700:]
@@ -254,7 +254,7 @@ class Fuzzer:
                        round(ended.seconds, 2))  # fmt: skip
 
 
-def _digests(place: Path) -> dict[str, str]:
+def digests(place: Path) -> dict[str, str]:
     """Every plain file below a folder with its SHA-256; links by what they point to."""
     found = {}
     for each in sorted(place.rglob("*")):
@@ -291,7 +291,7 @@ def judge(
     Returns:
         One of the classes, and words.
     """
-    after = _digests(place)
+    after = digests(place)
     if ended.code == -1:
         return "hang", f"{ended.seconds:.0f} s"
     if re.search("error: unexpected [A-Z]|Traceback \\(most recent", ended.err) or ended.code not in (0, 1, 2, 3):

@@ -123,7 +123,7 @@ def start() -> None:
     torch.set_num_threads(1)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """What JSON does not know."""
     if isinstance(value, np.generic):
         return value.item()
@@ -173,7 +173,7 @@ def follow(
     place, rows, began = out / f"{level}.json", [], time.perf_counter()
     for row in sweep(cases, jobs, run):
         rows.append(row)
-        place.write_text(json.dumps(rows, indent=1, default=_plain) + "\n")
+        place.write_text(json.dumps(rows, indent=1, default=plain) + "\n")
     print(summary(level, rows), f"({time.perf_counter() - began:.0f} s)")
 
 

@@ -139,10 +139,10 @@ def leading(depends_on: Sequence[Mapping[str, Any]], drawn: DrawnRig) -> dict[st
         return None
     leads = ODD.validate_python(drawn.truth[odd[0]]).leads
     first = depends_on[0]["on"] if depends_on else None
-    return {"on": first, "leads": list(leads), "right": first in leads, "near": _near(first, leads, drawn)}
+    return {"on": first, "leads": list(leads), "right": first in leads, "near": near(first, leads, drawn)}
 
 
-def _near(first: str | None, leads: Sequence[str], drawn: DrawnRig) -> bool:
+def near(first: str | None, leads: Sequence[str], drawn: DrawnRig) -> bool:
     """Whether a variable runs with a true one through this run so closely that it says the same."""
     if first is None or first in leads:
         return first in leads

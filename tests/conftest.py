@@ -8,6 +8,7 @@ import pytest
 
 if TYPE_CHECKING:
     from ptt.machine import MachineFile
+    from ptt.run.table import Table
 
 # Before any library is loaded that hears it: more threads share sums out otherwise, and the last digits would change.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -31,6 +32,16 @@ def bench() -> "MachineFile":
     from ptt.machine import parse_machine
 
     return parse_machine(BENCH, "bench.toml")
+
+
+@pytest.fixture(scope="session")
+def sound() -> "tuple[MachineFile, Table]":
+    """A sample run and its machine: nothing is wrong with the set-up."""
+    from ptt.machine import load_machine
+    from ptt.run.reading import read_table
+
+    folder = Path(__file__).parent.parent / "data" / "sealed_one"
+    return load_machine(folder / "machine.toml"), read_table(folder / "run.csv")
 
 
 @pytest.hookimpl(optionalhook=True)

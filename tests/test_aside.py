@@ -35,7 +35,7 @@ def told_of(seed: int, err: Literal["to every side", "along x", "by slider 2"], 
 
 
 @pytest.mark.parametrize("err", ["to every side", "along x"])
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_gross_errors_are_to_every_side_or_to_one(seed: int, err: Literal["to every side", "along x"]) -> None:
     found = told_of(seed, err)
     assert found.outliers.sum() >= 5
@@ -43,7 +43,7 @@ def test_gross_errors_are_to_every_side_or_to_one(seed: int, err: Literal["to ev
 
 
 @pytest.mark.parametrize("reach", [8.0, 60.0])
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_what_one_joint_does_now_and_then_is_no_gross_error(seed: int, reach: float) -> None:
     found = told_of(seed, "by slider 2", reach)
     assert found.verdict == "unknown"

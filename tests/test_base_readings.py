@@ -92,7 +92,7 @@ def test_visits_are_whitened_by_what_they_have_in_common():
     np.testing.assert_allclose(white.T @ white, flat.T @ np.linalg.solve(whole, flat), rtol=1e-8)
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.long)])
 def test_reflectors_read_across_the_beam_ask_for_no_knock(seed):
     """Poses lie before the tracker, reflectors all around: what is sharp at those is blunt at some of these."""
     random, rows = np.random.default_rng(seed), 150

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from test_fit import empty_run, machine, term
+from made_runs import empty_run, machine, term
 
 from ptt.diagnosis.search.fits import fit_less, stands
 from ptt.diagnosis.search.rest import Rest, with_objections

@@ -57,7 +57,7 @@ def test_broken_beams_in_a_row_are_gross_errors_beside_larger_faults(seed: int, 
     assert found.outliers[list(broken)].all() and found.outliers.sum() <= len(broken) + 2
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_they_are_gross_errors_of_a_sound_machine_too(seed: int) -> None:
     found = told_of(seed, range(40, 42), (0.05, 0.1), machine_is_off=False)
     assert found.verdict == "nothing-missing" and set(np.flatnonzero(found.outliers)) == {40, 41}

@@ -1,6 +1,5 @@
 """A run diagnosed in chunks says what the same run says as a whole."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -10,31 +9,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptt.diagnosis.evidence.ansatz import Ansatz, open_long_run
-from ptt.diagnosis.evidence.candidates import present_candidates
-from ptt.diagnosis.evidence.hidden import held_out
-from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
-from ptt.diagnosis.evidence.sampled import spread
-from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.summed import sum_up
-from ptt.diagnosis.evidence.summed_system import SummedSystem
-from ptt.diagnosis.evidence.system import clock_of
-from ptt.diagnosis.noise.memory import WHITE, Memory, block_sums
-from ptt.diagnosis.noise.wander import Wander
 from ptt.diagnosis.telling.long import STRETCH, diagnose_long
 from ptt.diagnosis.telling.verdict import diagnose
-from ptt.diagnosis.unknown.blocks import unknown_blocks
-from ptt.diagnosis.unknown.span import span_of
-from ptt.effects import library
-from ptt.fitting.chunks import cut, numbers, sample_stretches, take
-from ptt.fitting.linear import assemble
-from ptt.fitting.solve import fit
+from ptt.fitting.chunks import sample_stretches, take
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
-from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
 
@@ -42,14 +24,9 @@ FILE = load_machine("data/sealed_one/machine.toml")
 MODEL = Model(FILE)
 ROWS = 3600
 ROW = 2180  # of what happens at once
-BLOCKS = (
-    "tool on x and y and z", "slider 2 on b2", "rail 1 on b1", "slider 1 on memory of temperature and b1",
-    "slider 3 on direction3 and temperature", "set-up on time", "slider 1 on b1 with period 7",
-)  # fmt: skip
-WANDERING = Memory(Wander(0.5, 60.0))
 
 
-def _run(folder: Path, change: Callable[[pd.DataFrame], None] | None = None, **faults: Any) -> Problem:
+def run_of(folder: Path, change: Callable[[pd.DataFrame], None] | None = None, **faults: Any) -> Problem:
     drawing = FILE.machine.model_dump(mode="json", exclude_none=True)
     conditions = {"dwell_s": 4.0, "room": {"start_c": 20.0, "rise_k": 6.0, "time_constant_s": 8000.0}, "cycles": 4}
     rig = replace(parse_rig({"machine": drawing, "seed": 4, "conditions": conditions, **faults}), machine=FILE)
@@ -65,173 +42,12 @@ def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
     def spoil(frame: pd.DataFrame) -> None:
         frame.loc[[777, 2100], "x_meas"] += 2.0
 
-    return _run(
+    return run_of(
         tmp_path_factory.mktemp("run"),
         spoil,
         drive={"backlash_mm": [0.04, 0.05, 0.03], "turn_um": [6.0, 5.0, 7.0]},
         thermal={"growth_um_per_m_k": 11.5, "fixed_end_mm": 450.0},
     )
-
-
-def _both(problem: Problem, size: int, memory: Memory) -> tuple[RowSystem, SummedSystem, np.ndarray]:
-    """The same columns with their rows and as sums, and the places of the sums' columns among those with rows."""
-    noise = problem.noise or Noise(np.eye(3) * 2.5e-5, "machine file")
-    known = library()
-    fitted = fit(MODEL + known["backlash"]() + known["windup"](), problem, noise=noise, robust=False, coarse=True)
-    candidates, _ = present_candidates(fitted, problem, known)
-    trials = {effect.key: (effect, list(effect.search(problem.view))[:2]) for effect in candidates}
-    shapes = {key: shapes for key, (_, shapes) in trials.items()}
-    periods = ((0, 7.0),)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ptt.diagnosis.evidence.narrow.WIDE", np.inf)  # sums keep every column as it is
-        patch.setattr("ptt.diagnosis.evidence.narrow.MAP", np.inf)
-        whole = build_row_system(fitted, problem, candidates, noise, 0.0, problem.used, periods, shapes)
-    blocks = [atom for atom in whole.atoms.values() if atom.name in BLOCKS]
-    levers = {atom.block.place.residual: atom.block.place.lever for atom in blocks if atom.block is not None}
-    assert len(blocks) == len(BLOCKS)
-    span = replace(span_of(problem), levers=levers)
-    at = Ansatz(fitted, tuple(blocks), periods, noise, 0.0, memory)
-    chunks = cut(problem, size)
-    run = open_long_run(problem, chunks, span)
-    summed, gross = sum_up(run, at, trials, problem, problem.used)
-    other, _ = sum_up(replace(run, chunks=chunks[::-1]), at, trials, problem, problem.used)
-    np.testing.assert_allclose(other.sums(memory).gram, summed.sums(memory).gram, rtol=1e-9, atol=1e-6)
-    assert not gross.any()
-    linear = min(atom.columns.min() for atom in whole.atoms.values() if atom.block is not None)
-    return whole, summed, np.concatenate([np.arange(linear), *(atom.columns for atom in blocks)])
-
-
-def test_sums_of_a_stretch_are_those_of_its_rows_in_noise_and_in_mm() -> None:
-    random = np.random.default_rng(3)
-    spread = random.normal(size=(3, 3))
-    noise = Noise(1e-5 * (spread @ spread.T + np.eye(3)), "repeats", 30.0)  # nothing alike along any axis
-    joined = random.normal(size=(50, 3, 7))
-    white, in_mm, rows = block_sums(joined, noise)
-    unit = np.linalg.inv(noise.whitener)
-    readings = np.einsum("ab,mbp->map", unit, joined).reshape(-1, 7)
-    np.testing.assert_allclose(white, joined.reshape(-1, 7).T @ joined.reshape(-1, 7), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(in_mm, readings.T @ readings, rtol=1e-12, atol=1e-15)
-    assert rows == 50
-
-
-@pytest.mark.parametrize(("size", "slab"), [(ROWS, ROWS), pytest.param(700, ROWS, marks=pytest.mark.long), (ROWS, 450)])
-def test_sums_over_chunks_are_those_of_the_whole(
-    problem: Problem, size: int, slab: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", slab)
-    whole, summed, places = _both(problem, size, WHITE)
-    mine, theirs = summed.sums(WHITE), whole.sums_of(places, WHITE)
-    scale = np.sqrt(np.diag(theirs.gram))
-    scale = np.maximum(scale, 1e-6 * scale.max())
-    assert np.abs((mine.gram - theirs.gram) / np.outer(scale, scale)).max() < 1e-10
-    assert np.abs((mine.side - theirs.side) / scale).max() < 1e-10 * np.sqrt(theirs.square)
-    assert mine.square == pytest.approx(theirs.square, rel=1e-10)
-    assert summed.count == whole.count and summed.repeats == whole.repeats
-    keys = ("backlash", "windup", "slider 2 on b2")
-    states = [Scorer(system).score(keys, WHITE) for system in (summed, whole)]
-    assert states[0].total == pytest.approx(states[1].total, abs=1e-3)
-    np.testing.assert_allclose(states[0].posterior.values, states[1].posterior.values, atol=1e-5)
-    errors = [held_out(Scorer(system), keys) for system in (summed, whole)]
-    assert errors[0] == pytest.approx(errors[1], rel=1e-6) and 0.0 < errors[0] < 1.0
-    left = [system.left(s.columns, s.posterior.values) for system, s in zip((summed, whole), states, strict=True)]
-    np.testing.assert_allclose(*left, atol=1e-4)
-
-
-@pytest.mark.long
-def test_candidates_of_a_share_of_the_rows_say_about_what_all_rows_say(
-    problem: Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", 60)
-    monkeypatch.setattr(sys.modules[__name__], "BLOCKS", ())  # a share of so few rows tells no curves
-    clean = problem.masked(np.isin(np.arange(ROWS), [777, 2100]))
-    every = _both(clean, ROWS, WHITE)[1]
-    monkeypatch.setattr("ptt.diagnosis.evidence.sampled.ENOUGH", ROWS // 3)
-    share = _both(clean, ROWS, WHITE)[1]
-    own = [key for key, atom in every.atoms.items() if atom.shape is None]
-    places = np.concatenate([every.frame, *(every.atoms[key].columns for key in own)])
-    few, all_ = share.sums(WHITE).of(places), every.sums(WHITE).of(places)
-    np.testing.assert_allclose(few.gram, all_.gram, rtol=1e-9)
-    np.testing.assert_allclose(few.side, all_.side, rtol=1e-9)
-    assert np.linalg.eigvalsh(share.sums(WHITE).gram)[0] > -1e-9 * np.trace(all_.gram)
-    told = [Scorer(system) for system in (share, every)]
-    held = [held_out(scorer, ("backlash", "windup")) for scorer in told]
-    assert held[0] == pytest.approx(held[1], rel=1e-9)
-    gains = [
-        {
-            gain.key: gain.nats
-            for gain in scorer.all_gains(scorer.score(own, WHITE), lambda atom: len(atom.columns) < 12)
-        }
-        for scorer in told
-    ]
-    leaders = [max(found, key=lambda key: found[key]) for found in gains]  # type: ignore[arg-type, misc]
-    assert leaders[0] == leaders[1] and every.atoms[leaders[0]].name == "once-per-rev"
-    assert gains[0][leaders[0]] == pytest.approx(gains[1][leaders[1]], rel=0.1)
-
-
-def test_sums_that_a_share_cannot_tell_are_spread_as_its_residual_is() -> None:
-    random = np.random.default_rng(8)
-    model = random.normal(size=(6000, 4))
-    model[2000:, 3] = 0.0  # hardly any of the share shows it
-    more = model @ random.normal(size=(4, 3)) + random.normal(size=(6000, 3))
-    rows = np.concatenate([model, more], axis=1)
-    own, block = np.arange(4), np.arange(6000) % 3
-    share = np.r_[0:10, 2000:6000:4]
-
-    def held(columns: np.ndarray, some: np.ndarray) -> dict[int, tuple[np.ndarray, np.ndarray, int]]:
-        parts = {index: columns[some[block[some] == index]] for index in range(3)}
-        return {index: (part.T @ part, 4.0 * part.T @ part, len(part)) for index, part in parts.items()}
-
-    found = spread(held(model, np.arange(6000)), held(rows, share), own)
-    truth = held(rows, np.arange(6000))
-    for index in range(3):
-        white, in_mm, count = found[index]
-        np.testing.assert_allclose(white[:4, :4], truth[index][0][:4, :4])
-        np.testing.assert_allclose(in_mm, 4.0 * white)
-        assert count == truth[index][2]
-    total, right = (sum(each[0] for each in sums.values()) for sums in (found, truth))
-    assert np.linalg.eigvalsh(total)[0] > 0.0
-    np.testing.assert_allclose(total[:3, 4:] / right[:3, 4:], 1.0, atol=0.1)
-    np.testing.assert_allclose(total.diagonal() / right.diagonal(), 1.0, atol=0.5)
-
-
-@pytest.mark.long
-def test_a_wander_costs_next_to_nothing_at_the_seams(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole, summed, places = _both(problem, 700, WANDERING)
-    mine, theirs, white = summed.sums(WANDERING), whole.sums_of(places, WANDERING), whole.sums_of(places, WHITE)
-    assert mine.log_noise == pytest.approx(theirs.log_noise, rel=0.01) and theirs.log_noise > 100.0
-    assert mine.square == pytest.approx(theirs.square, rel=0.02)
-    assert theirs.square < 0.9 * white.square
-    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", 900)  # the rows of one chunk have no seams
-    one = _both(problem, ROWS, WANDERING)[1].sums(WANDERING)
-    assert one.square == pytest.approx(theirs.square, rel=1e-9) and one.log_noise == pytest.approx(theirs.log_noise)
-
-
-def test_blocks_of_a_part_are_those_of_the_whole(problem: Problem) -> None:
-    fitted = fit(MODEL, problem, robust=False, coarse=True)
-    noise = fitted.noise
-    parts = {}
-    sample = take(problem, [(0, 300), (1500, 2000)])
-    for name, part in (("whole", problem), ("sample", sample)):
-        linear = assemble(fitted.layout, fitted.unknowns, part, noise)
-        assert linear.at is not None
-        parts[name] = linear.at.chain
-    whole = unknown_blocks(problem, parts["whole"])
-    levers = {block.place.residual: block.place.lever for block in whole}
-    few = unknown_blocks(sample, parts["sample"], span=replace(span_of(problem), levers=levers))
-    assert [block.name for block in few] == [block.name for block in whole] and len(few) > 30
-    for mine, theirs in zip(few, whole, strict=True):
-        np.testing.assert_allclose(mine.features, theirs.features[numbers(sample)], atol=1e-12)
-
-
-def test_a_gap_between_stretches_is_as_long_as_it_took(problem: Problem) -> None:
-    sample = take(problem, [(0, 300), (1500, 2000)])
-    rows = np.ones(800, dtype=bool)
-    rows[[0, 10, 300]] = False
-    clock = clock_of(sample, rows)
-    assert np.flatnonzero(clock.starts).tolist() == [0]
-    assert clock.time[298] == problem.view.time[1501]
-    number = clock_of(replace(sample, view=replace(sample.view, varies=frozenset())), rows)
-    assert number.time[297:299].tolist() == [299.0, 1501.0]
 
 
 def test_the_diagnosis_is_that_of_the_whole(problem: Problem) -> None:
@@ -268,7 +84,7 @@ def test_the_diagnosis_is_that_of_the_whole(problem: Problem) -> None:
 def test_what_happens_between_the_stretches_is_found_to_the_row(
     tmp_path: Path, name: str, faults: dict[str, Any]
 ) -> None:
-    problem = _run(tmp_path, **faults)
+    problem = run_of(tmp_path, **faults)
     assert not any(
         first - 60 <= ROW < last + 60 for first, last in sample_stretches(problem, 1000, STRETCH["three-ptt"])
     )
@@ -280,14 +96,14 @@ def test_what_happens_between_the_stretches_is_found_to_the_row(
 
 
 def test_nothing_is_missing_from_a_sound_run(tmp_path: Path) -> None:
-    found = diagnose_long(MODEL, _run(tmp_path), size=1000, sample_rows=1200)
+    found = diagnose_long(MODEL, run_of(tmp_path), size=1000, sample_rows=1200)
     assert found.verdict == "nothing-missing" and not found.suggested
     assert found.rows == ROWS - 1
 
 
 @pytest.mark.long
 def test_what_only_all_rows_show_is_found(tmp_path: Path) -> None:
-    problem = _run(tmp_path, drive={"backlash_mm": [0.0003, 0.0003, 0.0003]})
+    problem = run_of(tmp_path, drive={"backlash_mm": [0.0003, 0.0003, 0.0003]})
     assert not diagnose(MODEL, take(problem, sample_stretches(problem, 400, STRETCH["three-ptt"]))).suggested
     found = diagnose_long(MODEL, problem, size=1000, sample_rows=400)
     assert [step[0] for step in found.suggested] == ["backlash"]
@@ -297,7 +113,7 @@ def test_physics_that_no_effect_describes_stays_unknown(tmp_path: Path) -> None:
     def bend(frame: pd.DataFrame) -> None:
         frame["z_meas"] += 0.02 * np.sin(frame["x_cmd"] / 12.0)
 
-    found = diagnose_long(MODEL, _run(tmp_path, bend), size=1000, sample_rows=1600)
+    found = diagnose_long(MODEL, run_of(tmp_path, bend), size=1000, sample_rows=1600)
     assert found.verdict == "unknown" and found.depends_on
     assert found.depends_on[0].residual == "z"
     assert found.depends_on[0].on == "x"
@@ -309,7 +125,7 @@ def test_what_only_a_few_stretches_of_the_run_have_is_not_missed(tmp_path: Path)
     def pull(frame: pd.DataFrame) -> None:
         frame.loc[first:last, "z_meas"] += 0.03 * np.sin(np.linspace(0.0, np.pi, last - first + 1))
 
-    problem = _run(tmp_path, pull)
+    problem = run_of(tmp_path, pull)
     kept = sample_stretches(problem, 800, STRETCH["three-ptt"])
     assert not any(start < last and stop > first for start, stop in kept if stop - start > 50)
     found = diagnose_long(MODEL, problem, size=1000, sample_rows=800)

@@ -101,7 +101,7 @@ def test_sets_of_which_a_curve_stands_aside_do_not_say_whether_the_whole_foretel
     assert steps.name_steps(found.scorer, found.state).faithful
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_a_wide_play_of_one_slider_is_found_beside_a_wind_up(seed):
     """Along lines of short moves a play of 0.6 mm is taken up over several rows, as a wind-up would be."""
     file, random = bench(0.006), np.random.default_rng(seed)

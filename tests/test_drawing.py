@@ -123,7 +123,7 @@ def test_neither_errors_of_each_pose_nor_what_a_few_poses_label_take_the_place_o
     assert all(library()[step[0]].of_drawing for step in found.suggested)
 
 
-@pytest.mark.parametrize("seed", [4, 6])
+@pytest.mark.parametrize("seed", [pytest.param(4, marks=pytest.mark.long), 6])
 def test_nor_are_they_unknown_where_a_rail_does_the_same(seed: int) -> None:
     found = diagnose(Model(bench()), off_in_all(150, seed, poses=CUBE, times=4.0))
     assert found.verdict == "missing" and "together would do the same" in found.words

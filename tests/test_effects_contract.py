@@ -14,9 +14,7 @@ from ptt.effects.card import RESIDUALS, TELLING, Card
 from ptt.effects.cards import card_of
 from ptt.effects.case import make_case
 from ptt.effects.contract import CHECKS, check_effect
-from ptt.effects.own import load_effects
 from ptt.effects.phrases import Phrase
-from ptt.effects.registry import make_effect, parse_key
 from ptt.effects.template import template
 from ptt.errors import InputError, ModelError
 from ptt.model.chain import differentiate
@@ -206,108 +204,6 @@ def test_own_card_or_docstring():
     own = Card("c", "e", "s", "z", "f", (), "r")
     assert card_of(type("Carded", (Good,), {"card": own})()) is own
     assert card_of(Good()).cause == "Pulls sideways."
-
-
-def test_template_works_as_written(tmp_path):
-    path = tmp_path / "own.py"
-    path.write_text(template("cable-drag"))
-    cls = load_effects(path)["cable-drag"]
-    assert all(finding.passed for finding in check_effect(cls(), differentiate))
-    assert cls.__name__ == "CableDrag"
-    assert set(library(path)) == {*library(), "cable-drag"}
-
-
-@pytest.mark.parametrize(("name", "said"), [("Cable Drag", "no name"), ("backlash", "taken"), ("check", "taken")])
-def test_template_refuses_a_name(name, said):
-    with pytest.raises(InputError, match=said):
-        template(name)
-
-
-OWN = """
-from __future__ import annotations
-from dataclasses import dataclass
-from typing import ClassVar
-from ptt.effects import Effect, Parameter
-
-@dataclass(frozen=True)
-class One(Effect):
-    name: ClassVar[str] = "NAME"
-    stage: ClassVar[str] = "STAGE"
-    parameters: ClassVar[tuple[Parameter, ...]] = (PARAMETERS,)
-"""
-LINEAR, SEARCHED = 'Parameter("a", "mm", 1.0, "a")', 'Parameter("b", "mm", 1.0, "b", role="searched")'
-
-
-@pytest.mark.parametrize(
-    ("stage", "parameters", "name", "said"),
-    [
-        ("drive", LINEAR, "backlash", "exists already"),
-        ("nowhere", LINEAR, "own", "stage 'nowhere' of own is not known"),
-        ("drive", f"{SEARCHED}, {LINEAR}", "own", "linear ones first"),
-        ("drive", SEARCHED, "own", "need a linear one"),
-        ("drive", LINEAR, "", "has no name"),
-    ],
-)
-def test_own_file_is_refused(tmp_path, stage, parameters, name, said):
-    path = tmp_path / "own.py"
-    path.write_text(OWN.replace("NAME", name).replace("STAGE", stage).replace("PARAMETERS", parameters))
-    with pytest.raises(InputError, match=said) as caught:
-        library(path)
-    assert str(path) in str(caught.value)
-
-
-def test_what_an_own_effect_stands_for_are_names(tmp_path):
-    path = tmp_path / "own.py"
-    text = OWN.replace("NAME", "own").replace("STAGE", "drive").replace("PARAMETERS", LINEAR)
-    path.write_text(f"{text}    stands_for: ClassVar[int] = 2\n")
-    with pytest.raises(InputError, match="stands_for = 2 is not a tuple of names"):
-        library(path)
-
-
-def test_own_file_with_postponed_annotations_loads(tmp_path):
-    path = tmp_path / "own.py"
-    path.write_text(OWN.replace("NAME", "own").replace("STAGE", "drive").replace("PARAMETERS", LINEAR))
-    assert library(path)["own"]("left").key == "own[left]"
-
-
-@pytest.mark.parametrize(
-    ("text", "said"), [("1 / 0", "ZeroDivisionError"), ("x = = 1", "SyntaxError"), ("x = 1", "defines no effect")]
-)
-def test_own_file_that_does_not_run_is_refused(tmp_path, text, said):
-    path = tmp_path / "own.py"
-    path.write_text(text)
-    with pytest.raises(InputError, match=said):
-        load_effects(path)
-
-
-@pytest.mark.parametrize("method", ["undecided(self, view)", "usual_trial(self, view)", "summed(self, theta, view)"])
-def test_an_own_method_that_fails_says_where(tmp_path, method):
-    """Whichever the fit calls: all that an effect may define is guarded, by no list that could fall behind."""
-    path = tmp_path / "own.py"
-    text = OWN.replace("NAME", "own").replace("STAGE", "drive").replace("PARAMETERS", LINEAR)
-    path.write_text(f"{text}\n    def {method}:\n        return 1 / 0\n")
-    name, _, rest = method.partition("(self, ")
-    own = library(path)["own"]()
-    with pytest.raises(InputError, match=rf"own\.py line 14.*{name} of own fails: ZeroDivisionError"):
-        getattr(own, name)(*rest.rstrip(")").split(", "))
-
-
-def test_own_file_with_a_name_twice_is_refused(tmp_path):
-    path = tmp_path / "own.py"
-    path.write_text(template("drag") + template("drag").replace("class Drag", "class Other"))
-    with pytest.raises(InputError, match="twice"):
-        load_effects(path)
-
-
-def test_unknown_name_is_suggested():
-    with pytest.raises(ModelError, match="did you mean 'backlash'"):
-        make_effect(library(), "baklash")
-    with pytest.raises(ModelError, match=r"--effects FILE\.py"):
-        make_effect(library(), "zzz")
-    assert parse_key("setup-jump[second]") == ("setup-jump", "second")
-    assert parse_key("backlash") == ("backlash", "")
-    with pytest.raises(ModelError, match=r"opens a label and does not close it; write setup-jump\[label\]"):
-        parse_key("setup-jump[second")
 
 
 def run(*words):

@@ -37,7 +37,9 @@ Events = Mapping[int, tuple[int, float] | Sequence[float]]
             {93: (2, 0.033), 182: KNOCK}, 0.004, ("homing-slip", "setup-jump", "once-per-rev"), marks=pytest.mark.long
         ),
         ({90: (0, 0.03), 186: (2, 0.05)}, 0.0, ("homing-slip", "homing-slip[second]")),
-        ({90: (0, 0.05), 186: (0, -0.02)}, 0.0, ("homing-slip", "homing-slip[second]")),
+        pytest.param(
+            {90: (0, 0.05), 186: (0, -0.02)}, 0.0, ("homing-slip", "homing-slip[second]"), marks=pytest.mark.long
+        ),
         pytest.param(
             {60: (1, 0.05), 150: (0, 0.03), 210: (2, -0.03)},
             0.0,
@@ -137,7 +139,7 @@ def test_what_comes_and_goes_within_five_readings_is_no_two_events():
     assert [gain.key for gain in told.screen(less, lambda atom: atom.name == slip.key)] == [slip.key]
 
 
-@pytest.mark.parametrize("began", [0.0, 5000.0])
+@pytest.mark.parametrize("began", [pytest.param(0.0, marks=pytest.mark.long), 5000.0])
 def test_a_moment_is_said_by_the_clock_of_the_table(began: float) -> None:
     """Who looks for it in the file finds the row, whenever the clock was started."""
     assert f"slip after {began + 890.0:.0f} s" in told_of({90: (0, 0.05)}, began=began).words

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.commands.main import guard, run
+import ptt
+from ptt.commands.main import run
 from ptt.correct.exports.format import Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import error_left, holdings, survey
@@ -111,13 +112,14 @@ def test_how_a_run_is_read_is_refused_where_none_is_named(
     assert not (tmp_path / "printer.cfg").exists()
 
 
-def test_the_command_refuses_to_write_over_its_model(tmp_path: Path) -> None:
-    from ptt.door.exporting import _refuse_own
-
+def test_a_model_is_not_written_over_by_the_command_nor_by_the_library(
+    bench: MachineFile, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "m.toml"
-    path.write_text("x")
-
-    def action() -> None:
-        _refuse_own(tmp_path / "." / "m.toml", path)
-
-    assert guard(action) == 2
+    save_machine(bench, path)
+    before = path.read_bytes()
+    assert run(["export", "--model", str(path), "--to", "klipper", "--out", str(tmp_path / "." / "m.toml")]) == 2
+    assert "is the input" in capsys.readouterr().err
+    with pytest.raises(InputError, match="is the model itself; nothing was written"):
+        ptt.export(path, "klipper", tmp_path / "." / "m.toml")
+    assert path.read_bytes() == before

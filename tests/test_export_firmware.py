@@ -1,6 +1,5 @@
 """Formats of controllers: a machine driven through each one's own arithmetic misses by what the export says."""
 
-import json
 import re
 from dataclasses import replace
 from functools import lru_cache
@@ -11,24 +10,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptt.commands.main import run
-from ptt.correct.exports.firmware import NOTHING_TO_GAIN, what_to_do
 from ptt.correct.exports.format import ErrorLeft, Options, said_held
-from ptt.correct.exports.held import said_left
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError
-from ptt.files import sha256
-from ptt.machine import MachineFile, load_machine, parse_machine, save_machine
+from ptt.machine import MachineFile, parse_machine
 from ptt.machine_schema import ControllerSpec, EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
 from ptt.plan.space import build_space, draw_poses
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import can_reach, ideal_machine, nominal_sliders
-from ptt.run.table import make_table
 
-DATA = Path(__file__).resolve().parents[1] / "data"
 DELTAS = ("klipper", "reprapfirmware", "marlin")
 ZEROS, LINKS = (0.21, -0.12, 0.05), (0.11, -0.08, 0.15)
 ALONG, OUT, GAPS = (0.1, -0.12, 0.05), (0.21, -0.12, 0.05), (0.041, 0.052, 0.037)
@@ -127,80 +120,6 @@ def test_what_a_delta_holds_is_gone_on_the_machine(name: str, tmp_path: Path) ->
     assert plain > 200.0 and result.error_um.drawing > 200.0
 
 
-@pytest.mark.parametrize("name", [*DELTAS, "linuxcnc", "siemens"])
-def test_what_a_format_cannot_hold_is_counted(name: str, tmp_path: Path) -> None:
-    """The error that is stated is the one that the machine has, and what is said to be held is not in it."""
-    out = tmp_path / ("out.ini" if name == "linuxcnc" else "out")
-    result = export(name, compensator(FILE, **ALL), out)
-    left = missed(FILE, sliders(name, FILE, out), everything=True)
-    # Stated for sliders that arrive from either side by lot; from one place to another they more often go together,
-    # and then play moves the tool less.
-    assert 0.6 * result.error_um.format < left < 1.15 * result.error_um.format
-    assert result.error_um.model < 3.0 < left < 0.5 * result.error_um.drawing
-    cannot = {item.effect for item in result.cannot_hold}
-    assert cannot | set(result.holds) == {key.replace("_", "-") for key in ALL} and not cannot & set(result.holds)
-    assert ("backlash" in result.holds) == (name == "linuxcnc")
-    assert ("lead-scale" in result.holds) == (name in ("linuxcnc", "siemens"))
-    assert "homing-offset" in result.holds
-
-
-@pytest.mark.parametrize(("name", "word"), [*zip(DELTAS, ("rotation_distance", "M92", "M92"), strict=True)])
-def test_a_file_says_what_it_holds_and_what_to_do_with_it(name: str, word: str, tmp_path: Path) -> None:
-    """Figures of the file that are no drawing's are not called so, and the setting that sets scales right is named."""
-    result = export(name, compensator(FILE, **ALL), tmp_path / "out")
-    head = (tmp_path / "out").read_text()
-    assert all(note in head for note in result.notes) and "no effect" not in head
-    (scale,) = (item.why for item in result.cannot_hold if item.effect == "lead-scale")
-    assert word in scale and scale.index("1.000100, 0.999940, 1.000030") < scale.index("measure again")
-    assert scale.endswith("instead of loading this file")
-    assert any(word in note and "stays" in note for note in result.notes)
-    assert any(note.startswith("or, instead of this file, ") and "ptt program" in note for note in result.notes)
-
-
-@pytest.mark.parametrize("name", [*DELTAS, "siemens"])
-def test_a_file_that_corrects_nothing_says_so(name: str, tmp_path: Path) -> None:
-    """It does not say how to load it then; play is taken up by the controller or by programs, never by both."""
-    result = export(name, compensator(FILE, backlash={"gap_mm": GAPS}), tmp_path / "out")
-    words = said_held(result.holds, [item.effect for item in result.cannot_hold], result.error_um)
-    assert words == "no effect whole; it moves the machine hardly better than the drawing does"
-    *asked, note = result.notes
-    assert len(asked) == (name == "siemens") and not any("load" in line for line in result.notes)
-    (play,) = (item.why for item in result.cannot_hold)
-    assert ("MD32450" in play) == ("instead of what `ptt program`" in play) == (name == "siemens")
-    assert note.startswith("this file puts next to nothing right") and "ptt program" in note
-    assert note in (tmp_path / "out").read_text()
-
-
-@pytest.mark.parametrize("name", [*DELTAS, "linuxcnc", "siemens"])
-def test_a_file_with_nothing_to_gain_says_so(name: str, tmp_path: Path) -> None:
-    out = tmp_path / ("out.ini" if name == "linuxcnc" else "out")
-    result = export(name, compensator(FILE), out)
-    assert NOTHING_TO_GAIN in result.notes and NOTHING_TO_GAIN in out.read_text()
-    assert not any("measure again" in note for note in result.notes)
-
-
-def test_each_file_is_told_one_thing_or_two_that_exclude_each_other() -> None:
-    assert what_to_do("load it", ErrorLeft(90.0, 1.5, 1.0)) == ("load it",)
-    load, instead = what_to_do("load it", ErrorLeft(90.0, 9.0, 1.0))
-    assert load == "load it" and instead.startswith("or, instead of this file, keep the drawing's figures")
-    (leave,) = what_to_do("load it", ErrorLeft(90.0, 89.0, 1.0))
-    assert leave.startswith("this file puts next to nothing right, so leave it; keep") and "or, instead" not in leave
-    assert what_to_do("load it", ErrorLeft(5.0, 4.9, 4.8)) == (NOTHING_TO_GAIN,)
-
-
-def test_an_error_too_small_to_show_is_explained_by_what_no_run_told(tmp_path: Path) -> None:
-    """Rest and reference temperature are the reason only where nobody told otherwise."""
-    effects = {"lead_scale": {"scale": (1e-9, 0.0, 0.0)}, "frame_growth": {"radius_per_k": 1e-5, "link_per_k": 0.0}}
-    place = targets(FILE)
-    told = make_table(place, temp_c=np.full(len(place), FILE.machine.reference_temp_c))
-    for table in (None, told):
-        result = export("klipper", compensator(FILE, **effects), tmp_path / "out", table=table)
-        why = {item.effect: item.why for item in result.cannot_hold}
-        assert why["lead-scale"].split("; first")[0].endswith("(all that it makes is less than 0.05 um)")
-        assert ("unless --run names a run" in why["frame-growth"]) == (table is None)
-    assert said_left(9.0, 9.0, untold=True) == "all of its 9.0 um are left"
-
-
 def test_figures_that_take_a_part_are_no_drawing() -> None:
     unknown = ErrorLeft.told({"drawing": 5.0, "format": None, "model": 1.0})
     assert said_held((), ("lead-scale",), unknown) == "no effect whole"
@@ -243,15 +162,6 @@ def test_lineardeltakins_is_what_linuxcnc_has() -> None:
     place = np.random.default_rng(4).uniform(-90.0, 90.0, (50, 3))
     wanted = [theirs.inverse(*row) for row in place.tolist()]
     np.testing.assert_allclose(controllers.lineardelta(100.25, 301.5, place), wanted, atol=1e-10)
-
-
-def test_a_bare_drawing_is_said_exactly(tmp_path: Path) -> None:
-    for name in (*DELTAS, "siemens"):
-        export(name, compensator(FILE), tmp_path / name)
-        wanted = nominal_sliders(ideal_machine(FILE.machine), targets(FILE))
-        np.testing.assert_allclose(sliders(name, FILE, tmp_path / name), wanted, atol=5e-5)
-    export("linuxcnc", compensator(FILE), tmp_path / "delta.ini")
-    np.testing.assert_allclose(sliders("linuxcnc", FILE, tmp_path / "delta.ini"), wanted, atol=5e-5)
 
 
 def test_wider_platforms_and_clockwise_sliders(tmp_path: Path) -> None:
@@ -308,111 +218,3 @@ def test_a_table_follows_the_screw_where_it_turns(tmp_path: Path) -> None:
     wave = {"once_per_rev": {"cosine_mm": (0.01, 0.012, 0.008), "period_mm": 5.0}, "homing_offset": {"offset_mm": 0.6}}
     result = export("siemens", compensator(FILE, **wave), tmp_path / "out")
     assert set(result.holds) == {"once-per-rev", "homing-offset"} and result.error_um.format < 0.3
-
-
-ARM = """
-[machine]
-kind = "serial"
-convention = "{convention}"
-tool_mm = [10.0, -20.0, 95.0]
-{joints}
-"""
-
-
-def arm(convention: str) -> MachineFile:
-    joints = [(0.0, 90.0, 330.0, 0.0), (-410.0, 3.0, 12.0, 90.0), (95.0, -90.0, 5.0, -30.0), (0.0, 90.0, 310.0, 0.0)]
-    joints += [(0.0, -90.0, 0.0, 0.0), (0.0, 0.0, 80.0, 20.0)]
-    keys = ("a_mm", "alpha_deg", "d_mm", "theta_offset_deg")
-    text = "".join(
-        "[[machine.joint]]\nlimits_deg = [-150.0, 150.0]\n"
-        + "".join(f"{key} = {value}\n" for key, value in zip(keys, joint, strict=True))
-        for joint in joints
-    )
-    return parse_machine(ARM.format(convention=convention, joints=text))
-
-
-OFFSETS = {
-    "da_mm": [0.3, -0.2, 0.1, 0.0, 0.2, 0.0],
-    "dalpha_rad": [1e-3, -2e-3, 5e-4, 1e-3, 0.0, 0.0],
-    "dtheta_rad": [2e-3, 1e-3, -1e-3, 0.0, 1e-3, 0.0],
-}
-
-
-@pytest.mark.parametrize("convention", ["standard", "modified"])
-def test_urdf_is_the_calibrated_arm(convention: str, tmp_path: Path) -> None:
-    from scipy.spatial.transform import Rotation
-
-    file = arm(convention)
-    result = export("urdf", compensator(file, dh_offsets=OFFSETS), tmp_path / "arm.urdf")
-    assert result.holds == ("dh-offsets",) and result.error_um.format < 0.01 < 100.0 < result.error_um.drawing
-    q = np.random.default_rng(2).uniform(-2.5, 2.5, (50, 6))
-    place, turned = np.zeros((50, 3)), Rotation.identity(50)
-    for joint, spec in enumerate(file.machine.joint):
-        a, alpha = spec.a_mm + OFFSETS["da_mm"][joint], np.radians(spec.alpha_deg) + OFFSETS["dalpha_rad"][joint]
-        angle = q[:, joint] + np.radians(spec.theta_offset_deg) + OFFSETS["dtheta_rad"][joint]
-        about_z = Rotation.from_euler("z", angle[:, None])
-        screws = [(about_z, (0.0, 0.0, spec.d_mm)), (Rotation.from_euler("x", alpha), (a, 0.0, 0.0))]
-        for turn, shift in screws if convention == "standard" else screws[::-1]:
-            place, turned = place + turned.apply(shift), turned * turn
-    place = place + turned.apply(file.machine.tool_mm)
-    np.testing.assert_allclose(controllers.urdf(tmp_path / "arm.urdf", q), place, atol=1e-5)
-
-
-def test_urdf_is_read_by_another_package(tmp_path: Path) -> None:
-    chain = pytest.importorskip("ikpy.chain")
-    export("urdf", compensator(arm("modified"), dh_offsets=OFFSETS), tmp_path / "arm.urdf")
-    mask = [False, *[True] * 6, False]
-    read = chain.Chain.from_urdf_file(
-        str(tmp_path / "arm.urdf"), base_elements=["base_link"], active_links_mask=mask, symbolic=False
-    )
-    q = np.random.default_rng(3).uniform(-2.5, 2.5, (10, 6))
-    theirs = np.array([1e3 * read.forward_kinematics([0.0, *row, 0.0])[:3, 3] for row in q])
-    np.testing.assert_allclose(controllers.urdf(tmp_path / "arm.urdf", q), theirs, atol=1e-6)
-
-
-def test_an_effect_of_the_pose_is_no_part_of_a_chain(tmp_path: Path) -> None:
-    file = load_machine(DATA / "machines" / "ur10.toml")
-    weak = {"compliance_rad_per_nmm": [1e-8] * 6}
-    comp = compensator(file, homing_offset={"offset_rad": [1e-3] * 6}, axis_compliance=weak)
-    result = export("urdf", comp, tmp_path / "arm.urdf")
-    assert [item.effect for item in result.cannot_hold] == ["axis-compliance"] and result.holds == ("homing-offset",)
-    assert result.error_um.format < 0.8 * result.error_um.drawing
-
-
-def test_axes_of_an_arm_have_tables_in_degrees(tmp_path: Path) -> None:
-    file = arm("standard")
-    zeros = [2e-3, -1e-3, 1e-3, 0.0, 5e-4, 0.0]
-    result = export("siemens", compensator(file, homing_offset={"offset_rad": zeros}), tmp_path / "arm.ini")
-    at = np.array([-30.0, 10.0, 80.0])
-    for axis, zero in enumerate(zeros):
-        sent = controllers.siemens_axis(tmp_path / "arm.ini", axis, at)
-        np.testing.assert_allclose(sent, at - np.degrees(zero), atol=1e-3)
-    assert result.error_um.format < 0.1 * result.error_um.drawing
-
-
-def test_the_command_tells_a_program_and_heads_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    model, out = tmp_path / "m.toml", tmp_path / "printer.cfg"
-    comp = compensator(FILE, **ALL)
-    own = ({"note": "greased the screws", "files": 3},)  # a person's entry holds what it likes
-    save_machine(replace(comp.model.file, text="", history=comp.model.file.history + own), model)
-    assert run(["export", "--model", str(model), "--to", "klipper", "--out", str(out), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["written"] == [str(out)] and set(told["error_um"]) == {"drawing", "format", "model"}
-    assert {item["effect"] for item in told["cannot_hold"]} >= {"backlash"}
-    head = out.read_text().split("[printer]")[0]
-    assert sha256(model) in head and "m.toml" in head and re.search(r"\d{4}-\d\d-\d\d", head)
-    assert run(["export", "--model", str(model), "--to", "urdf", "--out", str(out)]) == 2
-    assert run(["export", "--model", str(model), "--to", "klipper", "--out", str(tmp_path)]) == 2
-    assert run(["export", "--model", str(model), "--to", "linuxcnc", "--out", str(tmp_path)]) == 0
-    assert (tmp_path / "lineardelta.ini").exists() and (tmp_path / "lineardelta_joint_2.comp").exists()
-    assert run(["export", "--model", str(DATA / "machines" / "ur10.toml"), "--to", "marlin", "--out", str(out)]) == 2
-
-
-@pytest.mark.parametrize("to", ["klipper", "linuxcnc", "siemens", "table"])
-def test_what_yields_to_a_payload_alone_is_not_held_where_none_is_known(to: str, tmp_path: Path) -> None:
-    weak = {"axis_compliance": {"compliance_mm_per_n": [3e-4] * 3}}
-    result = export(to, compensator(drawn(), **weak), tmp_path / "out")
-    assert result.holds == () and "load" in result.cannot_hold[0].why
-    heavy = export(to, compensator(drawn(platform_mass_kg=60.0), **weak), tmp_path / "heavy")
-    assert heavy.error_um.format < 0.5 * heavy.error_um.drawing  # the platform's own weight is there without a payload
-    assert all("stated" not in item.why and "of none" not in item.why for item in heavy.cannot_hold)

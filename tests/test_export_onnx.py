@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from test_export_c import network_over, path_of, random_model
-from test_export_firmware import arm
+from built_c import path_of, random_model
+from test_export_c import network_over
+from test_export_urdf import arm
 
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Options
@@ -31,7 +32,7 @@ def run(path: Path, **inputs: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(names, session.run(names, {name: inputs[name] for name in wanted}), strict=True))
 
 
-@pytest.mark.parametrize("seed", [1, 4])
+@pytest.mark.parametrize("seed", [1, pytest.param(4, marks=pytest.mark.long)])
 def test_all_effects_on_drawn_machines(seed: int, tmp_path: Path) -> None:
     file = draw_machine_file(seed).file
     compensator = Compensator(random_model(file, seed), None, {})

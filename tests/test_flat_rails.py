@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from test_export_c import check, path_of, random_model
+from built_c import check, path_of, random_model
 from test_export_onnx import run as run_graph
 
 from ptt.correct.compensate import compensate

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fleet_work import deadly, outcome, slow
 from test_fleet_log import terms_of, write_log
-from test_fleet_store import MACHINE, fill, outcome
+from test_fleet_store import MACHINE, fill
 
 from ptt.errors import InputError
 from ptt.fitting.layout import lay_out
@@ -52,12 +53,6 @@ def running(tmp_path_factory):
             process.wait()
 
 
-def slow(task):
-    """What a worker does with a run here."""
-    time.sleep(0.1)
-    return outcome(task)
-
-
 def test_a_worker_that_is_killed_in_the_middle_costs_nothing(running, tmp_path):
     address, workers = running
     store, told = fill(tmp_path / "s", machines=4, runs=2), []
@@ -79,13 +74,6 @@ def test_a_worker_that_is_killed_in_the_middle_costs_nothing(running, tmp_path):
     assert run_on_workers(store, address, work=slow).runs == 0
 
 
-def deadly(task):
-    """What no worker brings to its end."""
-    if task.machine == "m0":
-        raise MemoryError
-    return outcome(task)
-
-
 def test_a_machine_whose_runs_no_worker_survives_is_left_and_the_others_go_on(running, tmp_path):
     store = fill(tmp_path / "s", machines=2, runs=2)
     done = run_on_workers(store, running[0], work=deadly)
@@ -95,7 +83,7 @@ def test_a_machine_whose_runs_no_worker_survives_is_left_and_the_others_go_on(ru
 
 RUN = """
 import sys
-from test_fleet_workers import slow
+from fleet_work import slow
 from ptt.commands.main import guard
 from ptt.fleet.store import open_store
 from ptt.fleet.workers import run_on_workers

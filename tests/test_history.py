@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from test_fit import KNOWN, hidden_backlash
+from made_runs import KNOWN, hidden_backlash
 from typer.testing import CliRunner
 
 from ptt.commands.main import app

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from ptt.commands import effects as verb_file
 from ptt.commands.main import run
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -75,7 +74,11 @@ def test_a_whole_file_of_which_nothing_follows_is_named(case, tmp_path, capsys):
 def test_train_is_a_verb_too(tmp_path, capsys):
     words = ["none.csv", "--machine", MACHINE, "--out", str(tmp_path / "out")]
     assert run(["train", *words]) == 2
-    assert capsys.readouterr().err == process(*words, program=("train.py",)).stderr
+    ended = process(*words, program=("train.py",))
+    assert capsys.readouterr().err == ended.stderr
+    assert ended.returncode == 2 and ended.stderr.count("\n") == 1 and "none.csv" in ended.stderr
+    assert not (tmp_path / "out").exists()
+    assert len((ROOT / "train.py").read_text().splitlines()) < 30
 
 
 @pytest.mark.parametrize(
@@ -92,14 +95,14 @@ def test_nothing_ends_the_process(raised, code, said, monkeypatch, capsys):
     def fail(*_: object) -> None:
         raise raised
 
-    monkeypatch.setattr(verb_file, "_list", fail)
+    monkeypatch.setattr("ptt.effects.library", fail)
     assert run(["effects"]) == code
     assert capsys.readouterr().err.strip() == said
 
 
 def test_a_traceback_that_was_asked_for_is_printed_and_the_process_goes_on(monkeypatch, capsys):
     monkeypatch.setenv("PTT_TRACEBACK", "1")
-    monkeypatch.setattr(verb_file, "_list", lambda *_: 1 / 0)
+    monkeypatch.setattr("ptt.effects.library", lambda *_: 1 / 0)
     assert run(["effects"]) == 1
     assert "Traceback" in capsys.readouterr().err
 
@@ -120,8 +123,7 @@ def test_the_environment_stays_as_it_was(monkeypatch, capsys):
 POOLS = """
 import numpy, scipy.linalg, torch
 from threadpoolctl import threadpool_info
-import ptt, ptt.door.model
-from ptt.commands import effects as verb
+import ptt, ptt.door.model, ptt.effects
 from ptt.commands.main import run
 from ptt.threads import one_thread
 
@@ -135,7 +137,7 @@ def look(path, load=ptt.door.model.load):
 before = pools()
 ptt.door.model.load = look
 ptt.load(%r)
-verb._list = lambda *_: look(%r) and None
+ptt.effects.library = lambda *own, library=ptt.effects.library: look(%r) and library(*own)
 assert run(["effects"]) == 0
 with one_thread(), one_thread():
     assert set(pools()) == {1}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from test_fit import KNOWN, empty_run, hidden_backlash, machine, measure, term
+from made_runs import KNOWN, empty_run, hidden_backlash, machine, measure, term
 from test_stand_ins import stated
 
 from ptt.challenge.cases import draw, plan

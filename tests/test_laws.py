@@ -18,7 +18,7 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.laws import _arrivals, by_laws, laws_of
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.verdict import diagnose
-from ptt.diagnosis.unknown.jumps import _is_passed_again
+from ptt.diagnosis.unknown.jumps import passed_again
 from ptt.effects import library
 from ptt.fitting.linear import linear_columns
 from ptt.fitting.solve import fit
@@ -28,6 +28,7 @@ from ptt.rig import parse_rig
 from ptt.rig.simulate import simulate
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
 
 MACHINE = bench_machine()
 ROWS, SIZE = 60, 0.06  # mm
@@ -124,7 +125,10 @@ def test_what_lets_go_at_a_temperature_and_comes_back_is_no_slip_and_knock(turns
 )
 def test_a_warmth_that_is_passed_once_says_what_the_moment_says(passed: str, again: bool) -> None:
     """A slip in a warm-up would otherwise have a law that is the same readings for less."""
-    assert _is_passed_again(np.array(list(passed)) == "1") is again
+    warm = np.where(np.array(list(passed)) == "1", 25.0, 20.0)
+    target = np.random.default_rng(1).uniform(-60.0, 60.0, (len(warm), 3))
+    problem = build_problem(MACHINE, make_table(target, measured=target, temp_c=warm))
+    assert ("temperature" in {on for on, _, _ in passed_again(problem)}) is again
 
 
 def test_an_axis_that_creeps_after_it_has_stopped_follows_the_pause_before_the_reading() -> None:

@@ -63,7 +63,7 @@ def in_blocks(monkeypatch: pytest.MonkeyPatch, rows: int, beside: int = 12) -> N
     monkeypatch.setattr(blocks, "BESIDE", beside)
 
 
-@pytest.mark.parametrize("rows", [20, 45, 61])
+@pytest.mark.parametrize("rows", [20, pytest.param(45, marks=pytest.mark.long), 61])
 @pytest.mark.parametrize("runs", [1, 3])
 def test_blocks_give_the_commands_of_the_whole(bench: MachineFile, monkeypatch, rows: int, runs: int) -> None:
     targets = targets_of(bench)

@@ -19,7 +19,7 @@ from ptt.run.table import make_table
 NOISE = 0.004
 
 
-@pytest.mark.parametrize("seed", [2, 9])
+@pytest.mark.parametrize("seed", [2, pytest.param(9, marks=pytest.mark.long)])
 @pytest.mark.parametrize("wave", [3, 4])
 def test_of_few_rows_a_lead_and_a_wave_are_no_curve(seed: int, wave: int) -> None:
     file, random = bench(), np.random.default_rng(seed)

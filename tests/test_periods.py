@@ -12,8 +12,8 @@ from ptt.challenge.truth import table_of
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.found import Found
-from ptt.diagnosis.search.periods import _spectrum, find_period
-from ptt.diagnosis.search.spectrum import JointWave
+from ptt.diagnosis.search.periods import COARSEST, PHASES, find_period
+from ptt.diagnosis.search.spectrum import STEP, JointWave
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.model.model import Model
@@ -74,5 +74,6 @@ def test_of_waves_that_even_steps_make_alike_the_slowest_is_said() -> None:
     height, random = np.linspace(0.0, 150.0, 101), np.random.default_rng(1)
     for turns in (12.0, 20.0, 37.0):
         slope = np.cos(2.0 * np.pi * turns * height / 150.0) + random.normal(0.0, 0.1, 101)
-        found, gain = _spectrum(JointWave(2, height, slope, np.ones(101)))
+        found = np.arange(COARSEST, PHASES * 101, STEP)
+        gain = JointWave(2, height, slope, np.ones(101)).over(COARSEST, STEP, len(found))
         assert found[np.argmax(gain > gain.max() - 0.5)] == pytest.approx(turns, abs=0.3)

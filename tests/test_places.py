@@ -48,7 +48,7 @@ def test_a_small_place_that_is_off_is_unknown(seed: int, odd: str, stated: bool)
     assert found.verdict == "unknown" and not (stated and found.suggested)
 
 
-@pytest.mark.parametrize(("seed", "stated"), [(2, True), (5, False), (7, False)])
+@pytest.mark.parametrize(("seed", "stated"), [(2, True), (5, False), pytest.param(7, False, marks=pytest.mark.long)])
 def test_a_bad_corner_of_few_poses_is_not_thrown_away_as_broken_beams(seed: int, stated: bool) -> None:
     """Six to ten readings of a corner: beside what lasts they are all that is far off."""
     random = np.random.default_rng(seed)
@@ -59,7 +59,7 @@ def test_a_bad_corner_of_few_poses_is_not_thrown_away_as_broken_beams(seed: int,
     assert diagnose(Model(problem.file), problem).verdict == "unknown"
 
 
-@pytest.mark.parametrize("seed", [0, 3, 5])
+@pytest.mark.parametrize("seed", [0, 3, pytest.param(5, marks=pytest.mark.long)])
 def test_heavy_tails_have_no_place(seed: int) -> None:
     assert told_of(seed, "nothing", 160, stated=seed % 2 == 0).verdict == "nothing-missing"
 

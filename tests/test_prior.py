@@ -33,7 +33,7 @@ def load_benchmark(name: str) -> object:
 drawings = load_benchmark("drawings")
 
 
-@pytest.mark.parametrize("seed", [0, 6])
+@pytest.mark.parametrize("seed", [0, pytest.param(6, marks=pytest.mark.long)])
 def test_a_drawing_off_by_centimetres_is_put_right_to_the_noise(seed: int) -> None:
     score = drawings.run(seed)
     assert score.good, score

@@ -10,8 +10,7 @@ import pytest
 import torch
 
 from ptt.again.before import look_back
-from ptt.again.beside import sure_beside
-from ptt.again.news import _objects
+from ptt.again.news import look_for_news
 from ptt.again.recheck import recheck
 from ptt.again.result import Recheck
 from ptt.again.weigh import weigh
@@ -36,11 +35,6 @@ MACHINE = {"kind": "three-ptt", "base_radius_mm": 200, "platform_radius_mm": 100
 DATE = "2026-03-15T10:00:00+00:00"
 GAPS, LINKS = (0.03, 0.02, 0.045), (0.08, -0.05, 0.0)
 SIGMA = 0.004
-WOUND = {
-    "drive": {"backlash_mm": (0.0, 0.0, 0.0), "windup_um": (9.6, 2.1, 5.9), "windup_length_mm": (1.1, 1.1, 1.1),
-              "homing_mm": (-0.27, 0.0, 0.0)},
-    "geometry": {"link_mm": (0.0, 0.0, 0.0)},
-}  # fmt: skip
 
 
 def run_of(seed: int, rows: int = 80, room: tuple[float, ...] | None = None, **sections: dict) -> Problem:
@@ -62,12 +56,6 @@ def run_of(seed: int, rows: int = 80, room: tuple[float, ...] | None = None, **s
 def solved(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
     """The model of a first run, as its file keeps it."""
     return solve(run_of(1), ("backlash", "link-length"), tmp_path_factory.mktemp("solved"))
-
-
-@pytest.fixture(scope="module")
-def wound(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
-    """The model of a machine whose drives wind up, one of whose sliders was homed wrongly."""
-    return solve(run_of(1, 120, **WOUND), ("windup", "homing-offset"), tmp_path_factory.mktemp("wound"))
 
 
 def solve(first: Problem, effects: tuple[str, ...], folder: Path) -> SimpleNamespace:
@@ -204,36 +192,6 @@ def test_what_the_model_does_not_have_is_new_and_diagnosed_and_a_change_beside_i
     assert [(item.moved.effect, item.moved.joint) for item in found.changed] == [("backlash", 2)]
 
 
-def test_play_that_is_new_is_no_greater_windup_and_no_change_stays_beside_it_in_vain(wound: SimpleNamespace) -> None:
-    """Of the grown windup and the new play neither is worth 25 nats more: the readings decide."""
-    problem = run_of(3, 300, drive={**WOUND["drive"], "backlash_mm": (0.0, 0.04, 0.0)}, geometry=WOUND["geometry"])
-    found = look(wound, problem)
-    assert found.verdict == "new" and not found.changed and found.suggested[0][0] == "backlash"
-    model, _ = for_runs(wound.model, problem)
-    weighed = weigh(look_back(model, problem), problem, library(), str)
-    vain = weighed.scorer.score([*weighed.state.keys, "changed: windup height_mm 2"], weighed.state.memory)
-    assert found.new is not None
-    sure = sure_beside(replace(weighed, state=vain), found.new, problem, library(), str)
-    assert sure.state.keys == weighed.state.keys and sure.before.model.keys == weighed.before.model.keys
-
-
-def test_one_value_is_named_alone_where_its_whole_effect_would_do_as_well(wound: SimpleNamespace) -> None:
-    moved = {**WOUND["drive"], "homing_mm": (-0.40, 0.0, 0.0)}
-    found = look(wound, run_of(5, drive=moved, geometry=WOUND["geometry"]))
-    (change,) = found.changed
-    assert (change.moved.name, change.repaired) == ("offset_mm 1", False)
-    assert change.moved.now - change.moved.before == pytest.approx(-0.13, abs=4.0 * change.moved.std)
-    assert "homing-offset as a whole" in change.indistinguishable_from
-
-
-def test_the_evidence_for_a_change_is_enough_whatever_hidden_readings_say(wound, monkeypatch) -> None:
-    """What was uncertain then foretells hidden readings as well as a change does, only not as probably."""
-    monkeypatch.setattr("ptt.diagnosis.telling.steps.held_out", lambda scorer, keys: 1.0)
-    moved = {**WOUND["drive"], "homing_mm": (-0.40, 0.0, 0.0)}
-    found = look(wound, run_of(5, drive=moved, geometry=WOUND["geometry"]))
-    assert found.verdict == "changed" and [item.moved.name for item in found.changed] == ["offset_mm 1"]
-
-
 @pytest.mark.parametrize(("left", "objects"), [(4.0, False), (6.0, True)])
 def test_no_more_than_a_machine_that_has_not_changed_would_show_is_nothing_new(solved, monkeypatch, left, objects):
     """Errors that poses have to themselves may be of values that the old run left uncertain there."""
@@ -245,7 +203,11 @@ def test_no_more_than_a_machine_that_has_not_changed_would_show_is_nothing_new(s
     assert problem.noise is not None
     half = replace(problem.noise, covariance=problem.noise.covariance / 4.0)
     monkeypatch.setattr("ptt.again.news.errors_of", lambda found: {"left": left, "expected": 5.0})
-    assert _objects(found, problem.with_noise(half), str, 0) is objects
+    diagnosed = SimpleNamespace(verdict="unknown")
+    monkeypatch.setattr("ptt.again.news.diagnose", lambda *asked, **seed: diagnosed)
+    assert not found.new
+    news = look_for_news(found, model, problem.with_noise(half), library(), str)
+    assert news.diagnosis is (diagnosed if objects else None)
 
 
 def test_warmth_is_new_physics_and_no_changed_drawing(solved: SimpleNamespace) -> None:

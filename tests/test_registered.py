@@ -32,7 +32,7 @@ def told(shift: float, wander: float, rows: int = 200, seed: int = 0) -> Diagnos
     return diagnose(Model(file), build_problem(file, table))
 
 
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.long)])
 @pytest.mark.parametrize("times", [4.0, 12.0])
 def test_a_constant_that_no_wander_shows_is_not_the_wander_s(times: float, seed: int) -> None:
     """One that lasts four times as long as the run could be off by it from the first row on."""
@@ -42,7 +42,7 @@ def test_a_constant_that_no_wander_shows_is_not_the_wander_s(times: float, seed:
     assert found.rms_um["after"]["total"] < 0.5 * found.rms_um["before"]["total"]
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_a_wander_that_a_run_shows_is_met_with_silence(seed: int) -> None:
     assert told(0.0, SIGMA, seed=seed).verdict == "nothing-missing"
 

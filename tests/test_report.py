@@ -9,16 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_fit import KNOWN, empty_run, machine, measure, term
+from made_runs import KNOWN, empty_run, machine, measure, term
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.correct.training.compensator import Compensator, load_compensator, save_compensator
 from ptt.correct.training.train import train
 from ptt.diagnosis.search.rest import LIGHT
-from ptt.effects import library
 from ptt.effects.bench import sample_machine
-from ptt.effects.cards import card_of
 from ptt.errors import InputError, ModelError
 from ptt.files import sha256
 from ptt.judge.history import record
@@ -28,19 +26,13 @@ from ptt.model.model import Model
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table, write_table
 from ptt.run.viewing import build_view
-from ptt.show.card.words import pretty
-from ptt.show.plots.common import in_micro
 from ptt.show.report import interactive
-from ptt.show.report.blocks import side_by_side
 from ptt.show.report.contents import Contents
 from ptt.show.report.gather import gather, with_network
 from ptt.show.report.html import render
-from ptt.show.report.numbers import chance, percent, plus_minus
-from ptt.show.report.sections import sections_of
-from ptt.show.report.source import MadeOf, short_names, source_of
-from ptt.show.report.words import words_of
+from ptt.show.report.numbers import plus_minus
+from ptt.show.report.source import source_of
 
-HOSTILE = "<script>alert('x')</script>\"><img src=http://evil.example/x>"
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 
 
@@ -223,60 +215,6 @@ def test_commands_that_are_printed_run_and_give_the_same(
     assert spoken("compare", "run.csv", "--model", "drawing.toml")["rms_um"] == told[0]["compare"]["drawing"]["rms_um"]
 
 
-@pytest.fixture(scope="module")
-def mild(minimal: Contents) -> Page:
-    """Its page."""
-    return Page(render(minimal))
-
-
-def test_minimal_model_says_what_is_not_there(minimal: Contents, mild: Page) -> None:
-    page = mild
-    assert page.faults == [] and minimal.bare and minimal.given.diagnosis is None
-    assert "too few for a verdict" in minimal.given.why_not
-    assert "The noise floor is unknown" in page.text and "No verdict" in page.text
-    assert "The model has no history" in page.text and "No compensator was given" in page.text
-    assert "Not worked out: the model has no effects and no network" in page.text
-    assert "no pose was measured twice" in page.text
-    assert "The readings did not come from files" in page.text
-    assert minimal.to_dict()["diagnose"] == {"drawing": None, "model": None}
-
-
-def test_hostile_names_are_words_when_written_from_a_table_and_a_machine(minimal: Contents, mild: Page) -> None:
-    table = minimal.problem.table
-    table = table.replace(
-        run_label=(HOSTILE,), source=HOSTILE, name=np.full(table.rows, HOSTILE), extra={HOSTILE: table.name}
-    )
-    spec = minimal.file.machine.model_copy(update={"name": HOSTILE})
-    source = MadeOf(names={"run": (HOSTILE,)})
-    contents = gather(table, replace(minimal.file, machine=spec), source)
-    page = Page(render(contents))
-    assert page.faults == [] and sorted(set(page.tags)) == sorted(set(mild.tags))
-    assert all(one.startswith(("#", "data:image/png;base64,")) for one in page.addresses)
-    assert page.text.count("<script>alert('x')</script>") >= 4
-    assert [section.key for section in sections_of(contents)][:3] == ["summary", "data", "error"]
-
-
-def test_serial_arm() -> None:
-    file = sample_machine("serial")
-    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": 0.01}))
-    random = np.random.default_rng(3)
-    command = random.uniform(-0.8, 0.8, (40, len(file.machine.joint)))
-    table = make_table(None, command, joint_prefix="q")
-    table = table.replace(measured=build_view(file, table).p.numpy() * 1.0002 + random.normal(0.0, 0.01, (40, 3)))
-    contents = gather(table, file)
-    page = Page(render(contents))
-    assert page.faults == [] and "serial arm" in page.text and "\N{MICRO SIGN}rad" in page.text
-    assert contents.given.comparison.rows == 40
-
-
-def test_moving_pictures_embed_plotly_once(minimal: Contents) -> None:
-    text = render(minimal, interactive=True)
-    page = Page(text)
-    assert page.faults == [] and text.count("plotly.js v") == 1
-    assert page.tags.count("script") == 3 and not any(one.startswith("http") for one in page.addresses)
-    assert len(text) > 1_000_000 and "img" in page.tags
-
-
 def test_without_plotly_the_extra_is_named(folder: Path, minimal: Contents, monkeypatch: pytest.MonkeyPatch) -> None:
     def gone(name: str) -> None:
         raise ImportError(name)
@@ -317,11 +255,6 @@ def test_network_of_another_model_is_refused(folder: Path) -> None:
     assert with_network(load_compensator(folder / "model.toml"), trained, "comp").network is trained.network
 
 
-def test_names_are_the_shortest_that_differ() -> None:
-    paths = [Path("/home/a/monday/run.csv"), Path("/home/a/friday/run.csv"), Path("../m.toml"), Path("../m.toml")]
-    assert short_names(paths) == ["monday/run.csv", "friday/run.csv", "m.toml", "m.toml"]
-
-
 def test_options_return_in_the_commands(folder: Path, tmp_path: Path) -> None:
     other = tmp_path / "second run.csv"
     other.write_bytes((folder / "run.csv").read_bytes())
@@ -334,30 +267,6 @@ def test_options_return_in_the_commands(folder: Path, tmp_path: Path) -> None:
     assert last == (
         "ptt report run.csv --model model.toml --also 'second run.csv' --set payload_kg=2 --out report.html"
     )
-
-
-def test_numbers_carry_the_digits_that_are_known() -> None:
-    assert plus_minus(0.055166, 0.0013) == "0.0552 ± 0.0013"
-    assert plus_minus(2.7253e-5, 5.1e-6) == "(2.73 ± 0.51) × 10⁻⁵"
-    assert plus_minus(-1234.56, 12.0) == "−1235 ± 12"
-    assert plus_minus(0.25, None) == "0.25"
-    assert (chance(0.0), chance(0.04), chance(3e-7, equals=True)) == ("< 10⁻¹²", "0.04", "= 3 × 10⁻⁷")
-
-
-def test_nearly_all_is_not_all() -> None:
-    assert [percent(share) for share in (0.5, 0.995, 0.99996, 1.0, None)] == [
-        "50 %",
-        "99.5 %",
-        "> 99.9 %",
-        "100 %",
-        "—",
-    ]
-
-
-def test_rows_stand_side_by_side() -> None:
-    rows = [(str(number), "a", "b") for number in range(3)]
-    assert side_by_side(rows) == [("0", "a", "b", "2", "a", "b"), ("1", "a", "b", "", "", "")]
-    assert side_by_side([]) == [] and side_by_side(rows[:2]) == [("0", "a", "b", "1", "a", "b")]
 
 
 def test_the_card_and_the_machine_stand_on_top(told: tuple[dict, str]) -> None:
@@ -381,46 +290,8 @@ def test_every_picture_is_whole_and_every_length_in_the_page_s_unit(told: tuple[
     assert "\N{MICRO SIGN}m" in words and not re.search(r"(?<![\w-])um(?![\w-])", words)
 
 
-def test_units_become_greek_and_names_do_not() -> None:
-    assert in_micro("5 um, urad/N, rms_um, --chord-um, sum") == (
-        "5 \N{MICRO SIGN}m, \N{MICRO SIGN}rad/N, rms_um, --chord-um, sum"
-    )
-
-
 def test_every_table_has_heads_and_scrolls_by_itself(told: tuple[dict, str]) -> None:
     html = told[1]
     assert re.search(r"<th[^>]*>\s*</th>", html) is None
     assert html.count('<div class="wide"') == html.count("<table") > 5
     assert ".wide { overflow-x: auto" in html
-
-
-def test_words_in_chinese_come_from_one_file(minimal: Contents) -> None:
-    say = words_of("zh")
-    html = render(minimal, language="zh", say=say)
-    page = Page(html)
-    assert re.search(r"<td[^>]*>x_meas</td>\s*<td[^>]*>读数 x</td>", html)  # a title stays as the file has it
-    assert (
-        page.faults == []
-        and "误差报告" in page.text
-        and "测量内容" in page.text
-        and "What was measured" not in page.text
-    )
-    assert (
-        say("Slider 2 loses 38 \N{MICRO SIGN}m on reversal: backlash.")
-        == "滑块 2 反向时丢失 38 \N{MICRO SIGN}m：反向间隙。"
-    )
-    cures = [f"raise the reversal compensation of slider {slider} by {um} um" for slider, um in ((1, 55), (3, 43))]
-    assert say(" and ".join(cures)) == "将滑块 1 的反向补偿增加 55 um；滑块 3 的反向补偿增加 43 um"
-    lost = say("Sliders 1, 2 and 3 lose 55, 16 and 43 um on reversal: backlash.")
-    assert lost == "滑块 1、2、3 反向时丢失 55、16、43 um：反向间隙。"
-    mended = [pretty(card_of(effect()).remedy.rstrip(".")) for effect in library().values()]
-    cards = [card_of(effect()) for effect in library().values()]
-    told = [getattr(card, key) for card in cards for key in ("cause", "fingerprint", "arm_cause", "arm_remedy")]
-    mended += [pretty(words.rstrip(".")) for words in told if words]
-    assert [words for words in mended if say(words) == words] == []
-    two = "Nothing else explains it as well; the held-out error falls from 7.0 to 5.0 um, noise is 5.0 um. Its sign: x."
-    assert re.search("[a-z]{4}", say(two)) is None
-    assert say("a phrase that nobody translated") == "a phrase that nobody translated"
-    assert words_of("en")("In short") == "In short"
-    with pytest.raises(InputError, match="take one of en, zh"):
-        words_of("xx")

@@ -15,10 +15,12 @@ import serial_sweep
 from ptt.challenge.cases import VISIBLE, Case, draw, names_of, plan, protocols_of
 from ptt.challenge.fresh import fresh_poses
 from ptt.challenge.hide import ARM_FAULTS, clear_faults, hide_faults
+from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import mount_columns, off_set_up
 from ptt.effects import library
 from ptt.machine import format_machine, parse_machine
 from ptt.mechanisms.serial import Serial
+from ptt.model.model import Model
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.arm_odd_schema import SlippingTool
 from ptt.rig.draw_arm_machine import FAMILIES, draw_arm_file, posture
@@ -245,3 +247,19 @@ def test_a_whole_case() -> None:
     assert "error" not in row, row
     assert row["verdict"] in ("missing", "nothing-missing", "unknown") and set(row["hidden"]) == {"backlash"}
     assert not row["named"] or row["tool"]["after"] < row["tool"]["before"]
+
+
+@pytest.mark.parametrize("policy", ["trusted", "fitted", "measured"])
+def test_what_stays_with_the_tool_counts_only_where_the_mount_is_known(policy: str) -> None:
+    """A zero of the last joint turns a tool that stands off its axis: with a free mount no reading shows that."""
+    drawn = next(one for one in (draw_foreign_arm(seed, path="cloud", rows=60) for seed in range(80))
+                 if one.rig.machine.tracker.frame == policy and one.rig.machine.tracker.tool == "fitted")  # fmt: skip
+    turned = tuple(np.eye(len(drawn.rig.sent))[-1])
+    drawn = replace(drawn, rig=replace(drawn.rig, arm=drawn.rig.arm.model_copy(update={"link_theta_mrad": turned})))
+    file = drawn.rig.machine
+    known = replace(file, tracker=file.tracker.model_copy(update={"tool": "trusted", "frame": "trusted"}))
+    free, held = (
+        remeasure(Model(each), replace(drawn, rig=replace(drawn.rig, machine=each))).to_dict()["before"]["total"]
+        for each in (file, known)
+    )
+    assert held > 5.0 and free < 0.05 * held

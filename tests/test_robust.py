@@ -38,9 +38,9 @@ def test_the_judge_sees_what_is_broken(fuzzer, monkeypatch):
         (lambda _: print("NaN") or 0, "broken"),
         (lambda _: 2, "unclear"),
     ):
-        fuzzer._fresh()
+        fuzzer.fresh()
         monkeypatch.setattr(fuzz, "run_words", bad)
-        before = fuzz._digests(fuzzer.place)
+        before = fuzz.digests(fuzzer.place)
         ended = fuzz.fork_words(words, fuzzer.place, fuzzer.logs)
         assert fuzz.judge(ended, fuzz.Mutation(""), words, "", before, fuzzer.place, None)[0] == kind
 

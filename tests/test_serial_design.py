@@ -61,7 +61,7 @@ def test_what_is_fitted_beside_is_projected_off() -> None:
     np.testing.assert_allclose(project_off(jacobian.T @ jacobian, own), left.T @ left, rtol=1e-6, atol=1e-8)
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.long)])
 def test_exchange_finds_the_best_of_all_subsets(seed: int) -> None:
     from itertools import combinations
 

@@ -46,7 +46,7 @@ def read(rig: ArmRig, q: np.ndarray, seed: int) -> np.ndarray:
 
 
 def torques(rig: ArmRig, q: np.ndarray) -> np.ndarray:
-    return np.array([[rig._torque(row, joint, 0.0, 1.0) for joint in range(q.shape[1])] for row in q])
+    return rig.torques(q, 0.0)
 
 
 @pytest.mark.parametrize("gravity", WAYS)
@@ -147,7 +147,7 @@ def test_payload_pulls_along_the_machines_gravity() -> None:
     q = np.random.default_rng(6).uniform(-2.0, 2.0, (12, 6))
     load = np.full(12, 3.0)
     rig = ArmRig(file.machine, ArmFaults.none(6), np.zeros(3), np.eye(4), 0.0)
-    felt = np.array([[rig._torque(row, joint, 3.0, 1.0) for joint in range(6)] for row in q])
+    felt = rig.torques(q, 3.0)
     seen = build_view(file, make_table(None, q, payload_kg=load)).axis_force()
     torch.testing.assert_close(seen, torch.tensor(felt), rtol=1e-5, atol=1e-2)
 
@@ -169,7 +169,7 @@ def test_payload_hangs_on_the_tool_wherever_the_reflector_sits() -> None:
     file = arm("ur10")
     q = np.random.default_rng(7).uniform(-2.0, 2.0, (10, 6))
     rig = ArmRig(file.machine, ArmFaults.none(6), np.array([60.0, -40.0, 80.0]), np.eye(4), 0.0)
-    felt = np.array([[rig._torque(row, joint, 3.0, 1.0) for joint in range(6)] for row in q])
+    felt = rig.torques(q, 3.0)
     view = build_view(file, make_table(None, q, payload_kg=np.full(10, 3.0)))
     seen = place_mounts(view, np.zeros(10, dtype=int), rig.reflector_mm[None]).axis_force()
     torch.testing.assert_close(seen, torch.tensor(felt), rtol=1e-5, atol=1e-2)

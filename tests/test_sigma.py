@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,13 +15,12 @@ from ptt.correct.doubt import doubtful
 from ptt.door.predicting import predict
 from ptt.door.tally import Tally
 from ptt.effects.registry import library, make_effect
-from ptt.fitting.kept import _digests, kept_covariance, why_not_kept
-from ptt.fitting.packed import pack
+from ptt.fitting.kept import keep_covariance, kept_covariance, why_not_kept
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.judge.ladder.ladder import Ladder
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine, save_machine
-from ptt.machine_schema import CovarianceSpec, EffectEntry, MaskedSpec, ParameterEntry, TrackerSpec
+from ptt.machine_schema import EffectEntry, MaskedSpec, ParameterEntry, TrackerSpec
 from ptt.model.entries import read_model
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run
@@ -242,7 +242,9 @@ def test_why_commands_are_uncertain_is_said_as_far_as_it_is_known(unsure, missed
 def test_a_damaged_covariance_is_said(part, tmp_path):
     effect = EffectEntry(name="homing-offset", parameters={"offset_mm": ParameterEntry(value=0.2)})
     model, names = read_model(replace(FILE, effect=(effect,))), tuple(f"homing-offset offset_mm {i}" for i in (1, 2, 3))
-    spec = CovarianceSpec(of=names, root=pack(np.eye(3)), values=_digests(model)[0])
+    layout = SimpleNamespace(lasting={name: place for place, name in enumerate(names)})
+    told = {"unknowns": np.zeros(3), "covariance": np.eye(3), "unnamed": None, "doubt": None, "turns": ()}
+    spec = keep_covariance(SimpleNamespace(model=model, layout=layout, **told))
     model = replace(model, file=replace(model.file, covariance=spec))
     assert why_not_kept(model) == ""
     damaged = replace(model, file=replace(model.file, covariance=spec.model_copy(update=part)))

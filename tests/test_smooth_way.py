@@ -108,7 +108,14 @@ def test_an_unknown_is_asked_again_where_names_then_say_all(monkeypatch: pytest.
     assert [model.file.machine.moves for model in asked] == ["smooth"] * names
 
 
-def test_a_gross_error_asks_again_only_where_joints_came_to_it_otherwise() -> None:
+def test_a_gross_error_asks_again_only_where_joints_came_to_it_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[Model]()
+    monkeypatch.setattr(smooth_way, "find", lambda model, *others: asked.append(model))
+    monkeypatch.setattr(smooth_way, "holds_unknown", lambda *of: False)
+    monkeypatch.setattr(smooth_way, "says_more", lambda *of: False)
+    nothing = SimpleNamespace(
+        sample=None, system=SimpleNamespace(atoms={}), state=SimpleNamespace(keys=(), memory=None)
+    )
     here = read(way(160, 8.0), PIECES, smooth=False)
     there = smoothly(here)
     assert there is not None
@@ -116,8 +123,10 @@ def test_a_gross_error_asks_again_only_where_joints_came_to_it_otherwise() -> No
     otherwise = came.any(dim=1).numpy()
     assert 0 < otherwise.sum() < len(otherwise)
     for row in np.flatnonzero(otherwise)[:1].tolist() + np.flatnonzero(~otherwise)[:1].tolist():
-        gross = np.arange(len(otherwise)) == row
-        assert smooth_way._gross_elsewhere(SimpleNamespace(gross=gross), here, there) is bool(otherwise[row])
+        asked.clear()
+        found = SimpleNamespace(**vars(nothing), gross=np.arange(len(otherwise)) == row)
+        smooth_way.on_smooth_way(found, Model(BENCH), here, library(), lambda what: None, 3)
+        assert [model.file.machine.moves for model in asked] == ["smooth"] * int(otherwise[row])
 
 
 @pytest.mark.parametrize("smooth", [True, False])

@@ -3,35 +3,27 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
 from ptt.challenge.challenge import bench
-from ptt.challenge.truth import table_of
 from ptt.diagnosis.search.find import find
-from ptt.diagnosis.telling import doubt, said
+from ptt.diagnosis.telling import doubt
 from ptt.diagnosis.telling.absent import Absent
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.diagnosis.telling.long import diagnose_long
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import Curve, library
-from ptt.effects.reversal import LONGEST
-from ptt.errors import TableError
 from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.chain import predict
-from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
-from ptt.rig import format_rig, parse_rig, simulate
-from ptt.rig.draw import draw_rig
-from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 
@@ -59,25 +51,6 @@ def up_and_down(rows: int) -> np.ndarray:
     turn = np.linspace(0.0, 5.0 * np.pi, rows)
     height = 40.0 - 80.0 * np.abs(np.linspace(-1.0, 1.0, rows))
     return np.column_stack([50.0 * np.cos(turn), 50.0 * np.sin(turn), height])
-
-
-@pytest.mark.parametrize("frame", ["fitted", "fitted-per-run"])
-def test_a_slip_between_two_runs_is_placed_there(frame: str) -> None:
-    """Not told as a wind-up that is never over, though the travel turns over where it slipped."""
-    rows = 218
-    run = np.repeat([0, 1], rows // 2)
-    slip = np.where(run == 1, 0.14, 0.0)[:, None] * np.eye(3)[0]
-    time = 5.0 * np.arange(rows) + 300.0 * run
-    columns = {"run": run, "run_label": ("morning", "noon"), "time_s": time}
-    problem = run_of(stated(frame), up_and_down(rows), slip, 7, **columns)
-    found = diagnose(Model(problem.file), problem)
-    assert "between run morning and run noon" in found.candidates[0].words
-    assert found.verdict == "missing"
-    assert [names[0] for names in found.suggested] == ["homing-slip"]
-    moment = dict(zip(found.model.keys, found.model.terms, strict=True))["homing-slip"].theta[-1]
-    assert time[rows // 2 - 2] <= float(moment) < time[rows // 2]
-    ladder = climb(Model(problem.file), problem, [library()["homing-slip"]()])
-    assert time[rows // 2 - 2] <= float(ladder.model.terms[0].theta[-1]) < time[rows // 2]
 
 
 def zeros_and_links(seed: int) -> Problem:
@@ -151,37 +124,6 @@ def test_what_stands_for_two_is_one_step_where_no_more_may_be_added() -> None:
     assert len(diagnose(Model(problem.file), problem, steps=1).suggested) == 1
 
 
-def test_a_slip_is_placed_between_runs_whose_clocks_start_anew() -> None:
-    rows = 36
-    run, target = np.repeat([0, 1], rows // 2), np.random.default_rng(5).uniform(-50.0, 50.0, (rows, 3))
-    slip = np.where(run == 1, 0.14, 0.0)[:, None] * np.eye(3)[0]
-    time = np.tile(5.0 * np.arange(rows // 2), 2)
-    problem = run_of(stated(), target, slip, 7, run=run, run_label=("run 7", "noon"), time_s=time)
-    found = diagnose(Model(problem.file), problem)
-    assert found.suggested[0][0] == "homing-slip" and not found.outliers.any()
-    assert "between run 7 and run noon" in found.candidates[0].words
-
-
-def test_three_poses_tell_a_slip_where_no_frame_is_fitted() -> None:
-    rows = 120
-    target = np.tile([[0.0, 0.0, 0.0], [50.0, -20.0, 30.0], [-40.0, 30.0, -20.0]], (rows // 3, 1))
-    slip = np.where(np.arange(rows) > 70, 0.09, 0.0)[:, None] * np.eye(3)[2]
-    problem = run_of(stated("trusted"), target, slip, 4, time_s=5.0 * np.arange(rows))
-    assert diagnose(Model(problem.file), problem).suggested == (("homing-slip",),)
-    with pytest.raises(TableError, match="of 3 poses"):
-        diagnose(Model(stated()), run_of(stated(), target, slip, 4, time_s=5.0 * np.arange(rows)))
-
-
-def test_what_happened_once_is_listed_once() -> None:
-    rows = 120
-    target = np.random.default_rng(3).uniform(-50.0, 50.0, (rows, 3))
-    slip = np.where(np.arange(rows) > 70, 0.09, 0.0)[:, None] * np.eye(3)[2]
-    problem = run_of(stated(), target, slip, 4, time_s=5.0 * np.arange(rows))
-    found = diagnose(Model(problem.file), problem)
-    assert found.suggested == (("homing-slip",),)
-    assert not any(one.effect.startswith("homing-slip[") for one in found.candidates)
-
-
 @pytest.mark.parametrize(
     ("rows", "side", "size", "lasts", "seed"), [(166, 60.0, 0.026, 750.0, 8), (96, 40.0, 0.036, 220.0, 11)]
 )
@@ -195,19 +137,6 @@ def test_a_joint_that_settles_is_no_drift_of_the_tracker(
     found = diagnose(Model(problem.file), problem)
     assert found.verdict == "unknown"
     assert (found.depends_on[0].residual, found.depends_on[0].on) == ("slider 2", "time")
-
-
-@pytest.mark.long
-def test_a_windup_that_would_outlast_the_travel_is_held_where_it_still_is_one() -> None:
-    """Fitted to what slips half way; a file of before may hold a longer one."""
-    rows = 218
-    slip = np.where(np.arange(rows) >= rows // 2, 0.14, 0.0)[:, None] * np.eye(3)[0]
-    problem = run_of(stated(), up_and_down(rows), slip, 7)
-    fitted = climb(Model(problem.file), problem, [library()["windup"]()]).model
-    assert float(fitted.terms[0].theta[-1]) <= LONGEST
-    longer = torch.cat([fitted.terms[0].theta[:-1], torch.tensor([3.0 * LONGEST], dtype=torch.float64)])
-    file = write_model(replace(fitted, terms=(replace(fitted.terms[0], theta=longer),)))
-    assert float(read_model(file).terms[0].theta[-1]) == pytest.approx(3.0 * LONGEST)
 
 
 def test_what_is_likelier_than_nothing_is_said_of_an_error_beyond_the_noise() -> None:
@@ -281,26 +210,6 @@ def test_an_unknown_that_the_user_has_described_is_not_told_again(how: Callable[
     assert max(told, default=0.0) < 0.2 * before.depends_on[0].size.rms
 
 
-@pytest.mark.parametrize("seed", [1, 3])
-def test_play_is_told_on_short_runs_that_come_from_the_other_side(seed: int) -> None:
-    """The first row of a run is taken to arrive as the second moves; three of 48 rows that did not are left aside."""
-    random = np.random.default_rng(seed)
-    rows, runs = 48, 3
-    run, target = np.repeat(np.arange(runs), rows // runs), random.uniform(-60.0, 60.0, (rows, 3))
-    file = stated()
-    joints = build_mechanism(file.machine).inverse(torch.as_tensor(target)).numpy()
-    side = np.sign(np.diff(joints, axis=0, prepend=joints[:1]))
-    starts = np.flatnonzero(np.diff(run, prepend=-1))
-    side[starts] = -side[starts + 1]
-    slip = np.where(np.arange(rows) > 30, 0.3, 0.0)[:, None] * np.eye(3)[1]
-    problem = run_of(
-        file, target, slip - 0.2 * side, seed, run=run, run_label=("a", "b", "c"), time_s=9.0 * np.arange(rows)
-    )
-    found = diagnose(Model(file), problem)
-    assert found.verdict == "missing"
-    assert {names[0] for names in found.suggested} == {"backlash", "homing-slip"}
-
-
 @pytest.mark.parametrize("share", [0.72, 1.2])
 def test_a_drift_that_settles_as_slowly_as_the_run_is_long_is_told_as_one(share: float) -> None:
     """Between half of the run and a straight line it had been fitted as either."""
@@ -313,63 +222,6 @@ def test_a_drift_that_settles_as_slowly_as_the_run_is_long_is_told_as_one(share:
     drifting = build_problem(file, problem.table.replace(measured=read))
     (term,) = fit(Model(file) + library()["tracker-drift"](), drifting).model.terms
     assert float(term.theta[-2]) == pytest.approx(share * time[-1], rel=0.15)
-
-
-def knocked(after: int, frame: str, *, runs: int = 1, rounds: int = 1) -> Problem:
-    """Poses that are gone through so often, in so many runs, whose readings jump after a row."""
-    rows = 240
-    target = np.tile(np.random.default_rng(3).uniform(-60.0, 60.0, (rows // rounds, 3)), (rounds, 1))
-    run, labels = np.repeat(np.arange(runs), rows // runs), tuple("abc"[:runs])
-    problem = run_of(stated(frame), target, np.zeros((rows, 3)), 3, run=run, run_label=labels)
-    moved = np.array([0.1, -1.0, 0.8]) + np.cross([-1.5e-3, -4e-3, 6e-3], problem.measured)
-    read = problem.measured + np.where(np.arange(rows) > after, 1.0, 0.0)[:, None] * moved
-    return build_problem(problem.file, replace(problem.table, measured=read))
-
-
-def test_add_finds_a_knock_that_each_runs_own_frame_all_but_takes() -> None:
-    """Few rows see it, and those by little of what it is: it is many times larger than knocks are."""
-    problem = knocked(135, "fitted-per-run", runs=2)
-    ladder = climb(Model(problem.file), problem, [library()["setup-jump"]()])
-    assert float(ladder.model.terms[0].theta[-1]) == 135.0
-    assert ladder.steps[-1].rms_um["total"] < 1.1 * 1e3 * NOISE * 3**0.5
-
-
-def test_add_takes_no_knock_between_repeats_for_noise() -> None:
-    problem = knocked(119, "fitted", rounds=4)
-    problem = build_problem(replace(problem.file, tracker=bench().tracker), problem.table)
-    assert problem.noise is not None and problem.noise.total > 0.1
-    ladder = climb(Model(problem.file), problem, [library()["setup-jump"]()])
-    assert ladder.noise_um["source"] == "repeats"
-    assert ladder.noise_um["total"] == pytest.approx(1e3 * NOISE * 3**0.5, rel=0.15)
-    assert ladder.steps[-1].heldout_rms_um["total"] < 1.1 * 1e3 * NOISE * 3**0.5
-
-
-@pytest.mark.parametrize("left", [0.05, 0.0])
-def test_a_play_that_dies_away_is_no_constant_play_beside_an_unknown(left: float) -> None:
-    """A constant in its middle would be sent, and be wrong by half of it at either end."""
-    random, rows = np.random.default_rng(5), 300
-    file, target = stated(), random.uniform(-60.0, 60.0, (rows, 3))
-    side = np.sign(np.diff(build_mechanism(file.machine).inverse(torch.as_tensor(target)).numpy(), axis=0, prepend=0.0))
-    play = 0.08 * np.maximum(np.exp(-4.0 * np.linspace(0.0, 1.0, rows)), left)
-    problem = run_of(file, target, -0.5 * play[:, None] * side, 5, time_s=10.0 * np.arange(rows))
-    found = diagnose(Model(file), problem)
-    assert found.verdict == "unknown" and found.suggested == ()
-    assert {item.on for item in found.depends_on} == {"direction1", "direction2", "direction3"}
-    assert all("lower when it arrives upward" in item.words for item in found.depends_on)
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("seed", [3])
-def test_a_constant_play_beside_an_unknown_stays_a_play_at_two_speeds(seed: int) -> None:
-    """A play that differs with the speed says the same and more: that it might is nothing against the name."""
-    drawn = draw_rig("none", seed, bench(), "speed", rows=120)
-    odd = "[[odd]]\nkind = 'periodic'\nleg = 2\nsize_um = 12.0\nperiod_mm = 3.1\n"
-    hidden = parse_rig(f"{format_rig(drawn.rig)}\n{odd}")
-    gap = hidden.drive.model_copy(update={"backlash_mm": (0.03, 0.0, 0.0)})
-    table = table_of(simulate(replace(hidden, drive=gap), drawn.targets).frame)
-    found = diagnose(Model(bench()), build_problem(bench(), table))
-    assert found.verdict == "unknown"
-    assert [names[0] for names in found.suggested] == ["backlash"]
 
 
 def test_what_a_file_holds_is_diagnosed_though_no_diagnosis_would_name_it() -> None:
@@ -385,21 +237,6 @@ def test_what_a_file_holds_is_diagnosed_though_no_diagnosis_would_name_it() -> N
     found = diagnose(model, problem)
     assert found.verdict == "nothing-missing" and sum(found.verdict_probability.values()) == pytest.approx(1.0)
     assert diagnose(Model(file), problem).suggested != (("link-compliance",),)
-
-
-def test_what_does_nothing_at_its_fitted_values_is_idle(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tangent may ask for a wind-up over no travel; play of a quarter of the noise is seen on so many rows."""
-    file, target = stated(), np.random.default_rng(4).uniform(-60.0, 60.0, (400, 3))
-    problem = run_of(file, target, np.zeros((400, 3)), 4)
-    values = {"windup": [1e-4, 0.0, 0.0, *[1e-3] * 3], "backlash": [0.25 * NOISE] * 3 + [1.0]}
-    terms = tuple(Term(library()[name](), torch.tensor(each, dtype=torch.float64)) for name, each in values.items())
-    monkeypatch.setattr(said, "noise_after", lambda *_: Noise(NOISE**2 * np.eye(3), "machine file"))
-    atoms = {f"{name}#1": SimpleNamespace(name=name) for name in values}
-    found = SimpleNamespace(system=SimpleNamespace(atoms=atoms), state=None)
-    assert said._idle(found, tuple(atoms), terms, problem, problem) == ("windup#1",)
-    few = problem.masked(np.arange(400) >= 40)  # a sample of a run whose other rows say as much
-    assert said._idle(found, tuple(atoms), terms, few, problem) == ("windup#1",)
-    assert said._idle(found, tuple(atoms), terms, few, few) == tuple(atoms)
 
 
 def test_of_few_rows_that_state_no_noise_a_comparison_says_what_a_diagnosis_says() -> None:

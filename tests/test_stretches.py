@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from test_fit import empty_run, machine, measure
+from made_runs import empty_run, machine, measure
 from typer.testing import CliRunner
 
 from ptt.commands.main import app

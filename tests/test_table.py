@@ -1,19 +1,14 @@
 """The tracker CSV: what is read, what is refused and with which words, and that writing loses nothing."""
 
-import os
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
-from ptt.errors import InputError, TableError
-from ptt.run.readers.scale import scale_hint
+from ptt.errors import TableError
 from ptt.run.reading import read_table
-from ptt.run.table import Table, concat_tables, make_table, table_to_frame, unit_hint, write_table
+from ptt.run.table import table_to_frame
 
 HEADER = "x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
 ROWS = ["0,0,300,0.1,0.2,300.3", "10,0,300,10.1,0.2,300.3", "10,20,310,10.1,20.2,310.3"]
@@ -71,20 +66,6 @@ def test_every_column(tmp_path: Path) -> None:
     assert_array_equal(table.time_s, [0.5, 1.5, 2.5])
     assert_array_equal(table.temp_c, [20.5, 20.6, 20.7])
     assert table.joints == 3
-
-
-def test_unit_suffixes(tmp_path: Path) -> None:
-    header = "q1_cmd_deg,q2_cmd_rad,x_meas_um,y_meas_m,z_meas,x_std_um,time_ms,payload_g,temp_k,feed_mm_min"
-    text = csv("180,1,1500,0.002,3,2,500,1500,293.15,600", "90,2,2500,0.003,4,3,600,1500,294.15,600", header=header)
-    table = read_table(write(tmp_path, text), joints=2, joint_prefix="q")
-    np.testing.assert_allclose(table.command, [[np.pi, 1], [np.pi / 2, 2]], rtol=1e-15)
-    np.testing.assert_allclose(table.measured, [[1.5, 2, 3], [2.5, 3, 4]], rtol=1e-15)
-    np.testing.assert_allclose(table.std[:, 0], [0.002, 0.003], rtol=1e-15)
-    np.testing.assert_allclose(table.time_s, [0.5, 0.6], rtol=1e-15)
-    np.testing.assert_allclose(table.payload_kg, 1.5, rtol=1e-15)
-    np.testing.assert_allclose(table.temp_c, [20.0, 21.0], rtol=1e-12)
-    np.testing.assert_allclose(table.feed_mm_s, 10.0, rtol=1e-15)
-    assert np.isnan(table.target).all()
 
 
 def test_empty_reading_keeps_its_place(tmp_path: Path) -> None:
@@ -220,14 +201,6 @@ def test_missing_file(tmp_path: Path) -> None:
         read_table(tmp_path / "no.csv")
 
 
-def test_joint_angle_without_unit_is_asked(tmp_path: Path) -> None:
-    path = write(tmp_path, csv("1,1,2,3", "2,1,2,4", header="q1_cmd,x_meas,y_meas,z_meas"))
-    with pytest.raises(TableError, match=r"which unit is q1_cmd in\?; answer with --map FILE.toml"):
-        read_table(path, joints=1, joint_prefix="q")
-    table = read_table(path, joints=1, joint_prefix="q", ask=lambda question, choices: "deg")
-    np.testing.assert_allclose(table.command[:, 0], np.radians([1, 2]), rtol=1e-15)
-
-
 def test_targets_file(tmp_path: Path) -> None:
     path = write(tmp_path, csv("0,0,300", "0,0,300", header="x,y,z"), "targets.csv")
     table = read_table(path, purpose="targets")
@@ -255,172 +228,3 @@ def test_run_with_two_kinds_of_commands_is_asked(tmp_path: Path) -> None:
         read_table(path)
     assert read_table(path, ask=lambda question, choices: choices[1]).command[0, 0] == 1.1
     assert read_table(path, ask=lambda question, choices: choices[0]).command[0, 0] == 1.0
-
-
-def test_set_values(tmp_path: Path) -> None:
-    table = read_table(write(tmp_path, csv(*ROWS)), set_values={"payload_kg": 2})
-    assert_array_equal(table.payload_kg, [2, 2, 2])
-    assert "payload_kg set to 2 in every row" in str(table.understood)
-    with pytest.raises(TableError, match="--set: 'colour' cannot be set; settable: payload_kg"):
-        read_table(tmp_path / "run.csv", set_values={"colour": 2})
-
-
-def test_also_keeps_runs_apart(tmp_path: Path) -> None:
-    first = write(tmp_path, csv(ROWS[0] + ",a", ROWS[1] + ",b", header=HEADER + ",run"), "first.csv")
-    second = write(tmp_path, csv(*ROWS, header=HEADER), "second.csv")
-    third = write(tmp_path, csv(*ROWS[::-1], header=HEADER), "third.csv")
-    table = read_table(first, also=[second, third])
-    assert table.rows == 8
-    assert table.run.tolist() == [0, 1, 2, 2, 2, 3, 3, 3]
-    assert table.run_label == (f"{first}:a", f"{first}:b", str(second), str(third))
-    assert table.place(3, "x_meas") == f"{second} row 3, column x_meas"
-    again = tmp_path / "again.csv"
-    write_table(table, again)
-    assert read_table(again).run.tolist() == table.run.tolist()
-
-
-@pytest.mark.parametrize("twin", [csv(*ROWS), "# the same once more\n" + csv(*ROWS)], ids=["copy", "same rows"])
-def test_a_run_that_is_there_twice_is_said_by_name(tmp_path: Path, twin: str) -> None:
-    first, second = write(tmp_path, csv(*ROWS), "first.csv"), write(tmp_path, twin, "second.csv")
-    both = read_table(first, also=[second])
-    assert both.rows == 2 * len(ROWS)
-    (told,) = [line for line in both.understood.lines if "holds the same rows as" in line]
-    assert told.startswith(f"warning: {second} holds the same rows as {first}")
-    later = write(tmp_path, csv(*ROWS[:-1]), "later.csv")
-    assert not any("the same rows" in line for line in read_table(first, also=[later]).understood.lines)
-
-
-def test_concat_fills_and_refuses() -> None:
-    plain = make_table(np.eye(3), measured=np.eye(3))
-    loaded = make_table(np.eye(3), measured=np.eye(3), payload_kg=2.0)
-    assert_array_equal(concat_tables([plain, loaded]).payload_kg, [np.nan] * 3 + [2.0] * 3)
-    assert concat_tables([plain]) is plain
-    other = plain.replace(source="other", run_label=("a",))
-    nested = concat_tables([concat_tables([plain, other]), plain])
-    assert nested.run_label == concat_tables([plain, other, plain]).run_label == ("table", "other:a", "table#2")
-    assert nested.run.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
-    with pytest.raises(TableError, match="no joint commands while the other files have them"):
-        concat_tables([plain, make_table(np.eye(3), command=np.eye(3))])
-    with pytest.raises(TableError, match="another machine"):
-        concat_tables([make_table(np.eye(3), command=np.eye(3)), make_table(np.eye(3), command=np.ones((3, 6)))])
-
-
-def test_unit_hint_against_the_machine() -> None:
-    small = make_table(np.array([[0, 0, 0.3], [0.1, 0, 0.3], [0, 0.1, 0.3]]))
-    assert "this looks like metres" in str(unit_hint(small, 300.0))
-    assert unit_hint(make_table(small.target * 1000), 300.0) is None
-    assert unit_hint(make_table(np.zeros((3, 3))), 300.0) is None
-
-
-def test_make_table_defaults() -> None:
-    table = make_table(np.zeros((4, 3)), time_s=1.0, name=np.array(["a", "b", "c", "d"]))
-    assert table.rows == 4
-    assert table.role.tolist() == ["pose"] * 4
-    assert not table.observed.any()
-    assert_array_equal(table.time_s, np.ones(4))
-    assert make_table(None, command=np.zeros((2, 6))).joints == 6
-    changed = table.replace(source="other")
-    assert isinstance(changed, Table)
-    assert (changed.source, table.source) == ("other", "table")
-    assert make_table(np.zeros((3, 3)), run=np.array([0, 2, 2])).run_label == ("0", "1", "2")
-
-
-def test_write_is_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write(tmp_path, "before\n")
-
-    def fail(*_: object) -> None:
-        raise OSError("disk full")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "replace", fail)
-        with pytest.raises(InputError, match="disk full"):
-            write_table(make_table(np.eye(3)), path)
-    assert path.read_text(encoding="utf-8") == "before\n"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["run.csv"]
-    with pytest.raises(InputError, match="cannot be written"):
-        write_table(make_table(np.eye(3)), path / "run.csv")
-    write_table(make_table(np.eye(3), measured=np.eye(3)), tmp_path / "new" / "run.csv")
-    assert read_table(tmp_path / "new" / "run.csv").rows == 3
-    with pytest.raises(TableError, match="line break in"):
-        write_table(make_table(np.eye(3), name=np.array(["a", "b\nc", "d"])), path)
-
-
-FLOATS = st.floats(-1e6, 1e6)  # what no machine can mean is refused
-NAMES = st.text(st.characters(exclude_categories=("C", "Z")), max_size=6)
-
-
-@settings(max_examples=60, deadline=None)
-@given(data=st.data(), n=st.integers(2, 6), joints=st.sampled_from([0, 3, 6]))
-def test_round_trip_is_lossless(
-    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, n: int, joints: int
-) -> None:
-    def block(width: int, elements: st.SearchStrategy[float] = FLOATS) -> np.ndarray:
-        return np.array(data.draw(st.lists(elements, min_size=n * width, max_size=n * width))).reshape(n, width)
-
-    gaps = st.one_of(st.just(np.nan), FLOATS)
-    table = make_table(
-        block(3),
-        command=block(joints) if joints else None,
-        measured=block(3, gaps),
-        name=np.array(data.draw(st.lists(NAMES, min_size=n, max_size=n))),
-        time_s=np.arange(n) + block(1)[0, 0] * 1e-300,
-        temp_c=block(1, st.one_of(st.just(np.nan), st.floats(-273.0, 1e6)))[:, 0],
-        repeat=np.arange(n, dtype=float),
-        joint_prefix="q" if joints == 6 else "b",
-    )
-    table.measured[0] = table.target[0]
-    assume(scale_hint(table.target, table.measured) is None)  # spreads a thousand times apart are refused
-    path = tmp_path_factory.mktemp("trip") / "run.csv"
-    write_table(table, path)
-    again = read_table(path, joints=joints or 3, joint_prefix=table.joint_prefix)
-    for name in ("target", "measured", "command", "name", "role", "run", "repeat", "time_s", "line"):
-        assert_array_equal(getattr(again, name), getattr(table, name), err_msg=name)
-    if not np.isnan(table.temp_c).all():
-        assert_array_equal(again.temp_c, table.temp_c)
-
-
-@pytest.mark.long
-def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
-    random = np.random.default_rng(0)
-    line = [",".join(map(repr, row)) for row in random.normal(size=(1000, 9)).round(6).tolist()]
-    head = "x_cmd,y_cmd,z_cmd,b1_cmd,b2_cmd,b3_cmd,x_meas,y_meas,z_meas,time_s"
-    body = "\n".join(f"{line[i % 1000]},{i}" for i in range(1_000_000))
-    path = write(tmp_path, f"{head}\n{body}\n")
-    start = time.process_time()
-    table = read_table(path)
-    assert table.rows == 1_000_000
-    assert time.process_time() - start < 20.0
-
-
-def test_fahrenheit_is_turned_and_below_absolute_zero_is_no_temperature(tmp_path: Path) -> None:
-    rows = [f"{x},0,0,{x},0,0," for x in range(3)]
-    for title in ("temp_f", '"Temperature (°F)"'):
-        path = tmp_path / "f.csv"
-        path.write_text("\n".join([f"x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas,{title}", *(row + "68" for row in rows)]))
-        np.testing.assert_allclose(read_table(path).temp_c, 20.0)
-    for value, place in (("-999", "row 3, column temp_c: -999 is less than there can be"), ("-40", "")):
-        path = tmp_path / "c.csv"
-        cold = [rows[0] + "20", rows[1] + value, rows[2] + "20"]
-        path.write_text("\n".join(["x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas,temp_c", *cold]))
-        if place:
-            with pytest.raises(TableError, match=place):
-                read_table(path)
-        else:
-            assert read_table(path).temp_c[1] == -40.0
-    with pytest.raises(TableError, match="less than there can be"):
-        read_table(path, set_values={"temp_c": -300.0})
-
-
-@pytest.mark.parametrize(("column", "wrong", "fine"), [("payload_kg", "-2", "-0.004"), ("feed_mm_s", "-50", "0")])
-def test_no_load_and_no_feed_is_below_zero(tmp_path: Path, column: str, wrong: str, fine: str) -> None:
-    """An empty scale may show some grams below zero, and a machine may stand."""
-    path, rows = tmp_path / "t.csv", ["0,0,0,", "1,0,0,", "2,0,0,"]
-    for value in (wrong, fine):
-        path.write_text("\n".join([f"x_cmd,y_cmd,z_cmd,{column}", rows[0] + "3", rows[1] + value, rows[2] + "3"]))
-        if value == fine:
-            assert getattr(read_table(path, purpose="targets"), column)[1] == float(fine)
-            continue
-        with pytest.raises(TableError, match=f"row 3, column {column}: {wrong} is less than there can be"):
-            read_table(path, purpose="targets")
-    with pytest.raises(TableError, match=f"{column} = {wrong} is less than there can be"):
-        read_table(path, set_values={column: float(wrong)}, purpose="targets")

@@ -38,7 +38,7 @@ def test_rails_that_shift_with_the_direction_are_no_towers_that_lean_though_noth
     assert "as if rail" in found.words and found.noise.total < 0.004
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_bent_screw_that_pushes_its_carriage_aside_is_no_error_of_each_turn(seed: int) -> None:
     """It goes round: outward and to the side a quarter of a turn apart."""
     machine, random = parse_machine(BENCH, "bench.toml"), np.random.default_rng(seed)

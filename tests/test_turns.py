@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -14,15 +15,13 @@ from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.layout import sizes
-from ptt.fitting import kept as kept_module
-from ptt.fitting.kept import kept_covariance
-from ptt.fitting.packed import pack
+from ptt.fitting.kept import keep_covariance, kept_covariance
 from ptt.fitting.turns import unturned
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.judge.ladder.ladder import Ladder
 from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
-from ptt.machine_schema import CovarianceSpec, EffectEntry, ParameterEntry
+from ptt.machine_schema import EffectEntry, ParameterEntry
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import linearise, predict
 from ptt.model.entries import read_model
@@ -129,9 +128,10 @@ SMALL = np.array([30.0, 10.0, 5.0]) + np.cumsum(np.random.default_rng(2).normal(
 def wound_up(length: float) -> Model:
     values = {"height_mm": ParameterEntry(value=(0.03,) * 3, std=0.0), "length_mm": ParameterEntry(value=(length,) * 3)}
     model = read_model(replace(FILE, effect=(EffectEntry(name="windup", parameters=values),)))
-    spec = CovarianceSpec(of=("windup height_mm 1",), root=pack(np.full((1, 1), 1e-4)), values="", heldout_mm=0.005)
-    digest = kept_module._digests(model)[0]
-    return read_model(replace(model.file, covariance=spec.model_copy(update={"values": digest})))
+    layout = SimpleNamespace(lasting={"windup height_mm 1": 0})
+    told = {"unknowns": np.zeros(1), "covariance": np.full((1, 1), 1e-8), "unnamed": None, "doubt": None, "turns": ()}
+    spec = keep_covariance(SimpleNamespace(model=model, layout=layout, **told), heldout=0.005)
+    return read_model(replace(model.file, covariance=spec))
 
 
 def test_small_steps_hang_on_from_which_side_the_joints_came() -> None:

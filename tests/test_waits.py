@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from test_export_c import Built, Context
+from built_c import Built, Context
 
 from ptt.challenge.challenge import bench
 from ptt.correct.compensate import compensate
@@ -119,7 +119,7 @@ def told(found: Diagnosis, gap: np.ndarray, waits: bool | None) -> None:
     [
         ("helix", 0.02),
         pytest.param("helix", 0.8, marks=pytest.mark.long),
-        ("raster", 0.06),
+        pytest.param("raster", 0.06, marks=pytest.mark.long),
         pytest.param("raster", 0.4, marks=pytest.mark.long),
         pytest.param("random", 0.06, marks=pytest.mark.long),
         ("random", 0.8),

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from ptt.challenge.truth import MICRO, READINGS, table_of
+from ptt.challenge.truth import MICRO, READINGS, in_base_frame, mount_columns, off_set_up, table_of
 from ptt.correct.compensate import Correction, compensate
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model
@@ -18,10 +18,10 @@ from ptt.rig.draw import DrawnRig
 
 @dataclass(frozen=True)
 class ToolError:
-    """Where the tool really went against where it was wanted, without noise, after the best rigid motion.
+    """Where the tool really went against where it was wanted, without noise, after what the set-up may hold.
 
-    The motion is one for each run where the machine file sets the tracker up anew each time, and none where it trusts
-    the tracker's frame.
+    That is the best rigid motion, one for each run where the machine file sets the tracker up anew each time, none
+    where it trusts the tracker's frame; and of an arm whose reflector's mount is fitted a shift that stays with it.
 
     Attributes:
         before: (n, 3) mm, with the controller's own commands.
@@ -109,6 +109,10 @@ def to_run_again(rig: Rig) -> Rig:
 def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray) -> np.ndarray:
     poses = np.flatnonzero(run.frame["role"] != "base")[read]
     wanted, went = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)[poses], run.truth[poses]
+    mount = mount_columns(drawn)
+    if mount is not None:
+        label = run.frame["run"].to_numpy()[poses]
+        return off_set_up(drawn.rig, went - wanted, wanted, label, in_base_frame(drawn.rig, mount[poses]))
     policy = drawn.rig.machine.tracker.frame
     if policy == "trusted":
         return went - wanted

@@ -261,6 +261,12 @@ def mount_columns(drawn: DrawnRig) -> np.ndarray | None:
     return np.stack(columns, axis=-1)
 
 
+def in_base_frame(rig: Rig, columns: np.ndarray) -> np.ndarray:
+    """Shifts in the tracker's axes, (n, 3, c), in those of the base."""
+    turn = rotation_matrix(np.asarray([rig.tracker.rotation_mrad]) / MICRO)[0]
+    return np.einsum("ji,njc->nic", turn, columns)
+
+
 def seen_place(rig: Rig, frame: pd.DataFrame) -> np.ndarray:
     """Where readings of a run without noise are, (n, 3) mm: as wanted, of an arm as the tracker has them."""
     # The frame beside a bench is turned by milliradians, that beside an arm any way.
@@ -283,7 +289,7 @@ def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library
     signature = np.full_like(problem.table.measured, np.nan)
     held = None if mount is None else mount[poses]
     if held is not None and problem.base is not None:  # readings in the base frame
-        held = _unturned(drawn.rig, held)
+        held = in_base_frame(drawn.rig, held)
     signature[poses] = off_set_up(drawn.rig, shift, place[poses], problem.table.run[poses], held)
     size = rms_length(signature[poses])
     return HiddenFault(
@@ -296,12 +302,6 @@ def _by_run(columns: np.ndarray, run: np.ndarray, policy: str) -> np.ndarray:
     if policy != "fitted-per-run":
         return columns
     return np.concatenate([np.where((run == label)[:, None, None], columns, 0.0) for label in np.unique(run)], axis=-1)
-
-
-def _unturned(rig: Rig, columns: np.ndarray) -> np.ndarray:
-    """Shifts in the tracker's axes, (n, 3, c), in those of the base."""
-    turn = rotation_matrix(np.asarray([rig.tracker.rotation_mrad]) / MICRO)[0]
-    return np.einsum("ji,njc->nic", turn, columns)
 
 
 def _numbers(frame: pd.DataFrame, columns: str | list[str]) -> np.ndarray:

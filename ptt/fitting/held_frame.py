@@ -19,8 +19,8 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
 
     The unknowns u of a fit beside held frames f move with these by -(X^T X + W)^-1 X^T F, X and F being the columns of
     both and W the weight of the prior; and the reflectors B tell the frames no better than (B^T B + 1)^-1, in usual
-    sizes, for some in one line leave a turn about it open. What readings show of the tool goes with both, -df of the
-    frames and the unknowns that make good for it where the run went.
+    sizes, for some in one line leave a turn about it open. The tool goes with the unknowns alone: where these make good
+    for a frame that is off, it stands off the base as the frame does, and the next registration shows that.
 
     Args:
         fitted: found with the frames held.
@@ -38,6 +38,5 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
     rows, count = system.sums(kept)[0] - base, len(fitted.unknowns)
     moved = np.linalg.solve(rows[:count, :count] + np.diag(fitted.prior.weight), rows[:count, count:])
     spread = inverse(base[count:, count:] + np.eye(6 * problem.frames))
-    both = np.concatenate([moved, -np.eye(6, 6 * problem.frames)])
-    result = replace(fitted, doubt=both @ np.linalg.cholesky(spread))
+    result = replace(fitted, doubt=moved @ np.linalg.cholesky(spread))
     return replace(result, model=replace(result.model, terms=fitted_terms(result)))

@@ -5,16 +5,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
 
-from ptt.fitting.layout import FRAME_NAMES
 from ptt.fitting.packed import pack, unpack
 from ptt.fitting.result import FitResult
 from ptt.fitting.unnamed import Unnamed, read_unnamed
 from ptt.machine_schema import CovarianceSpec, MaskedSpec
 from ptt.model.entries import write_model
 from ptt.model.model import Model
-from ptt.run.problem import SHIFT_USUAL, TURN_USUAL
 
 
 @dataclass(frozen=True)
@@ -88,11 +85,9 @@ def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = 
     names, first = tuple(lasting), list(lasting.values())
     covariance = fitted.covariance[np.ix_(first, first)]
     unnamed = None if fitted.unnamed is None else fitted.unnamed.among(first, fitted.model.joints)
-    if fitted.doubt is not None:  # the frame that was held is one of the unknowns then
-        scale = np.concatenate([fitted.layout.scale[first], [SHIFT_USUAL] * 3, [TURN_USUAL] * 3])
-        doubt = scale[:, None] * fitted.doubt[[*first, *range(len(fitted.unknowns), len(fitted.doubt))]]
-        names, covariance = (*names, *FRAME_NAMES), linalg.block_diag(covariance, np.zeros((6, 6))) + doubt @ doubt.T
-        unnamed = None if unnamed is None else unnamed.beside(len(first), 6)
+    if fitted.doubt is not None:
+        doubt = fitted.layout.scale[first][:, None] * fitted.doubt[first]
+        covariance = covariance + doubt @ doubt.T
     size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     strength, way = np.linalg.eigh(covariance / np.outer(size, size))
     root = size[:, None] * way * np.sqrt(np.maximum(strength, 0.0))

@@ -16,7 +16,6 @@ PLENTY = 100.0  # degrees of freedom that a stated noise counts for at most: a m
 SURE = 3.0  # standard deviations from which rows are no longer taken for independent
 SEARCHED = 100.0  # prior variance of what is searched: ten usual sizes hold it where the rows see nothing of it
 APART = 1.0  # the same of what is searched for all joints as one: one that shows nothing of its own stays by the others
-WIDTHS = {"searched": SEARCHED, "apart": APART}
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,14 @@ def usual_prior(layout: Layout) -> Prior:
         The prior.
     """
     centre = np.where(layout.searched, layout.start(), 0.0)
-    return _prior(layout, np.array([WIDTHS.get(kind, 1.0) for kind in layout.kinds]), centre)
+    return _prior(layout, np.array([_before(layout, group, centre) for group in range(len(layout.kinds))]), centre)
+
+
+def _before(layout: Layout, group: int, centre: np.ndarray) -> float:
+    """Variance of a group before the rows: lengths that joints have each of their own differ by as much as they are."""
+    if layout.kinds[group] == "apart":
+        return max(APART, float(np.square(centre[layout.group == group]).max()))
+    return SEARCHED if layout.kinds[group] == "searched" else 1.0
 
 
 def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> float:

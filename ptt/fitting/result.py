@@ -39,9 +39,8 @@ class FitResult:
         prior: how large the unknowns may be, and how much wider than stated the rows scatter.
         iterations: evaluations of the derivative.
         status: 'converged' or what kept it from converging.
-        doubt: (u + 6, r) how the unknowns, and against them the first frame, go with what base reflectors leave open of
-            the frames that they held, in usual sizes, the root of a covariance; None where none was held. The
-            covariance is without it.
+        doubt: (u, r) how the unknowns go with what base reflectors leave open of the frames that they held, in usual
+            sizes, the root of a covariance; None where none was held. The covariance is without it.
         unnamed: sizes of the drawing that the model does not have, and how far they leave the unknowns open; None where
             nobody asked. The covariance is without them: where the run went the values make good for them.
         turns: travel of a wind-up of each joint that the readings cannot tell from the play that the model has, mm or
@@ -85,7 +84,7 @@ class FitResult:
         """Standard errors of the unknowns in their own units, (u,)."""
         more = 0.0
         if self.doubt is not None:
-            more = np.square(self.doubt[: len(self.unknowns)]).sum(axis=1) * self.layout.scale**2
+            more = np.square(self.doubt).sum(axis=1) * self.layout.scale**2
         return np.asarray(np.sqrt(np.diag(self.covariance) + more + self.open))
 
     @property

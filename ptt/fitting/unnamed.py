@@ -37,10 +37,6 @@ class Unnamed:
         own = range(len(self.root) - _width(self.effects, joints), len(self.root))
         return Unnamed(self.effects, self.root[[*rows, *own]])
 
-    def beside(self, place: int, count: int) -> "Unnamed":
-        """The same with further unknowns, from a place on, that these sizes leave as they are."""
-        return Unnamed(self.effects, np.insert(self.root, [place] * count, 0.0, axis=0))
-
     def spec(self) -> MaskedSpec:
         """As a machine file keeps it."""
         keys = tuple(effect.key for effect in self.effects)

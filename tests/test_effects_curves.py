@@ -1,0 +1,107 @@
+"""Curves along an axis: no level, no slope, the energy of bending, and files of older ones."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.interpolate import CubicSpline
+from test_effects_physics import MACHINE, heights, tensor
+from torch.testing import assert_close
+
+from ptt.effects import library
+from ptt.effects.shapes import (
+    FINE,
+    KNOTS,
+    SHAPES,
+    WAVES,
+    curve_pieces,
+    smooth_shapes,
+    straight_shapes,
+    wave_shapes,
+    wavy_pieces,
+)
+from ptt.errors import ModelError
+from ptt.machine import parse_machine
+from ptt.model.entries import read_model
+from ptt.run.table import make_table
+from ptt.run.viewing import build_view
+
+pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
+
+
+@pytest.mark.parametrize("name", ["screw-error-map", "guide-straightness"])
+def test_curves_hold_no_level_and_no_slope(bench, name):
+    knots = np.linspace(260.0, 300.0, 17)
+    view = build_view(bench, make_table(None, heights(*knots)))
+    effect = library()[name]()
+    basis = effect.basis(view, effect.search(view)[0])
+    curves = basis.sum(dim=1)[:, : effect.parameters[0].count]  # of leg 1: one shape each
+    straight = torch.stack([torch.ones(17, dtype=torch.float64), tensor(knots - 280.0) / 20.0])
+    assert curves.abs().max() > 0.9
+    assert_close(straight @ curves, torch.zeros(2, curves.shape[1], dtype=torch.float64), atol=1e-10, rtol=0.0)
+
+
+def test_a_usual_curve_costs_its_bending_energy(bench):
+    """Least squares with a prior of equal sizes on the shapes is a smoothing spline, which scipy has too."""
+    from scipy.interpolate import make_smoothing_spline
+
+    random = np.random.default_rng(5)
+    knots = np.linspace(0.0, 1.0, 17)
+    wanted = np.sin(7.0 * knots) + 0.1 * random.normal(size=17)
+    shapes = np.column_stack([smooth_shapes(tensor(knots)).numpy(), straight_shapes(tensor(knots)).numpy()])
+    fine = np.linspace(0.0, 1.0, 20001)
+    first = smooth_shapes(tensor(fine)).numpy()[:, 0]
+    energy = np.trapezoid(np.gradient(np.gradient(first, fine), fine)[2:-2] ** 2, fine[2:-2])
+    toll = 1e-4
+    prior = np.diag([toll * energy] * 15 + [0.0, 0.0])
+    values = np.linalg.solve(shapes.T @ shapes + prior, shapes.T @ wanted)
+    assert_close(
+        tensor(shapes @ values), tensor(make_smoothing_spline(knots, wanted, lam=toll)(knots)), atol=1e-4, rtol=0.0
+    )
+
+
+def test_waves_are_all_that_a_spline_on_dense_knots_can_do_beside_the_curve(bench):
+    knots = tensor(np.linspace(0.0, 1.0, KNOTS))
+    assert_close(wave_shapes(knots), torch.zeros(KNOTS, WAVES, dtype=torch.float64), atol=1e-12, rtol=0.0)
+    dense = np.linspace(0.0, 1.0, FINE * (KNOTS - 1) + 1)
+    shapes = torch.cat([smooth_shapes(tensor(dense)), straight_shapes(tensor(dense)), wave_shapes(tensor(dense))], 1)
+    rough = np.random.default_rng(3).normal(size=len(dense)).cumsum()
+    values = np.linalg.solve(shapes.numpy(), rough)
+    cut = values[:SHAPES], values[SHAPES : SHAPES + 2], values[SHAPES + 2 :]
+    spline = CubicSpline(dense, rough, bc_type="natural")
+    np.testing.assert_allclose(wavy_pieces(*cut), spline.c.T, rtol=0.0, atol=1e-6 * np.abs(spline.c).max())
+    plain = curve_pieces(*cut[:2])[:, 3]  # where a piece begins
+    np.testing.assert_allclose(wavy_pieces(*cut[:2], np.zeros(WAVES))[::FINE, 3], plain, rtol=0.0, atol=1e-12)
+
+
+OLD_HEIGHTS = (0.31, 0.05, -0.12, 0.02, 0.01, -0.03)
+OLD_CURVE = f"""
+[[effect]]
+name = "screw-error-map"
+[effect.parameters]
+curve_mm = {{ value = {list(OLD_HEIGHTS) * 3}, std = {[0.001] * 18} }}
+straight_mm = {{ value = [0.001, 0.002, 0.001, 0.002, 0.001, 0.002] }}
+from_mm = {{ value = 250.0 }}
+to_mm = {{ value = 310.0 }}
+"""
+
+
+def test_a_curve_of_an_older_file_is_the_same_curve():
+    model = read_model(parse_machine(f"{MACHINE}\n{OLD_CURVE}", "old.toml"))
+    view = build_view(model.file, make_table(None, heights(*np.linspace(245.0, 315.0, 41))))
+    knots = np.linspace(-1.0, 1.0, 9)
+    shapes = []
+    for degree in range(2, 8):  # orthogonal to all lower degrees on the knots, one high, as those files state
+        lower = np.polynomial.legendre.legvander(knots, degree)
+        last = lower[:, degree] - lower[:, :degree] @ np.linalg.lstsq(lower[:, :degree], lower[:, degree])[0]
+        shapes.append(last / np.abs(last).max())
+    place = np.clip((view.q[:, 0].numpy() - 280.0) / 30.0, -1.0, 1.0)
+    bow = CubicSpline(knots, np.array(OLD_HEIGHTS) @ np.array(shapes), bc_type="natural")(place)
+    found = model.terms[0].effect.shift(model.terms[0].theta, view)
+    assert_close(found[:, 0], tensor(bow + 0.001 * place + 0.002), atol=1e-12, rtol=0.0)
+    assert_close(found[:, 2], found[:, 0])
+
+
+def test_a_curve_of_no_known_form_is_refused():
+    text = OLD_CURVE.replace(str(list(OLD_HEIGHTS) * 3), str(list(OLD_HEIGHTS))).replace(str([0.001] * 18), "0.001")
+    with pytest.raises(ModelError, match=r"'curve_mm' has 6 values; give one, or 45"):
+        read_model(parse_machine(f"{MACHINE}\n{text}", "old.toml"))

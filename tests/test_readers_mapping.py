@@ -1,0 +1,133 @@
+"""What a file leaves open is asked once: answers are saved, read again and refused where they say nothing."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from ptt.errors import TableError
+from ptt.run.readers import Mapping, Request, load_mapping, read_any, save_mapping
+from ptt.run.reading import read_table
+
+FIXTURES = Path(__file__).parent / "fixtures"
+
+
+def say(answer: str) -> Callable[[str, Sequence[str]], str]:
+    return lambda question, choices: answer
+
+
+def never(question: str, choices: Sequence[str]) -> str:
+    raise AssertionError(f"asked: {question}")
+
+
+AMBIGUOUS = {
+    "thousands": (
+        "x\ty\tz\n1,234\t2,345\t3,456\n1,235\t2,345\t3,456\n",
+        "is the comma in 1,234 a decimal sign",
+        "decimal",
+    ),
+    "two signs": ("x;y;z\n1,25;2.5;3\n1,5;2.5;3\n", "which is the decimal sign", "decimal"),
+    "two columns": ("Measured X;实测X;y;z\n1;2;3;4\n2;3;4;5\n", "which column is x_meas", "[columns]"),
+    "dates": ("x,y,z,time\n1,2,3,01/02/25 10:00\n1,2,4,02/02/25 10:00\n", "written day first or month first", "dates"),
+    "payload in newtons": ("x,y,z,payload [N]\n1,2,3,4\n1,2,4,5\n", "which unit is it in", '[units] "payload [N]"'),
+    "unknown unit": ("x [furlong],y,z\n1,2,3\n1,2,4\n", "unit '(furlong)' does not fit x_meas", "[units]"),
+    "feed": ("x,y,z,feed\n1,2,3,4\n1,2,4,5\n", "which unit is feed in", "[units]"),
+    "epoch": (
+        "x,y,z,time\n1,2,3,1600000000000\n1,2,4,1600000000100\n",
+        "which unit is a time of 1600000000100",
+        "[units]",
+    ),
+}
+
+
+@pytest.mark.parametrize("text, question, key", AMBIGUOUS.values(), ids=AMBIGUOUS.keys())
+def test_ambiguity_is_asked(tmp_path: Path, text: str, question: str, key: str) -> None:
+    path = tmp_path / "export.txt"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(TableError) as caught:
+        read_any(path)
+    assert question in str(caught.value)
+    assert f"answer with --map FILE.toml, {key}" in str(caught.value)
+    asked: list[str] = []
+
+    def ask(what: str, choices: Sequence[str]) -> str:
+        asked.append(what)
+        return choices[0]
+
+    first = read_any(path, Request(ask=ask))
+    assert len(asked) == 1
+    if key != "[units]" or "time" not in text:
+        again = read_any(path, Request(mapping=first.understood.mapping, ask=never))
+        for quantity, values in first.columns.items():
+            assert_array_equal(again.columns[quantity], values)
+
+
+def test_an_answer_that_is_no_choice_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "export.txt"
+    path.write_text(AMBIGUOUS["feed"][0], encoding="utf-8")
+    with pytest.raises(TableError, match="'knots' does not answer"):
+        read_any(path, Request(ask=say("knots")))
+
+
+def test_mapping_is_saved_and_reused(tmp_path: Path) -> None:
+    path, saved = tmp_path / "run.csv", tmp_path / "answers.toml"
+    path.write_text("Ort A;Ort B;Ort C;joint1;joint2\n0,1;0,2;0,3;90;45\n0,2;0,2;0,3;80;40\n", encoding="utf-8")
+    with pytest.raises(TableError, match="which unit is q1_cmd in"):
+        read_table(path, joints=2, joint_prefix="q")
+    columns = {"Ort A": "x_meas", "Ort B": "y_meas", "Ort C": "z_meas"}
+    units = {"Ort A": "m", "Ort B": "m", "Ort C": "m", "joint1": "deg", "joint2": "deg"}
+    first = read_table(path, joints=2, joint_prefix="q", mapping=Mapping(columns=columns, units=units))
+    assert_allclose(first.measured[0], [100, 200, 300], rtol=1e-15)
+    assert_allclose(first.command[0], np.radians([90, 45]), rtol=1e-15)
+    save_mapping(first.understood.mapping, saved)
+    assert load_mapping(saved) == first.understood.mapping
+    again = read_table(path, joints=2, joint_prefix="q", mapping=saved, ask=never)
+    assert_array_equal(again.measured, first.measured)
+
+
+def test_a_mapping_path_that_does_not_exist_is_written(tmp_path: Path) -> None:
+    saved = tmp_path / "answers.toml"
+    first = read_table(FIXTURES / "spatial_analyzer.txt", targets=FIXTURES / "targets.csv", mapping=saved)
+    answers = load_mapping(saved)
+    assert answers.pairing == "name"
+    assert answers.targets is not None
+    assert answers.targets.columns["payload_kg"] == "payload"
+    again = read_table(FIXTURES / "spatial_analyzer.txt", targets=FIXTURES / "targets.csv", mapping=saved, ask=never)
+    assert_array_equal(again.measured, first.measured)
+    assert_array_equal(again.time_s, first.time_s)
+    said = f"{saved}: was not there; written with what was understood of columns and units"
+    assert said in first.understood.lines and said not in again.understood.lines
+
+
+def test_mapping_can_ignore_and_names_what_is_absent(tmp_path: Path) -> None:
+    columns = {"温度（℃）": "ignore", "nowhere": "x_meas"}
+    table = read_table(FIXTURES / "chinese.csv", mapping=Mapping(columns=columns))
+    assert table.temp_c is None
+    assert "in the mapping but not in the file: nowhere" in str(table.understood)
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("colour = 'red'", "unknown key 'colour'"),
+        ("decimal = ':'", "decimal = ':' is not known"),
+        ("columns = 'x'", "key 'columns' is not a table of texts"),
+        ("[units]\nx = 3", "key 'units' is not a table of texts"),
+        ("encoding = 8", "key 'encoding' is not a text"),
+        ("= =", "not valid TOML"),
+        ("[targets]\ncolour = 'red'", "unknown key 'colour'"),
+    ],
+)
+def test_bad_mapping_files(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "map.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(TableError) as caught:
+        read_table(FIXTURES / "chinese.csv", mapping=path)
+    assert message in str(caught.value)
+
+
+def test_bad_meaning_in_a_mapping() -> None:
+    with pytest.raises(TableError, match="unknown meaning 'colour'"):
+        read_any(FIXTURES / "chinese.csv", Request(mapping=Mapping(columns={"备注": "colour"})))

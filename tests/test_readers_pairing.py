@@ -1,0 +1,162 @@
+"""Readings of one file beside the targets of another: by name, by order, and what was missed."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from test_readers import never
+
+from ptt.errors import TableError
+from ptt.run.readers import Mapping
+from ptt.run.readers.mapping import Ask
+from ptt.run.reading import read_table
+
+FIXTURES = Path(__file__).parent / "fixtures"
+
+
+def say(answer: str) -> Callable[[str, Sequence[str]], str]:
+    return lambda question, choices: answer
+
+
+def test_names_with_a_group_match_bare_targets(tmp_path: Path) -> None:
+    text = "// SpatialAnalyzer\n" + "".join(f"g{i}, P{i}, 0, {i}, {i * i}, 300\n" for i in (1, 2, 4))
+    path = tmp_path / "sa.txt"
+    path.write_text(text, encoding="utf-8")
+    table = read_table(path, targets=FIXTURES / "targets.csv")
+    assert table.observed.tolist() == [True, True, False, True, False]
+
+
+def test_ids_with_gaps_are_row_numbers_of_the_targets() -> None:
+    table = read_table(FIXTURES / "spaces_with_gaps.txt", targets=FIXTURES / "targets_unnamed.csv", ask=never)
+    assert table.observed.tolist() == [True, True, False, True, False, False, True]
+    assert_array_equal(table.measured[6], [2356.48, -2416.21, -442.50])
+    assert "space between columns" in str(table.understood)
+    assert "3 targets without reading: row 4, row 6, row 7" in str(table.understood)
+
+
+def pair(tmp_path: Path, readings: str, targets: str, ask: Ask | None = None) -> tuple[list[float], list[float], str]:
+    run, wanted = tmp_path / "export.csv", tmp_path / "targets.csv"
+    run.write_text(readings, encoding="utf-8")
+    wanted.write_text(targets, encoding="utf-8")
+    table = read_table(run, targets=wanted, ask=ask)
+    return table.target[:, 0].tolist(), table.measured[:, 0].tolist(), str(table.understood)
+
+
+def test_pairing_by_repeated_names(tmp_path: Path) -> None:
+    targets = "name,x_cmd,y_cmd,z_cmd\nA,1,0,0\nB,2,0,0\nA,1,0,0\nB,2,0,0\n"
+    x, measured, _ = pair(tmp_path, "name,x,y,z\nA,1.1,0,0\nA,1.2,0,0\nB,2.1,0,0\n", targets)
+    assert x == [1, 2, 1, 2]
+    assert_array_equal(measured, [1.1, np.nan, 1.2, 2.1])  # in order: the first B was missed
+    single = "name,x_cmd,y_cmd,z_cmd\nA,1,0,0\nB,2,0,0\nC,3,0,0\n"
+    x, measured, text = pair(tmp_path, "name,x,y,z\nB,2.1,0,0\nA,1.1,0,0\nB,2.2,0,0\nX,9,9,9\n", single)
+    assert x == [2, 1, 2]
+    assert measured == [2.1, 1.1, 2.2]
+    assert "in the order of the readings" in text
+    assert "1 target without reading: row 4 C" in text
+    assert "1 reading without target, left out: row 5 X" in text
+
+
+THERE_AND_BACK = ["A", "B", "C", "B", "A", "B", "D", "B", "A"]
+
+
+@pytest.mark.parametrize("row", range(9))
+@pytest.mark.parametrize("change", ["missed", "twice"])
+def test_one_reading_missed_or_taken_twice_shifts_no_other(tmp_path: Path, row: int, change: str) -> None:
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"{name},{10 * i},0,0\n" for i, name in enumerate(THERE_AND_BACK))
+    read = [f"{name},{10 * i + 0.1},0,0\n" for i, name in enumerate(THERE_AND_BACK)]
+    read[row : row + 1] = [] if change == "missed" else 2 * read[row : row + 1]
+    x, measured, text = pair(tmp_path, "name,x,y,z\n" + "".join(read), targets)
+    assert len(x) == (9 if change == "missed" else 10)
+    assert np.isnan(measured).sum() == (change == "missed")
+    assert_allclose(np.array(measured)[np.isfinite(measured)], np.array(x)[np.isfinite(measured)] + 0.1)
+    assert "in the order of the targets" in text
+
+
+@pytest.mark.parametrize("rows", range(5, 20))
+def test_a_run_that_was_broken_off_has_its_readings_beside_the_first_targets(tmp_path: Path, rows: int) -> None:
+    listed = 2 * THERE_AND_BACK
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(listed))
+    read = [f"{name},{i},0,0\n" for i, name in enumerate(listed)][:rows]
+    x, measured, _ = pair(tmp_path, "name,x,y,z\n" + "".join(read), targets)
+    assert x == list(range(18)) and measured[: len(read)] == x[: len(read)] and np.isnan(measured[len(read) :]).all()
+
+
+def test_a_list_run_twice_and_readings_of_names_that_tell_nothing(tmp_path: Path) -> None:
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(THERE_AND_BACK))
+    twice = "name,x,y,z\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate(2 * THERE_AND_BACK))
+    assert pair(tmp_path, twice, targets)[0] == 2 * list(range(9))
+    broken = "name,x,y,z\n" + "".join(f"{name},{i},0,0\n" for i, name in enumerate((2 * THERE_AND_BACK)[:13]))
+    assert pair(tmp_path, broken, targets)[0] == [*range(9), *range(4)]
+    alike = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"pose,{i},0,0\n" for i in range(9))
+    with pytest.raises(TableError, match=r"row 3: 'pose' was read 10 times and is listed 9 times"):
+        pair(tmp_path, "name,x,y,z\n" + "".join(f"pose,{i},0,0\n" for i in range(10)), alike)
+
+
+def test_readings_out_of_order_of_places_that_are_visited_again(tmp_path: Path) -> None:
+    """Which visit a reading belongs to says from which side the machine came: no guess may say it."""
+    there = [*range(8), *range(7, -1, -1)]
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"p{i},{i},0,0\n" for i in there)
+    read = [(f"p{i}", i + 0.01 * k, k) for k, i in enumerate(there)]
+    mixed = [read[k] for k in np.random.default_rng(1).permutation(len(read))]
+    plain = "name,x,y,z\n" + "".join(f"{name},{x},0,0\n" for name, x, _ in mixed)
+    with pytest.raises(
+        TableError, match=r"row 2: 'p\d' is listed more than once, and the readings are in another order"
+    ):
+        pair(tmp_path, plain, targets)
+    timed = "name,x,y,z,time_s\n" + "".join(f"{name},{x},0,0,{5.0 * k}\n" for name, x, k in mixed)
+    assert_allclose(pair(tmp_path, timed, targets)[1], [x for _, x, _ in read])
+    midnight = "name,x,y,z,time_s\n" + "".join(f"{name},{x},0,0,{(86390 + k) % 86400}\n" for name, x, k in read)
+    with pytest.raises(TableError, match="time goes back"):  # in order as listed: the clock does not count
+        pair(tmp_path, midnight, targets)
+    short = "name,x_cmd,y_cmd,z_cmd\nA,1,0,0\nB,2,0,0\nA,1,0,0\n"
+    often = "name,x,y,z\n" + 20 * "A,1,0,0\nB,2,0,0\nA,1,0,0\n"
+    assert pair(tmp_path, often, short)[1] == 20 * [1.0, 2.0, 1.0]
+    once = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"p{i},{i},0,0\n" for i in range(8))
+    back = "name,x,y,z\n" + "".join(f"p{i},{i},0,0\n" for i in range(7, -1, -1))
+    assert pair(tmp_path, back, once)[1] == list(range(8))
+    thrice = "name,x_cmd,y_cmd,z_cmd\n" + "".join(3 * f"p{i},{i},0,0\n" for i in range(8))
+    back = "name,x,y,z\n" + "".join(3 * f"p{i},{i},0,0\n" for i in range(7, -1, -1))
+    assert pair(tmp_path, back, thrice)[1] == np.repeat(range(8), 3).tolist()
+
+
+def test_pairing_in_order(tmp_path: Path) -> None:
+    targets = "x_cmd,y_cmd,z_cmd\n1,0,0\n2,0,0\n3,0,0\n"
+    x, measured, text = pair(tmp_path, "x,y,z\n1.1,0,0\n2.1,0,0\n3.1,0,0\n", targets)
+    assert (x, measured) == ([1, 2, 3], [1.1, 2.1, 3.1])
+    assert "paired in order" in text
+    with pytest.raises(TableError, match="2 readings for 3 targets and no names in common"):
+        pair(tmp_path, "x,y,z\n1.1,0,0\n2.1,0,0\n", targets)
+    _, measured, text = pair(tmp_path, "x,y,z\n1.1,0,0\n2.1,0,0\n", targets, ask=say("order"))
+    assert_array_equal(measured, [1.1, 2.1, np.nan])
+    assert "1 target without reading: row 4" in text
+    with pytest.raises(TableError, match="name the points alike in both files"):
+        pair(tmp_path, "x,y,z\n1,0,0\n2,0,0\n3,0,0\n4,0,0\n", targets)
+
+
+def test_pairing_keeps_the_readings_own_columns(tmp_path: Path) -> None:
+    targets = "name,x_cmd,y_cmd,z_cmd,temp_c,note\nA,1,0,0,20,a\nB,2,0,0,20,b\n"
+    run, wanted = tmp_path / "export.csv", tmp_path / "targets.csv"
+    run.write_text("name,x,y,z,temp_c\nA,1,0,0,25\nB,2,0,0,26\n", encoding="utf-8")
+    wanted.write_text(targets, encoding="utf-8")
+    table = read_table(run, targets=wanted)
+    assert_array_equal(table.temp_c, [25, 26])
+    assert table.extra["note"].tolist() == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    "pairing, message", [("name", "both files need a column name"), ("number", "rising row numbers")]
+)
+def test_pairing_answer_that_does_not_suit(tmp_path: Path, pairing: str, message: str) -> None:
+    path = tmp_path / "export.csv"
+    path.write_text("x,y,z\n1,2,3\n2,2,3\n", encoding="utf-8")
+    with pytest.raises(TableError, match=message):
+        read_table(path, targets=FIXTURES / "targets_unnamed.csv", mapping=Mapping(pairing=pairing))
+
+
+def test_errors_in_the_targets_name_that_file(tmp_path: Path) -> None:
+    targets = tmp_path / "targets.csv"
+    targets.write_text("name,x_cmd,y_cmd,z_cmd\nP1,0,0,300\nP2,,0,300\n", encoding="utf-8")
+    with pytest.raises(TableError, match=r"targets\.csv row 3, column x_cmd: empty command"):
+        read_table(FIXTURES / "spatial_analyzer.txt", targets=targets)

@@ -1,0 +1,43 @@
+"""Words and numbers of a report: digits, units, names, languages."""
+
+from pathlib import Path
+
+from ptt.show.plots.common import in_micro
+from ptt.show.report.blocks import side_by_side
+from ptt.show.report.numbers import chance, percent, plus_minus
+from ptt.show.report.source import short_names
+
+
+def test_names_are_the_shortest_that_differ() -> None:
+    paths = [Path("/home/a/monday/run.csv"), Path("/home/a/friday/run.csv"), Path("../m.toml"), Path("../m.toml")]
+    assert short_names(paths) == ["monday/run.csv", "friday/run.csv", "m.toml", "m.toml"]
+
+
+def test_numbers_carry_the_digits_that_are_known() -> None:
+    assert plus_minus(0.055166, 0.0013) == "0.0552 ± 0.0013"
+    assert plus_minus(2.7253e-5, 5.1e-6) == "(2.73 ± 0.51) × 10⁻⁵"
+    assert plus_minus(-1234.56, 12.0) == "−1235 ± 12"
+    assert plus_minus(0.25, None) == "0.25"
+    assert (chance(0.0), chance(0.04), chance(3e-7, equals=True)) == ("< 10⁻¹²", "0.04", "= 3 × 10⁻⁷")
+
+
+def test_nearly_all_is_not_all() -> None:
+    assert [percent(share) for share in (0.5, 0.995, 0.99996, 1.0, None)] == [
+        "50 %",
+        "99.5 %",
+        "> 99.9 %",
+        "100 %",
+        "—",
+    ]
+
+
+def test_rows_stand_side_by_side() -> None:
+    rows = [(str(number), "a", "b") for number in range(3)]
+    assert side_by_side(rows) == [("0", "a", "b", "2", "a", "b"), ("1", "a", "b", "", "", "")]
+    assert side_by_side([]) == [] and side_by_side(rows[:2]) == [("0", "a", "b", "1", "a", "b")]
+
+
+def test_units_become_greek_and_names_do_not() -> None:
+    assert in_micro("5 um, urad/N, rms_um, --chord-um, sum") == (
+        "5 \N{MICRO SIGN}m, \N{MICRO SIGN}rad/N, rms_um, --chord-um, sum"
+    )

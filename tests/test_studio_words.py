@@ -1,0 +1,194 @@
+"""Words, units, marks and grids of the studio's pages."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptt.commands.main import run
+from ptt.machine import parse_machine
+from ptt.run.readers import load_mapping
+from ptt.show.card.words import how_sure, in_prose, length, parameter_in_words, prefixed, pretty, spoken
+from ptt.show.studio import jobs
+from ptt.show.studio.card_figures import ruler_words, unknown_figure
+from ptt.show.studio.page import doing
+from ptt.show.studio.page_again import change
+from ptt.show.studio.page_columns import unit_in_words
+from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
+from ptt.show.studio.results import Source
+from ptt.show.studio.seal_table import seal_html, truth_in_words
+from ptt.show.studio.tool_tables import dexterity_html
+from ptt.show.studio.verbs import use
+
+DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
+MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
+RUN = Source("run.csv")
+KEPT = "\N{NO-BREAK SPACE}"
+
+
+def silent(what: str, done: int = 0, of: int = 0) -> None:
+    """Progress that nobody watches."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("parts")
+    for file in DATA.iterdir():
+        shutil.copy(file, place)
+    return place
+
+
+@pytest.fixture
+def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(folder)
+    use(run)
+    return folder
+
+
+def test_columns_are_said_in_a_grid_and_kept(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str)
+    odd = {"x_meas": "A", "y_meas": "B", "z_meas": "C", "x_cmd": "goal 1", "y_cmd": "goal 2", "z_cmd": "goal 3"}
+    metres = frame.rename(columns=odd)
+    for title in ("A", "B", "C"):
+        metres[title] = (metres[title].astype(float) / 1000.0).map("{:.9f}".format)
+    metres.to_csv("odd.csv", index=False)
+    seen = jobs.peek(Source("odd.csv"), silent)
+    assert [c["quantity"] for c in seen["columns"] if c["title"] in "ABC"] == ["", "", ""]
+    assert next(c for c in seen["columns"] if c["title"] == "A")["cells"][0] == metres["A"][0]
+    said = {c["title"]: c["quantity"] or "ignore" for c in seen["columns"]}
+    said |= {new: old for old, new in odd.items()}
+    source = jobs.columns(Source("odd.csv"), said, dict.fromkeys("ABC", "m"), silent)
+    assert load_mapping("columns.toml").units["A"] == "m" and source.options == ("--map", "columns.toml")
+    np.testing.assert_allclose(
+        jobs.look(source, MACHINE, silent).residual, jobs.look(RUN, MACHINE, silent).residual, atol=2e-6
+    )
+
+
+def test_a_unit_has_one_name_in_questions_and_chips():
+    assert [unit_in_words(each) for each in ("mm_min", "um", "c", "row order")] == [
+        "mm/min",
+        "\N{MICRO SIGN}m",
+        "\N{DEGREE SIGN}C",
+        "row order",
+    ]
+
+
+def test_the_marks_of_a_ruler_are_sizes():
+    micro = "\N{MICRO SIGN}m"
+    value = {"size": 40.0, "worth": 0.8, "unit": micro}
+    assert ruler_words(value) == (f"0.5 {micro}", f"5 {micro}", f"usual 50 {micro}", f"500 {micro}", "5 mm")
+    assert ruler_words(value | {"worth": 0.0})[2] == "usual"
+
+
+def test_an_opened_seal_is_said_in_units_with_prefixes():
+    micro = "\N{MICRO SIGN}m"
+    said = truth_in_words({"backlash_mm": [0.04028, 0.0179], "kind": "hose", "stiffness_n_per_mm": 0.5662})
+    assert said == f"backlash 40, 18 {micro}; kind hose; stiffness 0.57 N/mm"
+    assert truth_in_words({"frame_um_per_m_k": 12.84, "slip_time_s": 90.0}) == f"frame 13 {micro}/m/K; slip time 90 s"
+    opened = {
+        "right": False, "left_um": 0.2, "noise_um": {"total": 5.0},
+        "hidden": [{"effect": "backlash", "is": "found", "instead": [], "size_um": 1234.0,
+                    "truth": {"backlash_mm": [-0.04]}, "model": [{"name": "gap_mm 1", "value": -0.04, "std": 1e-4}]}],
+        "named": [{"effect": "windup", "is": "wrong", "parameters": []}],
+        "tool_error_um": {"before": {"x": 1.0, "y": 1.0, "z": 1.0, "total": 1.7}, "after": None},
+    }  # fmt: skip
+    page = seal_html(opened).replace(KEPT, " ")
+    for words in ("1.23 mm", f"\N{MINUS SIGN}40 {micro}", "nothing of the kind", "cannot be followed", "Not right"):
+        assert words in page
+
+
+def test_dexterity_of_both_kinds_of_machine_is_a_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    home = {"q": [0.1], "condition": 21.5}
+    space = {"poses": 9, "condition": {"least": 2.7, "median": 14.0, "largest": 868_894.3}}
+    arm = space | {"most_isotropic_q": [-1.0, 0.5], "singular": [{"joints": [2, 3], "share": 0.22, "q": [0.0, 1.0]}]}
+    page = dexterity_html({"home": home, "workspace": arm}).replace(KEPT, " ")
+    assert "869,000" in page and "singular by joints 2 and 3: 22 % of walks" in page and "57 deg" in page
+    page = dexterity_html({"home": home | {"edge_mm": 200.0}, "workspace": space | {"near_singular_share": 0.1}})
+    page = page.replace(KEPT, " ")
+    assert "200 mm" in page and "10.0 %" in page
+
+
+def test_a_run_that_got_worse_has_a_change_above_zero():
+    assert (change(90.0), change(-60.2)) == (f"\N{MINUS SIGN}90.0{KEPT}%", f"+60.2{KEPT}%")
+
+
+def test_words_have_prefixes_that_a_person_uses():
+    assert [length(value) for value in (0.0, 5.6, 70.94, 1186.0, 2.5e6)] == [
+        f"0{KEPT}\N{MICRO SIGN}m",
+        f"5.60{KEPT}\N{MICRO SIGN}m",
+        f"70.9{KEPT}\N{MICRO SIGN}m",
+        f"1.19{KEPT}mm",
+        f"2.5{KEPT}m",
+    ]
+    assert prefixed([12_000.0, -3.0], "urad") == (1e-3, "mrad") and prefixed([900.0], "um") == (1.0, "\N{MICRO SIGN}m")
+    assert prefixed([5e-4], "um")[1] == "nm" and prefixed([0.0, 8e6], "s")[1] == "days"
+    assert pretty("falls from 7 to 3 um, 2 urad/N m; a sum of um/m/K -> x") == (
+        f"falls from 7 to 3{KEPT}\N{MICRO SIGN}m, 2{KEPT}\N{MICRO SIGN}rad/N{KEPT}m; a sum of \N{MICRO SIGN}m/m/K "
+        "\N{RIGHTWARDS ARROW} x"
+    )
+    assert how_sure(0.999).endswith("(> 99 %)") and how_sure(0.5) == "about even (50 %)"
+    micro, off = "\N{MICRO SIGN}", "\N{PLUS-MINUS SIGN}"
+    assert parameter_in_words("gap_mm 1", 0.040223, 8.1e-5) == ("gap 1", f"40.22{KEPT}{micro}m", f"{off}{KEPT}0.08")
+    assert parameter_in_words("link_per_k", 1.1e-5, 2e-7) == ("link", f"11.00{KEPT}{micro}m/m/K", f"{off}{KEPT}0.20")
+    assert parameter_in_words("period_mm", 5.02, None) == ("period", f"5.02{KEPT}mm", "")
+    assert parameter_in_words("scale 2", 6.2e-5, 1e-6)[1] == f"62.0{KEPT}{micro}m/m"
+    assert doing("x", 3, 12, 6.0) == "x: 3 of 12, 2 s each, 18 s left" and doing("x", 0, 0, 0.5) == "x"
+
+
+def test_a_figure_stays_on_one_line_with_its_unit():
+    for text in ("5.26 um", "201 +- 4 um", "12 %", "1.6 um/m/K", "0.03 um/N", "21.4 \N{DEGREE SIGN}C", "90 s"):
+        assert " " not in pretty(text)
+    for text in ("3 causes found", "2 sliders", "5 more", "1 is", "read 300 rows and 4 months", "10 kinds"):
+        assert pretty(text) == text
+    assert spoken("b3", serial=False) == "height of slider 3" and spoken("q2", serial=True) == "angle of joint 2"
+    assert spoken("direction1", serial=False) == "direction of slider 1" and spoken("time", serial=True) == "time"
+
+
+def test_the_machine_form_writes_files_that_are_read(tmp_path: Path):
+    values = {
+        "base_radius_mm": 210.0,
+        "platform_radius_mm": 95.0,
+        "link_length_mm": 310.0,
+        "least": 100.0,
+        "most": 450.0,
+    }
+    values |= {"screw_lead_mm": None, "platform_mass_kg": 2.0}
+    spec = parse_machine(three_ptt_text('say "hi"', False, values)).machine
+    assert spec.kind == "three-ptt" and (spec.base_radius_mm, spec.sliders, spec.name) == (210.0, "below", "say hi")
+    described = jobs.describe(three_ptt_text("m", True, values), silent)
+    assert described["svg"].startswith("<svg") and "b1 =" in described["words"]
+    for name, (convention, rows) in PRESETS.items():
+        joints = [
+            dict(zip(("a_mm", "alpha_deg", "d_mm", "theta_offset_deg"), map(float, row), strict=True)) for row in rows
+        ]
+        text = arm_text(name, convention, joints)
+        assert len(parse_machine(text).machine.joint) == len(rows)
+        assert len(jobs.describe(text, silent)["chain"]) == len(rows) + 2
+
+
+@pytest.mark.parametrize(
+    ("on", "unit", "across"),
+    [
+        ("speed2", "mm/s", "speed of slider 2 [mm/s]"),
+        ("temperature", "C", "temperature [\N{DEGREE SIGN}C]"),
+        ("time", "s", "time [min]"),
+        ("time", "", "reading number"),
+        ("coolant", "", "coolant"),
+    ],
+)
+def test_the_picture_of_an_unknown_has_the_unit_of_what_it_follows(on, unit, across):
+    at = [0.0, 400.0, 800.0]
+    unknown = {
+        "residual": "slider 1", "on": on, "with": None, "period_mm": None,
+        "curve": {"at": at, "mean_um": [1.0, 2.0, 3.0], "half_width_um": [0.1, 0.1, 0.1]},
+        "points": {"at": at, "um": [1.0, 2.0, 3.0], "unit": unit},
+    }  # fmt: skip
+    assert unknown_figure(unknown, serial=False)["layout"]["xaxis"]["title"]["text"] == across
+
+
+def test_a_variable_of_a_joint_has_an_article_in_prose_and_a_column_of_ones_own_has_none():
+    assert in_prose("b2", False) == "the height of slider 2" and in_prose("q3", True) == "the angle of joint 3"
+    assert in_prose("payload", False) == "payload" and in_prose("flow2", False) == "flow2"
