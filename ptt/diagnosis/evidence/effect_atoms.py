@@ -108,7 +108,9 @@ def effect_atom(
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
     most[group[held]] = LARGEST_HELD
-    alike = len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
+    # Lengths and angles of a link are causes each of its own: one link off in all is no plainer than several in one.
+    one_kind = len({parameter.unit for parameter in effect.parameters if parameter.role == "linear"}) == 1
+    alike = one_kind and len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
     fine = np.isin(np.arange(len(most)), group[detail])
     return Atom(
         key, effect.key, columns, group, most, odds, bounded, effect, shape,
