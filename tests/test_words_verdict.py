@@ -31,7 +31,7 @@ def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings sc
     found = SimpleNamespace(**{**found, "with_": None, "acts_on": None, "unit": "mm", "words": "It is large.", **on})
     return SimpleNamespace(
         verdict=verdict,
-        verdict_probability={verdict: probability},
+        verdict_probability={"unknown": 1.0 - probability, verdict: probability},
         suggested=[(term.effect.key,) for term in terms] or [(f"effect-{number}", *ties) for number in range(steps)],
         model=SimpleNamespace(terms=terms),
         candidates=[candidate(words=f"Words of {number}.") for number in range(steps + 9)],
@@ -158,3 +158,11 @@ def test_repeats_that_scatter_by_far_more_than_is_stated_are_said_to():
     assert "(repeats, 2.5 x what the std columns state). Poses come back that badly, or something differs" in words
     told.noise = replace(told.noise, stated=("machine file", NOISE.total / 1.2))
     assert "state" not in explain_verdict(told)
+
+
+def test_names_that_an_unknown_may_do_as_well_are_said_to_be_that():
+    sure, open_ = (explain_verdict(diagnosis("missing", steps=2, probability=chance)) for chance in (0.95, 0.6))
+    assert "probability" not in sure
+    assert open_.splitlines() == [
+        "With a probability of 40% a part of this is something that no known effect describes.", *sure.splitlines()
+    ]  # fmt: skip

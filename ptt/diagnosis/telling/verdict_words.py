@@ -14,6 +14,7 @@ from ptt.run.noise import SATURATED, VISITED, Noise
 MISSING = "Something is missing that no known effect describes"
 NOTED = 1.5  # times the noise that are worth a word
 EVEN = 0.5  # probability of a verdict that tests of the rest gave, and not the sets of effects
+SURE = 0.9  # probability of a verdict that needs no word on the others: of such statements 95 % and more are right
 LINES = 5  # that anybody reads
 # What an effect's own variable is called among the columns of a run; joints and places vary with too many effects.
 COLUMN = {"payload": "payload", "load": "payload", "link force": "payload", "temperature": "temperature"}
@@ -41,7 +42,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
         varies = " Poses come back that badly, or something differs from visit to visit that no column tells."
         lines = [f"{sound}: the error is {after:.1f} um, {floor}.{varies if beyond else ''}{excess}{_unstated(noise)}"]
     elif result.verdict == "missing":
-        lines = [*_open_below(result), *told, f"With that {fall}{excess}"]
+        lines = [*_open_below(result), *_doubted(result), *told, f"With that {fall}{excess}"]
     else:
         lines = _unknown(result, told, cut_short=steps == len(told))
         lines += [f"With what is named {fall}" if told else f"The error is {after:.1f} um, {floor}."]
@@ -57,6 +58,14 @@ def _open_below(result: Any) -> list[str]:
     if not any(ties) or ties[0]:
         return []
     return [f"What is called {listed([name for name in ties if name])} below could as well be another effect."]
+
+
+def _doubted(result: Any) -> list[str]:
+    """That an unknown may do a part of what is named, where the sets of effects say so."""
+    chance = result.verdict_probability["unknown"]
+    if chance <= 1.0 - SURE:
+        return []
+    return [f"With a probability of {chance:.0%} a part of this is something that no known effect describes."]
 
 
 def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
