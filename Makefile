@@ -34,12 +34,11 @@ lint: $(VENV)/.test-ready
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Each process begins with whole files, so that what their tests share is made once, and takes from the other at the end.
 # Tests of the studio need a Chromium; where none can be had they are skipped and say so.
 test: lint
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 		{ apt-get update -qq; apt-get install -y -qq chromium; } >/dev/null 2>&1; } || true
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS)
 
 # What would take `make test` beyond ten minutes: more machines of kinds that it asks anyway.
 test-long: $(VENV)/.test-ready
