@@ -49,8 +49,10 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """A file whose tests share something costly runs in one process and first; other tests go wherever one is free."""
     from xdist.scheduler import LoadScopeScheduling
 
-    files = {path.name: path.read_text() for path in Path(__file__).parent.glob("test_*.py")}
+    files = {path.name: path.read_text() for path in Path(__file__).parent.glob("*.py") if path.name != "conftest.py"}
     shared = {name for name, text in files.items() if 'scope="module"' in text or "@lru_cache" in text}
+    helpers = [f"\nfrom {Path(name).stem} import " for name in shared if not name.startswith("test_")]
+    shared |= {name for name, text in files.items() if any(helper in text for helper in helpers)}
 
     class BySharing(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:

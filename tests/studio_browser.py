@@ -1,6 +1,5 @@
 """A browser before the studio: its server, what is clicked, and scripts that say what is wrong with a layout."""
 
-import json
 import os
 import re
 import subprocess
@@ -12,11 +11,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from playwright.sync_api import Page, expect
-from typer.testing import CliRunner
 
-from ptt.commands.main import app
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 START = "import sys; from ptt.commands.main import main; sys.argv = ['ptt', *sys.argv[1:]]; main()"
 WAIT = 150_000  # ms: a busy machine may be slow, nothing here measures it
 AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
@@ -121,12 +116,6 @@ def saved(page: Page, button: str, path: Path) -> Path:
         page.get_by_role("button", name=button).click()
     waiting.value.save_as(path)
     return path
-
-
-def verb(*words: object) -> dict:
-    outcome = CliRunner().invoke(app, [*map(str, words), "--json"])
-    assert outcome.exit_code == 0, outcome.stderr
-    return json.loads(outcome.stdout)
 
 
 def settled(page: Page, script: str) -> list[str]:

@@ -1,12 +1,13 @@
 """What the studio draws: solids that are closed, ghosts on the part at fault, arms drawn whole, arrows apart."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+from studio_sample import DATA, MACHINE, RUN, silent
+from studio_sample import folder as folder
+from studio_sample import here_with_verbs as here_with_verbs
 
-from ptt.commands.main import run
 from ptt.machine import load_machine
 from ptt.rig.draw_arm import draw_arm
 from ptt.show.card.ghost import ghosts_of
@@ -17,30 +18,6 @@ from ptt.show.studio.card_figures import ruler_words
 from ptt.show.studio.machine_figure import ROOM, chain_figure
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.results import Source
-from ptt.show.studio.verbs import use
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("parts")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture
-def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(folder)
-    use(run)
-    return folder
 
 
 def test_the_card_of_an_arm_shows_the_joint_at_fault_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

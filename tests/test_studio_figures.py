@@ -2,53 +2,20 @@
 
 import json
 import re
-import shutil
 from dataclasses import replace
 from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
-import pytest
-from test_studio_session import fresh
+from studio_sample import added as added
+from studio_sample import folder as folder
+from studio_sample import fresh
+from studio_sample import look as look
 
 from ptt.show.card.solids import arrows
-from ptt.show.studio import arrow_figure, figures, jobs, ladder_figures, machine_figure
+from ptt.show.studio import arrow_figure, figures, ladder_figures, machine_figure
 from ptt.show.studio.looks import Look
-from ptt.show.studio.results import Changed, Source
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session's folder with the sample in it."""
-    place = tmp_path_factory.mktemp("studio")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture(scope="module")
-def added(folder: Path) -> Changed:
-    """The sample with the effect that was hidden."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return jobs.change(RUN, MACHINE, "add", ("backlash",), silent)
-
-
-@pytest.fixture(scope="module")
-def look(folder: Path) -> Look:
-    """The sample held against its drawing."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return jobs.look(RUN, MACHINE, silent)
+from ptt.show.studio.results import Changed
 
 
 def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed):

@@ -2,12 +2,14 @@
 
 import asyncio
 import runpy
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from studio_sample import DATA, MACHINE, RUN, silent
+from studio_sample import folder as folder
+from studio_sample import here as here
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
@@ -24,30 +26,6 @@ from ptt.show.studio.samples import ARM, sample_files
 from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.server import Opening, keep_opening
 from ptt.show.studio.uploads import RESERVED, keep, safe_name
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session's folder with the sample in it."""
-    place = tmp_path_factory.mktemp("studio")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture
-def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The same as the working folder, as the worker has it."""
-    monkeypatch.chdir(folder)
-    return folder
 
 
 def test_uploads_take_the_place_of_nothing(tmp_path: Path):

@@ -1,7 +1,6 @@
 """Who is let in to the studio, and what a pool of processes does for them."""
 
 import asyncio
-import shutil
 from multiprocessing import active_children
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,9 +9,10 @@ from typing import cast
 import pandas as pd
 import pytest
 from nicegui import Client
-from test_studio_parts import OWNER
+from studio_sample import MACHINE, OWNER, RUN, silent
+from studio_sample import folder as folder
+from studio_sample import here_with_verbs as here_with_verbs
 
-from ptt.commands.main import run
 from ptt.show.studio import jobs
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.guard import COOKIE, Guard, same_origin
@@ -21,30 +21,6 @@ from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
 from ptt.show.studio.session import Session
 from ptt.show.studio.store import SessionStore
-from ptt.show.studio.verbs import use
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("parts")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture
-def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(folder)
-    use(run)
-    return folder
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,6 @@
 """Jobs of the studio against the command line: comparison, addition, diagnosis, compensator, report."""
 
 import io
-import json
-import shutil
 import zipfile
 from dataclasses import replace
 from functools import partial
@@ -15,9 +13,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
-from typer.testing import CliRunner
+from studio_sample import MACHINE, RUN, silent, verb
+from studio_sample import added as added
+from studio_sample import folder as folder
+from studio_sample import here as here
+from studio_sample import look as look
 
-from ptt.commands.main import app
 from ptt.diagnosis.telling.long import WHOLE, choose_diagnosis, diagnose_long
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.opened import Opened
@@ -30,53 +31,6 @@ from ptt.show.report.of_run import report_run
 from ptt.show.studio import jobs, opening
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Source
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-def verb(*words: object) -> dict:
-    """What a verb prints with --json."""
-    outcome = CliRunner().invoke(app, [*map(str, words), "--json"])
-    assert outcome.exit_code == 0, outcome.stderr
-    return json.loads(outcome.stdout)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session's folder with the sample in it."""
-    place = tmp_path_factory.mktemp("studio")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture
-def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The same as the working folder, as the worker has it."""
-    monkeypatch.chdir(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def added(folder: Path) -> Changed:
-    """The sample with the effect that was hidden."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return jobs.change(RUN, MACHINE, "add", ("backlash",), silent)
-
-
-@pytest.fixture(scope="module")
-def look(folder: Path) -> Look:
-    """The sample held against its drawing."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return jobs.look(RUN, MACHINE, silent)
 
 
 def test_comparison_is_the_one_of_the_command_line(here: Path):

@@ -15,7 +15,6 @@ import pandas as pd
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 from studio_browser import (
-    DATA,
     RULES,
     START,
     WAIT,
@@ -26,9 +25,9 @@ from studio_browser import (
     saved,
     settled,
     show,
-    verb,
     wait_for,
 )
+from studio_sample import DATA, verb
 from typer.testing import CliRunner
 
 from ptt.commands.main import app

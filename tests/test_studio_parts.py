@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +11,11 @@ import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
 import pytest
+from studio_sample import DATA, MACHINE, OWNER, RUN, silent
+from studio_sample import folder as folder
+from studio_sample import here_with_verbs as here_with_verbs
 
 from ptt.challenge.challenge import open_challenge
-from ptt.commands.main import run
 from ptt.errors import SetupError
 from ptt.machine import parse_machine
 from ptt.show.card.bar import bar_html, parts_of_bar
@@ -30,31 +31,6 @@ from ptt.show.studio.page_model import ladder_of
 from ptt.show.studio.results import Learned, Source, Trained
 from ptt.show.studio.session import Session
 from ptt.show.studio.store import SessionStore
-from ptt.show.studio.verbs import use
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
-OWNER = "a" * 43
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("parts")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture
-def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(folder)
-    use(run)
-    return folder
 
 
 @pytest.fixture(scope="module")

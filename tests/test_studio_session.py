@@ -2,12 +2,16 @@
 
 import asyncio
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from studio_sample import MACHINE, RUN, fresh, silent
+from studio_sample import added as added
+from studio_sample import folder as folder
+from studio_sample import here as here
+from studio_sample import look as look
 
 from ptt.errors import ModelError
 from ptt.machine import parse_machine
@@ -20,50 +24,6 @@ from ptt.show.studio.page_model import ladder_of, words_of
 from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.session import Session
 from ptt.show.studio.snapshot import Rung, key_of, parameter_rows
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session's folder with the sample in it."""
-    place = tmp_path_factory.mktemp("studio")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture
-def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The same as the working folder, as the worker has it."""
-    monkeypatch.chdir(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def added(folder: Path) -> Changed:
-    """The sample with the effect that was hidden."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return jobs.change(RUN, MACHINE, "add", ("backlash",), silent)
-
-
-@pytest.fixture(scope="module")
-def look(folder: Path) -> Look:
-    """The sample held against its drawing."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        return jobs.look(RUN, MACHINE, silent)
-
-
-def fresh(look: Look | None = None) -> Session:
-    return Session().opened(RUN, MACHINE).remembering(look=look)
 
 
 def test_links_of_the_drawing_have_their_length(look: Look):

@@ -2,47 +2,22 @@
 
 import asyncio
 import errno
-import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from test_studio_parts import OWNER
+from studio_sample import MACHINE, OWNER, RUN, silent
+from studio_sample import folder as folder
+from studio_sample import here_with_verbs as here_with_verbs
 
-from ptt.commands.main import run
 from ptt.errors import InputError
 from ptt.files import cannot_write
 from ptt.show.studio import jobs
 from ptt.show.studio.arrays import pack_look, unpack_look
 from ptt.show.studio.keeping import Keeper
-from ptt.show.studio.results import Source
 from ptt.show.studio.session import Session
 from ptt.show.studio.store import SessionFolder, SessionStore
-from ptt.show.studio.verbs import use
-
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("parts")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture
-def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(folder)
-    use(run)
-    return folder
 
 
 def test_the_newest_state_gets_on_the_disk_and_a_full_disk_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

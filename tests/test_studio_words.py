@@ -1,13 +1,14 @@
 """Words, units, marks and grids of the studio's pages."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from studio_sample import MACHINE, RUN, silent
+from studio_sample import folder as folder
+from studio_sample import here_with_verbs as here_with_verbs
 
-from ptt.commands.main import run
 from ptt.machine import parse_machine
 from ptt.run.readers import load_mapping
 from ptt.show.card.words import how_sure, in_prose, length, parameter_in_words, prefixed, pretty, spoken
@@ -20,31 +21,8 @@ from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
 from ptt.show.studio.results import Source
 from ptt.show.studio.seal_table import seal_html, truth_in_words
 from ptt.show.studio.tool_tables import dexterity_html
-from ptt.show.studio.verbs import use
 
-DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
-RUN = Source("run.csv")
 KEPT = "\N{NO-BREAK SPACE}"
-
-
-def silent(what: str, done: int = 0, of: int = 0) -> None:
-    """Progress that nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("parts")
-    for file in DATA.iterdir():
-        shutil.copy(file, place)
-    return place
-
-
-@pytest.fixture
-def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(folder)
-    use(run)
-    return folder
 
 
 def test_columns_are_said_in_a_grid_and_kept(here: Path):
