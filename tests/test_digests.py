@@ -5,22 +5,15 @@ import re
 from pathlib import Path
 
 import pytest
+from small_files import BARE
 
 from ptt.commands.main import run
 from ptt.files import write_text
 
-MACHINE = """[machine]
-kind = "three-ptt"
-base_radius_mm = 200
-platform_radius_mm = 100
-link_length_mm = 300
-slider_travel_mm = [150, 420]
-"""
-
 
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "machine.toml").write_text(MACHINE)
+    (tmp_path / "machine.toml").write_text(BARE)
     (tmp_path / "targets.csv").write_text("x_cmd,y_cmd,z_cmd\n1,2,3\n4,5,6\n")
     monkeypatch.chdir(tmp_path)
     return tmp_path

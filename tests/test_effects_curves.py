@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import torch
 from scipy.interpolate import CubicSpline
-from test_effects_physics import MACHINE, heights, tensor
+from small_files import BARE
+from test_effects_physics import heights, tensor
 from torch.testing import assert_close
 
 from ptt.effects import library
@@ -86,7 +87,7 @@ to_mm = {{ value = 310.0 }}
 
 
 def test_a_curve_of_an_older_file_is_the_same_curve():
-    model = read_model(parse_machine(f"{MACHINE}\n{OLD_CURVE}", "old.toml"))
+    model = read_model(parse_machine(f"{BARE}\n{OLD_CURVE}", "old.toml"))
     view = build_view(model.file, make_table(None, heights(*np.linspace(245.0, 315.0, 41))))
     knots = np.linspace(-1.0, 1.0, 9)
     shapes = []
@@ -104,4 +105,4 @@ def test_a_curve_of_an_older_file_is_the_same_curve():
 def test_a_curve_of_no_known_form_is_refused():
     text = OLD_CURVE.replace(str(list(OLD_HEIGHTS) * 3), str(list(OLD_HEIGHTS))).replace(str([0.001] * 18), "0.001")
     with pytest.raises(ModelError, match=r"'curve_mm' has 6 values; give one, or 45"):
-        read_model(parse_machine(f"{MACHINE}\n{text}", "old.toml"))
+        read_model(parse_machine(f"{BARE}\n{text}", "old.toml"))

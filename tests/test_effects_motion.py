@@ -7,7 +7,8 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_effects_physics import MACHINE, POSES, heights, tensor
+from small_files import BARE
+from test_effects_physics import POSES, heights, tensor
 from torch.testing import assert_close
 
 from ptt.effects import library
@@ -41,7 +42,7 @@ def test_play_begins_anew_with_each_run(bench):
 @settings(deadline=None, max_examples=40)
 @given(st.lists(st.floats(-0.2, 0.2), min_size=2, max_size=40), st.floats(0.0, 0.3), st.floats(0.05, 3.0), st.data())
 def test_state_handed_on_gives_the_whole_run(steps, gap, length, data):
-    view = build_view(parse_machine(MACHINE), make_table(None, heights(*(280.0 + np.cumsum(steps)))))
+    view = build_view(parse_machine(BARE), make_table(None, heights(*(280.0 + np.cumsum(steps)))))
     cut = data.draw(st.integers(1, len(steps) - 1))
     late = view.of_rows(torch.arange(cut, len(steps)))
     late = replace(late, entries=(leave(view.of_rows(torch.arange(cut)), 0),))

@@ -88,16 +88,6 @@ def test_measured_load_comes_before_virtual_work(bench):
     assert_close(effect.shift(tensor([1e-3, 1e-3, 1e-3]), view), tensor(np.tile([0.01, 0.0, -0.02], (4, 1))))
 
 
-MACHINE = """
-[machine]
-kind = "three-ptt"
-base_radius_mm = 200
-platform_radius_mm = 100
-link_length_mm = 300
-slider_travel_mm = [150, 420]
-"""
-
-
 @pytest.mark.parametrize(("name", "stem"), [("windup", "length"), ("tracker-drift", "settling")])
 def test_constants_are_refined_between_their_neighbours(name, stem):
     view, effect = sample_view("three-ptt"), library()[name]()

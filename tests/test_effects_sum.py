@@ -2,7 +2,8 @@
 
 import pytest
 import torch
-from test_effects_physics import MACHINE, POSES, tensor
+from small_files import BARE
+from test_effects_physics import POSES, tensor
 from torch.testing import assert_close
 
 from ptt.effects import library
@@ -93,6 +94,6 @@ def test_zero_amplitudes_read_nominal(name):
 )
 def test_a_machine_file_with_a_wrong_effect_is_refused(text, said):
     with pytest.raises(ModelError, match=r"\[\[effect\]\]") as caught:
-        read_model(parse_machine(f"{MACHINE}\n{text}", "bad.toml"))
+        read_model(parse_machine(f"{BARE}\n{text}", "bad.toml"))
     assert said in str(caught.value) and "or 1" not in str(caught.value)
     assert str(caught.value).startswith("bad.toml")

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 import torch
 from made_runs import KNOWN, empty_run, hidden_backlash, machine, term
+from small_files import BARE
 from test_fit import fitted
 
 from ptt.errors import MachineError, ModelError, TableError
@@ -81,29 +82,20 @@ def test_a_fixed_parameter_stays_and_a_fit_is_written_and_read_back() -> None:
 
 # --- bad input: one clear line each
 
-TOML = """
-[machine]
-kind = "three-ptt"
-base_radius_mm = 200
-platform_radius_mm = 100
-link_length_mm = 300
-slider_travel_mm = [150, 420]
-"""
-
 
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        (TOML + "screw_led_mm = 5\n", r"m\.toml: unknown key 'screw_led_mm'; did you mean 'screw_lead_mm'"),
-        (TOML.replace("link_length_mm = 300", "link_length_mm = -300"), r"m\.toml key machine\.link_length_mm: .*-300"),
-        (TOML + "sigma_mm = 0.004\n", r"m\.toml: unknown key 'sigma_mm'; it belongs in \[tracker\] or"),
-        (TOML + "gravity = [0, 0, -1]\n", r"unknown key 'gravity'; it belongs in \[machine\] of kind = \"serial\""),
+        (BARE + "screw_led_mm = 5\n", r"m\.toml: unknown key 'screw_led_mm'; did you mean 'screw_lead_mm'"),
+        (BARE.replace("link_length_mm = 300", "link_length_mm = -300"), r"m\.toml key machine\.link_length_mm: .*-300"),
+        (BARE + "sigma_mm = 0.004\n", r"m\.toml: unknown key 'sigma_mm'; it belongs in \[tracker\] or"),
+        (BARE + "gravity = [0, 0, -1]\n", r"unknown key 'gravity'; it belongs in \[machine\] of kind = \"serial\""),
         (
-            TOML + '[[effect]]\nname = "backlash"\ngap_mm = 0.04\n',
+            BARE + '[[effect]]\nname = "backlash"\ngap_mm = 0.04\n',
             r"'gap_mm'; values .* in \[effect\.parameters\]",
         ),
-        (TOML + '[[effect]]\nname = "backlsh"\n', r"m\.toml.*effect 'backlsh' is not known; did you mean 'backlash'"),
-        (TOML + '[[effect]]\nname = "backlash"\n' * 2, r"m\.toml.*effect 'backlash' is in the model already"),
+        (BARE + '[[effect]]\nname = "backlsh"\n', r"m\.toml.*effect 'backlsh' is not known; did you mean 'backlash'"),
+        (BARE + '[[effect]]\nname = "backlash"\n' * 2, r"m\.toml.*effect 'backlash' is in the model already"),
     ],
 )
 def test_a_bad_machine_file_gives_one_clear_line(text: str, line: str) -> None:

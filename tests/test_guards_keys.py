@@ -7,7 +7,8 @@ from pathlib import Path
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
+from small_files import BARE, QUICK
 
 from ptt.correct.training.notes import check_notes
 from ptt.documents import parse_toml
@@ -17,14 +18,6 @@ from ptt.machine import ThreePttSpec, format_machine, parse_machine
 from ptt.model.entries import read_model
 
 ROOT = Path(__file__).resolve().parents[1]
-BARE = """[machine]
-kind = "three-ptt"
-base_radius_mm = 200
-platform_radius_mm = 100
-link_length_mm = 300
-slider_travel_mm = [150, 420]
-"""
-QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 KEYS = [*ThreePttSpec.model_fields, "colour"]

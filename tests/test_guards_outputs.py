@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from test_guards import put
+from small_files import BARE, RUN, put
+from small_files import place as place
 
 import ptt
 from ptt import files
@@ -21,29 +22,6 @@ from ptt.errors import HostError, InputError, WorkspaceError
 from ptt.files import temporary, write_text
 
 ROOT = Path(__file__).resolve().parents[1]
-HEAD = "x_cmd,y_cmd,z_cmd,payload_kg,x_meas,y_meas,z_meas"
-RUN = f"{HEAD}\n1,2,3,0,1.1,2,3\n2,2,3,0,2.1,2,3\n"
-BARE = """[machine]
-kind = "three-ptt"
-base_radius_mm = 200
-platform_radius_mm = 100
-link_length_mm = 300
-slider_travel_mm = [150, 420]
-"""
-
-
-@pytest.fixture
-def place(tmp_path):
-    put(tmp_path, RUN)
-    put(tmp_path, "x_cmd,y_cmd,z_cmd\n40,2,3\n-40,30,9\n", "targets.csv")
-    put(tmp_path, BARE, "machine.toml")
-    put(tmp_path, 'machine = "machine.toml"\n[drive]\nhoming_mm = [0.1, 0, 0]\n', "rig.toml")
-    put(tmp_path, "G21\nG1 X3 F600\n", "part.ngc")
-    put(tmp_path, "years of work", "thesis.tex")
-    (tmp_path / "way.toml").symlink_to("machine.toml")
-    (tmp_path / "way.csv").symlink_to("run.csv")
-    os.link(tmp_path / "machine.toml", tmp_path / "hard.toml")
-    return tmp_path
 
 
 # Every verb with a file for its output, and its inputs.
