@@ -1,53 +1,20 @@
 """A run diagnosed in chunks says what the same run says as a whole."""
 
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from chunked_run import MODEL, ROWS, run_of
+from chunked_run import problem as problem
 
 from ptt.diagnosis.telling.long import STRETCH, diagnose_long
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.fitting.chunks import sample_stretches, take
-from ptt.machine import load_machine
-from ptt.model.model import Model
-from ptt.rig import parse_rig, simulate, write_run
-from ptt.rig.nominal import ideal_machine
-from ptt.rig.targets import make_volume
-from ptt.run.problem import Problem, build_problem
-from ptt.run.reading import read_table
+from ptt.run.problem import Problem
 
-FILE = load_machine("data/sealed_one/machine.toml")
-MODEL = Model(FILE)
-ROWS = 3600
 ROW = 2180  # of what happens at once
-
-
-def run_of(folder: Path, change: Callable[[pd.DataFrame], None] | None = None, **faults: Any) -> Problem:
-    drawing = FILE.machine.model_dump(mode="json", exclude_none=True)
-    conditions = {"dwell_s": 4.0, "room": {"start_c": 20.0, "rise_k": 6.0, "time_constant_s": 8000.0}, "cycles": 4}
-    rig = replace(parse_rig({"machine": drawing, "seed": 4, "conditions": conditions, **faults}), machine=FILE)
-    frame = simulate(rig, make_volume(ideal_machine(rig.spec), ROWS // 4, 3)).frame
-    if change is not None:
-        change(frame)
-    write_run(frame, folder / "run.csv")
-    return build_problem(FILE, read_table(folder / "run.csv"))
-
-
-@pytest.fixture(scope="module")
-def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
-    def spoil(frame: pd.DataFrame) -> None:
-        frame.loc[[777, 2100], "x_meas"] += 2.0
-
-    return run_of(
-        tmp_path_factory.mktemp("run"),
-        spoil,
-        drive={"backlash_mm": [0.04, 0.05, 0.03], "turn_um": [6.0, 5.0, 7.0]},
-        thermal={"growth_um_per_m_k": 11.5, "fixed_end_mm": 450.0},
-    )
 
 
 def test_the_diagnosis_is_that_of_the_whole(problem: Problem) -> None:

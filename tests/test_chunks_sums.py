@@ -4,9 +4,9 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from test_chunks_diagnosis import ROWS, run_of
+from chunked_run import MODEL, ROWS
+from chunked_run import problem as problem
 
 from ptt.diagnosis.evidence.ansatz import Ansatz, open_long_run
 from ptt.diagnosis.evidence.candidates import present_candidates
@@ -25,31 +25,14 @@ from ptt.effects import library
 from ptt.fitting.chunks import cut, numbers, take
 from ptt.fitting.linear import assemble
 from ptt.fitting.solve import fit
-from ptt.machine import load_machine
-from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-FILE = load_machine("data/sealed_one/machine.toml")
-MODEL = Model(FILE)
 BLOCKS = (
     "tool on x and y and z", "slider 2 on b2", "rail 1 on b1", "slider 1 on memory of temperature and b1",
     "slider 3 on direction3 and temperature", "set-up on time", "slider 1 on b1 with period 7",
 )  # fmt: skip
 WANDERING = Memory(Wander(0.5, 60.0))
-
-
-@pytest.fixture(scope="module")
-def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
-    def spoil(frame: pd.DataFrame) -> None:
-        frame.loc[[777, 2100], "x_meas"] += 2.0
-
-    return run_of(
-        tmp_path_factory.mktemp("run"),
-        spoil,
-        drive={"backlash_mm": [0.04, 0.05, 0.03], "turn_um": [6.0, 5.0, 7.0]},
-        thermal={"growth_um_per_m_k": 11.5, "fixed_end_mm": 450.0},
-    )
 
 
 def both(problem: Problem, size: int, memory: Memory) -> tuple[RowSystem, SummedSystem, np.ndarray]:
