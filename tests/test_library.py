@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from library_folder import DATA, ROOT
+from library_folder import here as here
 from matplotlib.figure import Figure
 
 import ptt
@@ -16,9 +18,6 @@ from ptt.commands.main import run as command
 from ptt.effects.registry import classes
 from ptt.errors import InputError, PttError
 
-ROOT = Path(__file__).resolve().parents[1]
-DATA = ROOT / "data"
-SEALED = DATA / "sealed_one"
 VERBS_OF_SECTION_10 = (
     "load", "read", "read_targets", "check", "compare", "diagnose", "add", "remove", "fit", "train", "predict",
     "evaluate", "recheck", "export", "simulate", "effects", "Model", "Run",
@@ -35,15 +34,6 @@ for words in json.load(sys.stdin):
     said.append(json.loads(out.getvalue()))
 print(json.dumps(said))
 """
-
-
-@pytest.fixture(scope="module")
-def here(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("library")
-    pd.read_csv(SEALED / "run.csv", dtype=str, keep_default_na=False, nrows=120).to_csv(folder / "run.csv", index=False)
-    pd.read_csv(SEALED / "targets.csv", dtype=str, nrows=30).to_csv(folder / "targets.csv", index=False)
-    (folder / "machine.toml").write_text((SEALED / "machine.toml").read_text())
-    return folder
 
 
 @pytest.fixture(scope="module")

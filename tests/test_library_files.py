@@ -5,24 +5,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from library_folder import DATA
+from library_folder import here as here
 from matplotlib.figure import Figure
 
 import ptt
 from ptt.commands.main import run as command
 from ptt.errors import InputError, ModelError, SetupError, TableError
-
-ROOT = Path(__file__).resolve().parents[1]
-DATA = ROOT / "data"
-SEALED = DATA / "sealed_one"
-
-
-@pytest.fixture(scope="module")
-def here(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("library")
-    pd.read_csv(SEALED / "run.csv", dtype=str, keep_default_na=False, nrows=120).to_csv(folder / "run.csv", index=False)
-    pd.read_csv(SEALED / "targets.csv", dtype=str, nrows=30).to_csv(folder / "targets.csv", index=False)
-    (folder / "machine.toml").write_text((SEALED / "machine.toml").read_text())
-    return folder
 
 
 def mistaken(frame: pd.DataFrame) -> pd.DataFrame:
