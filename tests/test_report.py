@@ -3,20 +3,19 @@
 import json
 import re
 from base64 import b64decode
-from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
 from made_runs import KNOWN, empty_run, machine, measure, term
+from report_page import Page
+from report_page import minimal as minimal
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.correct.training.compensator import Compensator, load_compensator, save_compensator
 from ptt.correct.training.train import train
 from ptt.diagnosis.search.rest import LIGHT
-from ptt.effects.bench import sample_machine
 from ptt.errors import InputError, ModelError
 from ptt.files import sha256
 from ptt.judge.history import record
@@ -28,45 +27,10 @@ from ptt.run.table import make_table, write_table
 from ptt.run.viewing import build_view
 from ptt.show.report import interactive
 from ptt.show.report.contents import Contents
-from ptt.show.report.gather import gather, with_network
+from ptt.show.report.gather import with_network
 from ptt.show.report.html import render
 from ptt.show.report.numbers import plus_minus
 from ptt.show.report.source import source_of
-
-VOID = {"meta", "img", "br", "link", "hr", "input"}
-
-
-class Page(HTMLParser):
-    """Tags, addresses and words of a page; tags that do not match are noted."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(convert_charrefs=True)
-        self.open: list[str] = []
-        self.tags: list[str] = []
-        self.addresses: list[str] = []
-        self.faults: list[str] = []
-        self.words: list[str] = []
-        self.feed(text)
-        self.close()
-        self.faults += [f"<{tag}> not closed" for tag in self.open]
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag)
-        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data", "action")]
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        if not self.open or self.open.pop() != tag:
-            self.faults.append(f"</{tag}> closes something else")
-
-    def handle_data(self, data: str) -> None:
-        if not self.open or self.open[-1] not in ("script", "style"):
-            self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return " ".join(" ".join(self.words).split())
 
 
 def invoke(*args: object) -> object:
@@ -116,15 +80,6 @@ def told(folder: Path) -> tuple[dict, str]:
         out,
     )
     return data, out.read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def minimal() -> Contents:
-    """A bare drawing, nothing that tells the noise, no history, and no file."""
-    file = replace(sample_machine("three-ptt"), tracker=sample_machine("three-ptt").tracker)
-    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": None}))
-    table = measure(make_table(empty_run(10).target), file, [])
-    return gather(table, file)
 
 
 def test_a_later_run_stands_beside_the_first(folder: Path, told: tuple[dict, str]) -> None:

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_runs import empty_run, measure
-from test_report import Page
+from report_page import Page
+from report_page import minimal as minimal
 
 from ptt.effects import library
 from ptt.effects.bench import sample_machine
@@ -23,15 +23,6 @@ from ptt.show.report.source import MadeOf
 from ptt.show.report.words import words_of
 
 HOSTILE = "<script>alert('x')</script>\"><img src=http://evil.example/x>"
-
-
-@pytest.fixture(scope="module")
-def minimal() -> Contents:
-    """A bare drawing, nothing that tells the noise, no history, and no file."""
-    file = replace(sample_machine("three-ptt"), tracker=sample_machine("three-ptt").tracker)
-    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": None}))
-    table = measure(make_table(empty_run(10).target), file, [])
-    return gather(table, file)
 
 
 @pytest.fixture(scope="module")
