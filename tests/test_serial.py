@@ -1,5 +1,4 @@
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,6 +6,8 @@ import torch
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from serial_arms import MACHINES, close, elementary, generator, planar, preset, some_errors, some_joints
+from serial_arms import arm as arm
 
 from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
@@ -18,51 +19,11 @@ from ptt.mechanisms.rotations import (
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_inverse import spread
 
-MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
 # torch itself still scripts its forward-mode formulas on first use
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
-PRESETS = ("kuka_iiwa", "assembly_robot", "ur10")
-
-
-def preset(name: str) -> Serial:
-    return Serial.from_spec(load_machine(MACHINES / f"{name}.toml").machine)
-
-
-@pytest.fixture(params=PRESETS)
-def arm(request) -> Serial:
-    return preset(request.param)
-
-
-def some_joints(arm: Serial, n: int, seed: int = 0) -> torch.Tensor:
-    low, high = arm.limits().clamp(-2 * torch.pi, 2 * torch.pi)
-    return low + (high - low) * torch.rand(n, arm.joints, dtype=torch.float64, generator=generator(seed))
-
-
-def some_errors(arm: Serial, n: int, seed: int = 1, size: float = 0.01) -> torch.Tensor:
-    return size * torch.randn(n, len(arm.slots), dtype=torch.float64, generator=generator(seed))
-
-
-def generator(seed: int) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
-
-
-def close(actual, expected, tolerance: float) -> None:
-    actual, expected = (torch.as_tensor(value, dtype=torch.float64) for value in (actual, expected))
-    torch.testing.assert_close(actual, expected, rtol=0.0, atol=tolerance)
 
 
 # --- an independent chain: 4x4 matrices from axis-angle exponentials, one pose at a time
-
-
-def elementary(kind: str, axis: int, value: float) -> np.ndarray:
-    matrix = np.eye(4)
-    if kind == "shift":
-        matrix[axis, 3] = value
-        return matrix
-    u, v = (axis + 1) % 3, (axis + 2) % 3
-    matrix[u, u] = matrix[v, v] = math.cos(value)
-    matrix[v, u], matrix[u, v] = math.sin(value), -math.sin(value)
-    return matrix
 
 
 def reference_pose(arm: Serial, q, errors=None) -> np.ndarray:
@@ -178,13 +139,6 @@ def test_where_axes_are_parallel_dd_repeats_its_neighbour_and_dbeta_is_new(conve
     rest = jacobian[..., others].movedim(-1, 0).flatten(1).T
     fit = torch.linalg.lstsq(rest, beta[:, None], driver="gelsd").solution
     assert float(torch.linalg.vector_norm(rest @ fit - beta[:, None])) > 0.05 * float(torch.linalg.vector_norm(beta))
-
-
-def planar(lengths: tuple[float, ...], convention: str = "standard") -> Serial:
-    k = len(lengths)
-    a, tool = (lengths, 0.0) if convention == "standard" else ((0.0, *lengths[:-1]), lengths[-1])
-    zero = (0.0,) * k
-    return Serial("planar", convention, a, zero, zero, zero, (tool, 0.0, 0.0), ((-math.inf, math.inf),) * k)
 
 
 def test_both_conventions_describe_the_same_planar_arm():

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 import torch
-from test_serial import close, planar, preset, some_joints
+from serial_arms import PRESETS, close, planar, preset, some_joints
+from serial_arms import arm as arm
 
 from ptt.mechanisms.dexterity import condition_number, manipulability
 from ptt.mechanisms.dexterity_serial import (
@@ -13,17 +14,10 @@ from ptt.mechanisms.dexterity_serial import (
     nearest_singular,
     scaled_jacobian,
 )
-from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_inverse import spread
 
 # torch itself still scripts its forward-mode formulas on first use
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
-PRESETS = ("kuka_iiwa", "assembly_robot", "ur10")
-
-
-@pytest.fixture(params=PRESETS)
-def arm(request) -> Serial:
-    return preset(request.param)
 
 
 def iiwa_at(**degrees: float) -> torch.Tensor:

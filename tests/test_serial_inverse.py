@@ -4,7 +4,8 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_serial import close, elementary, generator, planar, preset, some_errors, some_joints
+from serial_arms import PRESETS, close, elementary, generator, planar, preset, some_errors, some_joints
+from serial_arms import arm as arm
 
 from ptt.mechanisms.dexterity import condition_number, manipulability
 from ptt.mechanisms.dexterity_serial import (
@@ -15,12 +16,6 @@ from ptt.mechanisms.serial_inverse import middle, solve_inverse
 
 # torch itself still scripts its forward-mode formulas on first use
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
-PRESETS = ("kuka_iiwa", "assembly_robot", "ur10")
-
-
-@pytest.fixture(params=PRESETS)
-def arm(request) -> Serial:
-    return preset(request.param)
 
 
 @pytest.mark.parametrize("with_rotation", [False, True])

@@ -1,17 +1,10 @@
 import pytest
 import torch
-from test_serial import close, preset, some_errors, some_joints
-
-from ptt.mechanisms.serial import Serial
+from serial_arms import arm as arm
+from serial_arms import close, some_errors, some_joints
 
 # torch itself still scripts its forward-mode formulas on first use
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
-PRESETS = ("kuka_iiwa", "assembly_robot", "ur10")
-
-
-@pytest.fixture(params=PRESETS)
-def arm(request) -> Serial:
-    return preset(request.param)
 
 
 def test_joint_jacobian_matches_autograd(arm):
