@@ -1,10 +1,10 @@
 """Exports of tracker and robot software: each format read, ambiguity asked, answers saved and reused."""
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from asking import FIXTURES, never, say
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ptt.errors import TableError
@@ -12,7 +12,6 @@ from ptt.run.readers import Request, read_any
 from ptt.run.readers.mapping import Ask
 from ptt.run.reading import read_table
 
-FIXTURES = Path(__file__).parent / "fixtures"
 UR10 = Path(__file__).resolve().parents[1].parent / "shared" / "data" / "ur10_ipa"
 SERIES = {
     "A": ("Series_A/measurements_grid.csv", 11911),
@@ -20,14 +19,6 @@ SERIES = {
     "C": ("Series_C/measurements_random_poses.csv", 2773),
     "D": ("Series_D/measurements_iso_cubes.csv", 632),
 }
-
-
-def say(answer: str) -> Callable[[str, Sequence[str]], str]:
-    return lambda question, choices: answer
-
-
-def never(question: str, choices: Sequence[str]) -> str:
-    raise AssertionError(f"asked: {question}")
 
 
 def test_spatial_analyzer_with_targets() -> None:

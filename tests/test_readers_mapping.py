@@ -1,26 +1,16 @@
 """What a file leaves open is asked once: answers are saved, read again and refused where they say nothing."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
+from asking import FIXTURES, never, say
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ptt.errors import TableError
 from ptt.run.readers import Mapping, Request, load_mapping, read_any, save_mapping
 from ptt.run.reading import read_table
-
-FIXTURES = Path(__file__).parent / "fixtures"
-
-
-def say(answer: str) -> Callable[[str, Sequence[str]], str]:
-    return lambda question, choices: answer
-
-
-def never(question: str, choices: Sequence[str]) -> str:
-    raise AssertionError(f"asked: {question}")
-
 
 AMBIGUOUS = {
     "thousands": (

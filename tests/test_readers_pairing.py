@@ -5,15 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from asking import FIXTURES, never
 from numpy.testing import assert_allclose, assert_array_equal
-from test_readers import never
 
 from ptt.errors import TableError
 from ptt.run.readers import Mapping
 from ptt.run.readers.mapping import Ask
 from ptt.run.reading import read_table
-
-FIXTURES = Path(__file__).parent / "fixtures"
 
 
 def say(answer: str) -> Callable[[str, Sequence[str]], str]:

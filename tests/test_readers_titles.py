@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from asking import never
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
-from test_readers import never
 
 from ptt.run.readers.columns import UNITS, Meaning, canonical, dimension_of, file_title, to_standard
 from ptt.run.readers.separators import find_decimal, find_delimiter
