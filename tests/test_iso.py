@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from iso_command import app as app
 from typer.testing import CliRunner
 
 from ptt.errors import TableError
@@ -144,15 +144,6 @@ def test_frames_per_run_are_aligned_run_by_run():
 def test_a_run_without_targets_is_refused():
     with pytest.raises(TableError, match="no targets"):
         iso_of_poses(make_table(None, command=np.ones((4, 3)), measured=np.ones((4, 3))))
-
-
-@pytest.fixture
-def app():
-    from ptt.commands.iso import iso
-
-    app = typer.Typer()
-    app.command()(iso)
-    return app
 
 
 def test_command_on_a_tracker_run(app, tmp_path):

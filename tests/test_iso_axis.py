@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from iso_command import app as app
 from typer.testing import CliRunner
 
 from ptt.errors import TableError
@@ -156,15 +156,6 @@ def test_bad_axis_files_are_one_clear_line(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(TableError, match=message):
         read_axis_figures(path)
-
-
-@pytest.fixture
-def app():
-    from ptt.commands.iso import iso
-
-    app = typer.Typer()
-    app.command()(iso)
-    return app
 
 
 def test_command_on_axis_runs(app, tmp_path):
