@@ -21,7 +21,8 @@ class ToolError:
     """Where the tool really went against where it was wanted, without noise, after what the set-up may hold.
 
     That is the best rigid motion, one for each run where the machine file sets the tracker up anew each time, none
-    where it trusts the tracker's frame; and of an arm whose reflector's mount is fitted a shift that stays with it.
+    where base reflectors or trust hold the tracker's frame; and of an arm whose reflector's mount is fitted a shift
+    that stays with it.
 
     Attributes:
         before: (n, 3) mm, with the controller's own commands.
@@ -59,18 +60,18 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     before = simulate(drawn.rig, drawn.targets, noise=False)
     poses = before.frame["role"] != "base"
     wanted = table_of(before.frame[poses])
-    read, missed = before.frame[READINGS].notna().all(axis=1)[poses].to_numpy(), None
-    sigma = None
+    read, missed, sigma = before.frame[READINGS].notna().all(axis=1)[poses].to_numpy(), None, None
+    mount = mount_columns(drawn)
     try:
         commands = compensate(model, wanted, correction=correction)
         if not commands.sent.all():
-            return ToolError(_error(before, drawn, read), None)
+            return ToolError(_error(before, drawn, read, mount), None)
         missed, sigma = commands.missed[read], commands.sigma[read]
         sent = pd.DataFrame(commands.q, columns=drawn.rig.sent)
-        after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn, read)
+        after = _error(simulate(drawn.rig, drawn.targets, sliders=sent, noise=False), drawn, read, mount)
     except WorkspaceError:
         after = None
-    return ToolError(_error(before, drawn, read), after, missed, sigma)
+    return ToolError(_error(before, drawn, read, mount), after, missed, sigma)
 
 
 def as_left(rig: Rig) -> Rig:
@@ -106,15 +107,14 @@ def to_run_again(rig: Rig) -> Rig:
     return replace(left, conditions=conditions, tracker=left.tracker.model_copy(update={"datum_every": 0}))
 
 
-def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray) -> np.ndarray:
+def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray, mount: np.ndarray | None) -> np.ndarray:
     poses = np.flatnonzero(run.frame["role"] != "base")[read]
     wanted, went = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)[poses], run.truth[poses]
-    mount = mount_columns(drawn)
     if mount is not None:
         label = run.frame["run"].to_numpy()[poses]
         return off_set_up(drawn.rig, went - wanted, wanted, label, in_base_frame(drawn.rig, mount[poses]))
     policy = drawn.rig.machine.tracker.frame
-    if policy == "trusted":
+    if policy in ("trusted", "measured"):
         return went - wanted
     label = run.frame["run"].to_numpy()[poses] if policy == "fitted-per-run" else np.zeros(len(went))
     error = np.empty_like(went)

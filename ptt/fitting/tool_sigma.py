@@ -22,10 +22,11 @@ STEEP = 5.0  # slope of a bow at its end, in heights of the bow a length of the 
 def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
     """What a fit leaves uncertain of where the tool is, as the tracker's frame would show it.
 
-    Parameters and frame together: what is common to all readings moves with the frame, and no command mends it. So do
-    sizes of the drawing that the model does not have, which its values make good for where the run went and not
-    elsewhere. Beyond the heights that told a curve it is held, and how it goes on there is uncertain as well; nearer to
-    a reversal than any reading, so is how play is taken up.
+    Parameters and frame together: what is common to all readings moves with the frame, and no command mends it (beside
+    base reflectors, whose frames were held, it is of the tool in the base frame). So do sizes of the drawing that the
+    model does not have, which its values make good for where the run went and not elsewhere. Beyond
+    the heights that told a curve it is held, and how it goes on there is uncertain as well; nearer to a reversal than any
+    reading, so is how play is taken up.
 
     Args:
         kept: the covariance.

@@ -52,7 +52,7 @@ class Atom:
             where any may be.
         turned: from its columns to its values; None where each column is one.
         joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
-            and where joints are few.
+            where they are of several units, and where joints are few.
         leg: whose values each learned variance is of, (g,) int; None where not all are of one joint each, or there is
             but one, and where joints are few.
         fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.

@@ -206,7 +206,7 @@ def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
 
 
 def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]:
-    """Probabilities of the sets; where a test of the rest overrules them, the verdict has at least an even chance."""
+    """Probabilities of the sets; a verdict of the best one, or of tests of the rest, has at least an even chance."""
     found = dict(chances.verdict)
     if max(found, key=lambda name: found[name]) != verdict:
         share = 0.5 / max(1.0 - found[verdict], 1e-12)

@@ -71,7 +71,7 @@ def build_page(studio: Studio, view: str) -> None:
     shown()
     ui.keyboard(on_key=lambda event: _pressed(studio, event), ignore=["input", "textarea"])
     ui.run_javascript(BACK)
-    ui.on("view", lambda event: studio.go(next((n for n in VIEWS if n.lower() == event.args), "Load")))
+    ui.on("view", lambda event: tabs.set_value(next((n for n in VIEWS if n.lower() == event.args), "Load")))
 
 
 def address_of(studio: Studio, view: str) -> str:
