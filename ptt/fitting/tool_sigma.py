@@ -24,8 +24,8 @@ def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
 
     Parameters and frame together: what is common to all readings moves with the frame, and no command mends it (beside
     base reflectors, whose frames were held, it is of the tool in the base frame). So do sizes of the drawing that the
-    model does not have, which its values make good for where the run went and not elsewhere. Beyond
-    the heights that told a curve it is held, and how it goes on there is uncertain as well; nearer to a reversal than any
+    model does not have, which its values make good for where the run went and not elsewhere. Beyond the
+    heights that told a curve it is held, and how it goes on there is uncertain as well; nearer to a reversal than any
     reading, so is how play is taken up.
 
     Args:
