@@ -200,7 +200,8 @@ def _true_value(same: Mapping[str, tuple[str, float]], name: str, number: str, t
 def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | None) -> dict[str, Any]:
     """What commands of the model do on the rig, without noise: times the noise, and over what was said of them.
 
-    `rosy` is over the held-out error that the diagnosis prints, `unforeseen` over that and `sigma_um` of the commands.
+    `rosy` is over the held-out error that the diagnosis prints, `unforeseen` over that and `sigma_um` of the commands,
+    which beside base reflectors is of the base frame while the error is not.
     """
     noise = MICRO * truth.noise.total
     measured = remeasure(model, drawn)

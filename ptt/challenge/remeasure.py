@@ -21,8 +21,8 @@ class ToolError:
     """Where the tool really went against where it was wanted, without noise, after what the set-up may hold.
 
     That is the best rigid motion, one for each run where the machine file sets the tracker up anew each time, none
-    where base reflectors or trust hold the tracker's frame; and of an arm whose reflector's mount is fitted a shift
-    that stays with it.
+    where it trusts the tracker's frame; and of an arm whose reflector's mount is fitted a shift that stays with it.
+    Beside base reflectors too, for a diagnosis frees a frame that these hold, and its held-out error is of that.
 
     Attributes:
         before: (n, 3) mm, with the controller's own commands.
@@ -110,11 +110,13 @@ def to_run_again(rig: Rig) -> Rig:
 def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray, mount: np.ndarray | None) -> np.ndarray:
     poses = np.flatnonzero(run.frame["role"] != "base")[read]
     wanted, went = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)[poses], run.truth[poses]
+    machine, policy = drawn.rig.machine, drawn.rig.machine.tracker.frame
     if mount is not None:
         label = run.frame["run"].to_numpy()[poses]
-        return off_set_up(drawn.rig, went - wanted, wanted, label, in_base_frame(drawn.rig, mount[poses]))
-    policy = drawn.rig.machine.tracker.frame
-    if policy in ("trusted", "measured"):
+        frame = "fitted" if policy == "measured" else policy
+        rig = replace(drawn.rig, machine=replace(machine, tracker=machine.tracker.model_copy(update={"frame": frame})))
+        return off_set_up(rig, went - wanted, wanted, label, in_base_frame(rig, mount[poses]))
+    if policy == "trusted":
         return went - wanted
     label = run.frame["run"].to_numpy()[poses] if policy == "fitted-per-run" else np.zeros(len(went))
     error = np.empty_like(went)
