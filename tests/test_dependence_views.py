@@ -4,29 +4,16 @@ import numpy as np
 import pytest
 from test_dependence import Bench
 
+from ptt.challenge.challenge import bench as bench_machine
 from ptt.dependence.contexts import context_views, joint_residual, level, residual_views
 from ptt.dependence.following import dependence_of
 from ptt.dependence.parts import by_level, part_of
 from ptt.dependence.where import where_it_fails, worst_region
-from ptt.machine import parse_machine
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
 SIGMA = 0.005
-MACHINE = """
-[machine]
-kind = "three-ptt"
-name = "bench"
-base_radius_mm = 200.0
-platform_radius_mm = 100.0
-link_length_mm = 300.0
-slider_azimuth_deg = [0.0, 120.0, 240.0]
-slider_travel_mm = [150.0, 420.0]
-screw_lead_mm = 5.0
-[tracker]
-frame = "fitted"
-"""
 
 
 def _problem(seed: int = 0):
@@ -35,7 +22,7 @@ def _problem(seed: int = 0):
     error = bench.tool(0.03 * (bench.height > [1e9, 275.0, 1e9])) + SIGMA * random.normal(size=bench.place.shape)
     payload = np.repeat([0.0, 2.0], 100)
     table = make_table(bench.place, measured=bench.place + error, payload_kg=payload, time_s=bench.time)
-    problem = build_problem(parse_machine(MACHINE), table)
+    problem = build_problem(bench_machine(), table)
     return problem, problem.measured - problem.view.p.numpy(), bench
 
 

@@ -246,7 +246,10 @@ def test_a_whole_case() -> None:
     row = serial_sweep.run_arm(Case(1, "single", "volume", ("backlash",), "white", rows=90, arm=True))
     assert "error" not in row, row
     assert row["verdict"] in ("missing", "nothing-missing", "unknown") and set(row["hidden"]) == {"backlash"}
-    assert not row["named"] or row["tool"]["after"] < row["tool"]["before"]
+    assert row["named"] and "backlash" in row["named"][0], row["named"]
+    tool = row["tool"]
+    assert tool["after"] < tool["before"]
+    assert 0.0 < tool["unforeseen"] < tool["rosy"]  # commands of a fit that was kept say how sure they are
 
 
 @pytest.mark.parametrize("policy", ["trusted", "fitted", "measured"])

@@ -68,12 +68,24 @@ class Posterior:
         Args:
             some: (m,) which.
         """
-        factor, values = factor_of(self.inverse_of(some), 0.0), self.values[some]
-        sure = lapack.dpotrs(factor, values, lower=1)[0]
-        width = 0.5 * float(np.log(self.prior[some]).sum()) - float(np.log(factor.diagonal()).sum())
-        return width - 0.5 * float(values @ sure) / self.phi
+        return nats_of_zero(self.values[some], self.inverse_of(some), self.prior[some], self.phi)
 
     @property
     def covariance(self) -> np.ndarray:
         """Of the unknowns given the scales, (P, P)."""
         return self.phi * self.inverse
+
+
+def nats_of_zero(values: np.ndarray, inverse: np.ndarray, prior: np.ndarray, phi: float) -> float:
+    """Log of what some unknowns are believed to be at zero after the data over what they were before.
+
+    Args:
+        values: posterior means, (m,).
+        inverse: their covariance in units of `phi`, (m, m).
+        prior: variance of each before the data, in units of `phi`, (m,).
+        phi: white variance.
+    """
+    factor = factor_of(inverse, 0.0)
+    along = lapack.dtrtrs(factor, values, lower=1)[0]
+    width = 0.5 * float(np.log(prior).sum()) - float(np.log(factor.diagonal()).sum())
+    return width - 0.5 * float(along @ along) / phi

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from math import comb, log
 
 import numpy as np
-from scipy.linalg import lapack
 
-from ptt.fitting.factor import factor_of
+from ptt.fitting.posterior import nats_of_zero
 
 
 @dataclass(frozen=True)
@@ -76,13 +75,7 @@ def _nats_of_zeros(
         own = np.concatenate(owned)
         variance = inverse[own, own]
         return np.asarray(0.5 * (np.log(prior[own] / variance) - values[own] ** 2 / (variance * phi)))
-    nats = np.zeros(len(owned))
-    for number, own in enumerate(owned):
-        factor = factor_of(inverse[np.ix_(own, own)], 0.0)
-        along = lapack.dtrtrs(factor, values[own], lower=1)[0]
-        nats[number] = 0.5 * float(np.log(prior[own]).sum()) - float(np.log(factor.diagonal()).sum())
-        nats[number] -= 0.5 * float(along @ along) / phi
-    return nats
+    return np.array([nats_of_zero(values[own], inverse[np.ix_(own, own)], prior[own], phi) for own in owned])
 
 
 def _solved(matrix: np.ndarray, side: np.ndarray) -> np.ndarray:

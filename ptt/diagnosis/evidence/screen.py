@@ -20,6 +20,7 @@ from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import Memory, run_of
 from ptt.fitting.evidence import WIDTH, learn
+from ptt.fitting.factor import inverse
 from ptt.fitting.posterior import Posterior
 
 RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screened
@@ -165,8 +166,8 @@ class Screen:
             side: (w,).
         """
         prior = np.full(len(gram), float(self.gains[atom.key].scales[0]))
-        inverse = np.linalg.inv(gram + np.diag(1.0 / prior))
-        idle = idle_joints(joint, inverse @ side, inverse, prior, self.basis.posterior.phi)
+        spread = inverse(gram + np.diag(1.0 / prior))
+        idle = idle_joints(joint, spread @ side, spread, prior, self.basis.posterior.phi)
         if idle is not None:
             few = gram[np.ix_(~idle.columns, ~idle.columns)][None], side[~idle.columns][None]
             nats = self._noise_gain(*_at_ratios(*few))[0] - USUAL - idle.odds - atom.odds
