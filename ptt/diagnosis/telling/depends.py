@@ -14,7 +14,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.telling.sizes import points_of, size_of_unknown
-from ptt.diagnosis.telling.unknowns import Unknown
+from ptt.diagnosis.telling.unknowns import Unknown, Unnamed
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
@@ -44,31 +44,19 @@ def with_suspect(scorer: Scorer, state: State) -> State:
     return more if more.total > plain.total else state
 
 
-def rest_of(scorer: Scorer, state: State, problem: Problem) -> np.ndarray:
-    """What the frame and the named effects leave of the readings, blocks not taken off, (n, 3) mm; NaN elsewhere."""
-    system = scorer.system
-    named = np.ones(len(state.columns), dtype=bool)
-    for key in state.keys:
-        if system.atoms[key].block is not None:
-            named[state.of(key)] = False
-    left = system.left(state.columns[named], state.posterior.values[named])
-    return system.everywhere(left, problem.table.rows)
-
-
-def dependences(unknowns: tuple[Unknown, ...], rest: np.ndarray, problem: Problem) -> tuple[Dependence, ...]:
+def dependences(unnamed: Unnamed, problem: Problem) -> tuple[Dependence, ...]:
     """Each block as a dependence of one residual on one variable.
 
     Args:
-        unknowns: the blocks.
-        rest: what the named effects leave, (n, 3) mm, NaN on rows that do not count.
+        unnamed: what the named effects leave, and the blocks.
         problem: n rows.
 
     Returns:
         At most five, those with the largest share first.
     """
     contexts, found = path_views(problem), list[Dependence]()
-    for item in unknowns:
-        one = _dependence(item, unknowns, rest, contexts, problem)
+    for item in unnamed.unknowns:
+        one = _dependence(item, unnamed.unknowns, unnamed.left, contexts, problem)
         if one is not None and not any(one.residual == o.residual and one.on == o.on for o in found):
             found.append(one)
     return tuple(found[:MOST_LINES])

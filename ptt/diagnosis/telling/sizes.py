@@ -9,11 +9,10 @@ from ptt.dependence.contexts import COORDINATES, path_views, residual_views, uni
 from ptt.dependence.curves import bins_of
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side
-from ptt.diagnosis.telling.unknowns import Unknown
+from ptt.diagnosis.telling.unknowns import LARGER, Unknown
 from ptt.diagnosis.unknown.blocks import SIZE, Block
 from ptt.run.problem import Problem
 
-LARGER = 1.5  # times all that is left: a block that puts more into the readings has another that takes it back
 Contexts = dict[str, np.ndarray]
 
 
@@ -38,11 +37,12 @@ def size_of_unknown(
     rows = np.isfinite(rest).all(axis=1) & np.isfinite(contexts[found.on])
     part = np.sum([one.part for one in alike], axis=0)[rows]
     rms = float(np.sqrt(np.square(part).sum(axis=1).mean()))
-    if rms > LARGER * float(np.sqrt(np.square(rest[rows]).sum(axis=1).mean())):
+    amounts = item.amounts
+    if amounts is None or rms > LARGER * float(np.sqrt(np.square(rest[rows]).sum(axis=1).mean())):
         return sized((replace(found, acts_on=None),), rest, problem)[0].size
     moves = np.concatenate([_moves(one.block, found, problem)[rows] for one in alike], axis=1)
     own = np.concatenate([one.own for one in alike])
-    values, spread = item.amounts.values[own], item.amounts.spread[np.ix_(own, own)]
+    values, spread = amounts.values[own], amounts.spread[np.ix_(own, own)]
 
     def estimate(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ways = weights @ moves

@@ -26,14 +26,14 @@ from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.search.smooth_way import on_smooth_way
 from ptt.diagnosis.telling.aside import against_gross
-from ptt.diagnosis.telling.depends import MOST_LINES, dependences, rest_of, with_suspect
+from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates
 from ptt.diagnosis.telling.given import as_free_as, taken_up
 from ptt.diagnosis.telling.other_setups import other_setups
 from ptt.diagnosis.telling.said import Said, said_of
 from ptt.diagnosis.telling.sizes import sized
-from ptt.diagnosis.telling.unknowns import Unknown, unknowns_of
+from ptt.diagnosis.telling.unknowns import Unnamed, unnamed_of
 from ptt.diagnosis.telling.verdict_words import explain_verdict
 from ptt.effects import Library
 from ptt.fitting.beside_unnamed import beside_unnamed
@@ -127,9 +127,8 @@ def conclude(
     rest = _objected(rest, found, said, problem, rms_um["after"]["total"] / MICRO)
     noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
     verdict = _verdict(found, bool(named), rest)
-    left = rest_of(scorer, state, problem)[rows]
-    unknowns = unknowns_of(scorer, state, left)
-    depends = _depends_on(found, said, unknowns, left, rest, shown, problem, seed) if verdict == "unknown" else ()
+    unnamed = unnamed_of(scorer, state, problem, rows)
+    depends = _depends_on(found, said, unnamed, rest, shown, problem, seed) if verdict == "unknown" else ()
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
@@ -174,11 +173,10 @@ def _objected(rest: Rest, found: Found, said: Said, problem: Problem, error: flo
 
 
 def _depends_on(
-    found: Found, said: Said, unknowns: tuple[Unknown, ...], left: np.ndarray, rest: Rest, shown: Problem,
-    problem: Problem, seed: int,
+    found: Found, said: Said, unnamed: Unnamed, rest: Rest, shown: Problem, problem: Problem, seed: int
 ) -> tuple[Dependence, ...]:  # fmt: skip
     """What the unknown follows: its blocks, what a memory of the noise has taken, what tests say, or a suspect."""
-    depends, scorer, state = dependences(unknowns, left, shown), found.scorer, found.state
+    depends, left, scorer, state = dependences(unnamed, shown), unnamed.left, found.scorer, found.state
     if not depends and wanders_beyond(found.system, state):  # what the memory took tells what it is
         found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)
         depends = sized(found_in[:MOST_LINES], left, shown)
@@ -188,8 +186,8 @@ def _depends_on(
     backward = [key for key in state.keys if found.system.atoms[key].name in said.backward]
     gone = without(state, *said.told.unproven, *backward)
     suspect = with_suspect(scorer, scorer.score(gone, state.memory, state.scales))
-    left = rest_of(scorer, suspect, problem)[slice(None) if found.sample is None else numbers(found.sample)]
-    return dependences(unknowns_of(scorer, suspect, left), left, shown)
+    rows = slice(None) if found.sample is None else numbers(found.sample)
+    return dependences(unnamed_of(scorer, suspect, problem, rows), shown)
 
 
 def _slow(found: Found, problem: Problem) -> Slow | None:

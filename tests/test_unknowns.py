@@ -1,0 +1,53 @@
+"""The blocks of an explanation: what each is said to be, also where names take back what it puts in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ptt.challenge.challenge import bench as bench_machine
+from ptt.challenge.hide import hide_faults
+from ptt.challenge.truth import table_of
+from ptt.diagnosis.search.find import find
+from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.telling.depends import dependences
+from ptt.diagnosis.telling.unknowns import unnamed_of
+from ptt.effects import library
+from ptt.model.model import Model
+from ptt.rig.draw import draw_rig
+from ptt.rig.simulate import simulate
+from ptt.run.problem import Problem, build_problem
+
+EVERY = slice(None)
+
+
+@pytest.fixture(scope="module")
+def odd() -> tuple[Found, Problem]:
+    machine = bench_machine()
+    drawn = hide_faults(draw_rig("none", 5, machine, "volume", rows=150), ["loose-joint"], 5)
+    problem = build_problem(machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    return find(Model(machine), problem, library(), lambda what: None), problem
+
+
+def test_a_block_is_what_it_puts_into_the_readings(odd):
+    found, problem = odd
+    unnamed = unnamed_of(found.scorer, found.state, problem, EVERY)
+    shares = [one.energy for one in unnamed.unknowns]
+    assert shares and shares == sorted(shares, reverse=True) and 0.5 < sum(shares) <= 1.0
+    assert all(one.amounts is not None for one in unnamed.unknowns)
+
+
+def test_of_a_block_that_names_take_back_only_what_it_does_is_said(odd):
+    """Linear columns that all but cancel each other may each be millimetres where the readings miss micrometres."""
+    found, problem = odd
+    state = found.state
+    sound = unnamed_of(found.scorer, state, problem, EVERY)
+    block = next(key for key in state.keys if found.system.atoms[key].block is not None)
+    values = state.posterior.values.copy()
+    values[state.of(block)] *= 50.0
+    told = unnamed_of(found.scorer, replace(state, posterior=replace(state.posterior, values=values)), problem, EVERY)
+    assert told.unknowns[0].amounts is None
+    assert np.nanstd(told.left) < 1.5 * np.nanstd(sound.left)
+    (first, *_), (before, *_) = dependences(told, problem), dependences(sound, problem)
+    assert (first.residual, first.on) == (before.residual, before.on)
+    assert first.size is not None and before.size is not None and first.size.rms < 2.0 * before.size.rms
