@@ -39,13 +39,14 @@ def learn(
     wide: float = WIDE,
     done: float = DONE,
     least: float = -np.inf,
+    finest: float = 0.0,
 ) -> Posterior:
     """Find the prior variance of each group of unknowns, and the unknowns with it.
 
     y = X b + e with e ~ N(0, phi) and b_i ~ N(0, phi d_g) for every unknown i of group g; phi is profiled against its
-    own degrees of freedom. The variances d maximise
+    own degrees of freedom, and no less than the last digit of a reading. The variances d maximise
 
-        -1/2 log|X^T X + D^-1| - 1/2 log|D| - (N + nu)/2 log((nu + Q) / (nu + N)) + log prior(d),
+        -1/2 log|X^T X + D^-1| - 1/2 log|D| - (N + nu)/2 (log phi + (nu + Q)/(nu + N)/phi - 1) + log prior(d),
 
     by MacKay's rule while they are far off and by Newton's method near the end; no step is taken that lowers it.
 
@@ -66,13 +67,14 @@ def learn(
         wide: prior variance of unknowns of no group.
         done: nats still to be had at which it ends.
         least: total that is asked for; where the way there is many times what is still to be had, it ends as well.
+        finest: least phi.
 
     Returns:
         The posterior.
     """
     groups = int(owner.max(initial=-1)) + 1
     low, high, spread = (item + np.zeros(groups) for item in (floor, ceiling, width))
-    problem = _Problem(gram, side, square, count, freedom, owner, spread, wide)
+    problem = _Problem(gram, side, square, count, freedom, owner, spread, wide, finest)
     at = np.log(np.clip(np.ones(groups) if start is None else start, low, high))
     here = problem.evaluate(at)
     bottom, top = np.log(low), np.log(high)
@@ -99,6 +101,23 @@ def learn(
             break
         slope = problem.slope(here)
     return problem.posterior(here, slope, ended)
+
+
+def noise_of(left: np.ndarray, count: float, freedom: float, finest: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """White variance phi at the most evidence, and the evidence's term of it, for sums of squares Q, (..) each.
+
+    Args:
+        left: Q.
+        count: N.
+        freedom: nu.
+        finest: least phi.
+    """
+    if np.isinf(freedom):
+        return np.ones_like(left), 0.5 * (count - left)
+    known = freedom + count
+    own = (freedom + left) / known
+    phi = np.maximum(own, finest)
+    return phi, -0.5 * known * (np.log(phi) + own / phi - 1.0)
 
 
 @dataclass(frozen=True)
@@ -134,14 +153,14 @@ class _Problem:
 
     def __init__(
         self, gram: np.ndarray, side: np.ndarray, square: float, count: float, freedom: float, owner: np.ndarray,
-        spread: np.ndarray, wide: float,
+        spread: np.ndarray, wide: float, finest: float,
     ) -> None:  # fmt: skip
         self.order, self.group, self.spread, self.wide = np.arange(len(owner)), owner, spread, wide
         if (owner[1:] < owner[:-1]).any():
             self.order = np.argsort(owner, kind="stable")
             gram, side, self.group = gram[np.ix_(self.order, self.order)], side[self.order], owner[self.order]
         self.gram, self.side, self.square = gram, side, square
-        self.count, self.freedom, self.evaluations = count, freedom, 0
+        self.count, self.freedom, self.finest, self.evaluations = count, freedom, finest, 0
         self.members = (self.group[:, None] == np.arange(len(spread))).astype(float)  # shape: (P, G)
         self.size = self.members.sum(axis=0)
         self.fixed = (len(owner) - self.size.sum()) * np.log(wide)
@@ -156,18 +175,10 @@ class _Problem:
         # A quadratic form about its minimum: rounding of the values enters only squared.
         taken = float(values @ (2.0 * self.side - self.gram @ values - values / prior))
         left = max(self.square - taken, ROUNDING * self.square + TINY)
-        phi, tail = self._noise(left)
+        phi, tail = map(float, noise_of(np.asarray(left), self.count, self.freedom, self.finest))
         log_prior = -0.125 * float(((logs / self.spread) ** 2).sum())
         half = float(np.log(factor.diagonal()).sum() + 0.5 * (self.size @ logs + self.fixed))
         return _Point(tail - half + log_prior, values, factor, prior, left, phi, scales)
-
-    def _noise(self, left: float) -> tuple[float, float]:
-        """White variance, and the evidence's term of it."""
-        if np.isinf(self.freedom):
-            return 1.0, 0.5 * (self.count - left)
-        known = self.freedom + self.count
-        phi = (self.freedom + left) / known
-        return phi, -0.5 * known * float(np.log(phi))
 
     def slope(self, point: _Point) -> _Slope:
         """Derivatives by the log variances, and MacKay's step."""
@@ -181,7 +192,7 @@ class _Problem:
         energy = (energy @ members) * size / point.phi
         decided = np.maximum(self.size - (diagonal @ members) * size, 1e-12)
         curvature = -(moved + 0.5 * shared)
-        if not np.isinf(self.freedom):
+        if not np.isinf(self.freedom) and point.phi > self.finest:
             curvature -= (0.5 / (self.freedom + self.count)) * energy[:, None] * energy
         curvature.ravel()[:: len(scales) + 1] += pull + 0.5 * (energy + self.size - decided)
         return _Slope(

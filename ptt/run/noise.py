@@ -25,6 +25,8 @@ SAME_LOAD = 0.01  # kg
 SAME_FEED = 1e-3  # mm/s
 SATURATED = "saturated model"  # source of a noise that nothing tells but what everything at once leaves
 VISITED = f"{SATURATED}; readings of one visit scatter by less"  # where no pose was visited again to tell it
+COARSEST = 0.01  # mm, of a tracker's last digit: readings that all lie on coarser steps are targets
+READABLE = 1e-4  # mm: no tracker reads finer, the air alone moves its beam by more
 DEFAULT_SIGMA = 0.005  # mm, one coordinate of a hand-held reflector: used only to start with, never reported
 
 
@@ -39,6 +41,7 @@ class Noise(Record):
             for repeats; infinite where it was given.
         stated: what the std columns or the machine file state in its stead, its source and total in mm; None where
             nothing else does.
+        least: mm^2, variance of one coordinate that no explanation leaves less of.
     """
 
     keys: ClassVar[str] = "x: sigma.0 [um], y: sigma.1 [um], z: sigma.2 [um], total: total [um], source"
@@ -47,6 +50,7 @@ class Noise(Record):
     source: str
     freedom: float = np.inf
     stated: tuple[str, float] | None = None
+    least: float = NOTHING
 
     @property
     def sigma(self) -> np.ndarray:
@@ -167,6 +171,12 @@ def step_of(reading: np.ndarray) -> float:
         if (np.abs(reading / step - np.round(reading / step)) < ON_STEP).all():
             return step
     return 0.0
+
+
+def least_variance(reading: np.ndarray) -> float:
+    """Variance that readings (n, 3) mm of a tracker have at the least, by their last digit, mm^2."""
+    step = step_of(reading)
+    return max(step**2 / 12.0 if step <= COARSEST else 0.0, READABLE**2)
 
 
 def first_of_copies(table: "Table", group: np.ndarray) -> np.ndarray:

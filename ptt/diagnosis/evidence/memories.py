@@ -97,10 +97,10 @@ def _ways(system: System, state: State) -> np.ndarray:
 
 def _evidence(sums: MemorySums, system: System) -> float:
     """Log evidence of columns of unit variance."""
-    factor, known = factor_of(sums.gram, 1.0), system.freedom + system.spare
+    factor = factor_of(sums.gram, 1.0)
     along = lapack.dtrtrs(factor, sums.side, lower=1)[0] if len(factor) else sums.side
     left = max(sums.square - float(along @ along), 1e-12)
-    return -float(np.log(factor.diagonal()).sum()) - 0.5 * known * float(np.log((system.freedom + left) / known))
+    return float(system.nats_of_noise(left) - np.log(factor.diagonal()).sum())
 
 
 def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> list[Memory]:

@@ -17,7 +17,7 @@ from ptt.errors import TableError
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.run.holdout import sharing_groups
-from ptt.run.noise import DEFAULT_SIGMA, SATURATED, VISITED, Noise
+from ptt.run.noise import DEFAULT_SIGMA, SATURATED, VISITED, Noise, at_least, least_variance
 from ptt.run.problem import Problem
 from ptt.run.tails import f_cdf, f_sf
 
@@ -45,7 +45,8 @@ def starting_noise(problem: Problem) -> tuple[Noise, float]:
     """
     given = problem.noise
     if given is None:
-        return Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess"), 0.0
+        least = least_variance(problem.table.measured[problem.used])
+        return Noise(np.eye(3) * max(DEFAULT_SIGMA**2, least), "first guess", least=least), 0.0
     if given.source != "repeats":
         return given, STATED
     if sharing_groups(problem.table, problem.used)[1]:  # of one visit or of all: the rows say what visits share
@@ -76,10 +77,9 @@ def _noise_of(left: np.ndarray, system: System, state: State) -> Noise:
     freedom = max(system.count - state.decided, 1.0)
     scatter = system.in_mm(left)
     covariance = scatter.T @ scatter * (3.0 / freedom)
-    squares, ways = np.linalg.eigh(covariance)
-    if squares[0] < FINEST * squares[-1]:  # an axis that blocks follow to the last digit tells no noise
-        covariance = (ways * np.maximum(squares, FINEST * squares[-1])) @ ways.T
-    return Noise(covariance, SATURATED, freedom)
+    # An axis that blocks follow to the last digit tells no noise.
+    least = max(FINEST * float(np.linalg.eigvalsh(covariance)[-1]), system.noise.least)
+    return Noise(at_least(covariance, least), SATURATED, freedom, least=system.noise.least)
 
 
 def visit_left(system: System, state: State) -> Noise:

@@ -172,7 +172,7 @@ class Scorer:
         return learn(
             sums.gram, sums.side, sums.square, count, group.astype(int),
             freedom=self.system.freedom, start=begin, width=width, ceiling=ceiling, done=ENDED,
-            least=least,
+            least=least, finest=self.system.finest,
         )  # fmt: skip
 
     def without_rows(

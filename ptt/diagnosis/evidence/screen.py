@@ -83,7 +83,6 @@ class Screen:
             (family, columns, [place for place, atom in enumerate(family) if atom.name in names])
             for family, columns in system.families
         ]
-        self.known = system.freedom + system.spare
 
     def best(self, allowed: Allowed) -> list[Gain]:
         """What each allowed atom would add, the best shape of each name; best first."""
@@ -177,15 +176,16 @@ class Screen:
 
     def _noise_gain(self, taken: np.ndarray, spread: np.ndarray) -> np.ndarray:
         """Nats that a smaller sum of squares is worth, the white variance being learned, less half of the spread."""
-        rest = np.maximum(self.system.freedom + self.basis.posterior.left - taken, 1e-9)
-        return 0.5 * (self.known * np.log1p(taken / rest) - spread)
+        left, nats = self.basis.posterior.left, self.system.nats_of_noise
+        return nats(np.maximum(left - taken, 1e-9)) - nats(left) - 0.5 * spread
 
     def _learned(self, atom: Atom, gram: np.ndarray, side: np.ndarray) -> Gain:
         """The same where an atom has several variances."""
-        left, freedom = self.basis.posterior.left, self.system.freedom
+        left, system = self.basis.posterior.left, self.system
         work_out = partial(
-            learn, square=left, count=self.system.spare, owner=atom.group, freedom=freedom, done=ROUGH,
-            start=self.begun.get((atom.name, atom.groups)), width=WIDTH if atom.effect else np.inf, ceiling=atom.most,
+            learn, square=left, count=system.spare, owner=atom.group, freedom=system.freedom, finest=system.finest,
+            done=ROUGH, start=self.begun.get((atom.name, atom.groups)), width=WIDTH if atom.effect else np.inf,
+            ceiling=atom.most,
         )  # fmt: skip
         try:
             own = work_out(gram, side)
@@ -194,8 +194,7 @@ class Screen:
             seen = ways[:, strength > np.abs(strength[0])]
             own = work_out(seen @ (seen.T @ gram @ seen) @ seen.T, seen @ (seen.T @ side))
         self.begun[atom.name, atom.groups] = own.scales
-        before = -0.5 * self.known * float(np.log((freedom + left) / self.known))
-        return Gain(own.total - before - atom.odds, atom.key, own.scales)
+        return Gain(own.total - float(system.nats_of_noise(left)) - atom.odds, atom.key, own.scales)
 
 
 def left_beside(whole: np.ndarray, half: np.ndarray) -> np.ndarray:

@@ -69,11 +69,10 @@ def _worth(scorer: "Scorer", state: "State", key: str) -> float:
     own, posterior, atom = state.of(key), state.posterior, scorer.system.atoms[key]
     spread = state.inverse[np.ix_(own, own)]
     values = posterior.values[own]
-    left = scorer.system.freedom + posterior.left
+    left, nats = posterior.left, scorer.system.nats_of_noise
     taken = float(values @ np.linalg.solve(spread, values))
-    known = scorer.system.freedom + scorer.system.spare
     volume = np.linalg.slogdet(spread)[1] - np.log(posterior.prior[own]).sum()
-    return 0.5 * (known * float(np.log1p(taken / left)) + float(volume)) - atom.odds + state.forms.get(key, 0.0)
+    return float(nats(left) - nats(left + taken) + 0.5 * volume) - atom.odds + state.forms.get(key, 0.0)
 
 
 def _pull(state: "State", key: str) -> np.ndarray:

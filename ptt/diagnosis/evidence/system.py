@@ -13,6 +13,7 @@ from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums
 from ptt.diagnosis.noise.wander import Clock, innovations
 from ptt.diagnosis.unknown.blocks import SIZE, Block
 from ptt.fitting.alike import times_of
+from ptt.fitting.evidence import noise_of
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
 from ptt.run.noise import Noise
@@ -55,6 +56,15 @@ class System(ABC):
         Source: restricted likelihood, Patterson and Thompson, Biometrika 58 (1971), with a flat prior of the frame.
         """
         return float(max(self.count - len(self.frame), 1))
+
+    @property
+    def finest(self) -> float:
+        """White variance that no set leaves less of, in units of the noise: that of the last digit of a reading."""
+        return 3.0 * self.noise.least / float(np.trace(self.noise.covariance))
+
+    def nats_of_noise(self, left: np.ndarray | float) -> np.ndarray:
+        """Log evidence of white noise, its variance learned, where sets leave sums of squares, (..) in noise units."""
+        return noise_of(np.asarray(left), self.spare, self.freedom, self.finest)[1]
 
     def errs_by_pose(self, memory: Memory) -> bool:
         """Whether a memory holds errors that come back with their pose, which no machine's scatter does."""
