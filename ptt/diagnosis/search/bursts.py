@@ -36,8 +36,9 @@ def broken_beams(found: Found) -> np.ndarray:
     crowd = crowded_moments(found)
     if not crowd and state.memory.wander is None and not holds_unknown(system, state.keys, state.memory):
         return rows
-    lasting = without(state, *crowd)
-    for keys in (lasting, tuple(key for key in lasting if is_effect(system.atoms[key]))):
+    # One of what crowds may have happened all the same, next to a broken beam.
+    sets = [without(state, *crowd), *(without(state, *(key for key in crowd if key != one)) for one in crowd)]
+    for keys in (keys for one in sets for keys in (one, tuple(key for key in one if is_effect(system.atoms[key])))):
         left = robustly_left(system, found.scorer.score(keys, WHITE, state.scales))
         far = stand_out(left, np.ones(len(left), dtype=bool), least=0.0)
         if 0 < far.sum() <= max(BROKEN, SHARE * len(left)):
