@@ -7,7 +7,7 @@ import numpy as np
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
+TURN = 0.5  # cosine of the turn of the tool's way at a row, below which the row is a corner: six rows to a circle
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
 EQUAL = 0.05  # share by which times are equal: trackers read every so many milliseconds, and clocks are rounded
 EVENLY = 0.9  # share of the rows by equal time: one in ten waits for the next lap or was missed, of stops hardly any is
@@ -61,6 +61,21 @@ def corners_of(
     change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
     ends = np.array([True])
     return np.concatenate([ends, bend | ~sound[1:] | ~sound[:-1], ends]), np.concatenate([~ends, change, ~ends])
+
+
+def arcs_of(moved: np.ndarray, bends: np.ndarray) -> np.ndarray:
+    """Ways from row to row along the circles that they are chords of, over their lengths, (n - 1,); one beside corners.
+
+    Args:
+        moved: from row to row, (n - 1, 3) mm.
+        bends: rows at which the tool turns sharply or stands, (n,) bool.
+    """
+    unit = moved / np.maximum(np.linalg.norm(moved, axis=1), REPEATED)[:, None]
+    turn, known = np.zeros(len(bends)), ~bends
+    turn[1:-1] = np.arccos(np.clip(np.einsum("nc,nc->n", unit[1:], unit[:-1]), -1.0, 1.0))
+    half = 0.5 * (turn * known)[1:] + 0.5 * (turn * known)[:-1]
+    half = half / np.maximum(known[1:].astype(float) + known[:-1], 1.0)  # the mean of those that are known, halved
+    return np.asarray(1.0 / np.sinc(half / np.pi))
 
 
 def entered_anew(lasts: np.ndarray, bends: np.ndarray, table: "Table") -> np.ndarray:

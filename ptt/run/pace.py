@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from ptt.mechanisms.least_move import least_move
-from ptt.run.corners import begun_again, corners_of, driven_feed, entered_anew, shows_feed
+from ptt.run.corners import arcs_of, begun_again, corners_of, driven_feed, entered_anew, shows_feed
 from ptt.run.slopes import Ends, Shares, added, bend_of, short_stretches, splines
 
 if TYPE_CHECKING:
@@ -169,6 +169,9 @@ def pace_of(
         entered |= entered_anew(lasts, bends, table)
     if entered.any():
         return pace_of(p, starts | entered, table, ends, way, lag)
+    if way == SMOOTH:  # a feed is that along the way
+        lasts = np.where(by_clock, lasts, lasts * arcs_of(moved, bends))
+        before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
     # By the clock a speed changes on the way, while a feed is that of its row.
     changing = np.append(by_clock[:1], by_clock) & np.append(by_clock, by_clock[-1:])
     both = np.where(bends, before < ROUNDED, changing) & np.isfinite(after)
