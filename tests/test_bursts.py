@@ -61,3 +61,20 @@ def test_broken_beams_in_a_row_are_gross_errors_beside_larger_faults(seed: int, 
 def test_they_are_gross_errors_of_a_sound_machine_too(seed: int) -> None:
     found = told_of(seed, range(40, 42), (0.05, 0.1), machine_is_off=False)
     assert found.verdict == "nothing-missing" and set(np.flatnonzero(found.outliers)) == {40, 41}
+
+
+@pytest.mark.parametrize("apart", [-2, 3])
+def test_a_broken_beam_next_to_a_knock_is_a_gross_error(apart: int) -> None:
+    """Two moments within a few rows, one of which did happen: beside it alone one reading is far off."""
+    random, file, knock = np.random.default_rng(5), bench(), 60
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": NOISE}))
+    robot = build_mechanism(file.machine)
+    target = random.uniform([-60.0, -60.0, -45.0], [60.0, 60.0, 45.0], (ROWS, 3))
+    read = target + random.normal(0.0, NOISE, target.shape)
+    read[knock:] += np.cross([4e-4, -2e-4, 3e-4], target[knock:])
+    read[knock:] += [0.02, -0.03, 0.01]
+    read[knock + apart] += [0.7, -0.8, 0.5]
+    table = make_table(target, robot.inverse(torch.as_tensor(target)).numpy(), time_s=EVERY * np.arange(ROWS))
+    found = diagnose(Model(file), build_problem(file, replace(table, measured=read)))
+    assert (found.verdict, found.suggested) == ("missing", (("setup-jump",),))
+    assert found.outliers[knock + apart] and found.outliers.sum() <= 2

@@ -125,6 +125,27 @@ def test_whatever_speed_a_row_means_the_lag_alone_is_told(path: Callable, meant:
     np.testing.assert_allclose(lags_of(found), LAG, rtol=0.01)
 
 
+@pytest.mark.parametrize("clock", [False, True])
+def test_ten_rows_to_a_turn_tell_the_lag_of_a_smooth_way(clock: bool) -> None:
+    """The tool runs along an ellipse, first slowly: chords are shorter than its way, and their mean slower."""
+    turn = np.linspace(0.0, 20.0 * np.pi, 200 * 100 + 1)
+    way = np.column_stack([60.0 * np.cos(turn), 45.0 * np.sin(turn), np.linspace(-40.0, 40.0, len(turn))])
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1)))
+    rows = np.searchsorted(length, np.linspace(0.0, length[-1], 101)[:-1])
+    target, feed = way[rows], np.repeat([15.0, 30.0], 50)
+    every = MECHANISM.inverse(torch.as_tensor(way)).numpy()
+    velocity = np.gradient(every, length, axis=0)[rows] * feed[:, None]
+    late = MECHANISM.forward(torch.as_tensor(every[rows] - 0.05 * LAG * velocity)).numpy()
+    told = {"time_s": np.append(0.0, np.cumsum(np.diff(length[rows]) / feed[1:]))} if clock else {}
+    file = replace(BENCH, machine=BENCH.machine.model_copy(update={"moves": "smooth"}))
+    read = late + np.random.default_rng(4).normal(0.0, 0.004, late.shape)
+    table = make_table(target, every[rows], feed_mm_s=feed, measured=read, **told)
+    found = diagnose(Model(file), build_problem(file, table))
+    assert (found.verdict, found.suggested) == ("missing", (("following-error",),))
+    theta, std = found.model.terms[0].theta[:3].numpy(), found.model.terms[0].std
+    assert std is not None and (np.abs(theta - 0.05 * LAG) < 3.0 * std[:3].numpy()).all()
+
+
 def circles(random: np.random.Generator, waits: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Six circles, every other one the other way round, each entered by a run-up that is not in the table.
 

@@ -74,6 +74,8 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     Returns:
         The rest.
     """
+    if problem.noise is not None and np.nanmean(np.square(residual)) < problem.noise.least:
+        return Rest((), ())  # less than the last digit of a reading
     lack = lack_of_fit_of(problem, residual, round(state.decided)).p_value
     field = _field(problem, residual)
     place, where = off_alike(problem, residual)
