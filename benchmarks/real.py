@@ -1,7 +1,7 @@
 """Real measurements with published results, through the same verbs as any run.
 
-Run it as `python benchmarks/real.py [PART ...] [--out FIGURES.json] [--stride 5]`; without a part all of them. Sets
-that are not beside the project (shared/data) are skipped and named.
+Run it as `python benchmarks/real.py [PART ...] [--out FIGURES.json] [--stride 5] [--clones DIR]`; without a part all of
+them. Sets that are not beside the project (shared/data) are skipped and named.
 
     telescope    pointing of a two-axis mount: terms beside the published fit
     humanoid     two arms of Agile Justin: the ladder of errors and leave-one-out, beside the published ones
@@ -9,6 +9,7 @@ that are not beside the project (shared/data) are skipped and named.
     transfer     UR10: fitted on series A and B, tested on C
     diagnose     names and verdict of every set and of its two halves, and what one half's model leaves on the other
     printers     linear deltas: heights left out in turn
+    arms         the same as diagnose of two industrial arms, whose readings lie in a folder of clones (real_arms.py)
 
 Lengths are um, RMS of the distance, unless said. Halves are every other one of ten blocks of travel, all visits of a
 pose together.
@@ -24,6 +25,7 @@ from typing import Any
 
 import klipper
 import numpy as np
+import real_arms
 import torch
 import ur10 as ur10_bench
 from real_data import ARCSEC, STAR_MM, here, humanoid, open_set, other_arm, plain_telescope, telescope, ur10
@@ -40,7 +42,7 @@ from ptt.run.problem import Problem
 
 FOLDERS = {
     "telescope": "rts2_pointing", "humanoid": "dlr_justin", "short": "ur10_ipa", "transfer": "ur10_ipa",
-    "diagnose": "", "printers": "klipper_delta",
+    "diagnose": "", "printers": "klipper_delta", "arms": "",
 }  # fmt: skip
 SIDES = ("right", "left")
 LADDER = {"as given": 21.33, "homing-offset": 18.18, "dh-offsets": 10.5, "self-weight": 5.64, "other-arm": None}
@@ -243,6 +245,17 @@ def diagnose_all(stride: int) -> list[Row]:
     return [row for name, load in cases.items() for row in _replicate(name, load())]
 
 
+def diagnose_arms(clones: Path) -> list[Row]:
+    """The same of two industrial arms."""
+    rows = []
+    if (clones / real_arms.TX2).exists():
+        for path in real_arms.PATHS:
+            rows += _replicate(f"TX2 {path}", open_set(*real_arms.tx2(clones, path)))
+    if (clones / real_arms.IRB120).exists():
+        rows += _replicate("IRB 120", open_set(*real_arms.irb120(clones)))
+    return rows
+
+
 def _replicate(name: str, problem: Problem) -> list[Row]:
     rows = [_look(name, "all", problem, np.ones(problem.table.rows, dtype=bool))]
     for index, half in enumerate(halves(problem)):
@@ -287,6 +300,7 @@ def main() -> None:
     parser.add_argument("parts", nargs="*", choices=[*FOLDERS, []], metavar="PART")
     parser.add_argument("--stride", type=int, default=5, help="of UR10 series A")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--clones", type=Path, default=Path(), help="folder that real_arms.py's clones lie in")
     asked = parser.parse_args()
     torch.set_num_threads(1)
     work: dict[str, Callable[[], list[Row] | None]] = {
@@ -296,6 +310,7 @@ def main() -> None:
         "transfer": lambda: transfer(asked.stride),
         "diagnose": lambda: diagnose_all(asked.stride),
         "printers": klipper.main,
+        "arms": lambda: diagnose_arms(asked.clones),
     }
     figures: dict[str, Any] = {}
     for part in asked.parts or work:
