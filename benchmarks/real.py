@@ -40,9 +40,9 @@ from ptt.model.model import Model, Term, parameter_names, start_term
 from ptt.run.holdout import blocks
 from ptt.run.problem import Problem
 
-FOLDERS = {
+FOLDERS: dict[str, str | None] = {
     "telescope": "rts2_pointing", "humanoid": "dlr_justin", "short": "ur10_ipa", "transfer": "ur10_ipa",
-    "diagnose": "", "printers": "klipper_delta", "arms": "",
+    "diagnose": "", "printers": "klipper_delta", "arms": None,
 }  # fmt: skip
 SIDES = ("right", "left")
 LADDER = {"as given": 21.33, "homing-offset": 18.18, "dh-offsets": 10.5, "self-weight": 5.64, "other-arm": None}
@@ -247,12 +247,14 @@ def diagnose_all(stride: int) -> list[Row]:
 
 def diagnose_arms(clones: Path) -> list[Row]:
     """The same of two industrial arms."""
-    rows = []
+    rows = list[Row]()
     if (clones / real_arms.TX2).exists():
         for path in real_arms.PATHS:
             rows += _replicate(f"TX2 {path}", open_set(*real_arms.tx2(clones, path)))
     if (clones / real_arms.IRB120).exists():
         rows += _replicate("IRB 120", open_set(*real_arms.irb120(clones)))
+    if not rows:
+        print(f"arms: skipped, no clone in {clones}")
     return rows
 
 
@@ -314,8 +316,9 @@ def main() -> None:
     }
     figures: dict[str, Any] = {}
     for part in asked.parts or work:
-        if not here(FOLDERS[part]):
-            print(f"{part}: skipped, {FOLDERS[part]} is not beside the project")
+        folder = FOLDERS[part]
+        if folder is not None and not here(folder):
+            print(f"{part}: skipped, {folder} is not beside the project")
             continue
         try:
             figures[part] = work[part]()
