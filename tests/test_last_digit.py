@@ -27,7 +27,9 @@ def read_exactly(target: np.ndarray, hidden: tuple[str, list[float]] | None, ste
     table = make_table(target, sent, measured=target)
     if hidden is not None:
         term = Term(library()[hidden[0]](), torch.tensor(hidden[1], dtype=torch.float64))
-        table = replace(table, measured=predict([(term.effect, term.theta)], build_problem(file, table).view).reading.numpy())
+        table = replace(
+            table, measured=predict([(term.effect, term.theta)], build_problem(file, table).view).reading.numpy()
+        )
     if step is not None:
         table = replace(table, measured=np.round(table.measured / step) * step)
     return build_problem(file, table)

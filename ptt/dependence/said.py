@@ -96,7 +96,8 @@ def say_size(size: Size) -> str:
             told = f"{far} about {size.on} = {middle(size.low, size.high, size.unit)} than beside it"
         case "period" if size.known:
             each = f"{size.high - size.low:.4g} {size.unit}".strip()
-            told = f"{who} swings by {what} to either side, {most} at {low} and every {each} on"
+            turn = f", {2.0 * np.pi / (size.high - size.low):.4g} times a turn" if size.unit == "rad" else ""
+            told = f"{who} swings by {what} to either side, {most} at {low} and every {each} on{turn}"
         case "period":
             told = f"{who} swings by {at_most} to either side"
         case _:
