@@ -11,7 +11,7 @@ from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
-from ptt.model.model import Model, Term
+from ptt.model.model import Model
 from ptt.run.noise import least_variance
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table

@@ -151,8 +151,8 @@ def test_what_the_readings_do_not_show_is_said_to_be_so() -> None:
         (Size("link 2", "step", -0.0351, 0.0009, -373.914, -373.912, on="b2", along="b2", unit="mm"),
          "Link 2 comes out 35.1 +- 0.9 um shorter above b2 = -373.91 mm than below it."),
         (Size("joint 4", "period", 1.9e-4, 1.9e-5, -4.195, -4.0991, on="q4", along="q4", unit="rad", noun="joint"),
-         "Joint 4 swings by 190 +- 19 urad to either side, furthest forward at q4 = -4.195 rad and every 0.0959 rad on, "
-         "65.52 times a turn."),
+         "Joint 4 swings by 190 +- 19 urad to either side, furthest forward at q4 = -4.195 rad and every 0.0959 rad "
+         "on, 65.52 times a turn."),
         (Size("rail 1 sideways", "bump", 0.05, 0.001, 200.0, 220.0, on="b1", along="b1", unit="mm", rms=0.012),
          "Rail 1 comes out 50.0 +- 1.0 um further counter-clockwise (seen from above) about b1 = 210 mm than beside "
          "it; 12 um rms at the tool."),
