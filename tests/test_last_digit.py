@@ -26,10 +26,9 @@ def read_exactly(target: np.ndarray, hidden: tuple[str, list[float]] | None, ste
     sent = np.round(build_mechanism(file.machine).inverse(torch.as_tensor(target)).numpy(), 6)
     table = make_table(target, sent, measured=target)
     if hidden is not None:
-        term = Term(library()[hidden[0]](), torch.tensor(hidden[1], dtype=torch.float64))
-        table = replace(
-            table, measured=predict([(term.effect, term.theta)], build_problem(file, table).view).reading.numpy()
-        )
+        shift = library()[hidden[0]](), torch.tensor(hidden[1], dtype=torch.float64)
+        exact = predict([shift], build_problem(file, table).view)
+        table = replace(table, measured=exact.reading.numpy())
     if step is not None:
         table = replace(table, measured=np.round(table.measured / step) * step)
     return build_problem(file, table)
