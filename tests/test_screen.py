@@ -16,10 +16,18 @@ from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock
 from ptt.diagnosis.search.spectrum import STEP, JointWave, _telling
-from ptt.fitting.evidence import learn
+from ptt.fitting.evidence import learn, noise_of
 from ptt.run.noise import Noise
 
 ROWS, FREEDOM = 40, 60.0
+
+
+def white(count: int) -> dict[str, object]:
+    """What a system says of its noise: white, of so many coordinates, as fine as any."""
+    return {
+        "freedom": FREEDOM, "spare": float(count), "finest": 0.0,
+        "nats_of_noise": lambda left: noise_of(left, float(count), FREEDOM)[1],
+    }  # fmt: skip
 
 
 def evidence(columns: np.ndarray, prior: np.ndarray, values: np.ndarray) -> float:
@@ -53,7 +61,7 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int
         for i in (8, 10, 12)
     )
     families = [(atoms, np.array([atom.columns for atom in atoms]))]
-    system = SimpleNamespace(freedom=FREEDOM, spare=float(len(values)), families=families, sums=partial(_same, sums))
+    system = SimpleNamespace(**white(len(values)), families=families, sums=partial(_same, sums))
     screen = Screen(system, Basis(own, posterior, WHITE), lambda atom: True, {})
     alone = evidence(columns[:, own], fixed[group], values)
     first = screen.best(lambda atom: atom.key == "10")
@@ -77,7 +85,7 @@ def test_an_effect_of_one_joint_of_seven_adds_no_less_than_that_joint_alone(busy
     kinds = [("all", every, None), ("joints", every, every), ("few", few, None)]
     atoms = [SimpleNamespace(key=key, name=key, columns=chosen, joint=joint, **part) for key, chosen, joint in kinds]
     families = [((atom,), atom.columns[None]) for atom in atoms]
-    system = SimpleNamespace(freedom=FREEDOM, spare=float(len(values)), families=families, sums=partial(_same, sums))
+    system = SimpleNamespace(**white(len(values)), families=families, sums=partial(_same, sums))
     screen = Screen(system, Basis(none, posterior, WHITE), lambda atom: True, {})
     nats = {gain.key: gain.nats for gain in screen.best(lambda atom: True)}
     if busy == 7:
@@ -155,7 +163,7 @@ def test_what_a_set_spans_already_has_nothing_left_but_rounding_of_either_sign()
         posterior = learn(part.gram, part.side, part.square, len(values), group, **given)
         atom = SimpleNamespace(key="a", name="a", groups=2, effect=None, odds=0.0, columns=np.arange(6, 14),
                                group=np.arange(8) // 4, most=np.full(2, 1e5), joint=None)  # fmt: skip
-        system = SimpleNamespace(freedom=FREEDOM, spare=float(len(values)), families=[((atom,), atom.columns[None])],
+        system = SimpleNamespace(**white(len(values)), families=[((atom,), atom.columns[None])],
                                  sums=partial(_same, sums))  # fmt: skip
         (gain,) = Screen(system, Basis(own, posterior, WHITE), lambda atom: True, {}).best(lambda atom: True)
         assert gain.nats < 1.0

@@ -240,6 +240,15 @@ def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sig
     Returns:
         The noise, or None where only a saturated model can tell.
     """
+    known = _given_noise(table, measured, direction, sigma)
+    if known is None:
+        return None
+    read = table.measured[np.isfinite(table.measured).all(axis=1) & (table.role != "base")]
+    least = min(least_variance(read), known.total**2 / 3.0)  # a scale may read finer than any tracker
+    return replace(known, covariance=at_least(known.covariance, least), least=least)
+
+
+def _given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sigma: float | None) -> Noise | None:
     repeats = noise_from_repeats(table, measured, direction)
     columns, file = noise_from_std(table), Noise(np.eye(3) * sigma**2, "machine file") if sigma is not None else None
     if columns is not None and (repeats is None or repeats.total <= columns.total):
