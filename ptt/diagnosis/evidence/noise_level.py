@@ -70,7 +70,7 @@ def noise_left(system: System, state: State) -> Noise:
 
 def _by_visit(left: Noise, state: State) -> Noise:
     """What one visit scatters by, of what visits of a pose scatter by together with the errors that they share."""
-    return replace(left, covariance=left.covariance / (1.0 + state.memory.pose))
+    return replace(left, covariance=at_least(left.covariance / (1.0 + state.memory.pose), left.least))
 
 
 def _noise_of(left: np.ndarray, system: System, state: State) -> Noise:

@@ -67,8 +67,11 @@ class System(ABC):
         return noise_of(np.asarray(left), self.spare, self.freedom, self.finest)[1]
 
     def errs_by_pose(self, memory: Memory) -> bool:
-        """Whether a memory holds errors that come back with their pose, which no machine's scatter does."""
-        return memory.pose > 0.0 and not self.by_visit
+        """Whether a memory holds errors that come back with their pose, which no machine's scatter does.
+
+        Where nothing else scatters, what rounding leaves comes back as well.
+        """
+        return memory.pose > self.finest and not self.by_visit
 
     @property
     @abstractmethod
