@@ -73,6 +73,11 @@ class Opened:
         progress("noise", 0, 1)
         return self.problem.with_noise(self.noise())
 
+    def as_noisy(self, note: Note = unheard) -> Problem:
+        """The problem with its noise floor; as it is where nothing tells it."""
+        noise = self.noise_or_none(note)
+        return self.problem if noise is None else self.problem.with_noise(noise)
+
     def noise_or_none(self, note: Note = unheard) -> Noise | None:
         """The noise floor; None where nothing tells it."""
         try:

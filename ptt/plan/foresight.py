@@ -212,7 +212,7 @@ def _read_beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np
     if model.file.tracker.frame != "trusted":
         parts.append(rigid_columns(at.prediction.reading) * FRAME_USUAL)
     columns = torch.cat(parts, dim=-1).numpy()[rows] / sigma
-    return np.asarray(columns.reshape(-1, columns.shape[-1]))
+    return np.asarray(columns.reshape(3 * len(columns), columns.shape[-1]))  # a trusted frame beside no effect has none
 
 
 def _prior_beside(model: Model, width: int) -> np.ndarray:
