@@ -1,6 +1,7 @@
 """The front door: `import ptt` costs nothing, says what the command line says, and refuses what it refuses."""
 
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -213,10 +214,22 @@ def test_wrong_arguments_get_words(here, done):
         (lambda: ptt.load(7), "takes the path"),
         (lambda: ptt.evaluate(run, model), "exchange them"),
         (lambda: ptt.read(here / "run.csv", model, set="payload_kg=2"), "write it as set="),
-        (lambda: ptt.train(model, run, hold_out="none"), "no way to hold out"),
+        (lambda: ptt.train(model, run, hold_out="none"), "hold_out: 'none' is not one of 'blocks', 'random'"),
+        (lambda: ptt.evaluate(run, run, frame="foo"), "frame: 'foo' is not one of 'fitted', 'fitted-per-run', 'tr"),
+        (lambda: ptt.evaluate(run, run, z_datum="foo"), "z_datum: 'foo' is not one of 'absolute', 'first'"),
+        (lambda: ptt.evaluate(run, run, goal=("a", 1, 2)), "goal: .* are no goals; give finite figures"),
+        (lambda: ptt.predict(model, targets, reversal="hard"), "reversal: 'hard' is not one of 'software', 'none'"),
+        (lambda: ptt.predict(model, targets, limit_mm=-1), "limit_mm: -1 is below 0"),
+        (lambda: ptt.predict(model, targets, limit_mm=math.nan), "limit_mm: nan is no finite number"),
+        (lambda: ptt.diagnose(model, run, steps=0), "steps: 0 is below 1"),
+        (lambda: ptt.diagnose(model, run, steps=2.5), r"steps: 2\.5 is no whole number"),
+        (lambda: ptt.diagnose(model, run, chunk_rows=5), "chunk_rows: 5 is below 1000"),
+        (lambda: ptt.export(model, "siemens", here / "s.spf", step=-3), "step: -3 is below 1e-06"),
+        (lambda: ptt.simulate(_some_rig(), DATA / "targets.csv", seed=1.5), "seed: 1.5 is no whole"),
     ):
-        with pytest.raises(PttError, match=words):
+        with pytest.raises(PttError, match=words) as refused:
             call()
+        assert refused.value.exit_code == 2
     assert str(ptt.compare(here / "machine.toml", str(here / "run.csv"))) == str(done["compare"])
 
 

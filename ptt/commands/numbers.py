@@ -4,8 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ptt.documents import GREATEST
-from ptt.errors import InputError
+from ptt.door.given import require_finite
 
 UNLIMITED = ("limit_mm",)  # arguments that are a limit, and may be none
 
@@ -23,11 +22,4 @@ def require_numbers(values: Mapping[str, Any], options: Mapping[str, str]) -> No
     for name, value in values.items():
         for each in value if isinstance(value, tuple) else (value,):
             if isinstance(each, float) and not (name in UNLIMITED and each == math.inf):
-                _require(each, options.get(name, f"--{name.replace('_', '-')}"))
-
-
-def _require(value: float, option: str) -> None:
-    if not math.isfinite(value):
-        raise InputError(f"{value} is no finite number", where=option, fix="give a number")
-    if abs(value) > GREATEST:
-        raise InputError(f"{value:g} is beyond any machine", where=option, fix="correct it")
+                require_finite(each, options.get(name, f"--{name.replace('_', '-')}"))

@@ -11,6 +11,7 @@ from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.long import choose_diagnosis
 from ptt.diagnosis.telling.verdict import diagnose as learn_whole
 from ptt.diagnosis.telling.words import doubt_in_words
+from ptt.door.given import require_number
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
 from ptt.door.opened import Opened, meet
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOUBT_SHARE = 0.1  # of a held-out error: with less the sum of both squares is the same
+LEAST_CHUNK = 1000  # rows: sums over fewer at a time cost more than they save
 USAGE = "diagnose(model, run)"
 
 
@@ -133,8 +135,8 @@ def diagnose(
     Args:
         model: the model; a network is left aside.
         run: the run.
-        steps: how many effects the path may add.
-        chunk_rows: rows summed up at a time; None: by itself beyond 20,000 rows, of an arm 2,000.
+        steps: how many effects the path may add, from 1 on.
+        chunk_rows: rows summed up at a time, from 1,000 on; None: by itself beyond 20,000 rows, of an arm 2,000.
         anyway: whether to go on although the set-up looks mistaken.
         progress: told what is done, how much of how much.
         note: told what is left aside.
@@ -143,8 +145,10 @@ def diagnose(
         The diagnosis; verdict 'setup' where the set-up has to be mended first.
 
     Raises:
-        InputError: the run cannot be seen through this machine.
+        InputError: the run cannot be seen through this machine, or a number is out of its range.
     """
+    require_number(steps, 1, "steps", whole=True)
+    require_number(chunk_rows, LEAST_CHUNK, "chunk_rows", whole=True)
     machine = as_model(model, USAGE)
     rows = as_run(run, machine, USAGE)
     tell = Heard(note)

@@ -1,12 +1,14 @@
 """`ptt.evaluate`: error before and after, measured on two runs or computed on rows that were held out of one."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from numbers import Real
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from ptt.correct.training.heldout import evaluate_heldout
 from ptt.correct.training.protocols import PROTOCOLS
+from ptt.door.given import require_word
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import meet
@@ -109,8 +111,10 @@ def evaluate(
         Errors before and after.
 
     Raises:
-        InputError: a file that cannot be read, or no rows in common.
+        InputError: a file that cannot be read, no rows in common, or a word that is none of these.
     """
+    require_word(frame, get_args(Frame), "frame")
+    require_word(z_datum, get_args(Datum), "z_datum")
     goals = _goals(goal)
     if _is_model(first):
         if frame is not None:
@@ -193,11 +197,11 @@ def _rows_of(given: RowsLike, model: Model | None) -> Table:
 def _goals(goal: float | tuple[float, float, float] | None) -> dict[str, float] | None:
     if goal is None:
         return None
-    values = (goal,) * 3 if isinstance(goal, int | float) else tuple(goal)
+    values = tuple(goal) if isinstance(goal, Iterable) else (goal,) * 3
+    if not all(isinstance(value, Real) and math.isfinite(value) for value in values):
+        raise InputError(f"{values} are no goals", where="goal", fix="give finite figures, in percent")
     if len(values) != 3:
         raise InputError(f"{len(values)} goals", where="goal", fix="give one for each axis, or one for all")
-    if not all(map(math.isfinite, values)):
-        raise InputError(f"{values} are no goals", where="goal", fix="give finite figures, in percent")
     return dict(zip("xyz", map(float, values), strict=True))
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ptt.correct.exports.format import ErrorLeft, Format, Options, Written, said_held
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import load_compensator
+from ptt.door.given import require_number
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.outputs import refuse_readings
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+LEAST_STEP = 1e-6  # mm or rad: no controller resolves less
 USAGE = "export(model, format, out)"
 
 
@@ -74,7 +76,7 @@ def export(model: Any, to: str, out: str | Path, *, step: float | None = None, r
         What was written, what the format holds, what it cannot hold, and what error that leaves.
 
     Raises:
-        InputError: no such format, one for other machines, or a file that cannot be written.
+        InputError: no such format, one for other machines, a step that is none, or a file that cannot be written.
     """
     machine = as_model(model, USAGE)
     named = _unchanged(machine)
@@ -121,6 +123,7 @@ def export_as(
         table: rows at whose loads and speeds errors are judged.
         called: what the model's file is called; None: by its path.
     """
+    require_number(step, LEAST_STEP, "step")
     write = writer(chosen, model.file.machine.kind)
     _refuse_own(out, path)
     result = write(model.compensator, out, Options(path, step, table))

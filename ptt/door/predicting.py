@@ -10,6 +10,7 @@ import numpy as np
 from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate
 from ptt.correct.context import Beyond, beyond_context, beyond_lines, missing_context, require_context
 from ptt.correct.training.rest import correction_of
+from ptt.door.given import require_number, require_word
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import check_rows
@@ -133,7 +134,7 @@ def predict(
         model: the model, or what `train` handed back.
         targets: from `read_targets`; a path, a data frame, or an array (n, 3) in mm.
         reversal: 'software' puts reversal compensation into the commands, 'none' leaves it out; None: software.
-        limit_mm: largest correction that is sent, mm of tool.
+        limit_mm: largest correction that is sent, mm of tool; inf for none.
         anyway: whether to go on although the set-up looks mistaken.
         progress: told what is done, how much of how much.
         note: told what was found on the way.
@@ -145,7 +146,7 @@ def predict(
         SetupError: a mistake in the set-up, unless `anyway`.
         TableError: a row without target, or without the load or warmth that an effect depends on.
     """
-    require_reversal(reversal)
+    require_asked(reversal, limit_mm)
     machine, tell = as_model(model, USAGE), Heard(note)
     rows = as_targets(targets, machine, USAGE)
     check_rows(machine.file, rows, anyway=anyway, note=tell)
@@ -158,10 +159,10 @@ def predict(
     return Predicted(commands, table, network, tuple(frames), limit_mm, tuple(tell.lines), warnings)
 
 
-def require_reversal(reversal: str | None) -> None:
-    """Refuse a word for reversal compensation that is none."""
-    if reversal not in (None, *REVERSALS):
-        raise InputError(f"'{reversal}' is not known", where="reversal", fix=f"use {' or '.join(REVERSALS)}")
+def require_asked(reversal: str | None, limit_mm: float) -> None:
+    """Refuse a word for reversal compensation that is none, and a limit that no correction can be within."""
+    require_word(reversal, REVERSALS, "reversal")
+    require_number(limit_mm, 0.0, "limit_mm", unlimited=True)
 
 
 def tell_frames(frames: Iterable[RunFrame], note: Note) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from ptt.door.given import require_number
 from ptt.door.handed import RowsLike, as_file
 from ptt.door.options import ReadOptions
 from ptt.door.reading import read_rows
@@ -146,8 +147,7 @@ def simulate_path(
         ask: who answers what the files leave open.
         note: told what was understood.
     """
-    if seed is not None and seed < 0:
-        raise InputError(f"{seed} is below zero", where="seed", fix="give a whole number from 0 on")
+    require_number(seed, 0, "seed", whole=True)
     wanted = read_rows(targets, machine.machine, reading, "targets", ask=ask, note=note)
     notes = []
     if sliders is None and _holds_commands(wanted, machine.sent):

@@ -18,7 +18,7 @@ from ptt.door.model import Model
 from ptt.door.opened import check_rows
 from ptt.door.options import ReadOptions
 from ptt.door.outputs import refuse_readings
-from ptt.door.predicting import require_reversal, tell_frames, warnings_of
+from ptt.door.predicting import require_asked, tell_frames, warnings_of
 from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Targets
 from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
@@ -110,7 +110,7 @@ def predict_file(
             and what stands in an empty cell.
         InputError: as `predict`.
     """
-    require_reversal(reversal)
+    require_asked(reversal, limit_mm)
     refuse_readings(out)
     with TemporaryDirectory(prefix="ptt_") as name:
         folder = Path(name)

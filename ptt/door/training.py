@@ -10,13 +10,13 @@ from ptt.correct.training.compensator import compensator_of, require_folder
 from ptt.correct.training.protocols import PROTOCOLS
 from ptt.correct.training.train import Training
 from ptt.correct.training.train import train as train_model
+from ptt.door.given import require_word
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
 from ptt.effects import Library
-from ptt.errors import InputError
 from ptt.progress import Progress, unwatched
 from ptt.record import plain
 
@@ -135,8 +135,7 @@ def train(
         SetupError: a mistake in the set-up, unless `anyway`.
         TableError: too few poses to hold any out.
     """
-    if hold_out not in PROTOCOLS:
-        raise InputError(f"'{hold_out}' is no way to hold out", where="hold_out", fix=f"use {' or '.join(PROTOCOLS)}")
+    require_word(hold_out, PROTOCOLS, "hold_out")
     machine = as_model(model, USAGE)
     tell = Heard(note)
     opened = meet(machine, as_run(run, machine, USAGE), anyway=anyway, note=tell)
