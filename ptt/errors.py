@@ -69,8 +69,20 @@ class TableError(InputError):
     """A table of targets, commands or readings that cannot be used."""
 
 
+class TooFewError(TableError):
+    """A sound table with too few rows, poses or repeats for what is asked of it."""
+
+    exit_code = 3
+
+
 class ModelError(InputError):
     """A model that cannot be composed: an unknown effect, the same one twice, a parameter of the wrong size."""
+
+
+class UntestedError(ModelError):
+    """An effect that a sound run cannot test."""
+
+    exit_code = 3
 
 
 class WorkspaceError(InputError):

@@ -56,6 +56,24 @@ def test_a_missing_option_is_one_line():
     assert "--out" in error_line(invoke("predict", DATA / "targets.csv", "--model", MACHINE))
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("diagnose", "--model", "m.toml"), "5 readings are too few for a verdict"),
+        (("iso",), "no pose was measured twice"),
+        (("add", "screw-growth", "--model", "m.toml", "--out", "m2.toml"), "this run cannot test 'screw-growth'"),
+    ],
+)
+def test_a_sound_file_with_too_little_in_it_ends_with_three(words, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = (DATA / "sealed_one" / "run.csv").read_text().splitlines()[:6]
+    Path("five.csv").write_text("\n".join(rows) + "\n")
+    Path("m.toml").write_text((DATA / "sealed_one" / "machine.toml").read_text())
+    verb, *more = words
+    result = invoke(verb, "five.csv", *more)
+    assert result.exit_code == 3 and said in result.stderr.splitlines()[-1] and result.stdout == ""
+
+
 def test_start_is_quick_and_imports_nothing_heavy():
     code = (
         "import sys; from ptt.commands.main import app; from typer.testing import CliRunner;"

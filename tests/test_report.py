@@ -118,7 +118,7 @@ def test_figures_of_the_standard_are_those_of_its_verb(folder: Path, told: tuple
     said = spoken("iso", folder / "run.csv", "--model", folder / "model.toml") if told[0]["iso"] else None
     if said is None:
         outcome = invoke("iso", folder / "run.csv", "--model", folder / "model.toml")
-        assert outcome.exit_code == 2 and told[0]["why_not"]["iso"] in outcome.stderr
+        assert outcome.exit_code == 3 and told[0]["why_not"]["iso"] in outcome.stderr
     else:
         assert {**said, "source": "run.csv"} == told[0]["iso"]
 

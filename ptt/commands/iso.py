@@ -59,7 +59,7 @@ def iso(
         try:
             result = iso_of_poses(table, per_run, not any_direction)
         except TableError as error:
-            raise TableError(error.what, where=error.where or table.source, fix=error.fix) from error
+            raise type(error)(error.what, where=error.where or table.source, fix=error.fix) from error
     show(result.to_dict(), _text(result.to_dict()), json)
 
 

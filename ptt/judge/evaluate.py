@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ptt.errors import TableError
+from ptt.errors import TableError, TooFewError
 from ptt.judge.gross import gross_rows
 from ptt.judge.match import match_rows, targets_of
 from ptt.machine import MachineFile
@@ -236,7 +236,7 @@ def _align(
         here = pose & (frame == index)
         if count_places(target[here]) < LEAST_ROWS:
             fix = f"measure at least {LEAST_ROWS} poses, or use --frame trusted"
-            raise TableError("too few poses to find the tracker's frame", where=table.source, fix=fix)
+            raise TooFewError("too few poses to find the tracker's frame", where=table.source, fix=fix)
         rotations[index], shifts[index] = align(target[here], table.measured[here])
     words = "best rigid motion of each run" if policy == "fitted-per-run" else "best rigid motion"
     return into_base(table.measured, frame, rotations, shifts), f"{policy}: {words}, before and after alike"

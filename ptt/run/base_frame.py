@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 import torch
 
-from ptt.errors import TableError
+from ptt.errors import TableError, TooFewError
 from ptt.machine import MachineFile
 from ptt.run.base_drawn import misplaced
 from ptt.run.base_visits import ENOUGH, sound_visits, visits_apart
@@ -253,7 +253,7 @@ def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> lis
     if len(seen) < 3:
         label = str(table.run_label[run])
         which = label if label.startswith("run") else f"run {label}"
-        raise TableError(
+        raise TooFewError(
             f'frame = "measured" but {which} reads only {len(seen)} base reflectors',
             where=table.source,
             fix='add rows with role = "base"; give runs between which the tracker was not moved one number in the '

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.errors import TableError
+from ptt.errors import TooFewError
 from ptt.machine import MachineFile
 from ptt.run.base_frame import BaseReadings, base_readings, from_base, from_poses, into_base, refuse_untrue
 from ptt.run.driven import as_driven
@@ -152,7 +152,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     if policy == "trusted":
         refuse_untrue(table, view, stated_in, used)
     if used.sum() < 4:
-        raise TableError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
+        raise TooFewError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
     frame = (
         np.asarray(table.run, dtype=int)
         if policy in ("fitted-per-run", "measured")

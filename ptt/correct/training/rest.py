@@ -8,7 +8,7 @@ import numpy as np
 
 from nets import GaussianRbf, NetsError, RbfSettings, RbfTraining, measure_domain, train_rbf
 from ptt.correct.training.physics import Physics
-from ptt.errors import TableError
+from ptt.errors import TooFewError
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
@@ -105,7 +105,7 @@ def learn_rest(
     try:
         trained = train_rbf(rest.inputs, rest.steps, rest.groups, settings=settings)
     except NetsError as error:
-        raise TableError(
+        raise TooFewError(
             f"the network cannot be trained: {error}", where=problem.table.source, fix="measure more poses"
         ) from error
     return replace(trained, network=_over(trained.network, rest.places))

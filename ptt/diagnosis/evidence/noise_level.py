@@ -13,7 +13,7 @@ from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.noise.wander import FAULT
 from ptt.effects import Library
-from ptt.errors import TableError
+from ptt.errors import TooFewError
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.run.holdout import sharing_groups
@@ -253,9 +253,9 @@ def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:
     return noise
 
 
-def too_few(problem: Problem) -> TableError:
+def too_few(problem: Problem) -> TooFewError:
     """The error for readings that do not tell their noise."""
-    return TableError(
+    return TooFewError(
         f"{int(problem.used.sum())} readings without repeats do not tell the noise",
         where=problem.table.source,
         fix="give sigma_mm under [tracker] in the machine file, or measure more rows",

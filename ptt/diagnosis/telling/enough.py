@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ptt.errors import TableError
+from ptt.errors import TooFewError
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
@@ -24,10 +24,10 @@ def enough(problem: Problem) -> None:
     count = int(problem.used.sum())
     fix = f"measure at least {LEAST_READINGS} poses, better 100 or more; `ptt plan` lists which"
     if count < LEAST_READINGS:
-        raise TableError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
+        raise TooFewError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
     poses = len(np.unique(pose_groups(problem.table)[problem.used]))
     if poses < (LEAST_POSES if problem.frames else 2):
-        raise TableError(
+        raise TooFewError(
             f"{count} readings are of {poses} {'pose' if poses == 1 else 'poses'}, too few for a verdict",
             where=problem.table.source,
             fix=f"measure at least {LEAST_READINGS} poses, better 100 or more;"
@@ -40,6 +40,6 @@ def enough(problem: Problem) -> None:
         and 3 * count - np.minimum(3 * each, MOTION).sum() < FREE
     ):
         what = f"{count} readings in {len(each)} frames are too few for a verdict: each frame takes two of them"
-        raise TableError(
+        raise TooFewError(
             what, where=problem.table.source, fix=f"measure more poses without moving the tracker, or {fix}"
         )

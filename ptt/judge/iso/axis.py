@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ptt.errors import TableError
+from ptt.errors import TableError, TooFewError
 from ptt.record import Record
 
 Array = NDArray[np.float64]
@@ -130,7 +130,7 @@ def _check_runs(count: NDArray[np.intp], targets: Array, way: str, axis: str) ->
     few = np.flatnonzero(count < 2)
     if len(few):
         what = f"target {targets[few[0]]:g} mm has {count[few[0]]} run(s) {way}"
-        raise TableError(what, where=axis, fix="measure every target at least twice each way")
+        raise TooFewError(what, where=axis, fix="measure every target at least twice each way")
 
 
 def _axis_from_moments(axis: str, runs: int, target: Array, mean: Array, std: Array) -> AxisFigures:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ptt.errors import TableError
+from ptt.errors import TooFewError
 from ptt.judge.iso.pose_figures import Array, DirectionVariation, DistanceFigures, Drift, PoseFigures, PoseReport
 from ptt.run.noise import SAME_LOAD
 from ptt.run.same_pose import SAME_POSE, number_alike, same_places
@@ -43,7 +43,7 @@ def pose_report(
     repeated = [rows for rows in groups if len(rows) > 1]
     if not repeated:
         fix = "measure poses repeatedly, each time from the same side"
-        raise TableError("no pose was measured twice", fix=fix)
+        raise TooFewError("no pose was measured twice", fix=fix)
     poses = tuple(_pose(target, measured, sides, load, rows) for rows in repeated)
     return PoseReport(
         poses=poses,

@@ -9,7 +9,7 @@ from operator import add
 import numpy as np
 
 from ptt.effects import Effect
-from ptt.errors import ModelError, PosesError
+from ptt.errors import PosesError, UntestedError
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import LONG
 from ptt.fitting.held_frame import with_frame_doubt
@@ -107,7 +107,7 @@ def _as_it_turns(model: Model, effects: Sequence[Effect], problem: Problem) -> t
 def _require(effect: Effect, problem: Problem) -> None:
     lack = effect.needs(problem.view)
     if lack:
-        raise ModelError(f"this run cannot test '{effect.key}'", where=problem.table.source, fix=f"it needs {lack}")
+        raise UntestedError(f"this run cannot test '{effect.key}'", where=problem.table.source, fix=f"it needs {lack}")
 
 
 def _hold_untestable(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ptt.errors import TableError
+from ptt.errors import TableError, TooFewError
 from ptt.record import Record
 from ptt.run.backlash.dead_travel import ReversalPass, measure_reversal, turning_row
 from ptt.run.backlash.scale import ScaleLog
@@ -155,7 +155,7 @@ def _measure_slider(log: ScaleLog, rows: NDArray[np.intp]) -> SliderBacklash:
     passes = [rows[log.cycle[rows] == cycle] for cycle in dict.fromkeys(log.cycle[rows].tolist())]
     full = [one for one in passes if len(one) > 1]
     if not full:
-        raise TableError("single readings only", where=where, fix="log at least one pass forward and back")
+        raise TooFewError("single readings only", where=where, fix="log at least one pass forward and back")
     reversals = tuple(_measure_pass(log, one, where) for one in full)
     ends = [one[turning_row(log.command[one])] if len(one) > 1 else one[0] for one in passes]
     step = float(np.mean([r.step for r in reversals]))
