@@ -64,7 +64,7 @@ def _write(found: "Checked", out_run: Path | None, out_model: Path | None, sever
         if several:
             raise InputError("one file for several runs", where="--out-run", fix="check each run by itself")
         if found.table is not None:
-            write_table(found.table, out_run)
+            write_table(found.table, out_run, as_read=True)
         note(f"{out_run}: the run, with what was sure undone")
     if out_model is not None:
         save_machine(found.file, out_model)

@@ -14,7 +14,7 @@ from ptt.files import write_parts
 from ptt.run.readers import Understood
 from ptt.run.readers.joined import join_fields
 from ptt.run.readers.scale import scale_hint
-from ptt.run.written import columns_of, text_parts
+from ptt.run.written import columns_as_read, columns_of, text_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +169,13 @@ def table_to_frame(table: Table) -> pd.DataFrame:
     return pd.DataFrame(columns_of(table))
 
 
-def write_table(table: Table, path: str | Path) -> None:
+def write_table(table: Table, path: str | Path, *, as_read: bool = False) -> None:
     """Write a tracker CSV that reads back the same, bit for bit; the file appears whole or not at all.
 
     Args:
         table: what to write.
         path: where to.
+        as_read: whether the columns are those of the file that it was read from, in its order, empty ones too.
 
     Raises:
         InputError: the folder cannot be written.
@@ -184,7 +185,7 @@ def write_table(table: Table, path: str | Path) -> None:
         broken = [text for text in texts.tolist() if "\n" in text or "\r" in text]
         if broken:
             raise TableError(f"line break in {broken[0]!r}", where=str(path), fix="remove it")
-    write_parts(path, text_parts(columns_of(table)))
+    write_parts(path, text_parts(columns_as_read(table) if as_read else columns_of(table)))
 
 
 def concat_tables(tables: Sequence[Table]) -> Table:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.run.cores import map_cores
+from ptt.run.readers.columns import file_title
+from ptt.run.readers.mapping import IGNORE
 
 if TYPE_CHECKING:
     from ptt.run.table import Table
@@ -21,34 +23,53 @@ ROWS = 20_000  # of a block: some MB of text
 Columns = Dictionary[str, np.ndarray]  # title -> (n,)
 
 
-def columns_of(table: "Table") -> dict[str, np.ndarray]:
-    """Columns of a table as its file has them, in units and order of the format; those without content are left out.
+def columns_of(table: "Table", whole: bool = False) -> dict[str, np.ndarray]:
+    """Columns of a table as its file has them, in units and order of the format.
 
     Args:
         table: n rows.
+        whole: whether those without content are there as well.
 
     Returns:
         Title -> (n,), most of them views of the table.
     """
     columns: dict[str, np.ndarray] = {}
+    put = partial(_put, columns, whole)
     angle = "_rad" if table.joint_prefix == "q" else ""
-    _put(columns, [f"{axis}_cmd" for axis in COORDINATES], table.target)
-    _put(columns, [f"{table.joint_prefix}{i + 1}_cmd{angle}" for i in range(table.joints)], table.command)
-    _put(columns, [f"{axis}_meas" for axis in COORDINATES], table.measured)
-    if (table.name != "").any():
+    put([f"{axis}_cmd" for axis in COORDINATES], table.target)
+    put([f"{table.joint_prefix}{i + 1}_cmd{angle}" for i in range(table.joints)], table.command)
+    put([f"{axis}_meas" for axis in COORDINATES], table.measured)
+    if whole or (table.name != "").any():
         columns["name"] = table.name
-    if (table.role != "pose").any():
+    if whole or (table.role != "pose").any():
         columns["role"] = table.role
-    if table.run_label != ("",):
+    if whole or table.run_label != ("",):
         columns["run"] = np.asarray(table.run_label)[table.run]
     for title in ("repeat", "time_s", "payload_kg", "temp_c", "feed_mm_s"):
-        _put(columns, [title], getattr(table, title))
+        put([title], getattr(table, title))
     for title, values in (("dir", table.direction), ("tau", table.torque)):
-        _put(columns, [f"{title}{i + 1}" for i in range(0 if values is None else values.shape[1])], values)
-    _put(columns, [f"{axis}_std" for axis in COORDINATES], table.std)
-    _put(columns, [f"{axis}_meas" for axis in QUATERNION], table.orientation_measured)
-    _put(columns, [f"{axis}_cmd" for axis in QUATERNION], table.orientation_command)
+        put([f"{title}{i + 1}" for i in range(0 if values is None else values.shape[1])], values)
+    put([f"{axis}_std" for axis in COORDINATES], table.std)
+    put([f"{axis}_meas" for axis in QUATERNION], table.orientation_measured)
+    put([f"{axis}_cmd" for axis in QUATERNION], table.orientation_command)
     return columns | dict(table.extra)
+
+
+def columns_as_read(table: "Table") -> dict[str, np.ndarray]:
+    """Columns in the order of the file that they were read from, none of them lost; what that had not follows them.
+
+    Args:
+        table: n rows.
+
+    Returns:
+        Title, as the format has it -> (n,).
+    """
+    read = table.understood.mapping.columns
+    titles = [title if quantity == IGNORE else file_title(quantity) for title, quantity in read.items()]
+    every, filled = columns_of(table, whole=True), columns_of(table)
+    own = (title for title, values in filled.items() if not _is_empty(values))
+    columns = {title: every[title] for title in (*titles, *own) if title in every}
+    return columns | {title: _counted(columns[title]) for title in ("repeat",) if title in columns}
 
 
 def text_of(columns: Columns, titles: bool = True) -> bytes:
@@ -86,9 +107,23 @@ def _text_from(columns: Columns, first: int) -> bytes:
     return text_of({title: values[first : first + ROWS] for title, values in columns.items()}, first == 0)
 
 
-def _put(columns: dict[str, np.ndarray], titles: list[str], values: np.ndarray | None) -> None:
-    if values is not None and not np.isnan(values).all():
+def _put(columns: dict[str, np.ndarray], whole: bool, titles: list[str], values: np.ndarray | None) -> None:
+    if values is not None and (whole or not np.isnan(values).all()):
         columns.update(zip(titles, values.reshape(len(values), -1).T, strict=True))
+
+
+def _is_empty(values: np.ndarray) -> bool:
+    return values.dtype.kind == "f" and bool(np.isnan(values).all())
+
+
+def _counted(values: np.ndarray) -> np.ndarray:
+    """Whole numbers without a decimal point, None where there is none."""
+    there = ~np.isnan(values)
+    if (values[there] % 1.0 != 0.0).any():
+        return values
+    counted = np.full(len(values), None, dtype=object)
+    counted[there] = [int(value) for value in values[there]]
+    return counted
 
 
 def _cells(values: np.ndarray) -> list[object]:

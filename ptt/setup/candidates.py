@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 import torch
 
-from ptt.setup.rigid import medians
+from ptt.setup.rigid import across, medians
 from ptt.setup.score import build, forward_many
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 
@@ -159,12 +159,13 @@ def _turn(side: Side, matrix: np.ndarray) -> Undo:
     def undo(setup: Setup) -> Setup:
         changes = {}
         if side != "targets":
-            changes["measured"] = setup.table.measured @ matrix.T
+            changes["measured"] = across(setup.table.measured, matrix)
             scale = abs(np.linalg.det(matrix)) ** (1.0 / 3.0)
             if setup.table.std is not None:
-                changes["std"] = setup.table.std @ (np.abs(matrix).T if abs(scale - 1.0) < 1e-9 else scale * np.eye(3))
+                sizes = np.abs(matrix) if abs(scale - 1.0) < 1e-9 else scale * np.eye(3)
+                changes["std"] = across(setup.table.std, sizes)
         if side != "readings":
-            changes["target"] = setup.table.target @ matrix.T
+            changes["target"] = across(setup.table.target, matrix)
         return setup.with_rows(**changes)
 
     return undo

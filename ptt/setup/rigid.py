@@ -77,3 +77,18 @@ def _motion(a: np.ndarray, b: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray,
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
     turn = left @ right
     return turn, (middle_b - middle_a @ turn.transpose(0, 2, 1))[:, 0]
+
+
+def across(values: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Rows turned by a matrix, (n, 3); an empty coordinate empties only those that it has a part in.
+
+    Args:
+        values: (n, 3), NaN where empty.
+        matrix: (3, 3).
+    """
+    turned = values @ matrix.T
+    if np.isnan(values).any():
+        for axis, weights in enumerate(matrix):
+            part = np.flatnonzero(weights)
+            turned[:, axis] = values[:, part] @ weights[part]
+    return turned
