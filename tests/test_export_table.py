@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ import torch
 
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Options
-from ptt.correct.exports.table import write
+from ptt.correct.exports.table import MOST_POINTS, _axes, _count, write
 from ptt.correct.training.compensator import Compensator
 from ptt.effects.links import LinkLength
 from ptt.effects.reversal import Backlash
@@ -89,6 +90,15 @@ def test_a_step_that_makes_no_table_is_refused_with_a_better_one(bench: MachineF
         with pytest.raises(InputError, match="try"):
             write(Compensator(_model(bench), None, {}), tmp_path / "t.csv", Options(step=step))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("high", [(230.0, 220.0, 180.0), (2.0, 3.0, 0.4), (900.0, 700.0, 20.0)])
+def test_the_step_that_is_named_is_the_first_that_is_taken(high: tuple[float, ...]) -> None:
+    ends = -np.array(high), np.array(high)
+    with pytest.raises(InputError, match=rf"more than {MOST_POINTS}; the workspace .*: try ") as refused:
+        _axes(SimpleNamespace(targets=np.array(ends)), 1e-3)
+    step = float(refused.value.fix.rsplit(" ", 1)[1])
+    assert _count(*ends, step) <= MOST_POINTS < _count(*ends, 0.85 * step)
 
 
 def test_waves_shorter_than_its_cells_are_left_out_and_it_is_said(bench: MachineFile, tmp_path: Path) -> None:

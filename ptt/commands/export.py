@@ -16,6 +16,7 @@ from ptt.commands.common import (
     Targets,
     asker,
     note,
+    progress,
     refuse_idle,
     show,
 )
@@ -53,5 +54,6 @@ def export(
     table = None if run is None else read_rows(run, loaded.file, reading, checked=True, ask=asker(reading), note=note)
     if step is not None and not chosen.stepped:
         note(f"--step says nothing to format {chosen.name}")
-    result = export_as(loaded, chosen, out, model, step=step, table=table)
+    with progress() as tell:
+        result = export_as(loaded, chosen, out, model, step=step, table=table, progress=tell)
     show(result.to_dict(), str(result), json)

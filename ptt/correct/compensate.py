@@ -43,6 +43,7 @@ def compensate(
     reversal: Reversal | None = None,
     limit: float = LIMIT_MM,
     network: NetworkError | None = None,
+    nearest: bool = True,
     progress: Progress | None = None,
 ) -> Commands:
     """Invert drive, geometry and structure of a model, never its metrology.
@@ -63,6 +64,7 @@ def compensate(
             What the machine file says its controller compensates is never put in.
         limit: largest correction that is sent, mm of tool: physics, network and reversal together.
         network: what the network that made the correction leaves, where that is known.
+        nearest: whether to look for the nearest command that works beside each row that cannot be sent.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -81,11 +83,11 @@ def compensate(
         if block.last < rows:
             tell("invert", block.last, rows)
     commands = joined(done)
-    rest = np.flatnonzero(~commands.sent)
+    rest = np.flatnonzero(~commands.sent) if nearest else np.empty(0, dtype=int)
     near = nearest_of(task.wanted, task.nominal, commands.sent) if len(rest) else None
-    nearest, distance = nearest_commands(task, rest, near)
+    commands_near, distance = nearest_commands(task, rest, near)
     tell("done", 1, 1)
-    return replace(commands, nearest=nearest, nearest_gap=distance)
+    return replace(commands, nearest=commands_near, nearest_gap=distance)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from ptt.door.words import as_run
 from ptt.errors import InputError
 from ptt.machine import format_machine
 from ptt.model.entries import write_model
+from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
 
 if TYPE_CHECKING:
@@ -62,7 +63,15 @@ class Exported(Result):
         return draw_error_left(self.result.error_um, self.format)
 
 
-def export(model: Any, to: str, out: str | Path, *, step: float | None = None, run: RowsLike = None) -> Exported:
+def export(
+    model: Any,
+    to: str,
+    out: str | Path,
+    *,
+    step: float | None = None,
+    run: RowsLike = None,
+    progress: Progress = unwatched,
+) -> Exported:
     """Write a model for a controller.
 
     Args:
@@ -71,6 +80,7 @@ def export(model: Any, to: str, out: str | Path, *, step: float | None = None, r
         out: file or folder to write.
         step: distance of table entries, mm or rad; None takes the format's own.
         run: a run; errors are judged at its loads and speeds.
+        progress: told what is done, how much of how much.
 
     Returns:
         What was written, what the format holds, what it cannot hold, and what error that leaves.
@@ -83,11 +93,11 @@ def export(model: Any, to: str, out: str | Path, *, step: float | None = None, r
     chosen = find_format(to)
     table = None if run is None else as_run(run, machine, USAGE).table
     if named is not None:
-        return export_as(machine, chosen, Path(out), named, step=step, table=table)
+        return export_as(machine, chosen, Path(out), named, step=step, table=table, progress=progress)
     with TemporaryDirectory(prefix="ptt_") as folder:  # the head of the files names the model that `save` would write
         kept = Path(folder) / ("model.toml" if machine.compensator.network is None else "compensator")
         machine.save(kept)
-        return export_as(machine, chosen, Path(out), kept, step=step, table=table, called=kept.name)
+        return export_as(machine, chosen, Path(out), kept, step=step, table=table, called=kept.name, progress=progress)
 
 
 def _unchanged(model: Model) -> Path | None:
@@ -111,6 +121,7 @@ def export_as(
     step: float | None = None,
     table: Table | None = None,
     called: str | None = None,
+    progress: Progress = unwatched,
 ) -> Exported:
     """Export as the command line does.
 
@@ -122,11 +133,12 @@ def export_as(
         step: distance of table entries.
         table: rows at whose loads and speeds errors are judged.
         called: what the model's file is called; None: by its path.
+        progress: told what is done, how much of how much.
     """
     require_number(step, LEAST_STEP, "step")
     write = writer(chosen, model.file.machine.kind)
     _refuse_own(out, path)
-    result = write(model.compensator, out, Options(path, step, table))
+    result = write(model.compensator, out, Options(path, step, table, progress=progress))
     return Exported(result, chosen.name, called or str(path))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from ptt.progress import Progress, unwatched
 from ptt.record import Record
 
 if TYPE_CHECKING:
@@ -105,12 +106,14 @@ class Options:
         step: distance of table entries, mm or rad of the axis or mm of the workspace; None takes the format's own.
         table: a run; where one is given, errors are judged at the payloads, temperatures and speeds of its rows.
         date: of the export, for the head of the files.
+        progress: told what is done, how much of how much.
     """
 
     model_path: Path | None = None
     step: float | None = None
     table: "Table | None" = None
     date: datetime.date = field(default_factory=datetime.date.today)
+    progress: Progress = unwatched
 
 
 # What every format does: the model with its network, where to, what the user said -> what was written, what it leaves.

@@ -18,6 +18,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts, predict
 from ptt.model.model import Model
 from ptt.plan.space import build_space, draw_poses
+from ptt.progress import Progress, unwatched
 from ptt.run.table import Table, make_table, take_rows
 from ptt.run.viewing import build_view
 
@@ -170,19 +171,28 @@ def without(compensator: "Compensator", keys: Iterable[str]) -> "Compensator":
     return replace(compensator, model=reduce(Model.without, keys, compensator.model))
 
 
-def solve(compensator: "Compensator", table: Table, posture: np.ndarray) -> Commands:
-    """Commands of targets by physics and network.
+def solve(compensator: "Compensator", table: Table, posture: np.ndarray, progress: Progress = unwatched) -> Commands:
+    """Commands of targets by physics and network; nothing is looked for beside those that cannot be sent.
 
     Args:
         compensator: with or without a network.
         table: n targets.
         posture: (n, k) nominal joint commands, for a network over joints.
+        progress: told what is done, how much of how much.
 
     Returns:
         The commands.
     """
     correction, inside = network_parts(compensator, posture)
-    return compensate(compensator.model, table, correction=correction, inside=inside, network=compensator.error)
+    return compensate(
+        compensator.model,
+        table,
+        correction=correction,
+        inside=inside,
+        network=compensator.error,
+        nearest=False,
+        progress=progress,
+    )
 
 
 def _in_base(compensator: "Compensator") -> "Compensator":

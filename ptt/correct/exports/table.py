@@ -1,5 +1,6 @@
 """A CSV grid of corrections over the workspace, with the error of interpolating in it."""
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from ptt.correct.terms import split_terms
 from ptt.errors import InputError
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
+from ptt.progress import Progress
 from ptt.run.table import make_table
 from ptt.run.viewing import build_view
 
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 CELLS = 20  # along the longest side, where no step is given
-MOST_POINTS = 2_000_000  # more is a mistyped step
+MOST_POINTS = 500_000  # twice as many places are solved in a minute or so; a controller holds far fewer
 WHY = {
     "payload": "a table is of one load, and this one of none",
     "temperature": "a table is of one temperature, and this one of the reference",
@@ -58,10 +60,10 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     still = without(ground.compensator, cannot)  # places are in the base frame, whatever frame targets are stated in
     between = _between(still, axes, places, ground)
     still = without(still, [key for key, (whole, left) in between.items() if left > whole])
-    shift = _corrections(still, places)
+    shift = _corrections(still, places, options.progress)
     there = np.isfinite(shift).all(axis=1)
     shift = shift[there][cKDTree(places[there]).query(places)[1]]  # cells at the edge have corners beyond it
-    apart = _interpolation(still, axes, shift, there)
+    apart = _interpolation(still, axes, shift, there, options.progress)
     head = [*head_lines(compensator, options), *_explained(axes, apart)]
     text = "".join(f"# {line}\n" for line in head) + "x_mm,y_mm,z_mm,db1_mm,db2_mm,db3_mm,sent\n"
     rows = np.column_stack([places, shift, there])
@@ -111,20 +113,35 @@ def _axes(ground: Ground, step: float | None) -> list[np.ndarray]:
     """Places along x, y and z: whole steps about the origin that reach over the workspace."""
     low, high = ground.targets.min(axis=0), ground.targets.max(axis=0)
     width = float((high - low).max()) / CELLS if step is None else step
-    first, last = np.floor(low / width).astype(int), np.ceil(high / width).astype(int)
-    count = int(np.prod(last - first + 1.0))
+    count = _count(low, high, width)
     if count > MOST_POINTS or width > float((high - low).min()):
         size = " x ".join(f"{value:.0f}" for value in high - low)
-        fix = (
-            f"the workspace is {size} mm: try {width * 2 if count > MOST_POINTS else float((high - low).min()) / 4:.3g}"
+        finest = _finest(low, high)
+        near = finest if count > MOST_POINTS else max(finest, float(f"{float((high - low).min()) / 4:.2g}"))
+        what = f"a step of {width:g} mm makes a table of {count} places" + (
+            f", more than {MOST_POINTS}" if count > MOST_POINTS else ""
         )
-        raise InputError(f"a step of {width:g} mm makes a table of {count} places", where="--step", fix=fix)
-    return [width * np.arange(begin, end + 1) for begin, end in zip(first, last, strict=True)]
+        raise InputError(what, where="--step", fix=f"the workspace is {size} mm: try {near:g}")
+    ends = np.floor(low / width).astype(int), np.ceil(high / width).astype(int)
+    return [width * np.arange(begin, end + 1) for begin, end in zip(*ends, strict=True)]
 
 
-def _corrections(still: "Compensator", places: np.ndarray) -> np.ndarray:
+def _count(low: np.ndarray, high: np.ndarray, width: float) -> int:
+    """How many places a step makes."""
+    return int(np.prod(np.ceil(high / width) - np.floor(low / width) + 1.0))
+
+
+def _finest(low: np.ndarray, high: np.ndarray) -> float:
+    """The first step of two digits that is taken, mm."""
+    guess = float(np.cbrt(np.prod(high - low) / MOST_POINTS))
+    digit = 10.0 ** (np.floor(np.log10(guess)) - 1.0)
+    steps = (float(f"{digit * tens:.2g}") for tens in itertools.count(int(guess / digit)))
+    return next(step for step in steps if _count(low, high, step) <= MOST_POINTS)
+
+
+def _corrections(still: "Compensator", places: np.ndarray, progress: Progress) -> np.ndarray:
     """Command less the drawing's, (n, 3) mm; NaN where nothing can be sent."""
-    commands = solve(still, make_table(places), places)  # a network is over places here
+    commands = solve(still, make_table(places), places, progress)  # a network is over places here
     nominal = build_mechanism(still.model.file.machine).inverse(torch.as_tensor(places)).numpy()
     return np.asarray(np.where(commands.sent[:, None], commands.q - nominal, np.nan))
 
@@ -136,13 +153,13 @@ def _interpolate(axes: Sequence[np.ndarray], shift: np.ndarray, places: np.ndarr
 
 
 def _interpolation(
-    still: "Compensator", axes: Sequence[np.ndarray], shift: np.ndarray, there: np.ndarray
+    still: "Compensator", axes: Sequence[np.ndarray], shift: np.ndarray, there: np.ndarray, progress: Progress
 ) -> tuple[np.ndarray, np.ndarray]:
     """How far interpolated and exact corrections are apart amid whole cells, and amid those at the edge, um."""
     middles = [0.5 * (axis[1:] + axis[:-1]) for axis in axes]
     places = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 3)
     off = _interpolate(axes, shift, places)
-    apart = 1e3 * np.abs(off - _corrections(still, places)).max(axis=1)
+    apart = 1e3 * np.abs(off - _corrections(still, places, progress)).max(axis=1)
     whole = _interpolate(axes, np.repeat(there[:, None], 3, axis=1).astype(float), places)[:, 0] == 1.0
     known = np.isfinite(apart)
     return apart[known & whole], apart[known & ~whole]
