@@ -178,7 +178,7 @@ def _directions(export: Export, joints: int) -> np.ndarray | None:
         raise TableError(
             f"not a direction ({block[row, column]:g})",
             where=place(export, row, names[column]),
-            fix="use +1, -1, or an empty cell where it is unknown",
+            fix="use +1, -1, or 0 or an empty cell where it is unknown",
         )
     return block
 
