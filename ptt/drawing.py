@@ -102,9 +102,16 @@ class JointSpec(Frozen):
     alpha_deg: float = 0.0
     d_mm: float = 0.0
     theta_offset_deg: float = 0.0
-    limits_deg: tuple[float, float] | None = None
+    limits_deg: Pair | None = None
     mass_kg: NonNegativeFloat | None = None
     com_mm: Triple | None = None
+
+    @pydantic.field_validator("limits_deg")
+    @classmethod
+    def _check_limits(cls, value: Pair | None) -> Pair | None:
+        if value is not None and value[0] >= value[1]:
+            raise ValueError("the lower end must come first and be smaller than the upper end")
+        return value
 
 
 class SerialSpec(Frozen):

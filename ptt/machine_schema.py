@@ -149,7 +149,7 @@ def explain(error: pydantic.ValidationError, where: str) -> MachineError:
     path = _path(first["loc"])
     place = f"{where} key {'.'.join(path).replace('.[', '[')}" if path else where
     if first["type"] == "extra_forbidden":
-        return MachineError(f"unknown key '{shown(path[-1])}'", where=where, fix=_instead_of(path))
+        return MachineError(f"unknown key '{shown(path[-1])}'", where=where, fix=_instead_of(path, first["loc"]))
     if first["type"] == "missing":
         return MachineError("missing", where=place, fix="add it; docs/files.md shows a machine file with its keys")
     if first["type"].startswith("union_tag"):
@@ -179,20 +179,23 @@ def _counted(part: int | str) -> str:
     return f"[{part + 1}]" if isinstance(part, int) else part
 
 
-def _instead_of(path: list[str]) -> str:
-    """What to do about a key that is not known where it stands."""
+def _instead_of(path: list[str], loc: tuple[int | str, ...]) -> str:
+    """What to do about a key that is not known where it stands; of another kind of machine no key is suggested."""
     here = ".".join(path[:-1]).replace(".[", "[") or "the top of the file"
     homes = [name for name, models in SECTIONS.items() if any(path[-1] in model.model_fields for model in models)]
     if homes:
         return f"it belongs in {' or '.join(homes)} (this is {here})"
     if path[0] == "effect" and len(path) == 3:
         return f"values of an effect belong in [effect.parameters] (this is {here})"
-    guess = difflib.get_close_matches(path[-1], _known_keys(), n=1)
+    others = {"three-ptt": (SerialSpec, JointSpec), "serial": (ThreePttSpec,)}
+    foreign = next((models for kind, models in others.items() if kind in loc), ())
+    guess = difflib.get_close_matches(path[-1], _known_keys(foreign), n=1)
     return f"did you mean '{guess[0]}'? (in {here})" if guess else f"remove it (in {here})"
 
 
-def _known_keys() -> list[str]:
-    return [name for models in SECTIONS.values() for model in models for name in model.model_fields]
+def _known_keys(foreign: tuple[type[Frozen], ...]) -> list[str]:
+    known = (model for models in SECTIONS.values() for model in models if model not in foreign)
+    return [name for model in known for name in model.model_fields]
 
 
 SECTIONS: dict[str, tuple[type[Frozen], ...]] = {

@@ -169,6 +169,22 @@ def test_what_is_no_number_of_its_key_is_refused_by_it(text, said):
         parse_machine(f"{BARE}{text}\n")
 
 
+@pytest.mark.parametrize("limits", ["[360.0, -360.0]", "[90.0, 90.0]"])
+def test_limits_of_a_joint_in_the_wrong_order_are_refused_by_the_key(limits):
+    arm = '[machine]\nkind = "serial"\nconvention = "standard"\n' + "[[machine.joint]]\na_mm = 300\n" * 2
+    with pytest.raises(MachineError, match=r"machine\.joint\[2\]\.limits_deg: .*the lower end must come first"):
+        parse_machine(f"{arm}limits_deg = {limits}\n")
+    assert parse_machine(f"{arm}limits_deg = [-360.0, 360.0]\n").machine.joints == 2
+
+
+def test_a_key_is_suggested_that_this_kind_of_machine_has():
+    with pytest.raises(MachineError, match=r"unknown key 'lead_mm'; did you mean 'screw_lead_mm'\? \(in machine\)"):
+        parse_machine(f"{BARE}lead_mm = 5\n")
+    arm = '[machine]\nkind = "serial"\nconvention = "standard"\n[[machine.joint]]\na_mm = 300\ndd_mm = 4\n'
+    with pytest.raises(MachineError, match=r"unknown key 'dd_mm'; did you mean 'd_mm'\? \(in machine\.joint\[1\]\)"):
+        parse_machine(arm)
+
+
 def test_what_a_controller_cannot_compensate_is_named():
     file = parse_machine(f'{BARE}[controller]\ncompensates = ["backlash", "backlsh"]\n')
     with pytest.raises(InputError, match=r"key controller\.compensates: effect 'backlsh' .* did you mean 'backlash'"):
