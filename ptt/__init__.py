@@ -16,7 +16,9 @@ from ptt.threads import on_one_thread
 from ptt.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from ptt import commands as commands
     from ptt import effects as effects
+    from ptt import errors as errors
     from ptt.door.changing import add as add
     from ptt.door.changing import fit as fit
     from ptt.door.changing import remove as remove
@@ -56,6 +58,8 @@ _DOOR = {
     "Run": "run",
 }
 
+_ROOMS = ("effects", "errors", "commands")
+
 __all__ = [
     "Model", "Run", "add", "check", "compare", "diagnose", "effects", "evaluate", "export", "fit", "load", "predict",
     "read", "read_targets", "recheck", "remove", "simulate", "train",
@@ -64,8 +68,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Load a name of the front door when it is asked for."""
-    if name == "effects":
-        return importlib.import_module("ptt.effects")
+    if name in _ROOMS:
+        return importlib.import_module(f"ptt.{name}")
     if name not in _DOOR:
         raise AttributeError(f"module 'ptt' has no attribute '{name}'")
     value = getattr(importlib.import_module(f"ptt.door.{_DOOR[name]}"), name)

@@ -54,19 +54,19 @@ def test_a_code_of_three_comes_back_as_it_is(tmp_path, capsys):
 
 
 READINGS = [(x, y, z) for x in (-30, 0, 30) for y in (-20, 10) for z in (0, 25)]
-DATA_THAT_CANNOT_WORK = {  # verb, rows of x, y, z, code; all cells are whole
-    "one pose, nothing to hold out": ("evaluate", READINGS[:1] * 9, 3),
-    "no pose twice": ("iso", READINGS, 2),
+DATA_THAT_CANNOT_WORK = {  # verb, rows of x, y, z; all cells are whole
+    "one pose, nothing to hold out": ("evaluate", READINGS[:1] * 9),
+    "no pose twice": ("iso", READINGS),
 }
 
 
 @pytest.mark.parametrize("case", DATA_THAT_CANNOT_WORK)
 def test_a_whole_file_of_which_nothing_follows_is_named(case, tmp_path, capsys):
-    verb, places, code = DATA_THAT_CANNOT_WORK[case]
+    verb, places = DATA_THAT_CANNOT_WORK[case]
     lines = [f"{x},{y},{z},{x},{y},{z + 0.001 * row}" for row, (x, y, z) in enumerate(places)]
     (tmp_path / "few.csv").write_text("\n".join(["x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas", *lines]) + "\n")
     (tmp_path / "m.toml").write_text("\n".join(Path(MACHINE).read_text().split("[tracker]")[:1]) + "\n")
-    assert run([verb, str(tmp_path / "few.csv"), "--model", str(tmp_path / "m.toml"), "--json"]) == code
+    assert run([verb, str(tmp_path / "few.csv"), "--model", str(tmp_path / "m.toml"), "--json"]) == 3
     out, err = capsys.readouterr()
     assert out == "" and [line for line in err.splitlines() if line.startswith(f"error: {tmp_path}/few.csv")]
 
@@ -153,3 +153,11 @@ def test_the_front_door_calculates_on_one_thread_whatever_was_loaded_before_it()
         [sys.executable, "-c", POOLS % (MACHINE, MACHINE)], env=environment, cwd=ROOT, capture_output=True
     )
     assert done.returncode == 0, done.stderr.decode()
+
+
+def test_it_needs_no_import_but_that_of_ptt():
+    code = "import ptt; assert ptt.commands.main.run(['--version']) == 0; ptt.errors.PttError"
+    told = process(program=("-c", code))
+    assert (told.returncode, told.stderr) == (0, "") and told.stdout.startswith("ptt ")
+    late = process(program=("-c", "import ptt, ptt.commands.common; ptt.commands.main.run"))
+    assert late.returncode == 0, late.stderr

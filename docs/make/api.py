@@ -31,10 +31,9 @@ def book() -> str:
             parts.append(_class(node, tree))
             continue
         parts.append(_function(node, name))
-        made = _made(node)
-        result = next((each for each in tree.body if isinstance(each, ast.ClassDef) and each.name == made), None)
-        if result is not None and made not in ("Model", "Run"):
-            parts.append(_members(result, f"`{made}`: {_first(result)}"))
+        made = [name for name in _made(node) if name not in ("Model", "Run")]
+        results = [each for each in tree.body if isinstance(each, ast.ClassDef) and each.name in made]
+        parts += [_members(each, f"`{each.name}`: {_first(each)}") for each in results]
     return "\n".join(parts)
 
 
@@ -70,9 +69,10 @@ def _members(node: ast.ClassDef, title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _made(node: ast.stmt) -> str:
+def _made(node: ast.stmt) -> list[str]:
+    """Names of what a function hands back."""
     assert isinstance(node, ast.FunctionDef)
-    return "" if node.returns is None else ast.unparse(node.returns).split(" | ")[0].strip("'\"")
+    return [] if node.returns is None else [name.strip("'\"") for name in ast.unparse(node.returns).split(" | ")]
 
 
 def _signature(given: ast.arguments) -> str:
