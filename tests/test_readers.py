@@ -220,3 +220,21 @@ def test_rows_of_base_reflectors_alone_are_refused(tmp_path: Path) -> None:
         read_table(tmp_path / "base.csv")
     (tmp_path / "run.csv").write_text(text.replace("base,4", "pose,4"))
     assert read_table(tmp_path / "run.csv", also=[tmp_path / "base.csv"]).rows == 4
+
+
+@pytest.mark.parametrize(
+    ("titles", "end", "not_used"),
+    [("# ,{}", "", "column 1"), ("{},", ",", ""), ("{},,", ",3,", "column 7")],
+    ids=["a hash as the first title", "a delimiter at the end", "a column without a title"],
+)
+def test_columns_without_a_title_are_named_by_their_place(tmp_path: Path, titles: str, end: str, not_used: str) -> None:
+    begin = "7," if titles.startswith("#") else ""
+    rows = [f"{begin}{row},2,3,{row},2,{row}{end}" for row in range(1, 5)]
+    (tmp_path / "run.csv").write_text(
+        "\n".join([titles.format("x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"), *rows]) + "\n"
+    )
+    understood = read_table(tmp_path / "run.csv").understood
+    assert [line for line in understood.lines if line.startswith("not used")] == [f"not used: {not_used}"] * bool(
+        not_used
+    )
+    assert not any("comment" in line for line in understood.lines) and "" not in understood.ignored

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.errors import TableError, shown
 from ptt.run.readers.columns import Meaning, canonical, standard_unit, to_standard
-from ptt.run.readers.head import titles_of
+from ptt.run.readers.head import titles_of, untitled
 from ptt.run.readers.layout import Column, understand
 from ptt.run.readers.mapping import IGNORE, NOT_USED, Ask, Mapping, Understood
 from ptt.run.readers.numbers import read_cells, refuse_beyond
@@ -87,6 +87,7 @@ def read_raw(raw: RawText, request: Request) -> Export:
     if request.purpose == "run":
         _refuse_single(raw)
     values, columns, dates, time_note = _values(raw, columns, request)
+    columns = [column for column in columns if not _is_nothing(column, values)]
     copies = _copies(raw, values) if request.purpose == "run" else []
     raw = replace(raw, delimiter=delimiter)
     understood = _understood(raw, columns, [*notes, *time_note, *copies], dates, request.mapping)
@@ -139,6 +140,11 @@ def _values(
     return values, kept, dates, notes
 
 
+def _is_nothing(column: Column, values: dict[str, np.ndarray]) -> bool:
+    """Whether a column has neither a title nor a cell with something in it: a delimiter that ends every line."""
+    return column.title == untitled(column.index) and not column.quantity and not (values[column.title] != "").any()
+
+
 def _refuse_unknown(raw: RawText, titles: tuple[str, ...]) -> None:
     listed = ", ".join(map(shown, titles[:20]))
     raise TableError(
@@ -175,7 +181,7 @@ def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: st
     delimiter, decimal = DELIMITERS.get(raw.delimiter, repr(raw.delimiter)), {".": "point", ",": "comma"}[raw.decimal]
     lines = [f"{raw.source}: {len(raw.body)} rows, {raw.encoding}, {delimiter} between columns, decimal {decimal}"]
     if raw.comments:
-        lines.append(f"{len(raw.comments)} comment lines skipped")
+        lines.append(f"{len(raw.comments)} comment line{'' if len(raw.comments) == 1 else 's'} skipped")
     rows = [
         text
         for text in raw.comments

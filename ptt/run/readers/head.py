@@ -15,13 +15,12 @@ MOST_TITLES = 2_000
 def titles_of(raw: RawText) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
     """Lines without their titles, the titles, and what each says by itself; nothing is settled."""
     if raw.header is None:
-        header = _header_in_comments(raw)
-        raw = raw if header is None else replace(raw, header=header)
+        raw = _header_in_comments(raw)
     _refuse_long_titles(raw)
     if raw.header is None:
         meanings = meanings_by_order(raw)
         meanings = [_with_comment_unit(meaning, raw) for meaning in meanings]
-        return raw, tuple(f"column {index + 1}" for index in range(len(meanings))), meanings
+        return raw, tuple(map(untitled, range(len(meanings)))), meanings
     titles, raw = raw.header, _without_trailing_delimiter(raw, len(raw.header))
     cells = split_line(raw.body[0], raw.delimiter)
     if len(cells) == len(titles) and is_unit_row(cells):
@@ -29,7 +28,13 @@ def titles_of(raw: RawText) -> tuple[RawText, tuple[str, ...], list[Meaning | No
         raw = replace(raw, body=raw.body[1:], line=raw.line[1:])
     if not raw.body:
         raise TableError("only a header, no rows", where=raw.source, fix="export it again with its readings")
-    return raw, titles, meanings_of_titles(titles, raw.source)
+    meanings = meanings_of_titles(titles, raw.source)
+    return raw, tuple(title or untitled(index) for index, title in enumerate(titles)), meanings
+
+
+def untitled(index: int) -> str:
+    """What a column without a title is called, by its place from 0."""
+    return f"column {index + 1}"
 
 
 def _with_unit(title: str, cell: str, raw: RawText) -> str:
@@ -66,15 +71,15 @@ def _without_trailing_delimiter(raw: RawText, width: int) -> RawText:
     return replace(raw, body=[line[:-1] for line in raw.body])
 
 
-def _header_in_comments(raw: RawText) -> tuple[str, ...] | None:
-    """The last comment above the data, where it has as many words as the rows have cells and names x, y and z."""
+def _header_in_comments(raw: RawText) -> RawText:
+    """Titles from the last comment above the data that has as many words as rows have cells and names x, y and z."""
     width = len(split_line(raw.body[0], raw.delimiter))
-    for comment in reversed(raw.comments):
+    for place, comment in reversed(list(enumerate(raw.comments))):
         cells = tuple(split_line(comment, raw.delimiter))
         found = {meaning.quantity[0] for meaning in map(meaning_of, cells) if meaning}
         if len(cells) == width and {"x", "y", "z"} <= found:
-            return cells
-    return None
+            return replace(raw, header=cells, comments=raw.comments[:place] + raw.comments[place + 1 :])
+    return raw
 
 
 def _with_comment_unit(meaning: Meaning | None, raw: RawText) -> Meaning | None:
