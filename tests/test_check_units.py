@@ -66,6 +66,7 @@ def test_a_run_in_one_wrong_unit_agrees_with_itself_and_not_with_the_travel(
     (only,) = check_setup(file, small).findings
     assert only.mistake == "unit-scale"
     assert "every length of the run" in only.words and "travel" in only.words
+    assert only.words.endswith(" all lie in it"), "and not 'all but 5%'"
 
 
 def test_sliders_out_of_travel_are_not_taken_as_micrometres(sound: tuple[MachineFile, Table]) -> None:

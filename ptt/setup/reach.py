@@ -36,18 +36,18 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
     for hypothesis in tried:
         after = out_of_reach(hypothesis.undo(setup))
         if after is not None and after <= NEARLY_NONE and before - after > 0.5:
-            found.append(hypothesis)
+            found.append((hypothesis, after))
     if not found:
         return [], setup
-    others = list(dict.fromkeys(item.undone for item in found[1:] if item.mistake != found[0].mistake))
+    first, left = found[0]
+    others = list(dict.fromkeys(item.undone for item, _ in found[1:] if item.mistake != first.mistake))
     also = f"; {' or '.join(others[:3])} would do the same" if others else ""
     words = (
-        f"{before:.0%} of the targets are out of the machine's reach; "
-        f"with {found[0].undone} all but {NEARLY_NONE:.0%} are in{also}"
+        f"{before:.0%} of the targets are out of the machine's reach; with {first.undone} {_all_but(left)} are in{also}"
     )
     sure = before > NEARLY_ALL and not others
-    finding = said(setup, found[0].mistake, words, found[0].fix, sure)
-    return [finding], found[0].undo(setup) if sure else setup
+    finding = said(setup, first.mistake, words, first.fix, sure)
+    return [finding], first.undo(setup) if sure else setup
 
 
 def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -69,17 +69,22 @@ def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
         cured = hypothesis.undo(setup)
         after = _out_of_travel(cured)
         if after is not None and after <= NEARLY_NONE and _width(cured) > SPECK * drawn(setup).link_length_mm:
-            inside.append((_relative(cured), hypothesis, cured))
+            inside.append((_relative(cured), hypothesis, cured, after))
     if not inside:
         return [], setup
-    left, hypothesis, cured = min(inside, key=lambda item: item[0])
+    left, hypothesis, cured, outside = min(inside, key=lambda item: item[0])
     if left > max(2.0 * _relative(setup), AGREED):
         return [], setup  # the columns agree as they are, and would not by that
     words = (
-        f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone} all but "
-        f"{NEARLY_NONE:.0%} lie in it"
+        f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone} {_all_but(outside)} "
+        "lie in it"
     )
     return [said(setup, "unit-scale", words, hypothesis.fix)], cured
+
+
+def _all_but(share: float) -> str:
+    """All of them, or all but a share."""
+    return f"all but {100.0 * share:.2g}%" if share else "all"
 
 
 def _width(setup: Setup) -> float:
