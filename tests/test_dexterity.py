@@ -1,4 +1,7 @@
+import json
 import math
+import re
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
@@ -8,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.testing import assert_close
 
-from ptt.machine import ThreePttSpec
+from ptt.commands.main import run
+from ptt.machine import ThreePttSpec, load_machine
 from ptt.mechanisms.dexterity import (
     condition_number,
     determinant,
@@ -17,11 +21,13 @@ from ptt.mechanisms.dexterity import (
     singular_values,
     singularities,
 )
+from ptt.mechanisms.dexterity_report import describe_dexterity
 from ptt.mechanisms.statics import GRAVITY, link_forces, weight
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
 from ptt.show.plots.workspace import plot_workspace_map
 
+DATA = Path(__file__).resolve().parents[1] / "data"
 SINE = math.sqrt(3.0) / 2.0
 
 
@@ -263,3 +269,18 @@ def test_workspace_map_picture(tmp_path):
         assert picture.shape[1] > 2 * picture.shape[0]
         colour = np.round(255.0 * picture[..., :3]) @ [1e6, 1e3, 1.0]  # one number each: rows sort slowly
         assert len(np.unique(colour)) > 200
+
+
+def test_equal_radii_are_told_as_the_singularity_that_they_are(tmp_path, capsys):
+    text = (DATA / "machine.toml").read_text()
+    path = tmp_path / "m.toml"
+    path.write_text(re.sub(r"base_radius_mm = \d+", "base_radius_mm = 100", text))
+    file = load_machine(path)
+    assert file.machine.base_radius_mm == file.machine.platform_radius_mm
+    told = describe_dexterity(file)
+    home, space = told["home"], told["workspace"]
+    assert (home["p_mm"], home["status"], home["direct"]) == ([0.0, 0.0, 0.0], "near singular", 0.0)
+    assert home["condition"] == space["condition"]["median"] == math.inf and space["near_singular_share"] == 1.0
+    assert run(["dexterity", str(path), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)["home"]
+    assert said["condition"] is None and said["status"] == "near singular"

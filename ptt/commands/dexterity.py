@@ -55,7 +55,8 @@ def _plot(file: Any, path: Path) -> None:
 
 def _text(data: dict[str, Any]) -> str:
     home, space = data["home"], data["workspace"]
-    lines = [f"{data['machine']} ({data['kind']})", "at home:" if "inverse_mm" in home else "amid the joint limits:"]
+    where = "at home" if "inverse_mm" in home else "amid the joint limits"
+    lines = [f"{data['machine']} ({data['kind']})", where + (":" if home["status"] == "ok" else f", {home['status']}:")]
     lines.append(f"  condition number {home['condition']:.3g}, manipulability {home['manipulability']:.3g}")
     if "inverse_mm" in home:
         lines.append(f"  determinant of db/dp {home['determinant']:.4g}")
@@ -63,6 +64,8 @@ def _text(data: dict[str, Any]) -> str:
         lines.append(
             f"  direct singularity: margin {home['direct']:.2f}; constraint: {home['constraint']:.2f} (0 is at it)"
         )
+        if home["direct"] == 0.0:
+            lines.append("  the links stand in one plane or side by side: locked sliders do not hold the tool")
     if space["poses"]:
         spread = space["condition"]
         lines.append(f"over the workspace, {space['poses']} poses: condition number {spread['least']:.3g} to "

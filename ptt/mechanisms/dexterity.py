@@ -87,16 +87,19 @@ def singularities(mechanism: ThreePtt, p: Tensor) -> Singularities:
     unit, moment = _directions(mechanism, vector)
     ratio = (unit * mechanism.rail).sum(-1)
     spread = singular_values(unit)
+    flat = spread[..., -1] <= ROUNDING * spread[..., 0]  # R = r: the links are parallel, and what is left is rounding
+    zero = torch.zeros_like(along[..., 0])
+    volume, unit_volume = (torch.where(flat, zero, _volume(rows)) for rows in (vector, unit))
     return Singularities(
         inverse_mm=along.abs().amin(-1),
         edge_mm=(mechanism.link - across.norm(dim=-1)).amin(-1),
         inverse=ratio.abs().amin(-1),
-        direct=spread[..., -1],
-        direct_volume=_volume(unit),
+        direct=torch.where(flat, zero, spread[..., -1]),
+        direct_volume=unit_volume,
         constraint=singular_values(moment)[..., -1],
         constraint_volume=_volume(moment),
         condition=condition_number(unit * (ratio.roll(-1, -1) * ratio.roll(-2, -1)).unsqueeze(-1)),
-        manipulability=(along.prod(-1) / _volume(vector)).abs(),
+        manipulability=(along.prod(-1) / volume).abs(),
     )
 
 

@@ -30,7 +30,7 @@ def describe_dexterity(file: MachineFile, targets: Tensor | None = None) -> dict
     """
     mechanism = build_mechanism(file.machine)
     if isinstance(mechanism, ThreePtt):
-        home, workspace = _at(mechanism, mechanism.forward(mechanism.home()[None])), _over_workspace(mechanism, file)
+        home, workspace = _at(mechanism, torch.zeros(1, 3, dtype=torch.float64)), _over_workspace(mechanism, file)
     else:
         assert isinstance(mechanism, Serial)
         home, workspace = _arm_at_middle(mechanism), _arm_workspace(mechanism)
@@ -47,18 +47,20 @@ def describe_dexterity(file: MachineFile, targets: Tensor | None = None) -> dict
 def _at(mechanism: Mechanism, p: Tensor) -> list[dict[str, Any]]:
     """Figures at each of (n, 3) mm."""
     q = mechanism.inverse(p)
-    jacobian = mechanism.jacobian(q)
     columns: dict[str, Sequence[Any]] = {
         "p_mm": p.tolist(),
         "q": q.tolist(),
         "status": reach(mechanism, p).tolist(),
-        "condition": condition_number(jacobian).tolist(),
-        "manipulability": manipulability(jacobian).tolist(),
     }
-    if isinstance(mechanism, ThreePtt):
+    if isinstance(mechanism, ThreePtt):  # where it is singular no sliders tell the pose, so all is asked of the pose
         margins = singularities(mechanism, p)
-        columns["determinant"] = determinant(mechanism, p).tolist()
+        columns |= {name: getattr(margins, name).tolist() for name in ("condition", "manipulability")}
+        columns["determinant"] = (determinant(mechanism, p) + 0.0).tolist()
         columns |= {name: getattr(margins, name).tolist() for name in MARGINS}
+    else:
+        jacobian = mechanism.jacobian(q)
+        columns["condition"] = condition_number(jacobian).tolist()
+        columns["manipulability"] = manipulability(jacobian).tolist()
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
@@ -72,7 +74,7 @@ def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
     across = torch.linspace(-half, half, GRID, dtype=torch.float64)
     heights = torch.linspace(low, high, 9, dtype=torch.float64)
     found = workspace_map(mechanism, across, across, heights)
-    inside = torch.isfinite(found.condition) & (found.travel_margin >= 0.0)
+    inside = ~torch.isnan(found.condition) & (found.travel_margin >= 0.0)
     values = found.condition[inside]
     if not len(values):
         return {"poses": 0}

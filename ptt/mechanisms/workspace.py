@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.mechanisms.dexterity import condition_number, near_singularity, singular_values
+from ptt.mechanisms.dexterity import condition_number, near_singularity, singular_values, singularities
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_inverse import spread
@@ -86,10 +86,13 @@ def workspace_map(mechanism: Mechanism, x: Tensor, y: Tensor, z: Tensor) -> Work
         The map.
     """
     grid = torch.stack(torch.meshgrid(z, y, x, indexing="ij")[::-1], -1)  # shape: (h, j, i, xyz)
-    q = mechanism.inverse(grid.reshape(-1, 3))
-    shape = grid.shape[:-1]
-    condition = condition_number(mechanism.jacobian(q)).reshape(shape)
-    return WorkspaceMap(x, y, z, condition, travel_margin(mechanism, q).reshape(shape))
+    place, shape = grid.reshape(-1, 3), grid.shape[:-1]
+    q = mechanism.inverse(place)
+    if isinstance(mechanism, ThreePtt):
+        condition = singularities(mechanism, place).condition
+    else:
+        condition = condition_number(mechanism.jacobian(q))
+    return WorkspaceMap(x, y, z, condition.reshape(shape), travel_margin(mechanism, q).reshape(shape))
 
 
 def near_singular(mechanism: Mechanism, p: Tensor, q: Tensor) -> Tensor:
