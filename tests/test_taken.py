@@ -9,6 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
+from ptt.commands.main import run as command
+from ptt.run.taken import frames_said
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 BLAME = "the drawing or the commands are off"
@@ -53,3 +55,23 @@ def test_a_tracker_that_stands_elsewhere_is_no_fault_of_the_drawing(tmp_path: Pa
 def test_what_any_set_up_takes_is_not_mentioned() -> None:
     taken, words = told("compare", DATA / "run.csv", DATA / "machine.toml")
     assert "tracker's frame" not in words and taken["rms_mm"] < 1.0
+
+
+@pytest.mark.parametrize(("verb", "option"), [("diagnose", "--model"), ("train", "--machine"), ("evaluate", "--model")])
+def test_errors_before_and_after_frame_alignment_are_printed(verb: str, option: str, tmp_path: Path, capsys) -> None:
+    run = DATA / "run.csv"
+    words = [verb, str(run), option, str(DATA / "machine.toml")]
+    words += ["--out", str(tmp_path / "comp")] if verb == "train" else []
+    assert command([*words, "--json"]) == 0
+    (taken,) = json.loads(capsys.readouterr().out)["frame_taken"]
+    assert command(words) == 0
+    said = "tracker frame: readings lay {:,.1f} um (rms) from where the drawing puts them, {:,.1f} um after alignment"
+    lines = capsys.readouterr().out.splitlines()
+    assert lines.count(said.format(1e3 * taken["before_mm"], 1e3 * taken["after_mm"])) == 1
+
+
+def test_a_few_frames_of_many_are_said() -> None:
+    frames = [{"run": f"run {run}", "before_mm": 1.0 + run, "after_mm": 0.1} for run in range(9)]
+    said = frames_said(frames)
+    assert said[0].startswith("tracker frame of run 0: readings lay 1,000.0 um") and said[-1] == "and 6 more frames"
+    assert len(said) == 4 and frames_said([]) == []

@@ -25,7 +25,9 @@ from ptt.fitting.opening import told_aside
 from ptt.machine import MachineFile
 from ptt.progress import Progress, unwatched
 from ptt.run.named import named_rows
-from ptt.run.table import Table, write_table
+from ptt.run.problem import Problem
+from ptt.run.table import write_table
+from ptt.run.taken import frames_said, set_up
 from ptt.setup import Check, setup_verdict
 
 if TYPE_CHECKING:
@@ -84,7 +86,7 @@ class Diagnosed(Result):
         """What the command prints."""
         if self.result is None:
             return f"verdict: setup\n\n{self.check}"
-        return format_diagnosis(self.result, None if self.opened is None else self.opened.problem.table)
+        return format_diagnosis(self.result, None if self.opened is None else self.opened.problem)
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each candidate: share, p-value, held-out error before and after in um, ties."""
@@ -167,12 +169,12 @@ def diagnose(
     return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
 
 
-def format_diagnosis(result: Diagnosis, table: Table | None = None) -> str:
+def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
     """The diagnosis as text.
 
     Args:
         result: the diagnosis.
-        table: the run, for the lines of what was left out.
+        problem: the run, for what its frame took and the lines of what was left out.
 
     Returns:
         Lines.
@@ -188,9 +190,10 @@ def format_diagnosis(result: Diagnosis, table: Table | None = None) -> str:
         lines.append("not testable on this run:")
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
     noise, left = result.noise.to_dict(), int(result.outliers.sum())
-    where = f": {named_rows(table, result.outliers)}" if left and table is not None else ""
+    where = f": {named_rows(problem.table, result.outliers)}" if left and problem is not None else ""
     opens = int(result.opening.sum())
     aside = f"; {told_aside(opens)}" if opens else ""
+    lines += [] if problem is None else frames_said(set_up(problem)["frame_taken"])
     lines.append(
         f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
         f"{left} left out as gross errors{where}{aside}"

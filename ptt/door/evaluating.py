@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -24,6 +24,7 @@ from ptt.progress import Progress, unwatched
 from ptt.record import plain
 from ptt.run.readers import Ask
 from ptt.run.table import Table
+from ptt.run.taken import frames_said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,6 +51,7 @@ class Evaluated(Result):
         notes: what was found on the way, a line each.
         warnings: what makes two runs poor to compare: few rows in common, visited more often, measured under another
             load, at another temperature or speed, with gross readings, or with a tracker set up anew in each.
+        set_up: of one run, what the frames of targets and tracker took.
     """
 
     result: Evaluation
@@ -57,11 +59,12 @@ class Evaluated(Result):
     judged: bool = False
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    set_up: Mapping[str, Any] = field(default_factory=dict)
 
     def _figures(self) -> Mapping[str, Any]:
         short = {name: _short(one) for name, one in self.protocols.items()}
         figures = self.result.to_dict() | {"warnings": list(self.warnings)}
-        return figures | ({"protocols": short} if short else {})
+        return figures | ({"protocols": short} if short else {}) | dict(self.set_up)
 
     def __str__(self) -> str:
         """What the command prints."""
@@ -167,7 +170,7 @@ def computed(
         protocol = PROTOCOLS[name](opened.problem)
         result = evaluate_heldout(opened.compensator, opened.problem, protocol, z_datum, progress=progress)
         results[name] = replace(result, goals=goals or GOALS)
-    return Evaluated(results[HELD_OUT[0]], results, goals is not None, tuple(tell.lines))
+    return Evaluated(results[HELD_OUT[0]], results, goals is not None, tuple(tell.lines), set_up=opened.set_up)
 
 
 def run_rows(
@@ -250,6 +253,8 @@ def _text(data: dict[str, Any], judged: bool) -> str:
     if "protocols" in data:
         for name, one in data["protocols"].items():
             lines += ["", f"{name}: {one['protocol']['held_out']}", *_table(one, judged)]
+        said = frames_said(data["frame_taken"])
+        lines += ["", *said] if said else []
     else:
         lines += _table(data, judged)
         lines += ["", UNALIGNED, *_table(data["unaligned"], judged=False)]

@@ -19,6 +19,7 @@ from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.progress import Progress, unwatched
 from ptt.record import plain
+from ptt.run.taken import frames_said
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -158,5 +159,5 @@ def _text(data: dict[str, Any]) -> str:
             lines.append(f"  {title + ', ' + name:<34}" + "".join(f"{row[axis]:9.1f}" for axis in AXES))
     noise = data["noise_um"]
     lines.append(f"  {'noise floor':<34}" + "".join(f"{noise[axis]:9.1f}" for axis in AXES))
-    lines.append(f"  held out: {data['protocol']}")
+    lines += [f"  held out: {data['protocol']}", *frames_said(data["frame_taken"])]
     return "\n".join([*lines, f"written to {data['out']}"] if data["out"] else lines)

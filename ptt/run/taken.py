@@ -1,5 +1,6 @@
 """What the set-up took before any physics is looked at: the frame of the targets, and the tracker's."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from ptt.run.problem import Problem
 WORTH_MM = 1.0  # of way, root mean square: less is what any set-up takes, and no machine is built off by more unseen
 MUCH_LESS = 0.1  # of the way to the drawing's places: a tracker elsewhere would not happen to read the targets' own
 SHARED = "several runs"
+SHOWN_FRAMES = 3
 
 
 def set_up(problem: Problem) -> dict[str, Any]:
@@ -59,6 +61,24 @@ def set_up_lines(problem: Problem) -> list[str]:
     if arm and problem.table.command is None:
         lines.append("no joint commands: at each target the posture nearest the middle of the joints is assumed")
     return lines + _base_words(problem)
+
+
+def frames_said(taken: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Errors before and after frame alignment, a line for each of the first frames; none where the frame is trusted.
+
+    Args:
+        taken: 'frame_taken' of `set_up`.
+    """
+    lines = []
+    for frame in taken[:SHOWN_FRAMES]:
+        if frame["before_mm"] is None or frame["after_mm"] is None:
+            continue
+        whose = f" of {frame['run']}" if len(taken) > 1 and frame["run"] else ""
+        lines.append(
+            f"tracker frame{whose}: readings lay {1e3 * frame['before_mm']:,.1f} um (rms) from where the drawing puts"
+            f" them, {1e3 * frame['after_mm']:,.1f} um after alignment"
+        )
+    return [*lines, f"and {len(taken) - SHOWN_FRAMES} more frames"] if len(taken) > SHOWN_FRAMES else lines
 
 
 def _base_words(problem: Problem) -> list[str]:

@@ -101,7 +101,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     family = problem.file.machine.kind
     return Learned(
         plain(result.to_dict() | opened.set_up),
-        format_diagnosis(result, problem.table),
+        format_diagnosis(result, problem),
         csv,
         card=plain(card_of_diagnosis(result, problem).to_dict()),
         fits=fits_of(result, opened.model, problem),
