@@ -24,7 +24,8 @@ import torch
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.layout import lay_out
 from ptt.fleet.fit_log import start_of
-from ptt.fleet.log import open_log, to_parquet
+from ptt.fleet.log import open_log
+from ptt.fleet.log_copy import to_parquet
 from ptt.fleet.overview import overview
 from ptt.fleet.run import run_all
 from ptt.fleet.shares import Passes

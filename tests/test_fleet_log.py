@@ -15,7 +15,8 @@ from ptt.fitting.layout import lay_out
 from ptt.fitting.whitened import build_whitened
 from ptt.fleet import log as logs
 from ptt.fleet.fit_log import fit_file, fit_log
-from ptt.fleet.log import open_log, to_parquet
+from ptt.fleet.log import open_log, read_log
+from ptt.fleet.log_copy import to_parquet
 from ptt.fleet.shares import Passes, drawers_of
 from ptt.fleet.sound import require_sound
 from ptt.machine import load_machine
@@ -155,3 +156,22 @@ def test_a_column_without_a_number_keeps_no_sound_log_from_being_fitted(tmp_path
     machine = load_machine(MACHINE)
     require_sound(machine, tmp_path / "log.parquet", tmp_path / "log.csv")
     assert open_log(machine, tmp_path / "log.parquet").rows == 60
+
+
+def test_semicolons_and_decimal_commas_are_read_as_of_a_run(tmp_path):
+    frame = table_to_frame(made(60))
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    frame.to_csv(tmp_path / "office.csv", index=False, sep=";", decimal=",")
+    machine, read = load_machine(MACHINE), []
+    for name in ("log", "office"):
+        to_parquet(tmp_path / f"{name}.csv", tmp_path / f"{name}.parquet")
+        require_sound(machine, tmp_path / f"{name}.parquet", tmp_path / f"{name}.csv")
+        read.append(read_log(tmp_path / f"{name}.parquet", "LIMIT 60"))
+    np.testing.assert_array_equal(read[0].measured, read[1].measured)
+    np.testing.assert_array_equal(read[0].target, read[1].target)
+
+
+@pytest.mark.parametrize("name", ["none.csv", "none.parquet"])
+def test_a_log_that_is_not_there_is_named_and_what_is_read(name, tmp_path):
+    with pytest.raises(InputError, match=rf"{name}: no such file; check the path; a log is Parquet, or a CSV"):
+        fit_file(tmp_path / name, MACHINE, tmp_path / "out.toml")

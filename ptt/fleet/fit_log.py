@@ -23,7 +23,8 @@ from ptt.fitting.result import FitResult
 from ptt.fitting.rounds import Settled, settle
 from ptt.fitting.search import open_terms
 from ptt.fitting.stated import state_fit
-from ptt.fleet.log import Log, enter_part, open_log, read_part, to_parquet
+from ptt.fleet.log import Log, enter_part, open_log, read_part
+from ptt.fleet.log_copy import require_log, to_parquet
 from ptt.fleet.shares import Passes, Share
 from ptt.fleet.sound import require_sound
 from ptt.fleet.workers import cluster
@@ -155,6 +156,7 @@ def fit_file(
         SetupError: a mistake in the set-up that is sure, unless `anyway`.
     """
     given = read_model(load_machine(model))
+    require_log(log)
     with TemporaryDirectory(dir=out.absolute().parent) as folder:
         rows = log
         if log.suffix.lower() != ".parquet":

@@ -30,7 +30,6 @@ from ptt.run.viewing import build_view
 
 SPREAD = 4_000  # rows all over a log that tell the frame and what varies
 FEW = 4  # rows of it that are kept
-GROUP = 20_480  # rows of a Parquet group, DuckDB's own unit times ten: a part reads one or two
 NUMBERS = re.compile(
     r"[xyz]_(cmd|meas|std)|q[xyzw]_(cmd|meas)|[bq]\d+_cmd(_rad|_deg)?|(dir|tau)\d+|repeat|time_s|payload_kg|temp_c|feed_mm_s"
 )
@@ -107,28 +106,6 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
     few = replace(few, view=replace(few.view, varies=varies))
     parts = tuple(stretches(rows, size))
     return Log(machine, path, rows, parts, few, ranges_of(spread), driven, clock, first.noise)
-
-
-def to_parquet(csv: Path, out: Path) -> None:
-    """Copy a CSV of any length to Parquet, a stretch at a time.
-
-    Args:
-        csv: with the titles of a tracker CSV (docs/files.md).
-        out: Parquet file.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    if csv.is_file() and not csv.stat().st_size:
-        fix = "export it again; a header and two rows are the least"
-        raise InputError("the file is empty", where=str(csv), fix=fix)
-    package = duckdb()
-    with in_memory() as connection:
-        query = f"COPY (SELECT * FROM read_csv(?)) TO ? (FORMAT parquet, ROW_GROUP_SIZE {GROUP})"
-        try:
-            connection.execute(query, [str(csv), str(out)])
-        except package.Error as error:
-            raise InputError(f"cannot be read as a table: {str(error).splitlines()[0]}", where=str(csv)) from None
 
 
 def read_part(log: Log, part: Part) -> Problem:
