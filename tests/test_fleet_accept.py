@@ -105,13 +105,23 @@ def test_after_a_change_is_accepted_later_runs_are_the_same_and_nothing_is_lost(
     assert told["new"] and told["date"][:10] == "2026-04-05" and told["waiting"] == 1
     assert told["error_um"]["before"] > 1.5 * told["error_um"]["after"]
     assert told["error_um"]["after"] < 1.2 * told["noise_um"]
+    (now,) = plant.ask(missed_now())  # of April, for May waits
+    assert now["verdict"] == "accepted" and now["error_um"] == pytest.approx(told["error_um"]["after"])
     run_all(plant, work=work)
     (after,) = overview(plant).machines
+    (now,) = plant.ask(missed_now())
+    assert now["verdict"] == "same" and now["error_um"] == pytest.approx(after.error_um)
     assert [past.verdict for past in after.past] == ["missing", "changed", "same"]  # what April showed stays written
     assert after.error_um < 8.0 < before.error_um
     assert all(row in plant.ask("SELECT run, made, toml FROM models") for row in models)
     gap = read_model(parse_machine(next_model(plant), "mill")).terms[0].theta[:3].numpy()
     np.testing.assert_allclose(gap, WORN, atol=0.004)  # the virtual machine's own play
+
+
+def missed_now() -> str:
+    """The query of docs/fleet.md that lists machines by what they miss."""
+    page = (Path(__file__).resolve().parents[1] / "docs" / "fleet.md").read_text()
+    return page.split("```sql")[1].split("```")[0].split(";")[1]
 
 
 def next_model(store: Store) -> str:
