@@ -8,10 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from nets import GaussianRbf
 
 from ptt.correct.commands import STATUSES
 from ptt.correct.compensate import NetworkError, compensate
 from ptt.correct.doubt import doubtful
+from ptt.correct.training.compensator import Compensator
 from ptt.door.predicting import predict
 from ptt.door.tally import Tally
 from ptt.effects.registry import library, make_effect
@@ -254,3 +256,10 @@ def test_a_damaged_covariance_is_said(part, tmp_path):
     save_machine(damaged.file, tmp_path / "m.toml")
     (line,) = predict(tmp_path / "m.toml", np.zeros((2, 3))).warnings
     assert line.startswith(f"{tmp_path / 'm.toml'} [covariance] is damaged")
+
+
+def test_beside_a_network_that_learned_nothing_a_command_is_as_sure_as_the_physics():
+    held, network = {"physics": {"total": 9.0}, "rbf": {"total": 8.0}}, GaussianRbf.__new__(GaussianRbf)
+    for learned, error in ((True, NetworkError(1e-3 * 8.0, 1e-3 * 9.0)), (False, None)):
+        notes = {"heldout_rms_um": held, "rbf": {"learned": [False, learned, False]}}
+        assert Compensator(read_model(FILE), network, notes).error == error

@@ -43,9 +43,10 @@ class Compensator:
 
     @property
     def error(self) -> NetworkError | None:
-        """What the network leaves of held-out rows, and what is left without it; None without a network."""
+        """What the network leaves of held-out rows, and what is left without it; None where none learned anything."""
         held = self.notes.get("heldout_rms_um", {})
-        if self.network is None or not {"physics", "rbf"} <= set(held):
+        learned = any(self.notes.get("rbf", {}).get("learned", ()))
+        if self.network is None or not learned or not {"physics", "rbf"} <= set(held):
             return None
         return NetworkError(1e-3 * float(held["rbf"]["total"]), 1e-3 * float(held["physics"]["total"]))
 
