@@ -105,7 +105,10 @@ def evaluate(
         model: of two runs, the machine, where its tracker policy counts.
         frame: of two runs, how readings are brought into the base frame, instead of the machine's policy.
         z_datum: 'absolute', or 'first': z errors are counted from the first pose.
-        goal: percent by which the error should fall; one for each axis, or one for all.
+        goal: percent by which the error should fall; one for each axis, or one for all. `to_dict()` has `goal_percent`
+            and `goal_met` in any case, of 90, 90, 80 as in the source paper where no goal is set; where
+            `rest_is_noise` is true, a `goal_met` that is false says only that no more can be measured. The text judges
+            a goal that was set.
         anyway: whether to go on although the set-up looks mistaken.
         progress: told what is done, how much of how much.
         note: told what was found on the way.
