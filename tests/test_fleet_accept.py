@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
+from ptt.commands.main import run as run_verb
 from ptt.effects import library
 from ptt.fleet.alarms import Alarm
 from ptt.fleet.overview import overview
@@ -200,3 +201,20 @@ def test_what_happened_before_an_accepted_run_alarms_no_more_but_a_drift_does() 
     runs = [Past("", "", datetime(2026, month, 5), 80, "changed", 20.0, 5.0, 5.0, "") for month in (4, 5)]
     assert unsettled(alarms, runs) == tuple(alarms)
     assert unsettled(alarms, [runs[0], replace(runs[1], accepted=True)]) == (alarms[1], alarms[3])
+
+
+def test_a_machine_with_an_effect_of_the_users_own_has_a_place_in_a_fleet(tmp_path: Path) -> None:
+    own, drawing, log = tmp_path / "own.py", tmp_path / "m.toml", measure(tmp_path, "2026-03-05", GAPS)
+    assert run_verb(["effects", "new", "nut-pull", "--out", str(own)]) == 0
+    drawing.write_text(f'{DRAWING}[[effect]]\nname = "nut-pull"\n')
+    create_store(tmp_path / "plant")
+    named = "add", tmp_path / "plant", "mill", log, "--model", drawing
+    refused = invoke(*named)
+    assert refused.exit_code == 2 and "effect 'nut-pull' is not known" in refused.stderr
+    assert invoke(*named, "--effects", own).exit_code == 0
+    assert invoke("run", tmp_path / "plant", "--effects", own).exit_code == 0
+    store = open_store(tmp_path / "plant")
+    assert [row["verdict"] for row in store.ask("SELECT verdict FROM outcomes")] == ["missing"]
+    assert invoke("accept", store.folder, "mill", "--effects", own).exit_code == 0
+    fitted = invoke("fit", log, "--model", drawing, "--out", tmp_path / "m2.toml", "--effects", own)
+    assert fitted.exit_code == 0 and "nut-pull" in fitted.stdout

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from nets import GaussianRbf
 
+from nets import GaussianRbf
 from ptt.correct.commands import STATUSES
 from ptt.correct.compensate import NetworkError, compensate
 from ptt.correct.doubt import doubtful

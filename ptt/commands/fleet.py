@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ptt.commands.common import Anyway, Json, Map, ReadOptions, Set, Targets, note, progress, read_rows, show
+from ptt.commands.common import Anyway, Effects, Json, Map, ReadOptions, Set, Targets, note, progress, read_rows, show
 
 app = typer.Typer(
     help="Keep runs of many machines, work on what is new, and see who is going bad.", no_args_is_help=True,
@@ -54,14 +54,18 @@ def add(
     targets: Targets = None,
     set_: Set = None,
     map_: Map = None,
+    effects: Effects = None,
     json: Json = False,
 ) -> None:
     """Add runs of a machine; a run that is there already is left as it is."""
+    from ptt.door.model import load
     from ptt.errors import InputError, PttError
     from ptt.files import sha256
     from ptt.fleet.store import add_machine, add_run, drawing_of, is_there, open_store, read_date
 
     opened, when = open_store(store), None if date is None else read_date(date)
+    if model is not None:
+        load(model, effects=_files(effects))  # a drawing with an effect that nobody knows would fail in every run
     file = drawing_of(opened, machine, model)
     reading = ReadOptions(None, targets, set_, map_, None, json)
     ordered = any(text.startswith("order=") for text in set_ or ())
@@ -84,43 +88,69 @@ def add(
         raise InputError(f"{what}: {'; '.join(map(_in_words, refused))}")
 
 
+def _files(effects: list[Path] | None) -> tuple[str, ...]:
+    """Files of effects by names that other processes find too; one that cannot be loaded is refused here."""
+    files = tuple(str(path.absolute()) for path in effects or ())
+    if files:
+        from ptt.effects import library
+
+        library(*files)
+    return files
+
+
 def _in_words(error: Exception) -> str:
     return f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
 
 
 @app.command()
 def run(
-    store: StorePath, scheduler: Scheduler = None, workers: Workers = None, again: Again = False, json: Json = False
+    store: StorePath,
+    scheduler: Scheduler = None,
+    workers: Workers = None,
+    again: Again = False,
+    effects: Effects = None,
+    json: Json = False,
 ) -> None:
     """Check, diagnose or recheck every run that is new."""
+    from functools import partial
+
     from ptt.errors import InputError
     from ptt.fleet.queue import again as once_more
     from ptt.fleet.run import run_all
     from ptt.fleet.store import open_store
+    from ptt.fleet.work import work
 
     if scheduler is not None and workers is not None:
         raise InputError("--scheduler and --workers exclude each other", fix="leave one out")
-    opened = open_store(store)
+    opened, files = open_store(store), _files(effects)
+    do = partial(work, effects=files) if files else None
     if again:
         note(f"{once_more(opened)} runs that failed are tried once more")
     with progress() as tell:
         if scheduler is None and workers is None:
-            done = run_all(opened, tell)
+            done = run_all(opened, tell, do)
         else:
             from ptt.fleet.workers import run_on_workers
 
-            done = run_on_workers(opened, scheduler, workers, tell)
+            done = run_on_workers(opened, scheduler, workers, tell, do)
     show(done.to_dict(), str(done), json)
 
 
 @app.command()
-def accept(store: StorePath, machine: Machine, run: WhichRun = None, json: Json = False) -> None:
+def accept(
+    store: StorePath, machine: Machine, run: WhichRun = None, effects: Effects = None, json: Json = False
+) -> None:
     """Take the model fitted to a run as the machine's from that run on, after a repair or a change that stays."""
+    from functools import partial
+
+    from ptt.fleet import work
     from ptt.fleet.accept import accept as take
     from ptt.fleet.store import open_store
 
+    files = _files(effects)
+    do = partial(work.refit, effects=files) if files else None
     with progress() as tell:
-        found = take(open_store(store), machine, run, lambda what: tell(what, 0, 0))
+        found = take(open_store(store), machine, run, lambda what: tell(what, 0, 0), do)
     show(found.to_dict(), str(found), json)
 
 
@@ -131,6 +161,7 @@ def fit(
     out: LogOut,
     scheduler: Scheduler = None,
     workers: Workers = None,
+    effects: Effects = None,
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
@@ -138,7 +169,7 @@ def fit(
     from ptt.fleet.fit_log import fit_file
 
     with progress() as tell:
-        found = fit_file(log, model, out, scheduler, workers, tell, anyway=anyway, note=note)
+        found = fit_file(log, model, out, scheduler, workers, tell, anyway=anyway, effects=_files(effects), note=note)
     show({**found.to_dict(), "written": str(out)}, f"{found}\n{out} is written", json)
 
 

@@ -1,8 +1,10 @@
 """A model fitted to a log part by part."""
 
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -12,6 +14,7 @@ import torch
 
 from ptt.door.handed import Handed, worded
 from ptt.door.result import Note, unheard
+from ptt.effects import library
 from ptt.effects.sudden import Sudden
 from ptt.errors import ModelError
 from ptt.files import sha256
@@ -134,7 +137,7 @@ def fit_log(model: Model, log: Log, client: Any = None, tell: Progress | None = 
 
 def fit_file(
     log: Path, model: Path, out: Path, scheduler: str | None = None, workers: int | None = None,
-    tell: Progress | None = None, *, anyway: bool = False, note: Note = unheard,
+    tell: Progress | None = None, *, anyway: bool = False, effects: Sequence[str] = (), note: Note = unheard,
 ) -> LogFit:  # fmt: skip
     """Fit a model to a log in a file, and write it.
 
@@ -146,6 +149,7 @@ def fit_file(
         workers: how many; None for none, the parts are then worked on in this process.
         tell: told what is being done.
         anyway: whether to go on although the set-up looks mistaken.
+        effects: Python files with effects of the user's own; workers have to see them at the same place.
         note: told what was found in the set-up.
 
     Returns:
@@ -155,7 +159,7 @@ def fit_file(
         InputError: a log that cannot be read or fitted.
         SetupError: a mistake in the set-up that is sure, unless `anyway`.
     """
-    given = read_model(load_machine(model))
+    given = read_model(load_machine(model), library(*effects))
     require_log(log)
     with TemporaryDirectory(dir=out.absolute().parent) as folder:
         rows = log
@@ -167,6 +171,8 @@ def fit_file(
             opened = open_log(given.file, rows.absolute())
         here = scheduler is None and workers is None
         with nullcontext() if here else cluster(scheduler, workers) as client:
+            if client is not None and effects:
+                client.register_worker_callbacks(partial(library, *effects))  # whoever takes a part knows its effects
             found = fit_log(given, opened, client, tell)
     save_machine(found.to_file(opened, log), out)
     return found

@@ -1,5 +1,6 @@
 """A run and a model brought together, as every worker does it: read, checked, seen through its machine."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ptt.diagnosis.telling.floor import noise_floor
@@ -38,9 +39,15 @@ def read_task(task: Task) -> tuple[Table, Check]:
     return table, check_setup(file, table, ordered=task.ordered, units_said=task.units_said)
 
 
-def open_task(task: Task, table: Table) -> Opened:
-    """A run seen through its machine, with the model that it is held against."""
-    known = library()
+def open_task(task: Task, table: Table, effects: Sequence[str] = ()) -> Opened:
+    """A run seen through its machine, with the model that it is held against.
+
+    Args:
+        task: the run.
+        table: its readings.
+        effects: Python files with effects of the user's own, where this process sees them.
+    """
+    known = library(*effects)
     given = read_model(parse_machine(task.solved or task.drawing, task.machine), known)
     problem = build_problem(given.file, table)
     model, _ = for_runs(given, problem)

@@ -1,6 +1,7 @@
 """One run: check the set-up, diagnose or recheck it, and say what its rows tell of the parameters."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,19 +24,20 @@ from ptt.progress import Tell
 from ptt.run.problem import Problem
 
 
-def work(task: Task, tell: Tell | None = None) -> Outcome:
+def work(task: Task, tell: Tell | None = None, effects: Sequence[str] = ()) -> Outcome:
     """Do what is to be done with one run.
 
     Args:
         task: the run.
         tell: told what is being done.
+        effects: Python files with effects of the user's own, where this process sees them.
 
     Returns:
         What came of it; data that cannot work are an outcome, 'failed', as well.
     """
     start, tell = time.perf_counter(), tell or (lambda what: None)
     try:
-        outcome = _work(task, tell)
+        outcome = _work(task, tell, effects)
     except PttError as error:
         outcome = Outcome(task.run, task.machine, "nothing", "failed", str(error), 0.0)
     except Exception as error:
@@ -45,26 +47,27 @@ def work(task: Task, tell: Tell | None = None) -> Outcome:
     return replace(outcome, seconds=time.perf_counter() - start)
 
 
-def refit(task: Task) -> str:
+def refit(task: Task, effects: Sequence[str] = ()) -> str:
     """The model that a run is held against, fitted to it instead.
 
     Args:
         task: the run.
+        effects: as `work`.
 
     Returns:
         The machine.toml, with its history.
     """
     table, _ = read_task(task)
-    opened = open_task(task, table)
+    opened = open_task(task, table, effects)
     return _add(opened.model, opened, [], task)[0]
 
 
-def _work(task: Task, tell: Tell) -> Outcome:
+def _work(task: Task, tell: Tell, effects: Sequence[str]) -> Outcome:
     tell("check")
     table, check = read_task(task)
     if check.sure:
         return Outcome(task.run, task.machine, "check", "setup", str(check), 0.0, check=check.to_dict())
-    opened = open_task(task, table)
+    opened = open_task(task, table, effects)
     outcome = (_first if task.solved is None else _again)(task, opened, tell)
     return replace(outcome, check=check.to_dict())
 
