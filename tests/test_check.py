@@ -108,7 +108,7 @@ def test_check_writes_json_and_cured_files(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_a_cured_run_has_all_columns_of_the_run_in_its_order(tmp_path: Path) -> None:
-    """A deviation that stands alone, a role that is the same everywhere, an own column, a reading with a gap."""
+    """A deviation that stands alone, a role that is the same everywhere, an own column, a joint too many, a gap."""
     rows = (DATA / "run.csv").read_text().splitlines()[:61]
     titles = rows[0].split(",")
     x, y = titles.index("x_meas"), titles.index("y_meas")
@@ -116,15 +116,17 @@ def test_a_cured_run_has_all_columns_of_the_run_in_its_order(tmp_path: Path) -> 
     cells[30][x] = ""
     for row in cells[1:]:
         row[x], row[y] = row[y], row[x]
-    ends = [["x_std", "operator"], *[["0.004", "Ann"]] * 60]
+    ends = [["x_std", "operator", "dir4"], *[["0.004", "Ann", "1.0"]] * 60]
     text = "".join(",".join([*row, *end]) + "\n" for row, end in zip(cells, ends, strict=True))
     (tmp_path / "run.csv").write_text(text)
     machine, out = DATA / "machine.toml", tmp_path / "cured.csv"
     assert run_verb("check", tmp_path / "run.csv", "--model", machine, "--out-run", out) == 0
     cured = [line.split(",") for line in out.read_text().splitlines()]
-    assert cured[0] == [*titles, "x_std", "operator", "y_std"]
+    assert cured[0] == [*titles, "x_std", "operator", "dir4", "y_std"]
     assert {row[titles.index("repeat")] for row in cured[1:]} == {"1"}
-    assert {(*row[-3:],) for row in cured[1:]} == {("", "Ann", "0.004")}, "the deviation goes where its readings go"
+    assert {(*row[-4:],) for row in cured[1:]} == {("", "Ann", "1.0", "0.004")}, (
+        "the deviation goes where its readings go"
+    )
     gap = cured[30]
     assert gap[x] == "" and float(gap[y]) == float(cells[30][x])
 

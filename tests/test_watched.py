@@ -11,6 +11,7 @@ import torch
 import ptt
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.telling.long import diagnose_long
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.errors import TableError
 from ptt.machine import save_machine
@@ -54,8 +55,8 @@ def test_an_error_that_follows_a_column_of_ones_own_is_said_to_follow_it(folder)
     assert found.verdict == "unknown" and not found.suggested
     assert (found.result.depends_on[0].residual, found.result.depends_on[0].on) == ("slider 2", TITLE)
     assert found.result.depends_on[0].share > 0.8
-    summed = ptt.diagnose(machine, run, chunk_rows=60)
-    assert [(line.residual, line.on) for line in summed.result.depends_on][:1] == [("slider 2", TITLE)]
+    summed = diagnose_long(found.opened.model, found.opened.problem, found.opened.library, size=60)
+    assert [(line.residual, line.on) for line in summed.depends_on][:1] == [("slider 2", TITLE)]
     assert ptt.compare(machine, run).to_dict()["depends_on"][0]["on"] == TITLE
 
 

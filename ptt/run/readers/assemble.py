@@ -1,5 +1,6 @@
 """From the columns of a file to the arrays of a table: what must be there, what may, and which values are allowed."""
 
+import re
 from collections.abc import Mapping as Dictionary
 from typing import Any
 
@@ -62,7 +63,7 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
         "orientation_command": _block(export, [f"q{axis}_cmd" for axis in "xyzw"]),
         "line": export.line,
         "source": export.source,
-        "extra": export.extra,
+        "extra": export.extra | _unheld(export, joints, prefix),
     }
     return fields, [*_warnings(export, prefix), *(_taking_turns(run, labels) if purpose == "run" else [])]
 
@@ -196,6 +197,15 @@ def _stds(export: Export) -> np.ndarray | None:
             fix="mark it with an empty cell",
         )
     return block
+
+
+def _unheld(export: Export, joints: int, prefix: str) -> dict[str, np.ndarray]:
+    """Columns of joints that this machine does not have, as text: they mean nothing here, and are not lost."""
+    other = "q" if prefix == "b" else "b"
+    found = {name: re.fullmatch(rf"{other}[1-9]\d*_cmd|(?:dir|tau)([1-9]\d*)", name) for name in export.columns}
+    names = [name for name, match in found.items() if match and not (match[1] and int(match[1]) <= joints)]
+    values = {file_title(name): export.columns[name] for name in names}
+    return {title: np.where(np.isnan(each), "", each.astype(str)) for title, each in values.items()}
 
 
 def _warnings(export: Export, prefix: str) -> list[str]:
