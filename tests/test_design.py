@@ -123,6 +123,12 @@ def test_a_first_run_says_what_it_can_tell(bench: MachineFile) -> None:
     assert set(loaded.targets.payload_kg) == {0.0, 2.5, 5.0} and loaded.targets.payload_kg[-1] == 0.0
 
 
+def test_a_trusted_frame_takes_nothing_of_a_first_run(bench: MachineFile) -> None:
+    trusted = replace(bench, tracker=bench.tracker.model_copy(update={"frame": "trusted"}))
+    told = {effect.effect: effect for effect in plan_first_run(Model(trusted), rows=60).effects}
+    assert told["homing-offset"].seen == 3 and told["tower-position"].seen == 6
+
+
 def test_a_plan_for_a_model_tells_what_the_model_has_again(bench: MachineFile) -> None:
     bare = plan_first_run(Model(bench), rows=120)
     model = Model(bench) + library()["link-length"]() + library()["column-bend"]()

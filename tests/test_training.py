@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import ptt
 from ptt.commands.main import run_alone
 from ptt.correct.compensate import compensate
 from ptt.correct.training.compensator import load_compensator, save_compensator
@@ -22,6 +23,7 @@ from ptt.machine import load_machine
 from ptt.model.entries import read_model
 from ptt.rig import load_rig, simulate, write_run
 from ptt.run.holdout import pose_groups
+from ptt.run.noise import SATURATED
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import make_table
@@ -212,3 +214,12 @@ def test_train_py_writes_a_folder_and_one_json_object(tmp_path, capsys):
     data = json.loads(capsys.readouterr().out)
     assert {"effects", "rms_um", "heldout_rms_um", "protocol", "noise_um", "rbf"} <= set(data)
     assert load_compensator(tmp_path / "c").network is not None
+
+
+def test_a_run_that_does_not_tell_its_noise_is_held_against_what_everything_leaves(tmp_path) -> None:
+    machine, sealed = tmp_path / "machine.toml", DATA / "sealed_one"
+    machine.write_text((sealed / "machine.toml").read_text().replace("sigma_mm = 0.004", ""))
+    read = pd.read_csv(sealed / "run.csv").drop_duplicates(["x_cmd", "y_cmd", "z_cmd"])
+    noise = ptt.train(machine, read).to_dict()["noise_um"]
+    assert noise["source"] == SATURATED
+    assert 1.0 < noise["total"] < 8.0

@@ -19,6 +19,7 @@ from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.progress import Progress, unwatched
 from ptt.record import plain
+from ptt.run.noise import GUESSED
 from ptt.run.taken import frames_said
 
 if TYPE_CHECKING:
@@ -141,7 +142,7 @@ def train(
     tell = Heard(note)
     opened = meet(machine, as_run(run, machine, USAGE), anyway=anyway, note=tell)
     protocol = PROTOCOLS[hold_out](opened.problem)
-    training = train_model(opened.model, opened.problem, protocol=protocol, progress=progress)
+    training = train_model(opened.model, opened.as_noisy(tell), protocol=protocol, progress=progress)
     return Trained(training, opened, machine.library, tuple(tell.lines))
 
 
@@ -158,6 +159,7 @@ def _text(data: dict[str, Any]) -> str:
             row = data[key][stage]
             lines.append(f"  {title + ', ' + name:<34}" + "".join(f"{row[axis]:9.1f}" for axis in AXES))
     noise = data["noise_um"]
-    lines.append(f"  {'noise floor':<34}" + "".join(f"{noise[axis]:9.1f}" for axis in AXES))
+    told = "unknown" if noise["source"] == GUESSED else "".join(f"{noise[axis]:9.1f}" for axis in AXES)
+    lines.append(f"  {'noise floor':<34}{told}")
     lines += [f"  held out: {data['protocol']}", *frames_said(data["frame_taken"])]
     return "\n".join([*lines, f"written to {data['out']}"] if data["out"] else lines)

@@ -24,6 +24,7 @@ SAME_WARMTH = 0.5  # K
 SAME_LOAD = 0.01  # kg
 SAME_FEED = 1e-3  # mm/s
 SATURATED = "saturated model"  # source of a noise that nothing tells but what everything at once leaves
+GUESSED = "first guess"  # source of one that nothing tells: used to weigh by, never told
 VISITED = f"{SATURATED}; readings of one visit scatter by less"  # where no pose was visited again to tell it
 COARSEST = 0.01  # mm, of a tracker's last digit: readings that all lie on coarser steps are targets
 READABLE = 1e-4  # mm: no tracker reads finer, the air alone moves its beam by more

@@ -181,7 +181,7 @@ def train(source: Source, model: str, tell: Progress) -> Trained:
     from ptt.door.result import plain
 
     opened = open_both(source, model)
-    training = train_model(opened.model, opened.problem, progress=tell)
+    training = train_model(opened.model, opened.as_noisy(), progress=tell)
     folder = save_compensator(COMPENSATOR, training, list(opened.files))
     data = {
         "rms_um": training.rms_um,
