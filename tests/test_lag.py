@@ -125,7 +125,7 @@ def test_whatever_speed_a_row_means_the_lag_alone_is_told(path: Callable, meant:
     np.testing.assert_allclose(lags_of(found), LAG, rtol=0.01)
 
 
-@pytest.mark.parametrize("clock", [False, True])
+@pytest.mark.parametrize("clock", [False, pytest.param(True, marks=pytest.mark.long)])
 def test_ten_rows_to_a_turn_tell_the_lag_of_a_smooth_way(clock: bool) -> None:
     """The tool runs along an ellipse, first slowly: chords are shorter than its way, and their mean slower."""
     turn = np.linspace(0.0, 20.0 * np.pi, 200 * 100 + 1)

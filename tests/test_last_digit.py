@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.again.recheck import recheck
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
+from ptt.fitting.solve import fit
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model
@@ -51,11 +53,31 @@ def test_a_fault_without_noise_is_named_alone(step: float | None) -> None:
     assert (found.verdict, found.suggested[0][0], len(found.suggested)) == ("missing", "homing-offset", 1)
 
 
+@pytest.mark.long
 def test_repeats_that_read_exactly_alike_end_in_a_verdict() -> None:
     """Without scatter nothing is learned from repeats; what everything at once leaves of them is nothing at all."""
     problem = read_exactly(np.tile(GRID, (10, 1)), ("homing-offset", [0.03, -0.02, 0.05]), 1e-3)
     found = diagnose(Model(BENCH), problem)
-    assert found.verdict in ("missing", "unknown") and np.isfinite(found.noise.total)
+    assert found.verdict == "missing" and "homing-offset" in found.suggested[0]
+    assert found.noise.total == pytest.approx(5e-4, rel=0.1)
+
+
+@pytest.mark.parametrize(("poses", "visits"), [(27, 10), (60, 3)])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_what_rounding_leaves_at_a_pose_is_no_fault(poses: int, visits: int, seed: int) -> None:
+    """It comes back with every visit, of a sound machine as of one that is solved already."""
+    target = np.tile(np.random.default_rng(seed).uniform(-50.0, 50.0, (poses, 3)), (visits, 1))
+    assert diagnose(Model(BENCH), read_exactly(target, None, 1e-3)).verdict == "nothing-missing"
+
+
+def test_a_machine_that_is_read_again_without_noise_is_the_same() -> None:
+    hidden = ("homing-offset", [0.03, -0.02, 0.05])
+    first, later = (
+        read_exactly(np.tile(np.random.default_rng(seed).uniform(-50.0, 50.0, (60, 3)), (3, 1)), hidden, 1e-3)
+        for seed in (0, 1)
+    )
+    solved = fit(Model(first.file) + library()["homing-offset"](), first).model
+    assert recheck(solved, later).verdict == "same"
 
 
 def test_the_last_digit_of_a_reading_is_its_least_noise() -> None:
@@ -63,3 +85,5 @@ def test_the_last_digit_of_a_reading_is_its_least_noise() -> None:
     read = random.uniform(-50.0, 50.0, (40, 3))
     assert least_variance(np.round(read, 3)) == pytest.approx(1e-6 / 12.0)
     assert least_variance(read) == least_variance(np.round(read, 1)) == 1e-8  # no tracker reads to 0.1 mm
+    assert least_variance(read, 1e-10) == 1e-10
+    assert least_variance(np.round(read, 2), 1e-10) == pytest.approx(1e-4 / 12.0)

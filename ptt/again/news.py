@@ -84,7 +84,7 @@ def _objects(found: Weighed, problem: Problem, tell: Tell, seed: int) -> bool:
         or errors["left"] <= errors["expected"]
     ):
         return False
-    if state.memory.pose > 0.0 or wanders_beyond(system, state):
+    if system.errs_by_pose(state.memory) or wanders_beyond(system, state):
         return True
     if problem.noise is not None and after > EXCESS * problem.noise.total:
         return True

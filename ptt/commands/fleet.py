@@ -63,9 +63,9 @@ def add(
     from ptt.files import sha256
     from ptt.fleet.store import add_machine, add_run, drawing_of, is_there, open_store, read_date
 
-    opened, when = open_store(store), None if date is None else read_date(date)
+    opened, when, files = open_store(store), None if date is None else read_date(date), _files(effects)
     if model is not None:
-        load(model, effects=_files(effects))  # a drawing with an effect that nobody knows would fail in every run
+        load(model, effects=files)  # a drawing with an effect that nobody knows would fail in every run
     file = drawing_of(opened, machine, model)
     reading = ReadOptions(None, targets, set_, map_, None, json)
     ordered = any(text.startswith("order=") for text in set_ or ())

@@ -7,7 +7,7 @@ import numpy as np
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-TURN = 0.5  # cosine of the turn of the tool's way at a row, below which the row is a corner: six rows to a circle
+TURN = 0.49  # cosine of the turn of the tool's way at a row, below which the row is a corner: six rows to a circle
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
 EQUAL = 0.05  # share by which times are equal: trackers read every so many milliseconds, and clocks are rounded
 EVENLY = 0.9  # share of the rows by equal time: one in ten waits for the next lap or was missed, of stops hardly any is

@@ -37,7 +37,8 @@ class Noise(Record):
 
     Attributes:
         covariance: (3, 3) mm^2 of the coordinates of one reading, in the base frame.
-        source: where it comes from: 'repeats', 'std columns', 'machine file', 'saturated model'.
+        source: where it comes from: 'repeats', 'std columns', 'machine file', 'saturated model', with what it outdoes
+            behind that; 'first guess' where nothing tells it.
         freedom: degrees of freedom behind it, of coordinates for a saturated model, of readings (three coordinates)
             for repeats; infinite where it was given.
         stated: what the std columns or the machine file state in its stead, its source and total in mm; None where
@@ -174,10 +175,18 @@ def step_of(reading: np.ndarray) -> float:
     return 0.0
 
 
-def least_variance(reading: np.ndarray) -> float:
-    """Variance that readings (n, 3) mm of a tracker have at the least, by their last digit, mm^2."""
+def least_variance(reading: np.ndarray, stated: float = np.inf) -> float:
+    """Variance that readings of a tracker have at the least, mm^2.
+
+    Args:
+        reading: (n, 3) mm.
+        stated: variance that is known of one coordinate, mm^2: a scale may read finer than any tracker.
+
+    Returns:
+        What their last digit leaves, or a tracker's own finest.
+    """
     step = step_of(reading)
-    return max(step**2 / 12.0 if step <= COARSEST else 0.0, READABLE**2)
+    return max(step**2 / 12.0 if step <= COARSEST else 0.0, min(READABLE**2, stated))
 
 
 def first_of_copies(table: "Table", group: np.ndarray) -> np.ndarray:
@@ -245,7 +254,7 @@ def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sig
     if known is None:
         return None
     read = table.measured[np.isfinite(table.measured).all(axis=1) & (table.role != "base")]
-    least = min(least_variance(read), known.total**2 / 3.0)  # a scale may read finer than any tracker
+    least = least_variance(read, known.total**2 / 3.0)
     return replace(known, covariance=at_least(known.covariance, least), least=least)
 
 

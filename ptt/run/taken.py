@@ -78,7 +78,8 @@ def frames_said(taken: Sequence[Mapping[str, Any]]) -> list[str]:
             f"tracker frame{whose}: readings lay {1e3 * frame['before_mm']:,.1f} um (rms) from where the drawing puts"
             f" them, {1e3 * frame['after_mm']:,.1f} um after alignment"
         )
-    return [*lines, f"and {len(taken) - SHOWN_FRAMES} more frames"] if len(taken) > SHOWN_FRAMES else lines
+    more = len(taken) - SHOWN_FRAMES
+    return [*lines, f"and {more} more frame{'s' if more > 1 else ''}"] if more > 0 else lines
 
 
 def _base_words(problem: Problem) -> list[str]:

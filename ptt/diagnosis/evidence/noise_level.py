@@ -78,8 +78,8 @@ def _noise_of(left: np.ndarray, system: System, state: State) -> Noise:
     scatter = system.in_mm(left)
     covariance = scatter.T @ scatter * (3.0 / freedom)
     # An axis that blocks follow to the last digit tells no noise.
-    least = max(FINEST * float(np.linalg.eigvalsh(covariance)[-1]), system.noise.least)
-    return Noise(at_least(covariance, least), SATURATED, freedom, least=system.noise.least)
+    narrowest = max(FINEST * float(np.linalg.eigvalsh(covariance)[-1]), system.noise.least)
+    return Noise(at_least(covariance, narrowest), SATURATED, freedom, least=system.noise.least)
 
 
 def visit_left(system: System, state: State) -> Noise:

@@ -19,6 +19,8 @@ from ptt.fitting.result import FitResult
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
+ROUNDED = 2.0  # times what a last digit leaves, up to which errors of a pose are its rounding: it is as large itself
+
 
 @dataclass
 class System(ABC):
@@ -60,7 +62,7 @@ class System(ABC):
     @property
     def finest(self) -> float:
         """White variance that no set leaves less of, in units of the noise: that of the last digit of a reading."""
-        return 3.0 * self.noise.least / float(np.trace(self.noise.covariance))
+        return self.noise.least * float(np.trace(np.linalg.inv(self.noise.covariance))) / 3.0
 
     def nats_of_noise(self, left: np.ndarray | float) -> np.ndarray:
         """Log evidence of white noise, its variance learned, where sets leave sums of squares, (..) in noise units."""
@@ -71,7 +73,7 @@ class System(ABC):
 
         Where nothing else scatters, what rounding leaves comes back as well.
         """
-        return memory.pose > self.finest and not self.by_visit
+        return memory.pose > ROUNDED * self.finest and not self.by_visit
 
     @property
     @abstractmethod

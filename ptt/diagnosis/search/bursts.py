@@ -1,5 +1,7 @@
 """Bursts: broken beams that follow each other, and what a search may have taken them for."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import is_effect
@@ -36,15 +38,29 @@ def broken_beams(found: Found) -> np.ndarray:
     crowd = crowded_moments(found)
     if not crowd and state.memory.wander is None and not holds_unknown(system, state.keys, state.memory):
         return rows
-    # One of what crowds may have happened all the same, next to a broken beam.
-    sets = [without(state, *crowd), *(without(state, *(key for key in crowd if key != one)) for one in crowd)]
-    for keys in (keys for one in sets for keys in (one, tuple(key for key in one if is_effect(system.atoms[key])))):
+    for keys in _less(found, crowd):
         left = robustly_left(system, found.scorer.score(keys, WHITE, state.scales))
         far = stand_out(left, np.ones(len(left), dtype=bool), least=0.0)
         if 0 < far.sum() <= max(BROKEN, SHARE * len(left)):
             rows[system.rows[far]] = True
             break
     return rows
+
+
+def _less(found: Found, crowd: list[str]) -> Iterator[tuple[str, ...]]:
+    """The set without all that crowds, and with one of it: that may have happened all the same, next to a broken beam.
+
+    Args:
+        found: an explanation.
+        crowd: keys of it.
+
+    Yields:
+        Each with its unknowns, then without.
+    """
+    for kept in (None, *crowd):
+        less = without(found.state, *(key for key in crowd if key != kept))
+        yield less
+        yield tuple(key for key in less if is_effect(found.system.atoms[key]))
 
 
 def crowded_moments(found: Found) -> list[str]:
