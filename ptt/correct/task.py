@@ -99,12 +99,13 @@ class CommandTask:
         if self.clock is None:
             return self
         place, ends = self.stands(sent), None
-        straight = self.model.file.machine.moves == "straight"
-        if runs_straight(self.way, straight=straight) and len(place) > 1:
+        moves = self.model.file.machine.moves
+        if runs_straight(self.way, straight=moves == "straight") and len(place) > 1:
             q = self.mechanism.inverse(place, None, self.nominal)
             ends = line_ends(self.mechanism.jacobian(q), q, place, tool_ways(self.mechanism))
         slowest, starts = float(self.lag.abs().max()), run_starts(self.clock.run)
-        return replace(self, pace=pace_of(place.numpy(), starts, self.clock, ends, self.way, slowest))
+        smooth = moves == "smooth"
+        return replace(self, pace=pace_of(place.numpy(), starts, self.clock, ends, self.way, slowest, smooth=smooth))
 
     def stands(self, sent: np.ndarray) -> Tensor:
         """Targets at which the machine is, (n, 3) mm: of a row that is not sent, that of the row before."""

@@ -7,7 +7,8 @@ import numpy as np
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-TURN = 0.49  # cosine of the turn of the tool's way at a row, below which the row is a corner: six rows to a circle
+TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
+CURVE = 0.49  # the same where the way is known to be smooth: down to six rows to a circle
 SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
 EQUAL = 0.05  # share by which times are equal: trackers read every so many milliseconds, and clocks are rounded
 EVENLY = 0.9  # share of the rows by equal time: one in ten waits for the next lap or was missed, of stops hardly any is
@@ -52,12 +53,12 @@ def driven_feed(length: np.ndarray, starts: np.ndarray, table: "Table") -> tuple
 
 
 def corners_of(
-    moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray
+    moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray, *, smooth: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rows at which the tool turns sharply or stands, and the first and last; rows at which its speed changes."""
     rate = length / lasts
     unit = moved / np.maximum(length, 1e-9)[:, None]
-    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < TURN
+    bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < (CURVE if smooth else TURN)
     change = np.abs(np.diff(rate)) > SAME_SPEED * np.maximum(rate[1:], rate[:-1])
     ends = np.array([True])
     return np.concatenate([ends, bend | ~sound[1:] | ~sound[:-1], ends]), np.concatenate([~ends, change, ~ends])

@@ -106,8 +106,16 @@ def runs_straight(way: int, *, straight: bool) -> bool:
 
 
 def joint_speeds(
-    q: Tensor, p: Tensor, jacobian: Tensor, starts: np.ndarray, table: "Table", ways: int, *, straight: bool
-) -> tuple[Tensor, Tensor | None]:
+    q: Tensor,
+    p: Tensor,
+    jacobian: Tensor,
+    starts: np.ndarray,
+    table: "Table",
+    ways: int,
+    *,
+    straight: bool,
+    smooth: bool,
+) -> tuple[Tensor, Tensor | None]:  # fmt: skip
     """Velocity of the joints at each row, and what else the rows may mean by it.
 
     Args:
@@ -118,6 +126,7 @@ def joint_speeds(
         table: the rows, with feed or time.
         ways: number of directions in which the joints can move the tool at all.
         straight: the tool runs straight between rows.
+        smooth: it runs smoothly through rows without a corner.
 
     Returns:
         (n, k) mm/s or rad/s, zero where nothing tells; (n, k, 3) of the paces beside `SMOOTH`, None there.
@@ -127,14 +136,16 @@ def joint_speeds(
     ends = line_ends(jacobian, q, p, ways)
     speeds = []
     for way in PACES:
-        pace = pace_of(p.numpy(), starts, table, ends if runs_straight(way, straight=straight) else None, way)
+        bent = ends if runs_straight(way, straight=straight) else None
+        pace = pace_of(p.numpy(), starts, table, bent, way, smooth=smooth)
         speeds.append(torch.zeros_like(q) if pace is None else torch.as_tensor(pace.velocity(q.numpy())))
     return speeds[0], torch.stack(speeds[1:], dim=-1)
 
 
 def pace_of(
-    p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None = None, way: int = SMOOTH, lag: float = 0.0
-) -> Pace | None:
+    p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None = None, way: int = SMOOTH, lag: float = 0.0,
+    *, smooth: bool = False,
+) -> Pace | None:  # fmt: skip
     """Durations and smooth stretches of a travel.
 
     Args:
@@ -145,6 +156,7 @@ def pace_of(
         way: one of `PACES`.
         lag: of the slowest axis, s: between rows that follow each other in less than `SLOW` of it no axis comes up to
             a speed of its own, so the motion stays smooth there.
+        smooth: the tool runs smoothly through rows that are no corners.
 
     Returns:
         The pace; None where nothing tells it.
@@ -163,12 +175,12 @@ def pace_of(
     sound = (lasts > INSTANT) & ~starts[1:]
     lasts = np.where(sound, lasts, np.inf)
     before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
-    bends, changes = corners_of(moved, length, lasts, sound)
+    bends, changes = corners_of(moved, length, lasts, sound, smooth=smooth)
     entered = ~starts & begun_again(length, sound, table)
     if way in (SMOOTH, MEAN):
         entered |= entered_anew(lasts, bends, table)
     if entered.any():
-        return pace_of(p, starts | entered, table, ends, way, lag)
+        return pace_of(p, starts | entered, table, ends, way, lag, smooth=smooth)
     if way == SMOOTH:  # a feed is that along the way
         lasts = np.where(by_clock, lasts, lasts * arcs_of(moved, bends))
         before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
@@ -182,6 +194,6 @@ def pace_of(
         share = np.divide(before, before + after, out=np.zeros_like(before), where=inner & (way == MEAN))
         leaving, bends = np.where(alone & ~starts, share, leaving), bends | alone
     corners = np.flatnonzero(bends | changes)
-    smooth = [(a, b) for a, b in pairwise(corners.tolist()) if b - a > 2 and sound[a:b].all()]
+    stretches = [(a, b) for a, b in pairwise(corners.tolist()) if b - a > 2 and sound[a:b].all()]
     bend = None if ends is None else bend_of(lasts, sound, corners, leaving, ends)
-    return Pace(lasts, short_stretches(lasts, sound, corners, leaving), *splines(lasts, smooth, leaving), bend)
+    return Pace(lasts, short_stretches(lasts, sound, corners, leaving), *splines(lasts, stretches, leaving), bend)

@@ -78,8 +78,9 @@ def build_view(file: "MachineFile", table: "Table") -> View:
     straight = spec.moves == "straight"
     travel = read_travel(mechanism, commands, position, table, straight=straight, smooth=spec.moves == "smooth")
     velocity, paces = joint_speeds(
-        commands, position, jacobian, travel.starts.numpy(), table, tool_ways(mechanism), straight=straight
-    )
+        commands, position, jacobian, travel.starts.numpy(), table, tool_ways(mechanism), straight=straight,
+        smooth=spec.moves == "smooth",
+    )  # fmt: skip
     zeros = torch.zeros(table.rows, dtype=torch.float64)
     warmth = zeros if table.temp_c is None else _tensor(table.temp_c) - spec.reference_temp_c
     payload = zeros if table.payload_kg is None else _tensor(table.payload_kg)
