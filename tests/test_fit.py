@@ -19,7 +19,7 @@ from ptt.fitting.search import open_terms
 from ptt.fitting.solve import fit, rms
 from ptt.fitting.stated import unseen_directions
 from ptt.model.model import Model, Term
-from ptt.run.noise import DEFAULT_SIGMA, Noise
+from ptt.run.noise import guessed_noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.viewing import build_view
 
@@ -202,7 +202,7 @@ def test_an_unseen_direction_is_one_that_the_data_know_less_than_its_usual_size(
 
 def opened(effect: Effect, problem: Problem) -> Term:
     """An effect with the values that the fit would start from."""
-    guess = problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, "first guess")
+    guess = problem.noise or guessed_noise()
     [found] = open_terms([Term(effect, torch.zeros(0, dtype=torch.float64))], problem, guess)
     return found
 

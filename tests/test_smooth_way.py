@@ -54,6 +54,18 @@ def read(points: np.ndarray, pieces: int, smooth: bool) -> Problem:
     return build_problem(BENCH, make_table(points[::pieces], measured=measured))
 
 
+def test_a_run_that_is_seen_smoothly_is_as_fast_as_its_own_file_has_it() -> None:
+    """Ten rows to a lap turn by more than is a corner elsewhere: what is found and what is added mean one speed."""
+    points = np.column_stack([1.2, 0.8, 1.0]) * way(100, 10.0, 40.0, 1)
+    table = make_table(points, feed_mm_s=np.repeat([10.0, 20.0], 50), measured=points)
+    seen = smoothly(build_problem(BENCH, table))
+    assert seen is not None
+    own = build_view(seen.file, table)
+    torch.testing.assert_close(seen.view.velocity, own.velocity)
+    torch.testing.assert_close(seen.view.paces, own.paces)
+    assert (seen.view.velocity - build_view(BENCH, table).velocity).abs().max() > 0.1
+
+
 def test_turns_on_a_smooth_way_lie_where_the_way_has_them() -> None:
     points = way(130, 6.0, 40.0)
     file = replace(BENCH, machine=BENCH.machine.model_copy(update={"moves": "smooth"}))

@@ -23,7 +23,7 @@ from ptt.fitting.whitened import Evaluator, Total, WhitenedSystem
 from ptt.model.chain import read_base
 from ptt.model.model import Model, Term
 from ptt.run.holdout import pose_groups
-from ptt.run.noise import DEFAULT_SIGMA, GUESSED, Noise
+from ptt.run.noise import Noise, guessed_noise
 from ptt.run.problem import Problem
 
 NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
@@ -54,7 +54,7 @@ def fit(
     Returns:
         The fit; what kept it from converging is in its status.
     """
-    noise = noise or problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, GUESSED)
+    noise = noise or problem.noise or guessed_noise()
     begun = _begin_long if problem.table.rows > LONG else _begin
     evaluate, unknowns, kept, prior = begun(model, problem, noise, robust, coarse)
     rows = partial(_Told, evaluate, pose_groups(problem.table), robust and not (lean or coarse))

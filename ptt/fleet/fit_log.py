@@ -36,7 +36,7 @@ from ptt.model.chain import Prediction
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
 from ptt.progress import Progress
-from ptt.run.noise import DEFAULT_SIGMA, GUESSED, Noise
+from ptt.run.noise import Noise, guessed_noise
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def fit_log(model: Model, log: Log, client: Any = None, tell: Progress | None = 
     Raises:
         ModelError: the moment of a sudden effect is not known yet.
     """
-    noise = log.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, GUESSED)
+    noise = log.noise or guessed_noise()
     layout = lay_out(model, log.whole, start_of(model, log, noise))
     passes = Passes(log, layout, noise, client, tell)
     start, none = np.clip(layout.start(), layout.lower, layout.upper), np.zeros(0, dtype=int)

@@ -80,6 +80,11 @@ class Noise(Record):
         return rows * float(np.linalg.slogdet(self.whitener)[1])
 
 
+def guessed_noise() -> Noise:
+    """A noise to start with, where nothing tells it."""
+    return Noise(np.eye(3) * DEFAULT_SIGMA**2, GUESSED)
+
+
 def repeat_groups(table: "Table", direction: np.ndarray) -> np.ndarray:
     """Number the groups of true repeats.
 

@@ -2,6 +2,8 @@
 
 from dataclasses import replace
 
+from ptt.mechanisms.workspace import tool_ways
+from ptt.run.pace import joint_speeds
 from ptt.run.problem import Problem
 from ptt.run.travel import on_the_way, read_travel
 
@@ -37,4 +39,10 @@ def smoothly(problem: Problem) -> Problem | None:
     machine = problem.file.machine.model_copy(update={"moves": "smooth"})
     varies = view.varies | {"direction"} if travel.two_sided else view.varies - {"direction"}
     seen = replace(view, direction=travel.direction, turning=travel.turning, varies=varies)
+    if view.velocity.any():  # else it stood at each row
+        starts, ways = view.starts.numpy(), tool_ways(view.mechanism)
+        velocity, paces = joint_speeds(
+            view.q, view.p, view.jacobian, starts, problem.table, ways, straight=False, smooth=True
+        )
+        seen = replace(seen, velocity=velocity, paces=paces)
     return replace(problem, file=replace(problem.file, machine=machine), view=seen)

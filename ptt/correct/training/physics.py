@@ -9,7 +9,7 @@ from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit, residual_of
 from ptt.model.chain import predict
 from ptt.model.model import Model
-from ptt.run.noise import DEFAULT_SIGMA, GUESSED, Noise
+from ptt.run.noise import Noise, guessed_noise
 from ptt.run.problem import Problem
 
 
@@ -64,7 +64,7 @@ def keep_physics(model: Model, problem: Problem) -> Physics:
     if problem.frames or problem.mounts:
         found = residual_of(replace(model, terms=tuple(term for term in model.terms if len(term.theta))), problem)
         return Physics(model, found.residual, found.outliers, found.noise, found.status)
-    noise = problem.noise or Noise(np.eye(3) * DEFAULT_SIGMA**2, GUESSED)
+    noise = problem.noise or guessed_noise()
     terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
     residual = problem.measured - predict(terms, problem.view).reading.numpy()
     gross = problem.used & ~inside(residual @ noise.whitener.T, problem.used, problem, noise)

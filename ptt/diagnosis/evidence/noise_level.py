@@ -17,7 +17,7 @@ from ptt.errors import TooFewError
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.run.holdout import sharing_groups
-from ptt.run.noise import DEFAULT_SIGMA, GUESSED, SATURATED, VISITED, Noise, at_least, least_variance
+from ptt.run.noise import SATURATED, VISITED, Noise, at_least, guessed_noise, least_variance
 from ptt.run.problem import Problem
 from ptt.run.tails import f_cdf, f_sf
 
@@ -46,7 +46,8 @@ def starting_noise(problem: Problem) -> tuple[Noise, float]:
     given = problem.noise
     if given is None:
         least = least_variance(problem.table.measured[problem.used])
-        return Noise(np.eye(3) * max(DEFAULT_SIGMA**2, least), GUESSED, least=least), 0.0
+        guess = guessed_noise()
+        return replace(guess, covariance=at_least(guess.covariance, least), least=least), 0.0
     if given.source != "repeats":
         return given, STATED
     if sharing_groups(problem.table, problem.used)[1]:  # of one visit or of all: the rows say what visits share

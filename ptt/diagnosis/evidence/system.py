@@ -59,7 +59,7 @@ class System(ABC):
         """
         return float(max(self.count - len(self.frame), 1))
 
-    @property
+    @cached_property
     def finest(self) -> float:
         """White variance that no set leaves less of, in units of the noise: that of the last digit of a reading."""
         return self.noise.least * float(np.trace(np.linalg.inv(self.noise.covariance))) / 3.0

@@ -88,7 +88,8 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
     whole, by_names = left_by(state.keys), left_by(without(state, *parts))
     most = LARGER**2 * _spread(by_names)
     fight = _spread(sum(parts.values(), whole)) > most
-    back = {key for key, part in parts.items() if fight and _spread(part + 0.0 * whole) > most}
+    counts = np.isfinite(whole).all(axis=1)
+    back = {key for key, part in parts.items() if fight and _spread(part[counts]) > most}
     parts |= {key: left_by(without(state, key)) - whole for key in back}
     left, amounts = sum(parts.values(), whole), _amounts(state, system, list(parts))
 
