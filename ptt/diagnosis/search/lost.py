@@ -50,7 +50,7 @@ def lost_by_one(model: Model, given: Model, found: Found, problem: Problem) -> M
 def _ways(model: Model) -> Iterator[Model]:
     """The models in which one of both has all that a joint loses on reversal: the gap, and twice the height.
 
-    Where both are there and the wind-up has what is play, also both with all of it in the gap, the wind-up anew.
+    Where both are there, also both with all of it in the gap, the wind-up anew: one may have taken what is the other's.
     """
     terms = {term.effect.key: term for term in model.terms}
     play, gradual = terms.get(Backlash.name), terms.get(Windup.name)
@@ -62,14 +62,8 @@ def _ways(model: Model) -> Iterator[Model]:
         yield replace(model, terms=rest) + Term(Backlash(), torch.cat([lost, lost.new_ones(1)]))
     if play is not None:
         yield replace(model, terms=rest) + Windup()
-    if play is not None and gradual is not None and _is_play(gradual):
+    if play is not None and gradual is not None:
         yield replace(model, terms=rest) + Term(Backlash(), torch.cat([lost, lost.new_ones(1)])) + Windup()
-
-
-def _is_play(gradual: Term) -> bool:
-    """Whether a wind-up takes less travel than it loses, which no drive does that goes on: it stands in for play."""
-    height, length = gradual.theta.abs().chunk(2)
-    return bool((2.0 * height > length).any())
 
 
 def _lost(term: Term | None) -> Tensor | None:
