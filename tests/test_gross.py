@@ -46,3 +46,19 @@ def test_two_visits_that_miss_alike_are_chance_where_so_many_beams_were_broken(o
     rows = np.ones(800, dtype=bool)
     lone = alone(stand_out(left, rows), left, rows, places, gone)
     assert bool(lone[[1, 401]].all()) is gross and lone[[1, 401]].any() == gross
+
+
+@pytest.mark.parametrize("off", ["along one line", "to any side"])
+def test_far_rows_that_crowd_in_one_place_are_its_own_where_they_are_off_along_one_line(off):
+    """Six readings by the ends of one joint's travel: a worn nut errs along its way there, broken beams anyhow."""
+    random = np.random.default_rng(11)
+    left, places = random.normal(size=(300, 3)), unloaded(100.0 * random.normal(size=(300, 9)))
+    far = np.arange(10, 300, 48)
+    places[far, 4] = 900.0 + np.arange(len(far))  # one joint's travel alone: in space they are far from each other
+    sides = (
+        np.tile((0.0, 0.6, 0.8), (len(far), 1)) if off == "along one line" else np.tile(np.eye(3), (3, 1))[: len(far)]
+    )
+    left[far] += 40.0 * sides * (-1.0) ** np.arange(len(far))[:, None]
+    rows = np.ones(300, dtype=bool)
+    lone = alone(stand_out(left, rows), left, rows, places)
+    assert lone[far].any() == lone[far].all() == (off == "to any side")

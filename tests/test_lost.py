@@ -51,19 +51,23 @@ def read(*true):
     return build_problem(MACHINE, make_table(place, measured=noisy))
 
 
-@pytest.mark.parametrize(
-    ("play", "wound", "named_play", "named_wound"),
-    [
-        ([0.118, 0.026, 0.086], [0.012, 0.01, 0.014, 4.0, 4.0, 4.0], [-0.022, 0.002, 0.005], [0.074, 0.02, 0.0435, 0.06, 0.06, 0.08]),
-        ([0.018, 0.149, 0.15], [0.003, 0.009, 0.009, 1.7, 1.7, 1.7], [0.015, 0.059, 0.035], [0.004, 0.053, 0.066, 0.08, 0.16, 0.2]),
-    ],
-    ids=["over less travel than it loses", "over a little more"],
-)  # fmt: skip
-def test_a_windup_that_has_what_is_play_gives_it_back(play, wound, named_play, named_wound):
+SHORTER = (
+    ([0.118, 0.026, 0.086], [0.012, 0.01, 0.014, 4.0, 4.0, 4.0]),
+    ([-0.022, 0.002, 0.005], [0.074, 0.02, 0.0435, 0.06, 0.06, 0.08]),
+)
+LONGER = (
+    ([0.018, 0.149, 0.15], [0.003, 0.009, 0.009, 1.7, 1.7, 1.7]),
+    ([0.015, 0.059, 0.035], [0.004, 0.053, 0.066, 0.08, 0.16, 0.2]),
+)
+
+
+@pytest.mark.parametrize(("true", "named"), [SHORTER, LONGER], ids=["over less than it loses", "over a little more"])
+def test_a_windup_that_has_what_is_play_gives_it_back(true, named):
     """From a wind-up over a short travel no step of a fit leads to a play and a wind-up beside it."""
-    true = ("backlash", [*play, 1.0]), ("windup", wound)
-    named = ("windup", named_wound), ("backlash", [*named_play, 1.0])
-    best = lost_by_one(model_of(*named), Model(MACHINE), found_beside(*named), read(*true))
+    (play, wound), (other_play, other_wound) = true, named
+    terms = ("windup", other_wound), ("backlash", [*other_play, 1.0])
+    hidden = ("backlash", [*play, 1.0]), ("windup", wound)
+    best = lost_by_one(model_of(*terms), Model(MACHINE), found_beside(*terms), read(*hidden))
     values = {told.effect.name: told.theta for told in best.terms}
     assert set(values) == {"backlash", "windup"}
     np.testing.assert_allclose(values["backlash"][:3], play, atol=4e-3)

@@ -17,6 +17,9 @@ FAR_ROWS_SHARE = 0.12  # beyond it far rows are no exceptions
 LEVELS = 2  # measures of place that come in levels: load and feed
 CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
 SPREAD_OUT = 1e-3  # chance of as many neighbours in space among gross errors of a run
+ALONG = (
+    0.8  # cosine of two shifts, either way, from which one thing may have made them: of shifts to any side one in five
+)
 NEIGHBOURS = 2  # in space that tell whether a far row is one of a place: those of a small place are among its own
 AT_ONCE = 2  # rows: as far as those of a stretch are looked for
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
@@ -113,7 +116,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
         alike = far[near] & far[before] & (apart < ALIKE * np.maximum(size[near], size[before]))
         company[near] += alike
         company[before] += alike
-    lone = far & (company < COMPANY) & ~_crowded(far, used, places) & ~_again(far, left, used, places, gone)
+    lone = far & (company < COMPANY) & ~_crowded(far, left, used, places) & ~_again(far, left, used, places, gone)
     lone &= ~_under_one_load(far, used, places)
     return lone if are_exceptions(lone, used) else np.zeros_like(far)
 
@@ -164,25 +167,44 @@ def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np
     return found
 
 
-def _crowded(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Far rows next to each other in one measure of place, where more of them are than chance would put there."""
+def _crowded(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Far rows next to each other in one measure of place and off along one line: more than chance would put there."""
     crowded, rows = np.zeros_like(far), np.flatnonzero(used)
-    expected, chance = far.sum() ** 2 / max(len(rows), 1), CROWD / (places.shape[1] - LEVELS + 1)
+    expected = far.sum() ** 2 / max(len(rows), 1) * _share_along(left[far & used])
+    chance = CROWD / (places.shape[1] - LEVELS + 1)
     for column in places.T[:-LEVELS]:
         order = rows[np.argsort(column[rows], kind="stable")]
         pairs = far[order[1:]] & far[order[:-1]]
-        if poisson_sf(pairs.sum() - 1, expected) < chance:
-            crowded[order[1:][pairs]] = True
-            crowded[order[:-1][pairs]] = True
-    near, accident = in_one_place(far, used, places[:, :3])
+        one, two = order[1:][pairs], order[:-1][pairs]
+        along = _along(left[one], left[two])
+        if poisson_sf(along.sum() - 1, expected) < chance:
+            crowded[one[along]] = True
+            crowded[two[along]] = True
+    near, accident = in_one_place(far, left, used, places[:, :3])
     return crowded | (near & (accident < chance))
 
 
-def in_one_place(far: np.ndarray, used: np.ndarray, tool: np.ndarray) -> tuple[np.ndarray, float]:
-    """Far rows that have others among their nearest neighbours in space that were passed at another time.
+def _along(one: np.ndarray, two: np.ndarray) -> np.ndarray:
+    """Whether shifts (..., 3) lie along one line, either way: a place errs along its own, a broken beam to any side."""
+    size = np.linalg.norm(one, axis=-1) * np.linalg.norm(two, axis=-1)
+    return np.abs((one * two).sum(axis=-1)) > ALONG * size
+
+
+def _share_along(left: np.ndarray) -> float:
+    """Share of the pairs of shifts (m, 3) along one line, wherever they are: all, where trackers err along the beam."""
+    own, count = 1.0 - ALONG, len(left)
+    if count < 2:
+        return own
+    pairs = _along(left[:, None], left[None]).sum() - count  # each with itself
+    return max(own, float(pairs) / (count * (count - 1)))
+
+
+def in_one_place(far: np.ndarray, left: np.ndarray, used: np.ndarray, tool: np.ndarray) -> tuple[np.ndarray, float]:
+    """Far rows that have others, passed at another time and off along one line, among their neighbours in space.
 
     Args:
         far: (n,) bool.
+        left: how far each is off, (n, 3).
         used: rows whose readings count, (n,) bool.
         tool: where each was taken, (n, 3) mm.
 
@@ -198,12 +220,20 @@ def in_one_place(far: np.ndarray, used: np.ndarray, tool: np.ndarray) -> tuple[n
     count = min(NEIGHBOURS + 2 * AT_ONCE + 1, len(rows))  # what follows in time is among them, and judged as a stretch
     _, nearest = cKDTree(place).query(place[np.searchsorted(rows, here)], k=count)
     for row, others in zip(here, rows[nearest], strict=True):
-        near[row] = far[others[np.abs(others - row) > AT_ONCE][:NEIGHBOURS]].sum()
+        beside = others[np.abs(others - row) > AT_ONCE][:NEIGHBOURS]
+        near[row] = (far[beside] & _along(left[beside], left[row])).sum()
     pairs = NEIGHBOURS / 2.0  # of each row: of two neighbours each counts the other
-    expected = pairs * len(here) ** 2 / len(rows)
+    expected = pairs * len(here) ** 2 / len(rows) * _share_along(left[here])
     return near > 0, float(poisson_sf(near.sum() // 2 - 1, expected))
 
 
-def has_a_place(gross: np.ndarray, problem: Problem) -> bool:
-    """Whether readings that were set aside, (n,) bool, lie next to each other in space; gross errors lie anywhere."""
-    return in_one_place(gross, problem.used, problem.view.p.numpy())[1] < SPREAD_OUT
+def has_a_place(gross: np.ndarray, left: np.ndarray, problem: Problem) -> bool:
+    """Whether readings that were set aside lie next to each other in space, off along one line; broken beams do not.
+
+    Args:
+        gross: (n,) bool.
+        left: how far each is off, (n, 3); NaN where nobody knows.
+        problem: n rows.
+    """
+    known = gross & np.isfinite(left).all(axis=1)
+    return in_one_place(known, left, problem.used, problem.view.p.numpy())[1] < SPREAD_OUT

@@ -59,7 +59,9 @@ def find(
     less = found.gross | broken
     if broken.any() and (crowded_moments(found) or _names_do(_masked(asked, less), first)):
         other = _left_out(asked, first, less)
-        sound = are_exceptions(other.gross, problem.used) and not has_a_place(other.gross, problem)
+        sound = are_exceptions(other.gross, problem.used) and not has_a_place(
+            other.gross, other.fitted.residual, problem
+        )
         found = other if sound and says_more(other, found) else found
     return found
 

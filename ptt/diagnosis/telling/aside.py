@@ -34,7 +34,7 @@ def against_gross(found: Found, problem: Problem) -> str | None:
         return f"are all off along the way of {place}"
     if follow_direction(found, problem):
         return "change sides with the directions in which the joints arrive"
-    if isinstance(found.system, RowSystem) and has_a_place(found.gross, problem):
+    if isinstance(found.system, RowSystem) and has_a_place(found.gross, found.fitted.residual, problem):
         return "lie next to each other in space"
     return None
 
