@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from ptt.challenge.challenge import bench
@@ -67,6 +68,19 @@ def test_a_wave_finer_than_the_readings_are_many_is_found_among_poses_at_random(
     first = found.depends_on[0]
     assert found.verdict == "unknown" and not found.suggested and first.residual == "slider 3"
     assert first.period_mm == pytest.approx(period, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", [4, pytest.param(3, marks=pytest.mark.long)])
+def test_a_wave_is_found_where_few_poses_are_read_often(seed: int) -> None:
+    """A free function of the place bends to any wave on sixty poses; its frequency is that of all readings together."""
+    drawn = draw_rig("none", seed, MACHINE, "volume", rows=60)
+    odd = {"kind": "periodic", "leg": 2, "size_um": 20.0, "period_mm": 3.1, "phase_rad": 1.0}
+    keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in odd.items())
+    rig = replace(parse_rig(f"{format_rig(drawn.rig)}\n[[odd]]\n{keys}"), machine=drawn.rig.machine)
+    targets = pd.concat([drawn.targets] * 6, ignore_index=True)
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, table_of(simulate(rig, targets).frame, drawn.absent)))
+    first = found.depends_on[0]
+    assert first.residual == "slider 2" and first.period_mm == pytest.approx(3.1, rel=0.002)
 
 
 def test_of_waves_that_even_steps_make_alike_the_slowest_is_said() -> None:

@@ -5,11 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import odds_of_block
+from ptt.diagnosis.evidence.row_sums import flattened
+from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.search.spectrum import STEP, WIDE, JointWave, hides_waves, left_along
+from ptt.diagnosis.noise.wander import filtered
+from ptt.diagnosis.search.spectrum import STEP, UNSEEN, WIDE, JointWave, hides_waves, left_along
 from ptt.diagnosis.unknown.blocks import Period
+from ptt.diagnosis.unknown.smooth import harmonics
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
@@ -17,7 +21,7 @@ COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones ar
 PHASES = 2.0  # turns for each reading: poses at random tell them, and of what even steps make alike the first counts
 ALIAS = 0.5  # nats by which a line may be behind another and be taken for it, as it is slower
 LEAST_ROWS = 40  # from which a spectrum says anything
-FINER = 8  # places between two frequencies for the line that is found: what it leaves of itself is another line
+PLACES = 65  # across a line that is found, for what one that is placed badly leaves of itself is another line
 
 
 def find_period(
@@ -41,7 +45,8 @@ def find_period(
     """
     if len(scorer.system.rows) < LEAST_ROWS:
         return None
-    best, found = 0.0, None
+    assert isinstance(scorer.system, RowSystem)
+    best, found = 0.0, list[tuple[JointWave, float]]()
     joints = left_along(scorer, state, problem, detail=not offered and hides_waves(scorer, state))
     named = [wave.period(problem.view) for wave in waves]
     for along in joints:
@@ -52,34 +57,35 @@ def find_period(
         for length in (*named, *(length for joint, length in offered if joint == along.joint)):
             nats[np.abs(turns - along.span / length) < WIDE] = -np.inf
         if nats.max() > best:
-            first = turns[np.argmax(nats > nats.max() - ALIAS)]
-            best, found = float(nats.max()), (along.joint, along.span / _placed(along, first))
-    return found
+            best, found = float(nats.max()), [(along, float(turns[np.argmax(nats > nats.max() - ALIAS)]))]
+    return next(((each.joint, each.span / _placed(scorer.system, state, each, first)) for each, first in found), None)
 
 
 def period_left(
     scorer: Scorer, state: State, problem: Problem, offered: Sequence[Period], waves: Sequence[OncePerRev]
 ) -> Period | None:
-    """The same, also with free curves taken out where these leave none; arguments as there.
+    """The same, also with free functions of place taken out where these leave none; arguments as there.
 
-    Of few rows they bend to any wave.
+    Of few rows or poses they bend to any wave.
     """
     line = find_period(scorer, state, problem, offered, waves)
-    curves = curves_of(state, scorer.system) if line is None else ()
-    if not curves:
+    free = free_in_place(state, scorer.system) if line is None else ()
+    if not free:
         return line
-    straight = scorer.score(without(state, *curves), state.memory, state.scales)
+    straight = scorer.score(without(state, *free), state.memory, state.scales)
     return find_period(scorer, straight, problem, offered, waves)
 
 
-def curves_of(state: State, system: System) -> tuple[str, ...]:
-    """Unknowns that are free curves over a joint's own travel.
+def free_in_place(state: State, system: System) -> tuple[str, ...]:
+    """Unknowns that are free functions of where a joint stands: curves over its travel, fields over the workspace.
 
     Args:
         state: a set.
         system: of the scorer.
     """
-    return tuple(key for key in state.keys if (block := system.atoms[key].block) is not None and block.is_curve)
+    blocks = {key: block for key in state.keys if (block := system.atoms[key].block) is not None}
+    own = {key: block for key, block in blocks.items() if block.place.joint is not None}
+    return tuple(key for key, block in own.items() if block.is_curve or block.is_field)
 
 
 def _spectrum(along: JointWave) -> tuple[np.ndarray, np.ndarray]:
@@ -88,7 +94,22 @@ def _spectrum(along: JointWave) -> tuple[np.ndarray, np.ndarray]:
     return turns, along.over(COARSEST, STEP, len(turns)) if len(turns) else turns
 
 
-def _placed(along: JointWave, turns: float) -> float:
-    """A line's frequency to less than what those of a spectrum are apart."""
-    first, step = turns - STEP, STEP / FINER
-    return float(first + step * np.argmax(along.over(first, step, 2 * FINER + 1)))
+def _placed(system: RowSystem, state: State, along: JointWave, turns: float) -> float:
+    """Frequency near that of a line at which a wave takes most beside the explanation, whose values follow it.
+
+    The spectrum has what the explanation leaves, a part of which frames and effects took of the wave already; on few
+    poses that moves its peak.
+    """
+    near, clock = turns + np.linspace(-WIDE, WIDE, PLACES), system.clock
+    phase = (2.0 * np.pi / along.span * (along.q - along.q.min()))[:, None] * near
+    waves = np.stack([harmonics(each) for each in phase.T])  # shape: (place, row, wave)
+    columns = waves.transpose(0, 2, 1)[:, :, None] * system.levers[along.joint].T
+    wave = flattened(filtered(columns.reshape(-1, *columns.shape[2:]), state.memory.wander, clock)[0])
+    known = flattened(filtered(system.flat[state.columns], state.memory.wander, clock)[0])
+    white = system.innovation(state.columns, state.posterior.values, state.memory).T.ravel()
+    wave = wave.reshape(*waves.shape[::2], len(white))
+    beside = wave @ known.T
+    gram = wave @ wave.transpose(0, 2, 1) - beside @ state.inverse @ beside.transpose(0, 2, 1)
+    side = wave @ white
+    gain = [one @ np.linalg.lstsq(each, one, rcond=UNSEEN)[0] for each, one in zip(gram, side, strict=True)]
+    return float(near[np.argmax(gain)])
