@@ -8,7 +8,7 @@ import numpy as np
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.system import straightened, whitened
 from ptt.diagnosis.noise.memory import Memory
-from ptt.diagnosis.unknown.blocks import unknown_blocks
+from ptt.diagnosis.unknown.blocks import Period, unknown_blocks
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear, Shape, linear_columns
@@ -58,7 +58,7 @@ class Ansatz:
 
     fitted: FitResult
     blocks: tuple[Atom, ...]
-    periods: Sequence[tuple[int, float]]
+    periods: Sequence[Period]
     noise: Noise
     freedom: float
     memory: Memory

@@ -22,7 +22,7 @@ from ptt.diagnosis.evidence.system import System, clock_of, straightened, whiten
 from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums, as_joined, base_sums
 from ptt.diagnosis.noise.poses import Poses, poses_of
 from ptt.diagnosis.noise.wander import Wander, filtered
-from ptt.diagnosis.unknown.blocks import SIZE, Block, unknown_blocks
+from ptt.diagnosis.unknown.blocks import SIZE, Block, Period, unknown_blocks
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Effect
 from ptt.effects.sudden import ALWAYS
@@ -236,7 +236,7 @@ def build_row_system(
     noise: Noise,
     freedom: float,
     rows: np.ndarray,
-    periods: Sequence[tuple[int, float]] = (),
+    periods: Sequence[Period] = (),
     shapes: Shapes | None = None,
     span: Span | None = None,
     linear: Linear | None = None,

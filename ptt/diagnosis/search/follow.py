@@ -11,6 +11,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.asked import Asked, open_turn
+from ptt.diagnosis.search.cycles import find_cycle
 from ptt.diagnosis.search.drawing import by_drawing
 from ptt.diagnosis.search.exact import without_needless
 from ptt.diagnosis.search.first import beside_names, names_suffice, search_first
@@ -103,7 +104,7 @@ def _turned(
     system = scorer.system
     assert isinstance(system, RowSystem)
     found = replace(found, scorer=scorer, system=system, state=state, seen=(*turn.seen, *waves))
-    line = period_left(scorer, state, problem, turn.periods, waves)
+    line = period_left(scorer, state, problem, turn.periods, waves) or find_cycle(scorer, state, problem, turn.periods)
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
     stays = settled(state, system) and set(blocks) == set(turn.held)

@@ -15,6 +15,7 @@ from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.moves import LEAST_NATS
 from ptt.diagnosis.search.shapes import shape_key, with_shapes
+from ptt.diagnosis.unknown.blocks import Period
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult
@@ -53,7 +54,7 @@ class Found:
     carried: np.ndarray
     gross: np.ndarray
     untestable: dict[str, str]
-    periods: Sequence[tuple[int, float]] = ()
+    periods: Sequence[Period] = ()
     sample: Problem | None = None
     opening: np.ndarray | None = None
     seen: tuple[OncePerRev, ...] = ()

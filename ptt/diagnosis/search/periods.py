@@ -5,15 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import odds_of_block
-from ptt.diagnosis.evidence.row_sums import flattened
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.wander import filtered
-from ptt.diagnosis.search.spectrum import STEP, UNSEEN, WIDE, JointWave, hides_waves, left_along
+from ptt.diagnosis.search.spectrum import STEP, WIDE, JointWave, hides_waves, left_along, place_line
 from ptt.diagnosis.unknown.blocks import Period
-from ptt.diagnosis.unknown.smooth import harmonics
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
@@ -21,7 +18,6 @@ COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones ar
 PHASES = 2.0  # turns for each reading: poses at random tell them, and of what even steps make alike the first counts
 ALIAS = 0.5  # nats by which a line may be behind another and be taken for it, as it is slower
 LEAST_ROWS = 40  # from which a spectrum says anything
-PLACES = 65  # across a line that is found, for what one that is placed badly leaves of itself is another line
 
 
 def find_period(
@@ -58,7 +54,10 @@ def find_period(
             nats[np.abs(turns - along.span / length) < WIDE] = -np.inf
         if nats.max() > best:
             best, found = float(nats.max()), [(along, float(turns[np.argmax(nats > nats.max() - ALIAS)]))]
-    return next(((each.joint, each.span / _placed(scorer.system, state, each, first)) for each, first in found), None)
+    for along, first in found:
+        lever = scorer.system.levers[along.joint][:, :, None]
+        return along.joint, along.span / place_line(scorer.system, state, along.q, lever, first)
+    return None
 
 
 def period_left(
@@ -92,24 +91,3 @@ def _spectrum(along: JointWave) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies in turns over the range, and the sum of squares that a cosine and a sine of each take."""
     turns = np.arange(COARSEST, min(FINEST, PHASES * len(along.q)), STEP)
     return turns, along.over(COARSEST, STEP, len(turns)) if len(turns) else turns
-
-
-def _placed(system: RowSystem, state: State, along: JointWave, turns: float) -> float:
-    """Frequency near that of a line at which a wave takes most beside the explanation, whose values follow it.
-
-    The spectrum has what the explanation leaves, a part of which frames and effects took of the wave already; on few
-    poses that moves its peak.
-    """
-    near, clock = turns + np.linspace(-WIDE, WIDE, PLACES), system.clock
-    phase = (2.0 * np.pi / along.span * (along.q - along.q.min()))[:, None] * near
-    waves = np.stack([harmonics(each) for each in phase.T])  # shape: (place, row, wave)
-    columns = waves.transpose(0, 2, 1)[:, :, None] * system.levers[along.joint].T
-    wave = flattened(filtered(columns.reshape(-1, *columns.shape[2:]), state.memory.wander, clock)[0])
-    known = flattened(filtered(system.flat[state.columns], state.memory.wander, clock)[0])
-    white = system.innovation(state.columns, state.posterior.values, state.memory).T.ravel()
-    wave = wave.reshape(*waves.shape[::2], len(white))
-    beside = wave @ known.T
-    gram = wave @ wave.transpose(0, 2, 1) - beside @ state.inverse @ beside.transpose(0, 2, 1)
-    side = wave @ white
-    gain = [one @ np.linalg.lstsq(each, one, rcond=UNSEEN)[0] for each, one in zip(gram, side, strict=True)]
-    return float(near[np.argmax(gain)])

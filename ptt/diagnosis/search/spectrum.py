@@ -4,15 +4,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.diagnosis.evidence.row_sums import flattened
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
-from ptt.diagnosis.noise.wander import innovations
+from ptt.diagnosis.noise.wander import filtered, innovations
+from ptt.diagnosis.unknown.smooth import harmonics
 from ptt.run.problem import Problem
 
 UNSEEN = 1e-6  # of the squares of a wave that the readings have, below which its phase is nothing but rounding
 WIDE = 1.0  # half of a line, in turns over the range
 STEP = 0.25  # of a frequency, in turns over the range: finer than a line is wide
+PLACES = 65  # across a line that is found, for what one that is placed badly leaves of itself is another line
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,37 @@ def left_along(scorer: Scorer, state: State, problem: Problem, *, detail: bool) 
                 JointWave(joint, q, telling * (slope * white).sum(axis=1), telling * np.square(slope).sum(axis=1))
             )
     return found
+
+
+def place_line(system: RowSystem, state: State, along: np.ndarray, levers: np.ndarray, turns: float) -> float:
+    """Frequency near that of a line at which a wave takes most beside an explanation, whose values follow it.
+
+    A spectrum has what the explanation leaves, a part of which frames and effects took of the wave already; on few
+    poses that moves its peak.
+
+    Args:
+        system: the linearised problem.
+        state: the explanation.
+        along: what the wave runs over, (m,).
+        levers: how what it acts on moves each reading, (m, 3, w) whitened.
+        turns: frequency of the line, in turns over the range.
+
+    Returns:
+        The frequency, likewise.
+    """
+    near, clock = turns + np.linspace(-WIDE, WIDE, PLACES), system.clock
+    phase = (2.0 * np.pi / np.ptp(along) * (along - along.min()))[:, None] * near
+    waves = np.stack([harmonics(each) for each in phase.T])  # shape: (place, row, wave)
+    columns = np.einsum("rad,prw->pdwar", levers, waves)
+    wave = flattened(filtered(columns.reshape(-1, *columns.shape[3:]), state.memory.wander, clock)[0])
+    known = flattened(filtered(system.flat[state.columns], state.memory.wander, clock)[0])
+    white = system.innovation(state.columns, state.posterior.values, state.memory).T.ravel()
+    wave = wave.reshape(PLACES, -1, len(white))
+    beside = wave @ known.T
+    gram = wave @ wave.transpose(0, 2, 1) - beside @ state.inverse @ beside.transpose(0, 2, 1)
+    side = wave @ white
+    gain = [one @ np.linalg.lstsq(each, one, rcond=UNSEEN)[0] for each, one in zip(gram, side, strict=True)]
+    return float(near[np.argmax(gain)])
 
 
 def _detail(scorer: Scorer, state: State) -> np.ndarray:

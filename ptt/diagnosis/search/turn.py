@@ -12,6 +12,7 @@ from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.gross import CHANCE, alone, are_exceptions, places_of, stand_out
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.unknown.blocks import Period
 from ptt.diagnosis.unknown.moment import best_moment
 from ptt.effects import Effect
 from ptt.effects.screw import OncePerRev
@@ -57,7 +58,7 @@ class Turn:
     kept: tuple[str, ...] | None = None
     memory: Memory = WHITE
     held: tuple[str, ...] = ()
-    periods: tuple[tuple[int, float], ...] = ()
+    periods: tuple[Period, ...] = ()
     barred: frozenset[str] = frozenset()
     moments: tuple[Shape, ...] = ()
     seen: tuple[OncePerRev, ...] = ()

@@ -73,7 +73,9 @@ def _dependence(
     choices = [name for name in _variables(item, problem) if name in contexts]
     if not choices:
         return None
-    taken = {name: {axis: _taken(contexts[name], parts[axis]) for axis in residuals} for name in choices}
+    period = item.block.period
+    folded = {name: contexts[name] if period is None else np.mod(contexts[name], period) for name in choices}
+    taken = {name: {axis: _taken(folded[name], parts[axis]) for axis in residuals} for name in choices}
     on = _followed({name: sum(taken[name].values()) for name in choices}, item, problem)
     residual = max(residuals, key=lambda axis: taken[on][axis])
     seconds = (*SECOND, *problem.table.watched)
@@ -82,7 +84,7 @@ def _dependence(
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
     chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
-    share, period = min(item.energy, 1.0), item.block.period
+    share = min(item.energy, 1.0)
     if period is not None and all(d.period_mm is None for d in tested):  # finer than so few readings show by themselves
         curve = _centred_curve(np.mod(contexts[on], period), rests[residual])
         found = Dependence(residual, on, share, chance, period, "period", curve, acts_on=_acts_on(item.block))

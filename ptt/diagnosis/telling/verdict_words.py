@@ -122,7 +122,7 @@ def _bent(result: Any, followed: str) -> str:
 
 def depends(strongest: Dependence) -> str:
     """What the leading unknown follows, how large it is and which way it goes, in one line."""
-    period = f" with a period of {strongest.period_mm:.3g} {strongest.unit}".rstrip() if strongest.period_mm else ""
+    period = f" with a period of {strongest.period_mm:.4g} {strongest.unit}".rstrip() if strongest.period_mm else ""
     share = f"({strongest.share:.0%} of its variance){acting(strongest.acts_on, strongest.residual)}"
     size = f" {strongest.words}" if strongest.words else ""
     if strongest.place and strongest.shape == "step" and not strongest.with_:

@@ -105,7 +105,7 @@ class Block:
 
 PERIOD = " with period "  # in the name of a wave
 Recipe = tuple[str, Place, tuple[str, ...], Callable[[], np.ndarray]]  # name, where, on what, and its shapes
-Period = tuple[int, float]  # joint, and length in its unit
+Period = tuple[int | None, float]  # joint, and length in its unit; of a cycle of the tool over time None, and s
 
 
 def unknown_blocks(
@@ -188,11 +188,13 @@ def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray]) ->
 
 
 def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) -> Iterator[Recipe]:
-    """Cosine and sine of each period along its joint."""
+    """Cosine and sine of each period along its joint, or over time."""
     for joint, length in periods:
         place = next(place for place in places if place.joint == joint)
-        on = f"{problem.file.machine.letter}{joint + 1}"
-        yield _waves(place, on, problem.view.q.numpy()[:, joint], length)
+        if joint is None:
+            yield _waves(place, "time", problem.view.clock.numpy(), length)
+        else:
+            yield _waves(place, f"{problem.file.machine.letter}{joint + 1}", problem.view.q.numpy()[:, joint], length)
 
 
 def _waves(place: Place, on: str, raw: np.ndarray, length: float) -> Recipe:

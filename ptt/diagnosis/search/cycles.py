@@ -1,0 +1,50 @@
+"""Cycles: a line in the spectrum of what is left over the time of the run, as of a compressor or an air conditioner."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ptt.diagnosis.evidence.atoms import odds_of_block
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.score import Scorer
+from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.search.periods import LEAST_ROWS
+from ptt.diagnosis.search.spectrum import STEP, JointWave, place_line
+from ptt.diagnosis.unknown.blocks import Period
+from ptt.run.problem import Problem
+
+FEWEST = 3.0  # cycles in a run: fewer are a drift
+ROWS = 3.0  # readings for each cycle at the least: of faster ones what is left looks like noise
+
+
+def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence[Period] = ()) -> Period | None:
+    """The strongest line over time, at the tool, that is worth its price beside what the noise remembers.
+
+    A wander follows any cycle, but what it does not foretell of one still comes back with its period. Curves over time
+    bend to slow ones, so it is sought without them.
+
+    Args:
+        scorer: of the system.
+        state: the best set so far.
+        problem: n rows.
+        offered: periods that the state could have taken.
+
+    Returns:
+        None and the period in s; None where there is no clock, or no line.
+    """
+    system = scorer.system
+    time, seen = problem.view.clock.numpy()[system.rows], any(joint is None for joint, _ in offered)
+    turns = np.arange(FEWEST, len(time) / ROWS, STEP)
+    if "time" not in problem.view.varies or seen or len(time) < LEAST_ROWS or np.ptp(time) == 0.0:
+        return None
+    assert isinstance(system, RowSystem)
+    bends = [key for key in state.keys if (block := system.atoms[key].block) is not None and block.on[0] == "time"]
+    straight = scorer.score(without(state, *bends), state.memory, state.scales)
+    white, ones = system.innovation(straight.columns, straight.posterior.values, straight.memory), np.ones(len(time))
+    axes = [JointWave(axis, time, white[:, axis], ones).over(FEWEST, STEP, len(turns)) for axis in range(3)]
+    gain = np.sum(axes, axis=0)
+    if 0.5 * gain.max() / straight.posterior.phi < odds_of_block(len(turns)):
+        return None
+    levers = np.broadcast_to(np.eye(3), (len(time), 3, 3))
+    first = float(turns[np.argmax(gain)])
+    return None, float(np.ptp(time)) / place_line(system, straight, time, levers, first)

@@ -1,0 +1,30 @@
+"""What comes and goes with a period of its own, as a compressor does: told by that period, and not by the path's."""
+
+import numpy as np
+import pytest
+
+from ptt.challenge.challenge import bench
+from ptt.challenge.truth import table_of
+from ptt.diagnosis.telling.verdict import diagnose
+from ptt.model.model import Model
+from ptt.rig.draw import draw_rig
+from ptt.rig.simulate import simulate
+from ptt.run.problem import build_problem
+
+MACHINE = bench()
+
+
+@pytest.mark.parametrize("size_mm", [0.02, pytest.param(0.3, marks=pytest.mark.long)])
+def test_a_cycle_over_time_is_told_by_its_period(size_mm: float) -> None:
+    """A tool that sinks fast and rises slowly, eleven times in a run, however much the noise would have to remember."""
+    drawn = draw_rig("none", 11, MACHINE, "volume", rows=150)
+    frame = simulate(drawn.rig, drawn.targets).frame
+    read = frame["role"] != "base"
+    period = float(np.ptp(frame.loc[read, "time_s"])) / 11.0
+    part = np.mod(frame["time_s"] / period + 0.3, 1.0)
+    frame["z_meas"] -= size_mm * (1.0 - np.exp(-3.0 * np.where(part < 0.35, part / 0.35, (1.0 - part) / 0.65)))
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, table_of(frame, drawn.absent)))
+    first = found.depends_on[0]
+    assert found.verdict == "unknown" and (first.residual, first.on, first.unit) == ("z", "time", "s")
+    assert first.period_mm == pytest.approx(period, rel=0.01) and first.share > 0.4
+    assert "every" in first.words
