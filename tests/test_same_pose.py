@@ -114,6 +114,19 @@ def test_copied_rows_do_not_make_a_good_model_look_bad(bench) -> None:
     assert test.p_value is not None and test.p_value > 0.01
 
 
+@pytest.mark.parametrize("missed", [0.0, 0.05])
+def test_visits_from_either_side_tell_the_scatter_where_no_pose_is_repeated(bench, missed: float) -> None:
+    """Strokes up and down one way: no visit repeats another, and still two of one place err alike where a place errs."""
+    random = np.random.default_rng(7)
+    up = np.column_stack([np.zeros((40, 2)), np.linspace(-40.0, 40.0, 40)])
+    place = np.concatenate([up, up[::-1]])
+    errs = missed * random.standard_normal((40, 3))
+    reading = place + np.concatenate([errs, errs[::-1]]) + 0.005 * random.standard_normal(place.shape)
+    problem = build_problem(bench, make_table(place, measured=reading))
+    test = lack_of_fit_of(problem, problem.measured - problem.target)
+    assert test.p_value is not None and (test.p_value < 1e-9 if missed else test.p_value > 0.01)
+
+
 def test_readings_of_one_visit_say_nothing_of_what_differs_between_visits(bench) -> None:
     random = np.random.default_rng(6)
     place = np.repeat(np.tile(random.uniform(-40, 40, (30, 3)), (3, 1)), 3, axis=0)
