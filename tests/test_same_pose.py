@@ -116,7 +116,7 @@ def test_copied_rows_do_not_make_a_good_model_look_bad(bench) -> None:
 
 @pytest.mark.parametrize("missed", [0.0, 0.05])
 def test_visits_from_either_side_tell_the_scatter_where_no_pose_is_repeated(bench, missed: float) -> None:
-    """Strokes up and down one way: no visit repeats another, and still two of one place err alike where a place errs."""
+    """Strokes up and down one way: no visit repeats another, and two of one place err alike where a place errs."""
     random = np.random.default_rng(7)
     up = np.column_stack([np.zeros((40, 2)), np.linspace(-40.0, 40.0, 40)])
     place = np.concatenate([up, up[::-1]])

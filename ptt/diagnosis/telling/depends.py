@@ -71,6 +71,8 @@ def _dependence(
     parts, rests = residual_views(problem, item.part), residual_views(problem, rest - others)
     residuals = _residuals(item, parts)
     choices = [name for name in _variables(item, problem) if name in contexts]
+    # A joint that came one way but for a few readings has no direction to follow; what goes with it leads then.
+    choices = choices or [name for name in item.block.on if name in contexts]
     if not choices:
         return None
     period = item.block.period
