@@ -4,6 +4,7 @@ import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from ptt.effects.phrases import compose
 from ptt.fitting.gauge import Told, sparsest
 from ptt.fitting.solve import fit
 from ptt.machine import format_machine, load_machine
+from ptt.mechanisms.serial import Serial
 from ptt.model.model import Model, Term
 from ptt.rig.draw_arm import unweighed
 from ptt.rig.rig import parse_rig
@@ -237,7 +239,7 @@ ARMS = [
     ("homing-offset", lambda s: {"link": only(3, [0, 0, 0, 2e-3 * s], 4)},
      rf"Joint 3 stands {N} mrad beyond q toward \+", rf"Joint 3 stands {N} mrad beyond q toward -", 2.0),
     ("dh-offsets", lambda s: {"link": only(2, [0.8 * s, 0, 0, 0], 4)},
-     rf"Link 2 is {N} um too long", rf"Link 2 is {N} um too short", 800.0),
+     rf"Link 2 is {N} um too short", rf"Link 2 is {N} um too long", 800.0),  # drawn with a = -612 mm
     ("dh-offsets", lambda s: {"link": only(4, [0, 2e-3 * s, 0, 0], 4)},
      rf"Link 4 is twisted {N} mrad too far", rf"Link 4 is twisted {N} mrad too little", 2.0),
     ("dh-offsets", lambda s: {"link": only(5, [0, 0, 0.7 * s, 0], 4)},
@@ -257,6 +259,19 @@ def test_the_side_that_was_hidden_in_an_arm_is_said(name, faults, plus, minus, s
     (words,) = say(hide_in_arm(**faults(sign)), name)
     assert sized(words, plus if sign > 0 else minus) == pytest.approx(size, rel=0.06), words
     assert not re.search(minus if sign > 0 else plus, words)
+
+
+@pytest.mark.parametrize("drawn", [120.0, 0.0, -120.0])
+def test_too_much_and_too_little_go_by_the_side_that_the_drawing_has(drawn):
+    joints = [
+        joint.model_copy(update={"a_mm": drawn, "d_mm": drawn, "alpha_deg": drawn}) for joint in ARM.machine.joint
+    ]
+    view = SimpleNamespace(
+        mechanism=Serial.from_spec(ARM.machine.model_copy(update={"joint": joints})), joints=6, lead=None
+    )
+    theta = torch.full((30,), 1e-3, dtype=torch.float64)
+    said = " ".join(part.text for part in KNOWN["dh-offsets"]().say(theta, theta, view))
+    assert all(said.count(word) == 6 * (drawn >= 0.0) for word in ("too long", "too far", "too much"))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
-from ptt.effects.phrases import Phrase
+from ptt.effects.phrases import Phrase, Said
 from ptt.mechanisms.serial import LINK_SLOTS, Serial
 from ptt.run.view import View
 
@@ -30,9 +30,9 @@ class DhOffsets(Effect):
     stage: ClassVar[Stage] = "geometry"
     mechanisms: ClassVar[tuple[str, ...]] = ("serial",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("da", "mm", 0.5, "link too long along its common normal", True),
-        Parameter("dalpha", "rad", 1e-3, "twist between the joint axes too large", True),
-        Parameter("dd", "mm", 0.5, "offset along the joint axis too large", True),
+        Parameter("da", "mm", 0.5, "added to the drawing's a, along the common normal", True),
+        Parameter("dalpha", "rad", 1e-3, "added to the drawing's alpha, the twist between the joint axes", True),
+        Parameter("dd", "mm", 0.5, "added to the drawing's d, along the joint axis", True),
         Parameter("dtheta", "rad", 2e-3, "joint angle larger than the encoder says", True),
         Parameter("dbeta", "rad", 1e-3, "lean of parallel joint axes across their common normal (Hayati)", True),
     )
@@ -69,6 +69,14 @@ class DhOffsets(Effect):
         ),
         Phrase("dbeta", "lean{s} {what} toward + about y", "lean{s} {what} toward - about y"),
     )
+
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+        """As of any effect; a length, twist or offset that the drawing has below zero is larger where it falls."""
+        arm = cast(Serial, view.mechanism)
+        drawn = theta.new_tensor((*arm.a_mm, *arm.alpha_rad, *arm.d_mm))
+        outward = torch.ones_like(theta)
+        outward[: len(drawn)] = torch.where(drawn < 0.0, -1.0, 1.0)
+        return super().say(theta * outward, std, view)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Unit of each link's slots, parameter by parameter."""
