@@ -1,6 +1,7 @@
 """Recheck on the virtual machine, which shares no equation with the model: same, changed, repaired, new, refused."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,13 +11,16 @@ import pytest
 import torch
 
 from ptt.again.before import look_back
+from ptt.again.figures import Moved
 from ptt.again.news import look_for_news
 from ptt.again.recheck import recheck
 from ptt.again.result import Recheck
 from ptt.again.weigh import weigh
+from ptt.again.words import say_change, say_whole, values_of
 from ptt.challenge.truth import table_of
 from ptt.commands import main as commands
 from ptt.effects import library
+from ptt.effects.layout import flatten
 from ptt.errors import ModelError
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
@@ -210,12 +214,45 @@ def test_no_more_than_a_machine_that_has_not_changed_would_show_is_nothing_new(s
     assert news.diagnosis is (diagnosed if objects else None)
 
 
+def moved(name: str, before: float, now: float) -> Moved:
+    return Moved("effect", name, 1, f"{name} 1", "mm", before, now, 1e-4)
+
+
+def test_cosine_and_sine_of_a_wave_are_one_sentence_with_its_height_and_phase() -> None:
+    """Each by itself has neither: its height is not the wave's, and without the turn's length no phase is any."""
+    view = run_of(2, 20).view
+    theta = torch.tensor([0.012, 0.0, 0.0, 0.009, 0.003, 0.0, 5.0], dtype=torch.float64)
+    changes = [(0, moved("cosine_mm", 0.012, 0.004)), (3, moved("sine_mm", 0.009, 0.003))]
+    values = values_of(Term(library()["once-per-rev"](), theta), changes)
+    said = {say_change(values.effect, values.told(at, view), one, view, DATE, repaired=False) for at, one in changes}
+    assert said == {
+        "Slider 1 repeats an error of 5.0 um with every turn of the screw, highest 0.51 mm in, 10 um less than on 15 "
+        "March 2026."
+    }
+    assert "slider 1 repeats an error of 15 um with every turn of the screw, highest 0.51 mm in" in say_whole(
+        values, [one for _, one in changes], view, DATE
+    )
+
+
+def test_a_curve_that_has_changed_is_said_where_it_is_highest_of_all_its_bends() -> None:
+    view, effect = run_of(2, 20).view, library()["screw-error-map"]()
+    shape = effect.search(view)[0]
+    theta = flatten(effect, shape, 3)
+    theta[0], theta[1] = 0.03, 0.01
+    values = values_of(Term(effect, theta), [(0, moved("curve_mm 1.1", 0.03, 0.06))])
+    words = say_change(effect, values.told(0, view), moved("curve_mm 1.1", 0.03, 0.06), view, DATE, repaired=False)
+    low, high = (float(shape[end][0]) for end in ("from", "to"))
+    places = [float(one) for one in re.findall(r"near b = (-?\d+) mm", words)]
+    assert "Slider 1 runs up to" in words and places and all(low < place < high for place in places), words
+
+
 def test_warmth_is_new_physics_and_no_changed_drawing(solved: SimpleNamespace) -> None:
     warm = {"frame_um_per_m_k": 24.0, "link_um_per_m_k": 2.0}
     room = {"cycles": 3, "pause_s": 1800.0, "room": {"start_c": 20.0, "rise_k": 12.0, "time_constant_s": 3000.0}}
     found = look(solved, run_of(7, 30, thermal=warm, conditions=room))
     assert found.verdict == "new" and not found.changed
     assert found.to_dict()["suggested"][0][0] == "frame-growth"
+    assert "changes named" not in str(found)  # none is
 
 
 def test_what_belongs_to_the_set_up_of_the_first_run_is_not_carried(solved: SimpleNamespace) -> None:

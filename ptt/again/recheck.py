@@ -18,7 +18,7 @@ from ptt.again.result import ChangedValue, Recheck, Verdict
 from ptt.again.supposed import model_at
 from ptt.again.then import THEN, Then
 from ptt.again.weigh import Weighed, moved_by, weigh
-from ptt.again.words import explain, say_change, say_whole
+from ptt.again.words import Values, explain, say_change, say_whole, values_of
 from ptt.diagnosis.evidence.noise_level import noise_after
 from ptt.diagnosis.telling.enough import enough
 from ptt.diagnosis.telling.steps import name_steps, ties
@@ -159,11 +159,16 @@ def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[Changed
     changes = _named(found)
     if not changes:
         return ()
-    values, rows, at = moved_of(found, changes), list[ChangedValue](), 0
+    places = [(change.effect.key, int(place)) for change in changes for place in change.at]
+    every = list(zip(places, moved_of(found, changes), strict=True))
+    rows, at = list[ChangedValue](), 0
     for change in changes:
-        own = values[at : at + len(change.names)]
+        key = change.effect.key
+        (term,) = (term for term in found.before.layout.terms if term.effect.key == key)
+        values = values_of(term, [(place, moved) for (effect, place), moved in every if effect == key])
+        own = [moved for _, moved in every[at : at + len(change.names)]]
         at += len(own)
-        rows += _rows_of(found, change, own, problem, change.effect.key in cured)
+        rows += _rows_of(found, change, values, own, problem, key in cured)
     return tuple(sorted(rows, key=lambda row: -abs(row.moved.z)))
 
 
@@ -189,35 +194,40 @@ def _clear_then(found: Weighed, change: Change) -> tuple[str, ...]:
 
 
 def _rows_of(
-    found: Weighed, change: Change, values: Sequence[Moved], problem: Problem, gone: bool
+    found: Weighed, change: Change, values: Values, moved: Sequence[Moved], problem: Problem, gone: bool
 ) -> list[ChangedValue]:
     """The values of one change that are clearly otherwise, each with its words; one sentence where they are one."""
     since, alike, known = found.before.since, _alike(found, change), _clear_then(found, change)
-    pairs = list(zip(values, change.at, strict=True))
+    pairs = list(zip(moved, change.at.tolist(), strict=True))
     clear = [pair for pair in pairs if abs(pair[0].z) > CLEAR and pair[0].before != pair[0].now]
     sure = [pair for pair in clear if pair[0].name in known]  # what is gone and never was clearly there is no change
     clear = sure or clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
-        words = say_whole(change.effect, change.at, values, problem.view, since)
-        return [ChangedValue(value, gone or is_repaired(value), alike, words) for value, _ in clear]
-    return [
-        ChangedValue(value, cured, alike, say_change(change.effect, int(place), value, problem.view, since, cured))
-        for value, place in clear
-        for cured in [gone or is_repaired(value)]
-    ]
+        words = say_whole(values, moved, problem.view, since)
+        back = [gone or is_repaired(abs(value.before), abs(value.now), value.std) for value, _ in clear]
+        return [ChangedValue(value, cured, alike, words) for (value, _), cured in zip(clear, back, strict=True)]
+    rows = []
+    for value, place in clear:
+        told = values.told(place, problem.view)
+        sizes = (told[0].size, told[1].size, told[1].error) if told else (abs(value.before), abs(value.now), value.std)
+        cured = gone or is_repaired(*sizes)
+        words = say_change(change.effect, told, value, problem.view, since, cured)
+        rows.append(ChangedValue(value, cured, alike, words))
+    return rows
 
 
-def is_repaired(value: Moved) -> bool:
-    """Whether a value that was clearly off is back near zero.
+def is_repaired(was: float, now: float, std: float) -> bool:
+    """Whether what was clearly off is back near zero.
 
     Args:
-        value: then and now.
+        was: size then.
+        now: size in this run.
+        std: standard error of the difference.
 
     Returns:
         Whether it is.
     """
-    was, now = abs(value.before), abs(value.now)
-    return was > CLEAR * value.std and (now < GONE * was or (now < CLEAR * value.std and now < 0.5 * was))
+    return was > CLEAR * std and (now < GONE * was or (now < CLEAR * std and now < 0.5 * was))
 
 
 def _then(found: Weighed) -> tuple[str, ...]:

@@ -81,9 +81,10 @@ class Recheck(Record):
         """The recheck as a person reads it."""
         lines = [f"verdict: {self.verdict}", "", self.words, "", *self._table(), ""]
         errors, noise = self.error_um, self.noise_um
+        left = f", with the changes named {errors['left']:.2f}" if self.changed else ""
         lines.append(
-            f"error in um: expected {errors['expected']:.2f}, with the model as it was {errors['now']:.2f}, "
-            f"with the changes named {errors['left']:.2f}; noise {noise['total']:.2f} ({noise['source']})"
+            f"error in um: expected {errors['expected']:.2f}, with the model as it was {errors['now']:.2f}{left}; "
+            f"noise {noise['total']:.2f} ({noise['source']})"
         )
         lines += [f"note: {note}" for note in self.notes]
         return "\n".join(lines)

@@ -1,17 +1,17 @@
 """A recheck in words: which value is otherwise than it was, on which side, by how much, and since when."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
-import numpy as np
 import torch
 
 from ptt.again.figures import TOTAL, Moved
 from ptt.effects import Effect
 from ptt.effects.layout import family
 from ptt.effects.phrases import Said, capital, compose, figure, listed, sizes_in_words
+from ptt.model.model import Term
 from ptt.run.view import View
 
 WORST = 3  # effects that are worth a word after a repair
@@ -28,12 +28,63 @@ def on_date(since: str | None) -> str:
     return f"on {day.day} {day:%B %Y}"
 
 
-def say_change(effect: Effect, place: int, moved: Moved, view: View, since: str | None, repaired: bool) -> str:
+@dataclass(frozen=True)
+class Values:
+    """All values of an effect, then and now.
+
+    Attributes:
+        effect: the effect.
+        then: (P,) flat, as the model has them, shape and range among them.
+        now: (P,) with those that have changed as this run has them.
+        std: (P,) standard errors of the differences, zero where nothing has changed.
+    """
+
+    effect: Effect
+    then: torch.Tensor
+    now: torch.Tensor
+    std: torch.Tensor
+
+    def told(self, place: int, view: View) -> tuple[Said, Said] | None:
+        """What the sentence that one value is part of says then and now; None where it has none.
+
+        A wave's cosine and sine are one sentence, and so are the bends of a curve: theirs are the sentences that would
+        be otherwise with that value alone otherwise, the weightiest of them.
+        """
+        ends = []
+        for here, there in ((self.then, self.now), (self.now, self.then)):
+            other = here.clone()
+            other[place] = there[place]
+            same = _parts(self.effect, other, self.std, view)
+            own = [part for part in _parts(self.effect, here, self.std, view) if part not in same]
+            ends.append(max(own, key=lambda part: part.worth, default=None))
+        before, now = ends
+        return None if before is None or now is None else (before, now)
+
+
+def values_of(term: Term, changed: Sequence[tuple[int, Moved]]) -> Values:
+    """The values of an effect of a solved model, then and now.
+
+    Args:
+        term: of the model.
+        changed: place among its flat parameters, then and now of each value that may have changed.
+
+    Returns:
+        The values.
+    """
+    now, std = term.theta.clone(), torch.zeros_like(term.theta)
+    for place, moved in changed:
+        now[place], std[place] = moved.now, moved.std
+    return Values(term.effect, term.theta, now, std)
+
+
+def say_change(
+    effect: Effect, told: tuple[Said, Said] | None, moved: Moved, view: View, since: str | None, repaired: bool
+) -> str:
     """One value that has changed.
 
     Args:
         effect: that it is a value of.
-        place: of the value in the effect's flat parameters.
+        told: what its sentence says then and now.
         moved: then and now.
         view: of the machine.
         since: date of the model.
@@ -43,36 +94,34 @@ def say_change(effect: Effect, place: int, moved: Moved, view: View, since: str 
         For example 'Slider 2 loses 55 um on reversal, 25 um more than on 15 March 2026.'
     """
     then, noun = on_date(since), _noun(effect, view)
-    before, now = (_say(effect, place, value, view) for value in (moved.before, moved.now))
-    if before is None or now is None:
+    if told is None:
         body = f"{moved.effect} {moved.name} is {moved.now:.4g} {moved.unit}, {then} it was {moved.before:.4g}"
         return f"{'Repaired: ' if repaired else ''}{body}."
+    error = figure(told[1].error)
+    before, now = (replace(part, error=0.0) for part in told)  # that it is beyond chance is said beside it
     if repaired:
-        left = replace(now, size=np.copysign(now.size, moved.now * moved.before))
-        error = figure(moved.std * abs(now.size / moved.now) if moved.now else 0.0)
+        beyond = moved.now * moved.before < 0.0 and before.text != now.text and before.size > 0.0
+        left = replace(now, size=-now.size) if beyond else now
         model = "by the model" if since is None else f"by the model of {then.removeprefix('on ')}"
         return f"Repaired: {compose([before], noun)} {model}, {sizes_in_words([left])} (+- {error}) in this run."
     return f"{capital(_beside(before, now, noun, then))}."
 
 
-def say_whole(effect: Effect, at: np.ndarray, values: Sequence[Moved], view: View, since: str | None) -> str:
+def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | None) -> str:
     """All values of an effect that have changed in proportion.
 
     Args:
-        effect: the effect.
-        at: (m,) places of the values in its flat parameters.
-        values: then and now.
+        values: of the effect.
+        moved: then and now of each.
         view: of the machine.
         since: date of the model.
 
     Returns:
         For example 'Backlash is as a whole 2 % (+- 1) of what it was on 15 March 2026, when sliders 1 and 2 lost ...'.
     """
-    most = max(values, key=lambda value: abs(value.before))
+    effect, most = values.effect, max(moved, key=lambda value: abs(value.before))
     share, error = most.now / most.before, most.std / abs(most.before)
-    theta = torch.zeros(sum(parameter.size(view.joints) for parameter in effect.parameters), dtype=torch.float64)
-    theta[torch.as_tensor(at)] = torch.tensor([value.before for value in values], dtype=torch.float64)
-    said = _parts(effect, theta, view)
+    said = _parts(effect, values.then, torch.zeros_like(values.then), view)
     what = f": {compose(said, _noun(effect, view))}" if said else ""
     cured = "Repaired: " if abs(share) < max(0.2, 3.0 * error) and abs(share) < 0.5 else ""
     name = effect.called or effect.key
@@ -95,19 +144,9 @@ def _beside(before: Said, now: Said, noun: str, then: str) -> str:
     return f"{compose([now], noun)}, {sizes_in_words([step])} {'more' if more else 'less'} than {then}"
 
 
-def _say(effect: Effect, place: int, value: float, view: View) -> Said | None:
-    """The words for one value of an effect; None where it has none."""
-    theta = torch.zeros(sum(parameter.size(view.joints) for parameter in effect.parameters), dtype=torch.float64)
-    theta[place] = value if value else 1e-30
-    part = max(_parts(effect, theta, view), key=lambda one: one.worth, default=None)
-    if part is None or part.worth == 0.0:
-        return None
-    return part if value else replace(part, size=0.0, worth=0.0)
-
-
-def _parts(effect: Effect, theta: torch.Tensor, view: View) -> tuple[Said, ...]:
+def _parts(effect: Effect, theta: torch.Tensor, std: torch.Tensor, view: View) -> tuple[Said, ...]:
     try:
-        return tuple(effect.say(theta, torch.full_like(theta, torch.nan), view))
+        return tuple(effect.say(theta, std, view))
     except (ValueError, IndexError, ZeroDivisionError):  # a curve of one value is no curve
         return ()
 
@@ -140,9 +179,10 @@ def explain(result: Any) -> str:
     if result.new is not None:
         lines.append(f"Something is new that the model of {then.removeprefix('on ')} does not have.")
         lines.append(result.new.words)
+    left = f"with the changes named it is {errors['left']:.1f} um; " if result.changed else ""
     lines.append(
         f"With the model as it was the error is {errors['now']:.1f} um, where {errors['expected']:.1f} um was to be "
-        f"expected; with the changes named it is {errors['left']:.1f} um; {floor}."
+        f"expected; {left}{floor}."
     )
     return "\n".join(lines)
 
