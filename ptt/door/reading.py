@@ -11,6 +11,7 @@ from ptt.door.result import Note, unheard
 from ptt.errors import TableError
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism, require_assembled
+from ptt.run.lost import without_lost
 from ptt.run.readers import Ask, load_mapping
 from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.reading import read_table
@@ -60,7 +61,7 @@ def read_rows(
         judge_scale=not checked,
         judge_order=ordered,
     )
-    table = watch(table, reading.context or ())
+    table = watch(without_lost(table) if purpose == "run" else table, reading.context or ())
     for line in table.understood.lines:
         note(line)
     if not checked:

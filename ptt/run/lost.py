@@ -1,0 +1,62 @@
+"""Readings of a tracker that has lost its beam: it goes on writing zeros, or the last place it saw."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from ptt.run.table import Table
+
+SEVERAL = 3  # rows of one reading from which it is no reading; fewer are gross errors as others are
+APART_MM, APART_RAD = 5.0, 0.05  # what commands of rows with one reading are apart by, no matter what the machine does
+#                                  wrong: a frame whose origin is home reads zeros there, but again and again one pose
+
+
+def without_lost(table: Table) -> Table:
+    """Leave readings aside that are the same on all three axes, to the last digit, while the machine went elsewhere.
+
+    Noise alone keeps a tracker from reading one place twice to the last digit; where digits are few, rows of one pose
+    may agree, but rows of poses apart do not. Zeros, which stand for no reading in many exports, need no rule of their
+    own.
+
+    Args:
+        table: n rows in travel order.
+
+    Returns:
+        The table with those cells empty, and a line that says so among what was understood of it.
+    """
+    lost = _lost(table)
+    if not lost.any():
+        return table
+    first, last = table.line[np.flatnonzero(lost)[[0, -1]]]
+    zero = bool((table.measured[lost] == 0.0).all())
+    what = "read exactly 0, 0, 0" if zero else "repeat a reading of other poses to the last digit"
+    line = (
+        f"{int(lost.sum())} rows between {first} and {last} {what} while the machine went elsewhere: taken as no "
+        "reading, as a tracker writes without its beam; leave their cells empty"
+    )
+    understood = replace(table.understood, lines=(*table.understood.lines, line))
+    return table.replace(measured=np.where(lost[:, None], np.nan, table.measured), understood=understood)
+
+
+def _lost(table: Table) -> np.ndarray:
+    """Rows (n,) whose reading several rows of poses apart have in common."""
+    own = pd.DataFrame(table.measured, columns=["x", "y", "z"]).assign(run=table.run)
+    rows = np.flatnonzero(np.isfinite(table.measured).all(axis=1) & (table.role != "base"))
+    rows = rows[own.iloc[rows].duplicated(keep=False).to_numpy()]
+    lost = np.zeros(table.rows, dtype=bool)
+    if not len(rows):
+        return lost
+    alike = own.iloc[rows].groupby(["run", "x", "y", "z"]).ngroup().to_numpy()
+    many = np.bincount(alike)[alike] >= SEVERAL
+    lost[rows] = many & (_reach(table.target[rows], alike) > APART_MM)
+    if table.command is not None:
+        apart = APART_RAD if table.joint_prefix == "q" else APART_MM
+        lost[rows] |= many & (_reach(table.command[rows], alike) > apart)
+    return lost
+
+
+def _reach(places: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Diagonal (n,) of the box about the places (n, k) of each row's group, zero where none is known."""
+    together = pd.DataFrame(places).groupby(group)
+    return np.asarray(np.linalg.norm((together.transform("max") - together.transform("min")).fillna(0.0), axis=1))

@@ -1,0 +1,60 @@
+"""Zeros and frozen readings of a tracker without its beam are no readings; the same digits at one pose are."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptt.door.model import load
+from ptt.door.options import ReadOptions
+from ptt.door.reading import read_rows
+from ptt.run.lost import without_lost
+from ptt.run.table import Table, make_table
+
+DATA = Path(__file__).resolve().parents[1] / "data"
+STRETCH = slice(20, 35)
+READ = ["x_meas", "y_meas", "z_meas"]
+
+
+@pytest.fixture
+def frame() -> pd.DataFrame:
+    return pd.read_csv(DATA / "sealed_three" / "run.csv")
+
+
+def read(frame: pd.DataFrame, folder: Path) -> tuple[Table, list[str]]:
+    frame.to_csv(folder / "run.csv", index=False)
+    notes = list[str]()
+    machine = load(DATA / "sealed_three" / "machine.toml").file
+    return read_rows(folder / "run.csv", machine, ReadOptions(json=True), note=notes.append), notes
+
+
+@pytest.mark.parametrize("zeros", [True, False])
+def test_a_stretch_of_zeros_or_of_one_frozen_reading_is_no_reading_and_is_said(frame, tmp_path, zeros):
+    whole, _ = read(frame, tmp_path)
+    frame.loc[20:34, READ] = 0.0 if zeros else frame.loc[19, READ].to_numpy()
+    table, notes = read(frame, tmp_path)
+    lost = np.zeros(table.rows, dtype=bool)
+    lost[STRETCH if zeros else slice(19, 35)] = True
+    assert np.isnan(table.measured[lost]).all()
+    np.testing.assert_array_equal(table.measured[~lost], whole.measured[~lost])
+    (line,) = [note for note in notes if "no reading" in note]
+    said = "15 rows between 22 and 36 read exactly 0, 0, 0" if zeros else "16 rows between 21 and 36 repeat a reading"
+    assert line.startswith(said) and line in table.understood.lines
+
+
+def test_the_same_digits_at_one_pose_are_readings(tmp_path):
+    """A frame with its origin at home, read to a tenth of a millimetre, has home at zero each time."""
+    target = np.array([[0.0, 0.0, 0.0], [30.0, -20.0, 10.0], [-40.0, 5.0, 0.0]] * 4)
+    table = make_table(target, measured=np.round(target + 0.01, 1))
+    assert without_lost(table) is table
+    base = make_table(np.full_like(target, np.nan), measured=np.ones_like(target), role=np.full(len(target), "base"))
+    assert without_lost(base) is base
+
+
+def test_an_arm_that_is_told_by_its_joints_alone_has_frozen_readings_too():
+    joints = np.linspace(0.0, 1.0, 8)[:, None] * np.ones(6)
+    measured = np.random.default_rng(1).normal(size=(8, 3))
+    measured[3:6] = measured[3]
+    table = without_lost(make_table(None, joints, measured, joint_prefix="q"))
+    assert np.flatnonzero(np.isnan(table.measured).all(axis=1)).tolist() == [3, 4, 5]
