@@ -218,6 +218,12 @@ def test_what_nothing_explains_does_not_hold_together(sound: tuple[MachineFile, 
     assert check_setup(file, table).to_dict()["unexplained"] is None
 
 
+def test_a_column_of_readings_that_stands_still_is_named_in_what_nothing_explains(sound) -> None:
+    file, table = sound
+    still = table.measured * [0.0, 1.0, 1.0] + [12.0, 0.0, 0.0]
+    assert "x_meas is 12 in every row" in check_setup(file, table.replace(measured=still)).unexplained
+
+
 def test_readings_that_are_far_off_in_a_part_of_the_run_alone_are_said() -> None:
     """Two sliders change places for a third of a run: the others agree, and hide it from any mean. Rows are lines."""
     file, table = draw_run(2, rows=90)

@@ -166,6 +166,7 @@ def diagnose(
     result = learn(
         opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: progress(what, 0, 0)
     )
+    result = result.with_unexplained(opened.check.unexplained)
     return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
 
 
@@ -185,7 +186,7 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
     lines += [*_dependences(result), ""] if result.depends_on else []
     if result.measure_next:
         lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
-    lines += [*_next(result), ""] if result.verdict != "nothing-missing" else []
+    lines += [*_next(result), ""] if result.verdict != "nothing-missing" and not result.unexplained else []
     if result.not_testable:
         lines.append("not testable on this run:")
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]

@@ -192,6 +192,8 @@ def check_rows(file: MachineFile, rows: Run | Targets, *, anyway: bool = False, 
         if finding.mistake == "target-frame":
             continue  # found, said and followed by whoever sees the run through its machine
         note(f"set-up: {'' if finding.sure else 'perhaps '}{finding.mistake}: {finding.words}; {finding.fix}")
+    if setup.unexplained:
+        note(f"set-up: {setup.unexplained}")
     return setup
 
 

@@ -12,6 +12,7 @@ from ptt.setup.arm import find_arm, unexplained_arm
 from ptt.setup.base import find_base
 from ptt.setup.candidates import read_off
 from ptt.setup.clock import find_speed
+from ptt.setup.columns import standing_still
 from ptt.setup.context import find_units
 from ptt.setup.direction import find_directions
 from ptt.setup.geometry import differ, explains_more, find_geometry, is_off, is_steep, unexplained
@@ -67,7 +68,9 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
 
 
 def _unexplained(setup: Setup) -> list[str]:
-    return unexplained(setup) if isinstance(setup.file.machine, ThreePttSpec) else unexplained_arm(setup)
+    """What nothing explains, and the columns of readings that stand still in it."""
+    found = unexplained(setup) if isinstance(setup.file.machine, ThreePttSpec) else unexplained_arm(setup)
+    return [" ".join([*found, *standing_still(setup)])] if found else []
 
 
 def too_little(file: MachineFile, table: Table) -> str:

@@ -5,7 +5,7 @@ import numpy as np
 from ptt.machine import SerialSpec, ThreePttSpec
 from ptt.setup.names import Mistake
 from ptt.setup.result import Finding
-from ptt.setup.setup import Setup, Undo
+from ptt.setup.setup import Setup, Undo, used_rows
 
 HOTTEST = 100.0  # deg C: beyond it no machine is measured
 HEAVIEST = 100.0  # kg on a machine of up to a metre; larger ones carry with the cube of their size
@@ -30,6 +30,18 @@ def fastest(spec: ThreePttSpec | SerialSpec) -> float:
 def known(values: np.ndarray | None) -> np.ndarray:
     """Values of a column that are there."""
     return np.zeros(0) if values is None else np.asarray(values, dtype=float)[np.isfinite(values)]
+
+
+def standing_still(setup: Setup) -> list[str]:
+    """A question for each column of readings that is the same in every row; none where a single pose was read."""
+    read = setup.table.measured[used_rows(setup.table)]
+    read = read[np.isfinite(read).all(axis=1)]
+    still = np.ptp(read, axis=0) == 0.0 if len(read) > 1 else np.ones(3, dtype=bool)
+    if still.all():
+        return []
+    return [
+        f"{'xyz'[axis]}_meas is {read[0, axis]:g} in every row: is that its column?" for axis in np.flatnonzero(still)
+    ]
 
 
 def said(setup: Setup, mistake: Mistake, words: str, fix: str, sure: bool = True) -> Finding:

@@ -1,6 +1,6 @@
 """A diagnosis: what a run says of the model, as it is told, shown and written."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -9,6 +9,7 @@ from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.noise.slow import Slow
 from ptt.diagnosis.search.rest import Rest
 from ptt.diagnosis.telling.explanation import Candidate
+from ptt.effects.phrases import capital
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.plan.elsewhere import Elsewhere
@@ -42,6 +43,7 @@ class Diagnosis:
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
+        unexplained: what nothing explains in the set-up, where that comes before any effect; '' where nothing does.
     """
 
     verdict: Verdict
@@ -62,6 +64,17 @@ class Diagnosis:
     words: str
     elsewhere: Elsewhere | None = None
     opening: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    unexplained: str = ""
+
+    def with_unexplained(self, words: str) -> "Diagnosis":
+        """An unknown of columns that disagree by more than any machine is built off: that first, no poses beside it.
+
+        Args:
+            words: what the check of the set-up says of them, '' where it says nothing.
+        """
+        if self.verdict != "unknown" or not words:
+            return self
+        return replace(self, separation=None, unexplained=words, words=f"{capital(words)}\n{self.words}")
 
     @property
     def measure_next(self) -> tuple[str, ...]:
@@ -94,4 +107,5 @@ class Diagnosis:
             "rows_aside": [int(row) for row in np.flatnonzero(self.opening)],
             "rest": {"significant": self.rest.significant, "reasons": list(self.rest.reasons)},
             "words": self.words,
+            "unexplained": self.unexplained or None,
         }

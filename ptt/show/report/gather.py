@@ -51,6 +51,7 @@ def gather(
     after: Table | None = None,
     found_drawing: Diagnosis | None = None,
     found_given: Diagnosis | None = None,
+    unexplained: str = "",
     progress: Progress = unwatched,
 ) -> Contents:
     """Work out everything that a report says.
@@ -64,6 +65,7 @@ def gather(
         after: a later run of the same machine, to be held beside this one.
         found_drawing: what is missing from the drawing, where that is known; None works it out.
         found_given: the same of the model.
+        unexplained: what nothing explains in the set-up, '' where there is no such thing.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -78,11 +80,12 @@ def gather(
     problem = replace(problem or build_problem(model.file, table), table=shown)
     why: dict[str, str] = {}
     say = partial(_say, progress, "the drawing", 0)
-    drawing = _look(Model(model.file), problem, known, source, found_drawing, say)
+    drawing = _look(Model(model.file), problem, known, source, found_drawing, unexplained, say)
     if not model.terms:
         given = drawing
     else:
-        given = _look(model, problem, known, source, found_given, partial(_say, progress, "the model", 1))
+        say = partial(_say, progress, "the model", 1)
+        given = _look(model, problem, known, source, found_given, unexplained, say)
     progress("fit", 2, STAGES)
     noisy = problem if given.comparison.noise is None else problem.with_noise(given.comparison.noise)
     refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=progress), source)
@@ -141,13 +144,20 @@ def _say(tell: Progress, of: str, stage: int, what: str) -> None:
 
 
 def _look(
-    model: Model, problem: Problem, known: Library, source: MadeOf, found: Diagnosis | None, tell: Tell
+    model: Model,
+    problem: Problem,
+    known: Library,
+    source: MadeOf,
+    found: Diagnosis | None,
+    unexplained: str,
+    tell: Tell,
 ) -> ModelLook:
     why: dict[str, str] = {}
     noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
     diagnose = choose_diagnosis(problem)
     if found is None:
-        found = _unless("diagnose", why, lambda: diagnose(model, problem, known, progress=tell), source)
+        learned = _unless("diagnose", why, lambda: diagnose(model, problem, known, progress=tell), source)
+        found = learned and learned.with_unexplained(unexplained)
     tell("compare")
     return ModelLook(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))
 

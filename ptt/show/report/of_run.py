@@ -66,6 +66,7 @@ def report_run(
         after=None if after is None else after[1],
         found_drawing=drawing,
         found_given=given,
+        unexplained=opened.check.unexplained,
         progress=progress,
     )
     write_text(out, render(contents, interactive=interactive, language=language, say=say))

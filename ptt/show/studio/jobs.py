@@ -94,6 +94,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     opened = open_both(source, model)
     problem, diagnose = opened.problem, choose_diagnosis(opened.problem)
     result = diagnose(opened.model, problem, opened.library, progress=lambda what: tell(_stage(what), 0, 0))
+    result = result.with_unexplained(opened.check.unexplained)
     tell("drawing it", 0, 0)
     poses = None if result.separation is None else result.separation.targets
     csv = "" if poses is None else table_to_frame(poses).to_csv(index=False, lineterminator="\n")
