@@ -19,8 +19,10 @@ from ptt.fitting.indices import observability_indices, project_off
 from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.dexterity import condition_number
+from ptt.mechanisms.dexterity_report import describe_dexterity
 from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian, singular_families
 from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.serial_inverse import spread
 from ptt.model.model import Model
 from ptt.plan.arm import choose_from
 from ptt.plan.selection import select_poses
@@ -129,9 +131,25 @@ def test_dexterity_of_an_arm_is_told_and_drawn(tmp_path: Path, monkeypatch: pyte
     picture = tmp_path / "iiwa.png"
     result = CliRunner().invoke(app, ["dexterity", str(MACHINES / "kuka_iiwa.toml"), "--plot", str(picture)])
     assert result.exit_code == 0, result.output
+    assert "every joint 0.4 rad above the middle of its limits" in result.output
     assert "singular by joint 4" in result.output and "singular by joints 2 and 3" in result.output
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert arm_dexterity.deciding_pairs(iiwa()) == ((1, 2), (3, 5))
+
+
+def test_dexterity_at_targets_that_are_joint_values_is_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a tool position there is nothing to invert, and nothing out of reach: the joints say where they go."""
+    monkeypatch.setattr("ptt.mechanisms.dexterity_report._arm_workspace", lambda arm: {"poses": 0})
+    file = load_machine(MACHINES / "kuka_iiwa.toml")
+    arm = Serial.from_spec(file.machine)  # type: ignore[arg-type]
+    q = spread(arm, 4)
+    p = torch.full((4, 3), torch.nan, dtype=torch.float64)
+    p[3] = arm.forward(q)[3]
+    told = describe_dexterity(file, p, q)["targets"]
+    assert [entry["status"] for entry in told[:3]] == ["ok"] * 3
+    for entry, joints, place in zip(told, q, arm.forward(q), strict=True):
+        torch.testing.assert_close(place.new_tensor(entry["p_mm"]), place)
+        assert entry["condition"] >= 1.0 and (entry["q"] == joints.tolist() or entry is told[3])
 
 
 @pytest.mark.parametrize("joints", ["joint = [{ alpha_deg = 90 }, {}]", "joint = [{ a_mm = 300 }, { a_mm = 200 }]"])

@@ -14,7 +14,7 @@ RARE = 0.03  # share of walks below which a family is a crossing of others
 def dexterity(
     machine: Annotated[Path, typer.Argument(metavar="M.toml", help="machine.toml or compensator folder.")],
     targets: Annotated[
-        Path | None, typer.Option("--targets", metavar="T.csv", help="Tool positions to look at.")
+        Path | None, typer.Option("--targets", metavar="T.csv", help="Tool positions, or joint values, to look at.")
     ] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE.png", help="Condition number over x and y at three heights.")
@@ -30,7 +30,8 @@ def dexterity(
 
     file = load(machine).file
     table = None if targets is None else read_rows(targets, file, ReadOptions(map_=map_, json=json), "targets")
-    data = describe_dexterity(file, None if table is None else torch.tensor(table.target))
+    poses = () if table is None else (table.target, table.command)
+    data = describe_dexterity(file, *(None if each is None else torch.tensor(each) for each in poses))
     if table is not None:
         for entry, line, name in zip(data["targets"], table.line, table.name, strict=True):
             entry |= {"line": int(line), "name": str(name)}
@@ -54,8 +55,10 @@ def _plot(file: Any, path: Path) -> None:
 
 
 def _text(data: dict[str, Any]) -> str:
+    from ptt.mechanisms.serial_inverse import BENT_RAD
+
     home, space = data["home"], data["workspace"]
-    where = "at home" if "inverse_mm" in home else "amid the joint limits"
+    where = "at home" if "inverse_mm" in home else f"every joint {BENT_RAD:g} rad above the middle of its limits"
     lines = [f"{data['machine']} ({data['kind']})", where + (":" if home["status"] == "ok" else f", {home['status']}:")]
     lines.append(f"  condition number {home['condition']:.3g}, manipulability {home['manipulability']:.3g}")
     if "inverse_mm" in home:

@@ -18,19 +18,23 @@ GRID = 41
 MARGINS = ("inverse_mm", "edge_mm", "inverse", "direct", "constraint")
 
 
-def describe_dexterity(file: MachineFile, targets: Tensor | None = None) -> dict[str, Any]:
+def describe_dexterity(
+    file: MachineFile, targets: Tensor | None = None, commands: Tensor | None = None
+) -> dict[str, Any]:
     """Figures of dexterity and distance from singularities.
 
     Args:
         file: the machine.
         targets: (n, 3) mm, tool positions to look at besides home; None for none.
+        commands: (n, k) mm or rad, joint values that stand for targets that are NaN; None for none.
 
     Returns:
         'machine', 'kind', 'home', 'targets' (one entry each, in order) and 'workspace'.
     """
     mechanism = build_mechanism(file.machine)
     if isinstance(mechanism, ThreePtt):
-        home, workspace = _at(mechanism, torch.zeros(1, 3, dtype=torch.float64)), _over_workspace(mechanism, file)
+        centre = torch.zeros(1, 3, dtype=torch.float64)
+        home, workspace = _at(mechanism, centre, mechanism.inverse(centre)), _over_workspace(mechanism, file)
     else:
         assert isinstance(mechanism, Serial)
         home, workspace = _arm_at_middle(mechanism), _arm_workspace(mechanism)
@@ -40,17 +44,25 @@ def describe_dexterity(file: MachineFile, targets: Tensor | None = None) -> dict
         "home": home[0],
         "workspace": workspace,
     }
-    data["targets"] = [] if targets is None else _at(mechanism, targets)
+    data["targets"] = [] if targets is None else _at(mechanism, *_poses(mechanism, targets, commands))
     return data
 
 
-def _at(mechanism: Mechanism, p: Tensor) -> list[dict[str, Any]]:
-    """Figures at each of (n, 3) mm."""
-    q = mechanism.inverse(p)
+def _poses(mechanism: Mechanism, p: Tensor, q: Tensor | None) -> tuple[Tensor, Tensor]:
+    """Tool positions (n, 3) mm and joint values (n, k), each from the other where that alone is given."""
+    if q is None:
+        return p, mechanism.inverse(p)
+    wanted = torch.isfinite(p).all(dim=-1, keepdim=True)
+    p = torch.where(wanted, p, mechanism.forward(q))
+    return p, torch.where(wanted, mechanism.inverse(p), q) if wanted.any() else q
+
+
+def _at(mechanism: Mechanism, p: Tensor, q: Tensor) -> list[dict[str, Any]]:
+    """Figures at each of (n, 3) mm, reached by (n, k) joint values."""
     columns: dict[str, Sequence[Any]] = {
         "p_mm": p.tolist(),
         "q": q.tolist(),
-        "status": reach(mechanism, p).tolist(),
+        "status": reach(mechanism, p, q).tolist(),
     }
     if isinstance(mechanism, ThreePtt):  # where it is singular no sliders tell the pose, so all is asked of the pose
         margins = singularities(mechanism, p)

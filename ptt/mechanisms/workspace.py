@@ -41,17 +41,18 @@ class WorkspaceMap:
     travel_margin: Tensor
 
 
-def reach(mechanism: Mechanism, p: Tensor) -> np.ndarray:
+def reach(mechanism: Mechanism, p: Tensor, q: Tensor | None = None) -> np.ndarray:
     """Say of each target whether the mechanism can go there; the graver status wins.
 
     Args:
         mechanism: the machine.
         p: (n, 3) mm, tool positions.
+        q: (n, k) mm or rad, joint values that go there; None for those of the inverse.
 
     Returns:
         (n,) str: "ok", "out of travel", "out of reach" or "near singular".
     """
-    q = mechanism.inverse(p)
+    q = mechanism.inverse(p) if q is None else q
     status = np.full(len(p), OK, dtype=f"<U{len(OUT_OF_TRAVEL)}")
     status[near_singular(mechanism, p, q).numpy()] = NEAR_SINGULAR
     status[(travel_margin(mechanism, q) < 0.0).numpy()] = OUT_OF_TRAVEL
