@@ -4,11 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_export_c import network_over
 from test_export_firmware import ALL, FILE, GAPS, compensator, export, missed, sliders, targets
 
 from ptt.correct.exports.firmware import NOTHING_TO_GAIN, what_to_do
-from ptt.correct.exports.format import ErrorLeft, said_held
+from ptt.correct.exports.format import ErrorLeft, Options, said_held
 from ptt.correct.exports.held import said_left
+from ptt.correct.exports.registry import find_format, writer
+from ptt.correct.training.compensator import Compensator
+from ptt.model.model import Model
 from ptt.rig.nominal import ideal_machine, nominal_sliders
 from ptt.run.table import make_table
 
@@ -73,6 +77,22 @@ def test_each_file_is_told_one_thing_or_two_that_exclude_each_other() -> None:
     assert load == "load it" and instead.startswith("or, instead of this file, keep the drawing's figures")
     (leave,) = what_to_do("load it", ErrorLeft(90.0, 89.0, 1.0))
     assert leave.startswith("this file puts next to nothing right, so leave it; keep") and "or, instead" not in leave
+    assert (
+        "ptt program" in instead and "ptt program" not in what_to_do("load it", ErrorLeft(90.0, 9.0, 1.0), arm=True)[1]
+    )
+
+
+@pytest.mark.parametrize("name", ["c", "table"])
+def test_a_network_without_effects_is_named_where_the_file_holds_it(name: str, tmp_path: Path) -> None:
+    places = targets(FILE)
+    found = writer(find_format(name), "three-ptt")(
+        Compensator(Model(FILE), network_over(places, 3), {}), tmp_path / "out", Options(step=60.0)
+    )
+    assert found.network and not found.holds
+    assert said_held(found.holds, (), found.error_um, network=found.network) == "the network"
+    assert name != "c" or "holds the network" in (tmp_path / "out" / "ptt_selftest.c").read_text()
+    taken = said_held((), (), ErrorLeft(90.0, 9.0, 1.0))
+    assert taken == "no effect whole; its figures take over what they can of the network"
     assert what_to_do("load it", ErrorLeft(5.0, 4.9, 4.8)) == (NOTHING_TO_GAIN,)
 
 

@@ -153,7 +153,8 @@ def _refuse_own(out: Path, model: Path) -> None:
 def _text(data: dict[str, Any]) -> str:
     left = ErrorLeft.told(data["error_um"])
     lines = [f"{data['format']}: {', '.join(data['written'])}"]
-    lines.append(f"  holds: {said_held(data['holds'], [each['effect'] for each in data['cannot_hold']], left)}")
+    cannot = [each["effect"] for each in data["cannot_hold"]]
+    lines.append(f"  holds: {said_held(data['holds'], cannot, left, network=data['network'])}")
     lines += [f"  cannot hold {item['effect']}: {item['why']}" for item in data["cannot_hold"]]
     lines.append(
         f"  over the workspace the machine would miss by {left.drawing:.1f} um rms with commands of the drawing, "

@@ -92,20 +92,22 @@ def _hints(ground: Ground, firmware: Firmware) -> dict[str, str]:
     return {"lead-scale": f"first {firmware.scale} {factors}, {again}"}
 
 
-def what_to_do(load: str, left: ErrorLeft) -> tuple[str, ...]:
+def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False) -> tuple[str, ...]:
     """What to do with a file: load it, or something else instead of it.
 
     Args:
         load: how it is loaded.
         left: what it leaves.
+        arm: whether it is a serial arm's, whose programs do not say in which posture it stands and are not corrected.
 
     Returns:
         One line each; at least one, and where there are two, the second is instead of the first.
     """
     better = left.format >= max(GAIN * left.model, left.model + LEAST_UM)
+    programs = "" if arm else "correct each program with `ptt program`, or "
     model = (
-        "keep the drawing's figures in the controller and correct each program with `ptt program`, or send what"
-        f" `ptt predict` or --to c works out: the whole model leaves {left.model:.1f} um"
+        f"keep the drawing's figures in the controller and {programs}"
+        f"send what `ptt predict` or --to c works out: the whole model leaves {left.model:.1f} um"
     )
     if left.corrects:
         return (load, f"or, instead of this file, {model}") if better else (load,)

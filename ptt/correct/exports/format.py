@@ -56,23 +56,24 @@ class ErrorLeft:
         return self.format < MORE * self.drawing
 
 
-def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft) -> str:
+def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft, *, network: bool = False) -> str:
     """What a file holds of its model, in words.
 
     Args:
         holds: keys of the effects that are in it.
         cannot: keys of the others.
         left: what it leaves.
+        network: whether a network is in it.
 
     Returns:
         Their names; where it holds none of them whole, what it says then.
     """
-    if holds:
-        return ", ".join(holds)
-    if not cannot:
+    if holds or network:
+        return ", ".join([*holds, *(["the network"] if network else [])])
+    if not cannot and not left.corrects:
         return "the drawing, for the model has no effects"
     if left.corrects:
-        return "no effect whole; its figures take over what they can of the others"
+        return f"no effect whole; its figures take over what they can of the {'others' if cannot else 'network'}"
     if math.isnan(left.format) or math.isnan(left.drawing):
         return "no effect whole"
     return "no effect whole; it moves the machine hardly better than the drawing does"
@@ -88,6 +89,7 @@ class Written(Record):
         cannot_hold: the others that commands of `ptt predict` compensate, and why.
         error_um: what is left.
         notes: what a user should know beside that, one line each.
+        network: whether the model's network is in them.
     """
 
     written: tuple[Path, ...]
@@ -95,6 +97,7 @@ class Written(Record):
     cannot_hold: tuple[CannotHold, ...]
     error_um: ErrorLeft
     notes: tuple[str, ...] = ()
+    network: bool = False
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     written = write_all({out: model.SerializeToString()})
     q = solve(without(ground.compensator, cannot), ground.table, ground.nominal).q
     holds, left_out = holdings(ground, cannot)
-    return Written(written, holds, left_out, error_left(ground, q))
+    return Written(written, holds, left_out, error_left(ground, q), network=compensator.network is not None)
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:

@@ -49,7 +49,8 @@ SHAPE = "each axis is corrected by its own position alone"
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write a compensation table for each axis: AX1, AX2, ... are sliders or joints 1, 2, ..., in mm or degrees."""
     ground = survey(compensator, options)
-    unit = np.degrees(1.0) if compensator.model.file.machine.kind == "serial" else 1.0
+    arm = compensator.model.file.machine.kind == "serial"
+    unit = np.degrees(1.0) if arm else 1.0
     step = None if options.step is None else options.step / unit
     drives = read_drives(ground)
     smooth, tangent = _curves(ground, drives)
@@ -61,7 +62,10 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     why = cannot_hold(ground, tangent, SHAPE, hints=hints, tabled=tabled(ground, drives, at))
     holds, cannot = holdings(ground, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
-    notes = (f"this file asks for MD38000 $MA_MM_ENC_COMP_MAX_POINTS of {len(at)} or more", *what_to_do(LOAD, left))
+    notes = (
+        f"this file asks for MD38000 $MA_MM_ENC_COMP_MAX_POINTS of {len(at)} or more",
+        *what_to_do(LOAD, left, arm=arm),
+    )
     written = write_all({out: "\n".join(_lines(tables, unit, [*told, *notes])) + "\n"})
     return Written(written, holds, cannot, left, (*notes, *network_note(ground)))
 
@@ -101,10 +105,11 @@ def _rounded(tables: AxisTables, unit: float) -> AxisTables:
 
 def _backlash(ground: Ground, unit: float) -> str:
     gaps = ", ".join(f"{round(2.0 * unit * half, DIGITS) + 0.0:.{DIGITS}f}" for half in by_direction(ground))
-    name = "deg" if ground.compensator.model.file.machine.kind == "serial" else "mm"
+    arm = ground.compensator.model.file.machine.kind == "serial"
+    name, instead = ("deg", "predict") if arm else ("mm", "program")
     return (
-        f"MD32450 $MA_BACKLASH of the axes takes {gaps} {name}, instead of what `ptt program` does at a reversal: once "
-        'that is set, the machine file says [controller] compensates = ["backlash"]'
+        f"MD32450 $MA_BACKLASH of the axes takes {gaps} {name}, instead of what `ptt {instead}` does at a reversal: "
+        'once that is set, the machine file says [controller] compensates = ["backlash"]'
     )
 
 

@@ -77,7 +77,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     }
     loaded = {key: WHY["payload"] for key, share in without_payload(ground).items() if share < 1.0 - HELD}
     holds, lost = holdings(ground, fine | loaded | cannot)
-    return Written(written, holds, lost, error_left(ground, q), tuple(head[-3:]))
+    network = compensator.network is not None
+    return Written(written, holds, lost, error_left(ground, q), tuple(head[-3:]), network)
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:

@@ -80,7 +80,8 @@ class ExportView:
                     f"background: {colour}"
                 )
                 ui.label(length(value) if value is not None else "\N{EN DASH}").style("white-space: nowrap")
-        holds = said_held(found["holds"], [item["effect"] for item in found["cannot_hold"]], ErrorLeft.told(error))
+        cannot = [item["effect"] for item in found["cannot_hold"]]
+        holds = said_held(found["holds"], cannot, ErrorLeft.told(error), network=found["network"])
         ui.label(f"Holds: {holds}.").classes("st-note")
         for item in found["cannot_hold"]:
             ui.label(f"Cannot hold {item['effect']}: {pretty(item['why'])}.").classes("st-tie").style("margin-top: 3px")

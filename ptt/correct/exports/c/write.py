@@ -52,7 +52,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     holds, left_out = holdings(ground, cannot)
     held = without(ground.compensator, cannot)
     left = error_left(ground, ground.commands.q if not cannot else solve(held, ground.table, ground.nominal).q)
-    head += [f"holds {said_held(holds, [item.effect for item in left_out], left)}"]
+    network = compensator.network is not None
+    head += [f"holds {said_held(holds, [item.effect for item in left_out], left, network=network)}"]
     head += [f"cannot hold {item.effect}" for item in left_out]
     written = write_all(
         {
@@ -61,7 +62,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
             out / "ptt_selftest.c": _selftest(compensator.model.file, held, ground, comment_of(head)),
         }
     )
-    return Written(written, holds, left_out, left, _notes(compensator))
+    return Written(written, holds, left_out, left, _notes(compensator), network)
 
 
 def _selftest(file: MachineFile, held: "Compensator", ground: Ground, head: str) -> str:
