@@ -166,6 +166,9 @@ def test_what_the_last_run_shows_otherwise_is_an_alarm_before_it_is_a_trend():
     assert (alarm.effect, alarm.parameter, alarm.trend, alarm.when) == ("backlash", "gap_mm 2", "changed", "2026-03-05")
     assert alarm.words == "Slider 2 loses 45 um"
     assert of_changes([worn], [alarm]) == []  # a trend of the same value says more
+    all_of_it = replace(worn, changed=tuple(("backlash", f"gap_mm {joint}", "All at once") for joint in (1, 2, 3)))
+    (whole,) = of_changes([all_of_it], [])  # one sentence for three values
+    assert (whole.effect, whole.parameter, whole.words) == ("backlash", "", "All at once")
     assert of_changes([replace(worn, accepted=True)], []) == of_changes([worn, past(4, "same")], []) == []
 
 

@@ -99,16 +99,19 @@ def of_changes(past: Sequence[Past], alarms: Sequence[Alarm]) -> list[Alarm]:
         alarms: that there are; a value that one of them is about is left out.
 
     Returns:
-        The alarms.
+        The alarms; of an effect that has changed as a whole one, about no single parameter.
     """
     done = [each for each in past if each.verdict is not None]
     if not done or done[-1].accepted:
         return []
     told, day = {(alarm.effect, alarm.parameter) for alarm in alarms}, done[-1].date.date().isoformat()
+    said: dict[tuple[str, str], list[str]] = {}  # values of which one sentence tells are one alarm
+    for effect, parameter, words in done[-1].changed:
+        if (effect, parameter) not in told:
+            said.setdefault((effect, words), []).append(parameter)
     return [
-        Alarm(effect, parameter, "changed", words, when=day)
-        for effect, parameter, words in done[-1].changed
-        if (effect, parameter) not in told
+        Alarm(effect, parameters[0] if len(parameters) == 1 else "", "changed", words, when=day)
+        for (effect, words), parameters in said.items()
     ]
 
 
