@@ -118,6 +118,14 @@ def test_a_gross_reading_counts_and_is_said(frame):
     assert not measured(run(0.05, twice), run(worn, twice), None, frame=frame).to_dict()["outlier_rows"]
 
 
+def test_a_run_after_that_is_far_worse_is_asked_about():
+    noise = 2e-3 * np.random.default_rng(3).normal(size=PLACES.shape)
+    before, after = run(0.05 * np.sin(PLACES)), run(noise)
+    (said,) = [one for one in measured(after, before, None).warnings if "interchanged" in one]
+    assert said.startswith("AFTER is worse than BEFORE") and said.endswith("are the two interchanged?")
+    assert not [one for one in measured(before, after, None).warnings if "interchanged" in one]
+
+
 def test_a_run_of_gross_readings_alone_is_evaluated_and_said():
     wild = np.zeros_like(PLACES)
     wild[[5, 25], 0] = 40.0

@@ -34,6 +34,7 @@ Frame = Literal["fitted", "fitted-per-run", "trusted", "measured"]
 SHIFTING = ("tracker-frame", "tracker-scale")  # effects that shift all readings of a trusted frame
 USAGE = "evaluate(before, after) or evaluate(model, run)"
 SHOWN_ROWS = 5
+WORSE = 1.5  # times the error before from which a compensation did harm, or the runs stand the wrong way round
 HELD_OUT = ("blocks", "random")
 UNALIGNED = (
     "without frame alignment (readings as they come: where the tracker was set up anew, its place counts as error):"
@@ -149,7 +150,8 @@ def measured(
     """Compare two runs as they were measured; arguments as `evaluate`."""
     file = None if model is None else model.file
     result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum)
-    said = [_few_matched(result.to_dict()), _frame_known_false(model, frame), *_gross(before, after, result)]
+    data = result.to_dict()
+    said = [_few_matched(data), _interchanged(data), _frame_known_false(model, frame), *_gross(before, after, result)]
     hints = hints_on(before, after, result, told=file is not None or frame is not None)
     warnings = (*(one for one in said if one), *hints)
     return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None, warnings=warnings)
@@ -222,6 +224,14 @@ def _few_matched(data: dict[str, Any]) -> str:
     rows = {side: matched + len(left) for side, left in data["unmatched"].items()}
     few = [f"{count} rows of {side.upper()}" for side, count in rows.items() if 2 * matched < count]
     return f"only {matched} of {' and of '.join(few)} count, the others have no counterpart" if few else ""
+
+
+def _interchanged(data: dict[str, Any]) -> str:
+    """What to say where the tool misses by far more after a compensation than before it; '' where it does not."""
+    before, after = (data["length"][f"{side}_um"] for side in ("before", "after"))
+    if after < WORSE * before:
+        return ""
+    return f"AFTER is worse than BEFORE, {after:.1f} um and not {before:.1f}: are the two interchanged?"
 
 
 def _gross(before: Table, after: Table, result: Evaluation) -> list[str]:
