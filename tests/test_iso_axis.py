@@ -170,10 +170,27 @@ def test_command_on_axis_runs(app, tmp_path):
         assert CliRunner().invoke(app, [str(path), *words]).exit_code != 0
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(1e-3, "measured_mm looks like metres"), (25.4, "target_mm .* inches")])
+@pytest.mark.parametrize(
+    ("factor", "unit"),
+    [
+        (1e-3, "measured_mm looks like metres"),
+        (25.4, "target_mm .* inches"),
+        (1e3, "measured_mm looks like micrometres"),
+    ],
+)
 def test_axis_runs_in_another_unit_are_refused(tmp_path, factor, unit):
     rows = [f"{way},{target},{factor * target + 1e-5}" for _ in range(5) for way in "+-" for target in (0, 100, 200)]
     path = tmp_path / "axis.csv"
     path.write_text("\n".join(["direction,target_mm,measured_mm", *rows]) + "\n")
     with pytest.raises(TableError, match=unit):
         read_axis_figures(path)
+
+
+def test_axis_runs_may_say_another_unit_in_a_title(tmp_path):
+    rows = [(way, target, target + 2e-3 * (way == "+")) for _ in range(3) for way in "+-" for target in (0, 100, 200)]
+    for title, factor in (("measured_mm", 1.0), ("measured_um", 1e3), ("measured_m", 1e-3)):
+        path = tmp_path / f"{title}.csv"
+        lines = [f"{way},{target},{factor * read!r}" for way, target, read in rows]
+        path.write_text("\n".join([f"direction,target_mm,{title}", *lines]) + "\n")
+        assert is_axis_file(path)
+        assert read_axis_figures(path).axes[0].reversal_max == pytest.approx(2e-3, abs=1e-9)

@@ -19,7 +19,9 @@ from ptt.mechanisms.protocol import Mechanism
 from ptt.record import Record
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.frames import align, kabsch
+from ptt.run.readers.columns import UNITS as UNITS_OF
 from ptt.run.readers.plain import numbers_of, read_plain
+from ptt.run.readers.scale import LARGEST_IN_METRES
 from ptt.run.readers.text import LONGEST
 from ptt.run.table import Table, take_rows
 
@@ -28,6 +30,7 @@ Motion = Callable[[Array, Array], tuple[Array, Array]]
 
 WAYS = {"up": 1.0, "fwd": 1.0, "forward": 1.0, "+": 1.0, "+1": 1.0, "1": 1.0}
 WAYS |= {"down": -1.0, "bwd": -1.0, "backward": -1.0, "back": -1.0, "-": -1.0, "-1": -1.0}
+LENGTHS = UNITS_OF["length"]
 UNITS = {1000.0: "metres", 25.4: "inches"}  # mm in each
 UNIT_SLIP = 0.02  # of the factor: no axis is off by as much
 AXIS_COLUMNS = {"target", "direction", "measured"}
@@ -44,7 +47,7 @@ class IsoAxes(Record):
 
 
 def is_axis_file(path: Path | str) -> bool:
-    """Whether a CSV's header has the columns of bidirectional axis runs: target, direction, measured (or with `_mm`).
+    """Whether a CSV's header has the columns of bidirectional axis runs: target, direction, measured, with unit or not.
 
     Args:
         path: any file.
@@ -56,7 +59,7 @@ def is_axis_file(path: Path | str) -> bool:
         if not Path(path).is_file():  # a pipe would be waited for
             return False
         with Path(path).open(encoding="utf-8-sig") as file:
-            return set(AXIS_COLUMNS) <= {_plain(name) for name in file.readline(LONGEST).split(",")}
+            return set(AXIS_COLUMNS) <= {_titled(name)[0] for name in file.readline(LONGEST).split(",")}
     except (OSError, ValueError):
         return False
 
@@ -66,7 +69,8 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
 
     Args:
         path: CSV with columns `direction` (up or down, fwd or bwd, +1 or -1), `target_mm`, `measured_mm` (empty where
-            not observed) and, where it holds several axes, `file` or `axis`. A `cycle` column is for people.
+            not observed; either in another unit that its title says, as `measured_um`) and, where it holds several
+            axes, `file` or `axis`. A `cycle` column is for people.
 
     Returns:
         The figures, axes in the order of the file.
@@ -75,7 +79,9 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
         TableError: a missing file or column, an unknown direction, or a cell that is not a number.
     """
     source = str(path)
-    table = read_plain(path).rename(columns=_plain)
+    table = read_plain(path)
+    units = dict(map(_titled, table.columns))
+    table = table.rename(columns=lambda name: _titled(name)[0])
     missing = sorted(AXIS_COLUMNS - set(table.columns))
     if missing:
         raise TableError(f"no column {missing[0]}", where=source, fix="give direction, target_mm and measured_mm")
@@ -86,7 +92,10 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
         raise TableError(
             f"unknown direction '{shown(table['direction'].iloc[bad[0]])}'", where=where, fix="use up or down"
         )
-    target, measured = numbers_of(table, "target", source), numbers_of(table, "measured", source, empty=True)
+    target, measured = (
+        numbers_of(table, name, source, empty=name == "measured") * LENGTHS[units[name]][0]
+        for name in ("target", "measured")
+    )
     _require_mm(target, measured, source)
     names = next((table[key].to_numpy(dtype=str) for key in ("axis", "file") if key in table), np.full(len(table), ""))
     axes = (names == name for name in dict.fromkeys(names.tolist()))
@@ -100,16 +109,22 @@ def _require_mm(target: Array, measured: Array, source: str) -> None:
     """Refuse readings in another unit than their targets: nobody reads an axis that is off by half its travel."""
     seen = np.isfinite(measured) & np.isfinite(target)
     reach = np.ptp(target[seen]) if seen.any() else 0.0
+    spread = {"measured_mm": np.ptp(measured[seen]) if seen.any() else 0.0, "target_mm": reach}
     slope = float(np.polyfit(target[seen], measured[seen], 1)[0]) if reach > 0.0 else 1.0
     for factor, unit in UNITS.items():
         for title, read in (("measured_mm", slope * factor), ("target_mm", factor / slope if slope else 0.0)):
             if abs(read - 1.0) < UNIT_SLIP:
+                if unit == "metres" and spread[title] > LARGEST_IN_METRES:  # no axis is as long: the other is in um
+                    title, unit = max(spread, key=lambda name: spread[name]), "micrometres"
                 what = f"measured_mm rises by {slope:.4g} for each mm of target_mm: {title} looks like {unit}"
-                raise TableError(what, where=source, fix=f"give {title} in mm")
+                raise TableError(what, where=source, fix=f"give {title} in mm, or its unit in its title")
 
 
-def _plain(name: object) -> str:
-    return str(name).strip().strip('"').lower().removesuffix("_mm")
+def _titled(name: object) -> tuple[str, str]:
+    """What a title means without its unit, and the unit: mm where it says none."""
+    title = str(name).strip().strip('"').lower()
+    unit = next((unit for unit in LENGTHS if title.endswith(f"_{unit}")), "")
+    return title.removesuffix(f"_{unit}"), unit or "mm"
 
 
 @dataclass(frozen=True)

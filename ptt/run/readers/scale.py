@@ -4,7 +4,7 @@ import numpy as np
 
 _FACTORS = {"metres": (1000.0, 0.25), "inches": (25.4, 0.05)}
 _SUFFIX = {"metres": "m", "inches": "in", "micrometres": "um"}
-_LARGEST_IN_METRES = 5.0
+LARGEST_IN_METRES = 5.0
 
 
 def scale_hint(target: np.ndarray, measured: np.ndarray, size_mm: float | None = None) -> str | None:
@@ -23,7 +23,7 @@ def scale_hint(target: np.ndarray, measured: np.ndarray, size_mm: float | None =
     for unit, (factor, tolerance) in _FACTORS.items():
         for small, large, names in ((found, wanted, ("x_meas", "x_cmd")), (wanted, found, ("x_cmd", "x_meas"))):
             if small > 0.0 and abs(large / small / factor - 1.0) < tolerance:
-                if unit == "metres" and small > _LARGEST_IN_METRES:
+                if unit == "metres" and small > LARGEST_IN_METRES:
                     return _sentence(names[1], large, "micrometres", f"{names[0]}, y, z spread over {small:.3g} mm")
                 return _sentence(names[0], small, unit, f"{names[1]}, y, z spread over {large:.3g} mm")
     if size_mm is None:
