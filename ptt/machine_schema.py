@@ -162,10 +162,28 @@ def explain(error: pydantic.ValidationError, where: str) -> MachineError:
             fix='use kind = "three-ptt" or kind = "serial"',
         )
     message = first["msg"].removeprefix("Value error, ")
+    if _is_too_low(first):
+        message, number = "has to be above zero", f"write a positive number{_unit_of(path)}"
+    elif first["type"] in ("float_type", "int_type"):
+        number = "write it as a plain number"
+    else:
+        number = ""
     found = "" if isinstance(first["input"], dict) else f" (found {shown(repr(first['input']))})"
-    number = "write it as a plain number" if first["type"] in ("float_type", "int_type") else ""
     fix = next((FIXES[part] for part in reversed(path) if part in FIXES), number)
     return MachineError(f"{message[0].lower()}{message[1:]}{found}", where=place, fix=fix)
+
+
+def _is_too_low(finding: Any) -> bool:
+    """Whether a number is zero or below where a positive one belongs, whatever tiny size is the least."""
+    least = finding.get("ctx", {}).get("gt", finding.get("ctx", {}).get("ge"))
+    positive = finding["type"] == "greater_than" or (finding["type"] == "greater_than_equal" and least)
+    return bool(positive) and 0.0 <= least < 1.0 and finding["input"] <= 0.0
+
+
+def _unit_of(path: list[str]) -> str:
+    """The unit of a number by its key, as in ' of mm'; '' where the key says none."""
+    unit = next((part for part in reversed(path) if not part.startswith("[")), "").rpartition("_")[2]
+    return f" of {unit}" if unit in ("mm", "kg", "rad", "deg") else ""
 
 
 def _path(loc: tuple[int | str, ...]) -> list[str]:

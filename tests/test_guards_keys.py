@@ -160,6 +160,7 @@ def test_sliders_at_one_azimuth_are_refused_by_the_key(azimuth):
         ("slider_azimuth_deg = [true, 120, 240]", r"machine\.slider_azimuth_deg\[1\]: .*\(found True\); write it as a"),
         ('joint_height_mm = "3"', r"machine\.joint_height_mm: .*\(found '3'\); write it as a plain number"),
         ("reference_temp_c = 293", r"machine\.reference_temp_c: .*\(found 293.*\); give it in degrees C, such as 20"),
+        ("[tracker]\nsigma_mm = -0.004", r"tracker\.sigma_mm: has to be above zero .found -0\.004.; write a positive"),
         ('[[effect]]\nname = "backlash"\n[effect.parameters]\ngap_mm = {value = [1, 1, 1], std = [0.1, -0.1, 0.1]}',
          r"effect\[1\]\.parameters\.gap_mm\.std\[2\]: .*\(found -0\.1\); give a standard deviation, zero or more"),
     ],
