@@ -109,6 +109,8 @@ def _pose_lines(figures: dict[str, Any]) -> list[str]:
     for name, pair in named_figures(figures):
         mean, worst = (pair["mean"], pair["worst"]) if pair else (None, None)
         lines.append(f"  {name:<30}{_cell(mean)}{_cell(worst)}")
+    if after["AD_um"]:
+        lines.append("AD and RD are of the distances from each pose to the next one")
     return lines + _gross_lines(figures)
 
 

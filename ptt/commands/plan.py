@@ -125,6 +125,7 @@ def format_plan(result: "FirstRun", out: str) -> str:
         parts = "; ".join(_expected(stem, stds) for (stem, _), stds in told.items())
         lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {parts}")
     lines += ["= is in the model already: how well this run would tell it again"] if own else []
+    lines.append("each by itself beside what is in the model; effects that are fitted together are told less well")
     return "\n".join(lines)
 
 
