@@ -14,6 +14,7 @@ from ptt.commands.main import app
 from ptt.commands.main import run as run_verb
 from ptt.effects import library
 from ptt.fleet.alarms import Alarm
+from ptt.fleet.models import OF_RUN
 from ptt.fleet.overview import overview
 from ptt.fleet.past import Past, unsettled
 from ptt.fleet.queue import claim_one, keep, next_task
@@ -117,6 +118,24 @@ def test_after_a_change_is_accepted_later_runs_are_the_same_and_nothing_is_lost(
     assert all(row in plant.ask("SELECT run, made, toml FROM models") for row in models)
     gap = read_model(parse_machine(next_model(plant), "mill")).terms[0].theta[:3].numpy()
     np.testing.assert_allclose(gap, WORN, atol=0.004)  # the virtual machine's own play
+
+
+def test_a_run_is_taken_out_with_all_that_came_of_it_and_may_be_added_again(plant: Store, tmp_path: Path) -> None:
+    told = json.loads(invoke("remove", plant.folder, "mill", "2026-04-05", "--json").stdout)
+    assert (told["file"], told["waiting"]) == ("mill-2026-04-05.csv", 0)
+    assert [past.verdict for past in overview(plant).machines[0].past] == ["missing", "changed"]
+    for table in (*OF_RUN, "models", "runs"):
+        assert not plant.ask(f"SELECT run FROM {table} WHERE run = ?", told["run"])
+    assert not list(plant.folder.rglob(f"{told['run']}*"))
+    put(plant, measure(tmp_path, "2026-04-05", WORN))
+    assert [past.verdict for past in overview(plant).machines[0].past] == ["missing", None, "changed"]
+    first_run = invoke(
+        "remove", plant.folder, "mill", "mill-2026-03-05.csv"
+    )  # whose model the others were held against
+    assert "1 run held against its model to be worked on once more: ptt fleet run" in first_run.stdout
+    assert [past.verdict for past in overview(plant).machines[0].past] == [None, None]
+    gone = invoke("remove", plant.folder, "mill", "mill-2026-03-05.csv")
+    assert gone.exit_code == 2 and "no run of 'mill' is called" in gone.stderr
 
 
 def missed_now() -> str:

@@ -32,6 +32,7 @@ Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The page.")]
 WhichRun = Annotated[
     str | None, typer.Argument(metavar="[RUN]", help="File name, date or SHA-256 of the run; the last one by default.")
 ]
+ThisRun = Annotated[str, typer.Argument(metavar="RUN", help="File name, date or SHA-256 of the run.")]
 OneMachine = Annotated[str | None, typer.Argument(metavar="[MACHINE]", help="One machine alone, run by run.")]
 
 
@@ -151,6 +152,16 @@ def accept(
     do = partial(work.refit, effects=files) if files else None
     with progress() as tell:
         found = take(open_store(store), machine, run, lambda what: tell(what, 0, 0), do)
+    show(found.to_dict(), str(found), json)
+
+
+@app.command()
+def remove(store: StorePath, machine: Machine, run: ThisRun, json: Json = False) -> None:
+    """Take a run out again, of another machine or measured wrongly, with all that came of it."""
+    from ptt.fleet.remove import remove as take_out
+    from ptt.fleet.store import open_store
+
+    found = take_out(open_store(store), machine, run)
     show(found.to_dict(), str(found), json)
 
 

@@ -1,6 +1,6 @@
 """A repair or a change is accepted: the model fitted to a run is the machine's from that run on."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,16 +11,14 @@ from ptt.fleet.owner import owner
 from ptt.fleet.queue import claim_one, release, task_of
 from ptt.fleet.store import Store, shown
 from ptt.fleet.task import Task
+from ptt.fleet.which import which_run
 from ptt.judge.history import read_entries
 from ptt.machine import parse_machine
 from ptt.progress import Tell
 from ptt.record import Record
 
 Work = Callable[[Task], str]
-RUNS = """
-SELECT runs.*, outcomes.verdict FROM runs LEFT JOIN outcomes USING (run) WHERE runs.machine = ? ORDER BY date, place"""
 MADE = "SELECT made, toml FROM models WHERE machine = ? AND run = ? AND made IN ('solved', 'accepted') ORDER BY made"
-ENOUGH = 6  # signs of a SHA-256 that somebody may name a run by
 
 
 @dataclass(frozen=True)
@@ -142,14 +140,7 @@ def _chosen(store: Store, machine: str, which: str | None) -> dict[str, Any]:
         InputError: none, several, or one that was not worked on.
         PosesError: one that could not be used.
     """
-    runs = store.ask(RUNS, machine)
-    if not runs and not store.ask("SELECT 1 FROM machines WHERE machine = ?", machine):
-        raise InputError(f"no machine '{shown(machine)}'", where=str(store.folder), fix="`ptt fleet show` lists them")
-    found = runs[-1:] if which is None else [run for run in runs if _is_meant(run, which)]
-    if len(found) != 1:
-        what = f"{'no run' if not found else f'{len(found)} runs'} of '{shown(machine)}'{_called(which)}"
-        raise InputError(what, where=str(store.folder), fix=f"name one by its file: {_listed(found or runs)}")
-    run = found[0]
+    run = which_run(store, machine, which)
     if run["verdict"] is None:
         raise InputError(
             f"{shown(run['file'])} was not worked on yet", fix="`ptt fleet run` first, or name another run"
@@ -157,16 +148,3 @@ def _chosen(store: Store, machine: str, which: str | None) -> dict[str, Any]:
     if run["verdict"] in ("setup", "failed"):
         raise PosesError(f"{shown(run['file'])} cannot be used ({run['verdict']}); name another run")
     return run
-
-
-def _is_meant(run: dict[str, Any], which: str) -> bool:
-    day = run["date"].isoformat()
-    return which in (run["file"], day, day[:10]) or (len(which) >= ENOUGH and run["run"].startswith(which.lower()))
-
-
-def _called(which: str | None) -> str:
-    return "" if which is None else f" is called '{shown(which)}'"
-
-
-def _listed(runs: Sequence[dict[str, Any]]) -> str:
-    return ", ".join(shown(run["file"]) for run in runs[-6:]) or "it has none"

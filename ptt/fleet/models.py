@@ -69,6 +69,27 @@ def accept_model(connection: "Connection", machine: str, run: str, toml: str) ->
     return later
 
 
+def forget_run(connection: "Connection", machine: str, run: str) -> list[str]:
+    """Take a run out, with all that came of it.
+
+    Args:
+        connection: to the store.
+        machine: its name.
+        run: SHA-256.
+
+    Returns:
+        Other runs that were held against a model that it made, or follow one: they wait to be worked on once more.
+    """
+    others = [str(row["run"]) for row in rows(connection, "SELECT run FROM outcomes WHERE machine = ?", machine)]
+    held = {other for other in others if (model_at(connection, machine, other) or ("", ""))[0] == run}
+    if held:
+        held |= {str(row["run"]) for row in rows(connection, LATER, machine, run, machine, run)}
+    for table in (*OF_RUN, "models", "runs"):
+        connection.execute(f"DELETE FROM {table} WHERE run = ?", [run])
+    let_wait(connection, sorted(held - {run}))
+    return sorted(held - {run})
+
+
 def let_wait(connection: "Connection", runs: Sequence[str]) -> None:
     """Forget what came of runs, so that they are worked on once more."""
     found = list(runs)
