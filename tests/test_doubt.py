@@ -10,7 +10,7 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.evidence.hidden import held_out
+from ptt.diagnosis.evidence.hidden import held_out, lowers
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.telling import verdict
@@ -69,6 +69,20 @@ def test_beside_an_unknown_commands_are_of_the_values_that_the_held_out_error_is
     tool = remeasure(result.model, drawn).to_dict()
     assert all(one.tool_doubt is None for one in result.candidates[1:])
     assert tool["after"]["total"] < 1.2 * result.candidates[0].heldout_after < 0.7 * tool["before"]["total"]
+
+
+@pytest.mark.parametrize(
+    ("after", "doubt", "is_lower"),
+    [((1.0, 1.0, 1.0, 1e6), 0.0, True), ((1.0, 1.0, 1e6, 1e6), 0.0, False), ((1.0, 1.0, 1.0, 1.0), 0.2, False)],
+    ids=["one end of the travel", "two places", "what no reading shows"],
+)
+def test_a_curve_that_strays_at_one_end_of_the_travel_takes_no_other_name_along(after, doubt, is_lower):
+    rows, before = np.full(4, 100), np.full(4, 4.0)
+    scorer = SimpleNamespace(
+        score=lambda keys, memory: SimpleNamespace(keys=keys),
+        held_out={(): (before, rows), ("map", "play"): (np.array(after), rows)},
+    )
+    assert lowers(scorer, ("map", "play"), doubt) is is_lower
 
 
 def numbers(*values: float) -> torch.Tensor:

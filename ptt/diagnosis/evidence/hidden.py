@@ -167,9 +167,30 @@ def held_out(scorer: Scorer, keys: tuple[str, ...]) -> float:
         Root mean square of the error's length. Hidden rows tell nothing, not even how large a curve may be: one that
         bends to a dent that few rows saw would foretell it where they are.
     """
+    squares, rows = hidden_squares(scorer, keys)
+    return float(np.sqrt(squares.sum() / max(rows.sum(), 1)))
+
+
+def hidden_squares(scorer: Scorer, keys: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """The same block by block: sums of squares, (k,) mm^2, and numbers of rows, (k,)."""
     state = scorer.score(keys, WHITE)
     if state.keys not in scorer.held_out:
         blocks = _foretold(scorer, state)
-        square = sum(hidden.square(told.values) for hidden, told in blocks)
-        scorer.held_out[state.keys] = float(np.sqrt(square / max(sum(hidden.rows for hidden, _ in blocks), 1)))
+        squares = np.array([hidden.square(told.values) for hidden, told in blocks])
+        scorer.held_out[state.keys] = squares, np.array([hidden.rows for hidden, _ in blocks], dtype=int)
     return scorer.held_out[state.keys]
+
+
+def lowers(scorer: Scorer, keys: tuple[str, ...], doubt: float = 0.0) -> bool:
+    """Whether effects lower the error of hidden blocks of travel, of all but one of them at the least.
+
+    Of a block at an end of the travel the others may tell nothing; what a curve does there is no harm elsewhere.
+
+    Args:
+        scorer: of the system.
+        keys: of the effects.
+        doubt: how far the tool may be from where they have it while the readings stay, mm, which counts as error.
+    """
+    (before, rows), (after, _) = hidden_squares(scorer, ()), hidden_squares(scorer, keys)
+    gained = before - after - rows * doubt**2
+    return bool(gained.sum() - gained.min(initial=0.0) > 0.0)

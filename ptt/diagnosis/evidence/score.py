@@ -57,7 +57,7 @@ class Scorer:
         # What hidden rows say of sets under white noise.
         self.trials: dict[tuple[tuple[str, ...], str], HiddenTrial] = {}
         self.foretold: dict[tuple[str, ...], list[tuple[Hidden, Posterior]]] = {}
-        self.held_out: dict[tuple[str, ...], float] = {}
+        self.held_out: dict[tuple[str, ...], tuple[np.ndarray, np.ndarray]] = {}
 
     def widened(self, system: System) -> "Scorer":
         """The same for a system with atoms beside those that it has: what was scored and screened stays known to both.

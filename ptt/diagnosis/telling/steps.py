@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_metrology, is_sudden
-from ptt.diagnosis.evidence.hidden import HiddenTrial, held_out, hold_back, left_of
+from ptt.diagnosis.evidence.hidden import HiddenTrial, held_out, hold_back, left_of, lowers
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import holds_unknown
@@ -106,10 +106,9 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         named = _without_stages(scorer, every, named)
     order, others = _in_order(scorer, named), {key: ties(scorer, state, key) for key in named}
     doubt = tool_doubt(scorer, state)  # what is tied is scored by now
-    if odd and np.hypot(held_out(scorer, tuple(order)), doubt) >= held_out(scorer, ()):
+    if odd and not lowers(scorer, tuple(order), doubt):
         order = [key for key in order if is_metrology(atoms[key])]  # commands of the others may do as much harm as good
-        if held_out(scorer, tuple(order)) >= held_out(scorer, ()):  # a drift and a knock that undo each other, say
-            order = []
+        order = order if lowers(scorer, tuple(order)) else []  # a drift and a knock that undo each other, say
     steps, before = [], held_out(scorer, ())
     for index, key in enumerate(order):
         after = held_out(scorer, tuple(order[: index + 1]))
