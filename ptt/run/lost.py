@@ -8,8 +8,8 @@ import pandas as pd
 from ptt.run.table import Table
 
 SEVERAL = 3  # rows of one reading from which it is no reading; fewer are gross errors as others are
-APART_MM, APART_RAD = 5.0, 0.05  # what commands of rows with one reading are apart by, no matter what the machine does
-#                                  wrong: a frame whose origin is home reads zeros there, but again and again one pose
+# Further than any machine misses by: a frame whose origin is home reads zeros there, again and again at that one pose.
+APART_MM, APART_RAD = 5.0, 0.05
 
 
 def without_lost(table: Table) -> Table:
@@ -49,10 +49,11 @@ def _lost(table: Table) -> np.ndarray:
         return lost
     alike = own.iloc[rows].groupby(["run", "x", "y", "z"]).ngroup().to_numpy()
     many = np.bincount(alike)[alike] >= SEVERAL
-    lost[rows] = many & (_reach(table.target[rows], alike) > APART_MM)
-    if table.command is not None:
-        apart = APART_RAD if table.joint_prefix == "q" else APART_MM
-        lost[rows] |= many & (_reach(table.command[rows], alike) > apart)
+    apart, wanted = _reach(table.target[rows], alike) > APART_MM, np.isfinite(table.target[rows]).all(axis=1)
+    if table.command is not None:  # an arm may go elsewhere with its joints alone
+        most = APART_RAD if table.joint_prefix == "q" else APART_MM
+        apart = np.where(wanted, apart, _reach(table.command[rows], alike) > most)
+    lost[rows] = many & apart
     return lost
 
 
