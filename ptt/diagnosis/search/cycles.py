@@ -8,8 +8,8 @@ from ptt.diagnosis.evidence.atoms import odds_of_block
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
-from ptt.diagnosis.search.periods import LEAST_ROWS
-from ptt.diagnosis.search.spectrum import STEP, JointWave, place_line
+from ptt.diagnosis.search.periods import FINEST, LEAST_ROWS
+from ptt.diagnosis.search.spectrum import STEP, place_line, squares_over
 from ptt.diagnosis.unknown.blocks import Period
 from ptt.run.problem import Problem
 
@@ -34,15 +34,14 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
     """
     system = scorer.system
     time, seen = problem.view.clock.numpy()[system.rows], any(joint is None for joint, _ in offered)
-    turns = np.arange(FEWEST, len(time) / ROWS, STEP)
+    turns = np.arange(FEWEST, min(FINEST, len(time) / ROWS), STEP)
     if "time" not in problem.view.varies or seen or len(time) < LEAST_ROWS or np.ptp(time) == 0.0:
         return None
     assert isinstance(system, RowSystem)
     bends = [key for key in state.keys if (block := system.atoms[key].block) is not None and block.on[0] == "time"]
     straight = scorer.score(without(state, *bends), state.memory, state.scales)
     white, ones = system.innovation(straight.columns, straight.posterior.values, straight.memory), np.ones(len(time))
-    axes = [JointWave(axis, time, white[:, axis], ones).over(FEWEST, STEP, len(turns)) for axis in range(3)]
-    gain = np.sum(axes, axis=0)
+    gain = np.sum([squares_over(time, axis, ones, FEWEST, STEP, len(turns)) for axis in white.T], axis=0)
     if 0.5 * gain.max() / straight.posterior.phi < odds_of_block(len(turns)):
         return None
     levers = np.broadcast_to(np.eye(3), (len(time), 3, 3))

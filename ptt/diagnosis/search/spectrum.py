@@ -15,7 +15,7 @@ from ptt.run.problem import Problem
 UNSEEN = 1e-6  # of the squares of a wave that the readings have, below which its phase is nothing but rounding
 WIDE = 1.0  # half of a line, in turns over the range
 STEP = 0.25  # of a frequency, in turns over the range: finer than a line is wide
-PLACES = 65  # across a line that is found, for what one that is placed badly leaves of itself is another line
+PLACES = 17  # across a line that is found, and finer about the best: one that is placed badly leaves another line
 
 
 @dataclass(frozen=True)
@@ -40,28 +40,37 @@ class JointWave:
         return float(np.ptp(self.q))
 
     def over(self, first: float, step: float, count: int) -> np.ndarray:
-        """Sums of squares that a cosine and a sine of each of evenly spaced frequencies take, (count,).
+        """Sums of squares that waves of evenly spaced frequencies take, (count,); arguments as of `squares_over`."""
+        return squares_over(self.q, self.slope, self.weight, first, step, count)
 
-        A frequency is a coarse step and fine ones, so all their waves are products of two, and the sums one of
-        matrices.
 
-        Args:
-            first: frequency, in turns over the range.
-            step: between two, likewise.
-            count: of them.
-        """
-        phase, fine = 2.0 * np.pi * (self.q - self.q.min()) / self.span, int(np.ceil(np.sqrt(count)))
-        near = np.exp(1j * step * phase[:, None] * np.arange(fine))
-        far = np.exp(1j * phase[:, None] * (first + step * fine * np.arange(-(-count // fine))))
-        one = ((far * self.slope[:, None]).T @ near).ravel()[:count]
-        two = ((far**2 * self.weight[:, None]).T @ near**2).ravel()[:count]
-        # Of cosine^2, sine^2 and their product, the waves of twice the frequency tell all.
-        cc, ss, cs = 0.5 * (self.weight.sum() + two.real), 0.5 * (self.weight.sum() - two.real), 0.5 * two.imag
-        a, b = one.real, one.imag
-        whole = cc * ss - cs**2
-        seen = whole > UNSEEN * (cc + ss) ** 2  # at even steps a wave of two steps has a cosine and no sine
-        gain = (a * a * ss - 2.0 * a * b * cs + b * b * cc) / np.where(seen, whole, 1.0)
-        return np.where(seen, gain, 0.0)
+def squares_over(
+    along: np.ndarray, slope: np.ndarray, weight: np.ndarray, first: float, step: float, count: int
+) -> np.ndarray:
+    """Sums of squares that a cosine and a sine of each of evenly spaced frequencies take, (count,).
+
+    A frequency is a coarse step and fine ones, so all their waves are products of two, and the sums one of matrices.
+
+    Args:
+        along: what the waves run over, (m,).
+        slope: of what is left by them, (m,).
+        weight: how much a row tells of them, (m,).
+        first: frequency, in turns over the range.
+        step: between two, likewise.
+        count: of them.
+    """
+    phase, fine = 2.0 * np.pi * (along - along.min()) / float(np.ptp(along)), int(np.ceil(np.sqrt(count)))
+    near = np.exp(1j * step * phase[:, None] * np.arange(fine))
+    far = np.exp(1j * phase[:, None] * (first + step * fine * np.arange(-(-count // fine))))
+    one = ((far * slope[:, None]).T @ near).ravel()[:count]
+    two = ((far**2 * weight[:, None]).T @ near**2).ravel()[:count]
+    # Of cosine^2, sine^2 and their product, the waves of twice the frequency tell all.
+    cc, ss, cs = 0.5 * (weight.sum() + two.real), 0.5 * (weight.sum() - two.real), 0.5 * two.imag
+    a, b = one.real, one.imag
+    whole = cc * ss - cs**2
+    seen = whole > UNSEEN * (cc + ss) ** 2  # at even steps a wave of two steps has a cosine and no sine
+    gain = (a * a * ss - 2.0 * a * b * cs + b * b * cc) / np.where(seen, whole, 1.0)
+    return np.where(seen, gain, 0.0)
 
 
 def hides_waves(scorer: Scorer, state: State) -> bool:
@@ -110,19 +119,20 @@ def place_line(system: RowSystem, state: State, along: np.ndarray, levers: np.nd
     Returns:
         The frequency, likewise.
     """
-    near, clock = turns + np.linspace(-WIDE, WIDE, PLACES), system.clock
-    phase = (2.0 * np.pi / np.ptp(along) * (along - along.min()))[:, None] * near
-    waves = np.stack([harmonics(each) for each in phase.T])  # shape: (place, row, wave)
-    columns = np.einsum("rad,prw->pdwar", levers, waves)
-    wave = flattened(filtered(columns.reshape(-1, *columns.shape[3:]), state.memory.wander, clock)[0])
+    phase, clock = (2.0 * np.pi / np.ptp(along) * (along - along.min()))[:, None], system.clock
     known = flattened(filtered(system.flat[state.columns], state.memory.wander, clock)[0])
     white = system.innovation(state.columns, state.posterior.values, state.memory).T.ravel()
-    wave = wave.reshape(PLACES, -1, len(white))
-    beside = wave @ known.T
-    gram = wave @ wave.transpose(0, 2, 1) - beside @ state.inverse @ beside.transpose(0, 2, 1)
-    side = wave @ white
-    gain = [one @ np.linalg.lstsq(each, one, rcond=UNSEEN)[0] for each, one in zip(gram, side, strict=True)]
-    return float(near[np.argmax(gain)])
+    for width in (WIDE, 2.0 * WIDE / PLACES):
+        near = turns + np.linspace(-width, width, PLACES)
+        waves = np.stack([harmonics(each) for each in (phase * near).T])  # shape: (place, row, wave)
+        columns = np.einsum("rad,prw->pdwar", levers, waves)
+        wave = flattened(filtered(columns.reshape(-1, *columns.shape[3:]), state.memory.wander, clock)[0])
+        wave = wave.reshape(PLACES, -1, len(white))
+        beside = wave @ known.T
+        gram = wave @ wave.transpose(0, 2, 1) - beside @ state.inverse @ beside.transpose(0, 2, 1)
+        gain = [one @ np.linalg.lstsq(own, one, rcond=UNSEEN)[0] for own, one in zip(gram, wave @ white, strict=True)]
+        turns = float(near[np.argmax(gain)])
+    return turns
 
 
 def _detail(scorer: Scorer, state: State) -> np.ndarray:
