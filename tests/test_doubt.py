@@ -69,6 +69,10 @@ def test_beside_an_unknown_commands_are_of_the_values_that_the_held_out_error_is
     tool = remeasure(result.model, drawn).to_dict()
     assert all(one.tool_doubt is None for one in result.candidates[1:])
     assert tool["after"]["total"] < 1.2 * result.candidates[0].heldout_after < 0.7 * tool["before"]["total"]
+    # Nobody turns anything for columns that no machine explains: that is said first, and no cure.
+    card, off = (card_of_diagnosis(each, problem) for each in (result, result.with_unexplained("columns disagree.")))
+    assert card.findings[0].cure and not off.findings[0].cure
+    assert off.words == f"Columns disagree. {card.words}"
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from ptt.fleet.alarms import Alarm
 from ptt.fleet.models import OF_RUN
 from ptt.fleet.overview import overview
 from ptt.fleet.past import Past, unsettled
-from ptt.fleet.queue import claim_one, keep, next_task
+from ptt.fleet.queue import alone_with, keep, next_task
 from ptt.fleet.run import run_all
 from ptt.fleet.runs import open_task, read_task
 from ptt.fleet.store import Store, add_machine, add_run, create_store, open_store
@@ -164,18 +164,17 @@ def test_the_same_accept_twice_is_one(plant: Store, quick: None) -> None:
     assert json.loads(first_run.stdout)["new"] is False  # the diagnosis of March made the model then
 
 
-def test_a_run_that_cannot_be_meant_is_refused_and_changes_nothing(
-    plant: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_cannot_be_meant_is_refused_and_changes_nothing(plant: Store, tmp_path: Path) -> None:
     put(plant, measure(tmp_path, "2026-06-05", GAPS))
     waits = invoke("accept", plant.folder, "mill")
     assert waits.exit_code == 2 and "was not worked on yet; `ptt fleet run` first" in waits.stderr
     assert "no machine 'press'" in invoke("accept", plant.folder, "press").stderr
     assert "name one by its file: mill-2026-03-05.csv" in invoke("accept", plant.folder, "mill", "may").stderr
-    claim_one(plant, "somebody", "mill")
-    monkeypatch.setattr("ptt.fleet.queue.alive", lambda folder, name: True)
-    busy = invoke("accept", plant.folder, "mill", "2026-05-05")
-    assert busy.exit_code == 2 and "another `ptt fleet run` works on 'mill'" in busy.stderr
+    with alone_with(plant, "mill", ""):
+        for verb in ("accept", "remove"):
+            busy = invoke(verb, plant.folder, "mill", "2026-05-05")
+            assert busy.exit_code == 2 and "another `ptt fleet run` works on 'mill'" in busy.stderr
+            assert f"{verb} when it is done" in busy.stderr
     assert not plant.ask("SELECT 1 FROM models WHERE made = 'accepted'")
 
 

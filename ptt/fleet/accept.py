@@ -7,8 +7,7 @@ from typing import Any
 from ptt.errors import InputError, PosesError
 from ptt.fleet.database import rows, transaction
 from ptt.fleet.models import accept_model, drawing_of, model_at
-from ptt.fleet.owner import owner
-from ptt.fleet.queue import claim_one, release, task_of
+from ptt.fleet.queue import alone_with, task_of
 from ptt.fleet.store import Store, shown
 from ptt.fleet.task import Task
 from ptt.fleet.which import which_run
@@ -86,14 +85,8 @@ def accept(
         PosesError: the run cannot be used, or nothing was ever fitted to the machine.
     """
     run = _chosen(store, machine, which)
-    with owner(store.workers) as name:
-        if not claim_one(store, name, machine):
-            what = f"another `ptt fleet run` works on '{shown(machine)}'"
-            raise InputError(what, where=str(store.folder), fix="accept when it is done")
-        try:
-            return _already(store, run) or _accept(store, run, tell or (lambda what: None), work)
-        finally:
-            release(store, name)
+    with alone_with(store, machine, "accept when it is done"):
+        return _already(store, run) or _accept(store, run, tell or (lambda what: None), work)
 
 
 def _accept(store: Store, run: dict[str, Any], tell: Tell, work: Work | None) -> Accepted:

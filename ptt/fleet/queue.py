@@ -2,16 +2,18 @@
 
 import json
 import platform
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
+from ptt.errors import InputError
 from ptt.fleet.database import insert, now, rows, transaction
 from ptt.fleet.models import drawing_of, let_wait, model_at
-from ptt.fleet.owner import alive
+from ptt.fleet.owner import alive, owner
 from ptt.fleet.readings import read_columns
-from ptt.fleet.store import Store
+from ptt.fleet.store import Store, shown
 from ptt.fleet.task import Outcome, Task
 from ptt.record import plain
 
@@ -50,10 +52,28 @@ def claim(store: Store, owner: str, besides: Collection[str] = ()) -> str | None
         return next((machine for machine in wanted if _take(store, connection, owner, machine)), None)
 
 
-def claim_one(store: Store, owner: str, machine: str) -> bool:
-    """Take one machine, whether runs of it wait or not; False where somebody else works on it."""
-    with transaction(store.file) as connection:
-        return _take(store, connection, owner, machine)
+@contextmanager
+def alone_with(store: Store, machine: str, then: str) -> Iterator[None]:
+    """Have one machine to oneself, whether runs of it wait or not.
+
+    Args:
+        store: the store.
+        machine: its name.
+        then: what to do once nobody else works on it.
+
+    Raises:
+        InputError: another process does.
+    """
+    with owner(store.workers) as name:
+        with transaction(store.file) as connection:
+            taken = _take(store, connection, name, machine)
+        if not taken:
+            what = f"another `ptt fleet run` works on '{shown(machine)}'"
+            raise InputError(what, where=str(store.folder), fix=then)
+        try:
+            yield
+        finally:
+            release(store, name)
 
 
 def _take(store: Store, connection: "Connection", owner: str, machine: str) -> bool:

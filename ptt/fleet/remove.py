@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-from ptt.errors import InputError
 from ptt.fleet.database import transaction
 from ptt.fleet.models import forget_run
-from ptt.fleet.owner import owner
-from ptt.fleet.queue import claim_one, release
+from ptt.fleet.queue import alone_with
 from ptt.fleet.store import Store, shown
 from ptt.fleet.which import which_run
 from ptt.record import Record
@@ -52,15 +50,8 @@ def remove(store: Store, machine: str, which: str) -> Removed:
         InputError: no such machine or run, or another process works on the machine.
     """
     run = which_run(store, machine, which)
-    with owner(store.workers) as name:
-        if not claim_one(store, name, machine):
-            what = f"another `ptt fleet run` works on '{shown(machine)}'"
-            raise InputError(what, where=str(store.folder), fix="remove when it is done")
-        try:
-            with transaction(store.file) as connection:
-                later = forget_run(connection, machine, run["run"])
-        finally:
-            release(store, name)
+    with alone_with(store, machine, "remove when it is done"), transaction(store.file) as connection:
+        later = forget_run(connection, machine, run["run"])
     for kept in (run["kept"], run["readings"]):  # of whoever is killed before, no row names these any more
         (store.folder / kept).unlink(missing_ok=True)
     return Removed(machine, run["run"], run["file"], run["date"].isoformat(), len(later))

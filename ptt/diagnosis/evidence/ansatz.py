@@ -50,7 +50,7 @@ class Ansatz:
     Attributes:
         fitted: the model; its layout and unknowns.
         blocks: atoms of the blocks that stand beside it, in the order of their columns.
-        periods: joint and length of periods among them.
+        periods: joint (None: time) and length of periods among them.
         noise: the noise floor.
         freedom: degrees of freedom behind it.
         memory: of the noise.

@@ -252,7 +252,7 @@ def build_row_system(
         noise: the noise floor.
         freedom: degrees of freedom behind it.
         rows: rows that count, (n,) bool.
-        periods: joint and length of periods that were seen.
+        periods: joint (None: time) and length of periods that were seen.
         shapes: of candidates by key; None asks each.
         span: of the run that the problem is a part of; None for all of it.
         linear: all effects in these shapes, where they are linearised there already.

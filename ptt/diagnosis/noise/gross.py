@@ -17,9 +17,7 @@ FAR_ROWS_SHARE = 0.12  # beyond it far rows are no exceptions
 LEVELS = 2  # measures of place that come in levels: load and feed
 CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
 SPREAD_OUT = 1e-3  # chance of as many neighbours in space among gross errors of a run
-ALONG = (
-    0.8  # cosine of two shifts, either way, from which one thing may have made them: of shifts to any side one in five
-)
+ALONG = 0.8  # cosine of two shifts, either way, from which one thing may have made them: of those to any side 1 in 5
 NEIGHBOURS = 2  # in space that tell whether a far row is one of a place: those of a small place are among its own
 AT_ONCE = 2  # rows: as far as those of a stretch are looked for
 PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
@@ -195,7 +193,8 @@ def _share_along(left: np.ndarray) -> float:
     own, count = 1.0 - ALONG, len(left)
     if count < 2:
         return own
-    pairs = _along(left[:, None], left[None]).sum() - count  # each with itself
+    ways = left / np.maximum(np.linalg.norm(left, axis=1), 1e-300)[:, None]
+    pairs = (np.abs(ways @ ways.T) > ALONG).sum() - count  # each with itself
     return max(own, float(pairs) / (count * (count - 1)))
 
 

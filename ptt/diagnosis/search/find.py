@@ -59,9 +59,8 @@ def find(
     less = found.gross | broken
     if broken.any() and (crowded_moments(found) or _names_do(_masked(asked, less), first)):
         other = _left_out(asked, first, less)
-        sound = are_exceptions(other.gross, problem.used) and not has_a_place(
-            other.gross, other.fitted.residual, problem
-        )
+        placed = has_a_place(other.gross, other.fitted.residual, problem)
+        sound = are_exceptions(other.gross, problem.used) and not placed
         found = other if sound and says_more(other, found) else found
     return found
 

@@ -40,7 +40,7 @@ class Found:
         carried: what the blocks put into the readings, (n, 3) mm.
         gross: rows left out as gross errors, (n,) bool.
         untestable: effect -> what the data lack.
-        periods: joint and length of those that were seen in what was left.
+        periods: joint (None: time) and length of those that were seen in what was left.
         seen: harmonics of a turn that were.
         sample: stretches of the run that stand for it where a system keeps only sums.
         opening: rows left out because they tell from where the joints came to the run, (n,) bool; None for none.

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import odds_of_block
+from ptt.diagnosis.evidence.atoms import is_field, odds_of_block
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
@@ -33,7 +33,7 @@ def find_period(
         scorer: of the system.
         state: the best set so far.
         problem: n rows.
-        offered: joint and length of each period that the state could have taken.
+        offered: joint (None: time) and length of each period that the state could have taken.
         waves: harmonics that are offered by name, on whichever joint: a search judges them first.
 
     Returns:
@@ -84,7 +84,7 @@ def free_in_place(state: State, system: System) -> tuple[str, ...]:
     """
     blocks = {key: block for key in state.keys if (block := system.atoms[key].block) is not None}
     own = {key: block for key, block in blocks.items() if block.place.joint is not None}
-    return tuple(key for key, block in own.items() if block.is_curve or block.is_field)
+    return tuple(key for key, block in own.items() if block.is_curve or is_field(system.atoms[key]))
 
 
 def _spectrum(along: JointWave) -> tuple[np.ndarray, np.ndarray]:

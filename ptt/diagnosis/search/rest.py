@@ -76,7 +76,10 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     """
     if problem.noise is not None and np.nanmean(np.square(residual)) < problem.noise.least:
         return Rest((), ())  # less than the last digit of a reading
-    lack = lack_of_fit_of(problem, residual, round(state.decided)).p_value
+    against, lack = "repeats scatter", lack_of_fit_of(problem, residual, round(state.decided)).p_value
+    if lack is None:
+        against = "visits of a pose from any side scatter"
+        lack = lack_of_fit_of(problem, residual, round(state.decided), from_any_side=True).p_value
     field = _field(problem, residual)
     place, where = off_alike(problem, residual)
     depends = dependence_of(problem, residual, seed=seed)
@@ -84,7 +87,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
         depends = tuple(item for item in depends if item.on not in ("time", "run"))
     reasons = []
     if lack is not None and lack < CHANCE_LACK:
-        reasons.append(f"the rest is larger than repeats scatter ({by_chance(lack)})")
+        reasons.append(f"the rest is larger than {against} ({by_chance(lack)})")
     if field < CHANCE_FIELD:
         reasons.append(f"a network over position predicts held-out rests ({by_chance(field)})")
     if place < CHANCE_PLACE:

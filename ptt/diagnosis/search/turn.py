@@ -42,7 +42,7 @@ class Turn:
         kept: atoms that the search starts from; None for a search from nothing.
         memory: of the noise.
         held: blocks that were carried along.
-        periods: joint and length of those that were seen.
+        periods: joint (None: time) and length of those that were seen.
         barred: effects that an exact fit does without.
         moments: at which something may have happened, whatever it was.
         seen: harmonics of a turn that what was left asked for.

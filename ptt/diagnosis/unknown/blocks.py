@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
 from ptt.effects.geometry import across_axes
@@ -16,7 +17,6 @@ from ptt.run.problem import Problem
 SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance makes it what it is
 FINE = 24  # shapes along a joint's own travel
 FIELD, FIELD_OF_CONTEXT = 5, 3  # total degree of a field over the workspace, and of one that a context modulates
-WORKSPACE = ("x", "y", "z")  # variables of a field
 STILL = 1e-6  # mm or less of the tool to a mm or a rad of a place: it moves nothing
 FIELD_DECAY, GENTLE = 0.6, 2  # and the degree of one that bends but once
 
@@ -76,11 +76,6 @@ class Block:
         """Whether it is a free curve over the travel of the joint that it belongs to."""
         own = None if self.place.joint is None else str(self.place.joint + 1)
         return self.period is None and len(self.on) == 1 and self.on[0][1:] == own
-
-    @property
-    def is_field(self) -> bool:
-        """Whether it is a free function of the place of the tool alone."""
-        return self.on == WORKSPACE
 
     @property
     def varies_curve(self) -> bool:
@@ -145,8 +140,8 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
     letter = problem.file.machine.letter
     raw, q = problem.view.q.numpy(), scaled(problem.view.q.numpy(), span.q)
     p = scaled(problem.view.p.numpy(), span.p)
-    yield _named(tool, WORKSPACE, partial(_field, p, _degree(problem), 1))
-    yield "tool gently on x and y and z", tool, WORKSPACE, partial(_field, p, GENTLE, 1)
+    yield _named(tool, COORDINATES, partial(_field, p, _degree(problem), 1))
+    yield "tool gently on x and y and z", tool, COORDINATES, partial(_field, p, GENTLE, 1)
     for place in joints:
         assert place.joint is not None
         own = f"{letter}{place.joint + 1}"
@@ -158,7 +153,7 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
             if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
                 yield _waves(place, own, raw[:, place.joint], problem.view.lead)
             continue
-        yield _named(place, WORKSPACE, partial(_field, p, _degree(problem)))
+        yield _named(place, COORDINATES, partial(_field, p, _degree(problem)))
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))

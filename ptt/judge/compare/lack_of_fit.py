@@ -40,27 +40,25 @@ class LackOfFit:
         }
 
 
-def lack_of_fit_of(problem: Problem, residual: np.ndarray, fitted: int = 0) -> LackOfFit:
+def lack_of_fit_of(
+    problem: Problem, residual: np.ndarray, fitted: int = 0, *, from_any_side: bool = False
+) -> LackOfFit:
     """Test a residual against the scatter of true repeats, by one reading of each visit.
 
-    Readings of one visit share what differs from visit to visit, and would call a machine's own scatter a misfit. Where
-    repeats are too few, all visits of a pose count, whichever way the joints came: they scatter by as much or by more.
+    Readings of one visit share what differs from visit to visit, and would call a machine's own scatter a misfit.
 
     Args:
         problem: the readings.
         residual: (n, 3) mm, NaN on rows to leave out.
         fitted: how many numbers were fitted to the rows.
+        from_any_side: let visits of a pose repeat each other whichever way the joints came: they scatter by as much as
+            repeats or by more, so that a misfit is one, and none says little.
 
     Returns:
-        The test; without a figure where these leave fewer than 30 degrees of freedom.
+        The test; without a figure where repeats leave fewer than 30 degrees of freedom.
     """
     ways = problem.view.direction.numpy()
-    test = _test(problem, residual, fitted, repeat_groups(problem.table, ways))
-    return test if test.f else _test(problem, residual, fitted, repeat_groups(problem.table, np.zeros_like(ways)))
-
-
-def _test(problem: Problem, residual: np.ndarray, fitted: int, group: np.ndarray) -> LackOfFit:
-    """The test by the scatter of readings of one group, (n,) int."""
+    group = repeat_groups(problem.table, np.zeros_like(ways) if from_any_side else ways)
     rows = np.isfinite(residual).all(axis=1) & first_of_copies(problem.table, group)
     rows &= first_rows(visit_groups(problem.table), rows)
     group = np.unique(group[rows], return_inverse=True)[1].reshape(-1)

@@ -121,7 +121,7 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> DiagnosisCard:
         verdict=found.verdict,
         probability=float(found.verdict_probability.get(found.verdict, 0.0)),
         title=_title(found, findings),
-        words=pretty(f"{_words(found, problem)}{_doubt(steps)}{_far(found)}"),
+        words=pretty(f"{_set_up(found)}{_words(found, problem)}{_doubt(steps)}{_far(found)}"),
         error_um=float(found.rms_um["before"]["total"]),
         left_um=float(found.rms_um["after"]["total"]),
         noise_um=float(noise["total"]),
@@ -140,6 +140,11 @@ def _title(found: Diagnosis, findings: Sequence[Cause]) -> str:
     if ties == len(findings) == 1:
         return "One cause, which this run cannot tell from another"
     return f"{count} found" + (f"; {'one' if ties == 1 else ties} cannot be told from another" if ties else "")
+
+
+def _set_up(found: Diagnosis) -> str:
+    """What nothing explains in the set-up, before anything else is said."""
+    return f"{capital(found.unexplained)} " if found.unexplained else ""
 
 
 def _words(found: Diagnosis, problem: Problem) -> str:
@@ -186,7 +191,8 @@ def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Pro
         words=pretty(f"{capital(words)}."),
         cause=card.cause,
         values=values,
-        cure=pretty(remedy(told, problem.view) or card.remedy.rstrip(".")),
+        # Nobody turns a screw for columns that disagree by more than any machine is built off.
+        cure="" if found.unexplained else pretty(remedy(told, problem.view) or card.remedy.rstrip(".")),
         probability=float(one.probability),
         tie=pretty(headline(one.effect, tied[1:], one.sum_of)),
         others=tuple(tied[1:]),
