@@ -124,8 +124,8 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
-    and so does their straight part. Fine detail has one for all joints, which are of one make and equally rough: a spot
-    or a step of one of them is none. What is kept near zero has one a joint altogether: where zero lies divides cosines
+    and so does their straight part. Fine detail has one a joint as well: one screw alone may be rough, and what is a
+    spot or a step of it a law tells. What is kept near zero has one a joint altogether: where zero lies divides cosines
     from sines, which nature does not; waves have one for each band of how often they come.
     """
     joints, first, curves = problem.view.joints, 1, 0
@@ -138,8 +138,11 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
             band = np.array(parameter.bands or (0,) * parameter.count)
             group.append((curves + bands * np.arange(joints)[:, None] + band).reshape(-1))
             first += bands * joints
+        elif parameter.fine:
+            group.append(np.repeat(first + np.arange(joints), parameter.count))
+            first += joints
         else:
-            own = parameter.held or parameter.fine or parameter.role != "linear"
+            own = parameter.held or parameter.role != "linear"
             group.append(np.full(size, first if own else 0))
             first += 1
         bounded.append(np.full(size, parameter.lower >= 0.0))

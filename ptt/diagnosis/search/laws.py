@@ -55,8 +55,10 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     sudden = tuple(key for key in free if is_sudden(atoms[key]))
     curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
     drifting = tuple(key for key in free if (effect := atoms[key].effect) is not None and drifts(effect))
-    if not (blocks or sudden or drifting or system.errs_by_pose(state.memory)) or not isinstance(system, RowSystem):
+    if not isinstance(system, RowSystem):
         return scorer, state
+    if not (blocks or sudden or drifting or system.errs_by_pose(state.memory)):
+        return _of_rough_curves(scorer, state, tuple(key for key in curves if atoms[key].fine is not None))
     wider, best = (
         _with_laws(scorer, state, [without(state, *blocks), without(state, *blocks, *sudden, *drifting)]),
         state,
@@ -69,6 +71,24 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
             best = _instead(wider, best, gone, is_spell)
     happened = tuple(key for key in loose(wider, best) if _is_timed(wider.system.atoms[key]))
     return wider, _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > AGAIN else best
+
+
+def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tuple[Scorer, State]:
+    """The same for a set that has curves with fine detail, and nothing else that may stand for something.
+
+    Detail of one joint can take the form of a spot or a step, which its own travel says with less.
+    """
+    system = scorer.system
+    if not rough:
+        return scorer, state
+    assert isinstance(system, RowSystem)
+    known, own = sum(is_block(atom) for atom in system.atoms.values()), list[Block]()
+    for blocks in laws_of(system.at.problem, system.at.chain):
+        own += [block for block in blocks if block.is_curve and block.place.residual.startswith("slider")]
+    wider, best = _widened(scorer, own, odds_of_block(known + len({_name(block.name) for block in own}))), state
+    for key in rough:
+        best = _instead(wider, best, (key,))
+    return wider, best
 
 
 def _moments(scorer: Scorer, state: State) -> list[float]:
