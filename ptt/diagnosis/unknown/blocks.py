@@ -152,6 +152,9 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
                 yield from _reversal(problem, place, own, low, ())
             if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
                 yield _waves(place, own, raw[:, place.joint], problem.view.lead)
+            for context in span.contexts:  # and gives way under load, or to the sun
+                if context.fields:
+                    yield _named(place, (context.name, own), partial(product, context.shapes, low))
             continue
         yield _named(place, COORDINATES, partial(_field, p, _degree(problem)))
         for i in range(q.shape[1]):
