@@ -53,6 +53,17 @@ def test_a_rough_screw_is_a_screw_and_nothing_else():
     assert found.verdict == "missing" and found.suggested == (("screw-error-map",),)
 
 
+def test_one_screw_ground_in_stretches_is_a_rough_screw_and_no_unknown_of_its_own():
+    """Leads that differ from stretch to stretch by some mm a metre, as a thread that was ground in several passes."""
+    random = np.random.default_rng(5)
+    ends = np.concatenate([[180.0], np.sort(random.uniform(200.0, 360.0, 6)), [380.0]])
+    off = np.concatenate([[0.0], np.cumsum(random.normal(0.0, 2e-3, 7) * np.diff(ends))])
+    off -= np.polyval(np.polyfit(ends, off, 1), ends)
+    found = told_of_screws(lambda q: np.interp(q, ends, off) * [1.0, 0.0, 0.0])
+    assert found.verdict == "missing" and found.suggested == (("screw-error-map",),)
+    assert found.rms_um["after"]["total"] < 1.05 * 3.0 * np.sqrt(3.0) < 0.1 * found.rms_um["before"]["total"]
+
+
 @pytest.mark.parametrize(
     ("damage", "shape"),
     [(lambda q: 0.02 * (q > 290.0), "step"), (lambda q: 0.04 * np.exp(-np.square((q - 300.0) / 3.0)), "bump")],

@@ -24,10 +24,9 @@ from ptt.diagnosis.search.improve import HOPEFUL, improve
 from ptt.diagnosis.search.instead import FEW
 from ptt.diagnosis.search.moves import LEAST_NATS, loose
 from ptt.diagnosis.search.plainest import plainest
-from ptt.diagnosis.unknown.blocks import STILL, Block, Place, places_of_chain, stand_of
+from ptt.diagnosis.unknown.blocks import STILL, Block, Place, one_way_each, places_of_chain, stand_of
 from ptt.diagnosis.unknown.jumps import AGAIN, HEIGHTS, heights_of, passed_again, spells_of
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
-from ptt.effects.geometry import ACROSS
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
@@ -232,10 +231,7 @@ def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
     for axis, unit in zip(COORDINATES, np.eye(3), strict=True):
         yield Place(axis, tool.slopes @ unit[:, None])
     for place in joints:
-        ways = np.split(place.slopes, place.slopes.shape[2], axis=2)
-        called = [f"{place.residual} {to}" for to in ACROSS] if len(ways) > 1 else [place.residual]
-        for name, way in zip(called, ways, strict=True):
-            yield Place(name, way, place.joint, place.lever)
+        yield from one_way_each(place)
     if problem.file.machine.kind == "three-ptt":
         by_slot = chain.by_slot.numpy()
         for leg in range(problem.view.joints):

@@ -155,9 +155,9 @@ def _with_means(scorer: Scorer, state: State, less: State) -> list[float]:
     """
     atoms = scorer.system.atoms
     blocks = {key: atom.block for key, atom in atoms.items() if atom.block is not None and is_broad(atom)}
-    varied = {blocks[key].place.residual for key in state.keys if key in blocks and blocks[key].varies_curve}
+    varied = {blocks[key].place.part for key in state.keys if key in blocks and blocks[key].varies_curve}
     opens = scorer.opens(less.keys)
-    means = [key for key, block in blocks.items() if block.is_curve and block.place.residual in varied]
+    means = [key for key, block in blocks.items() if block.is_curve and block.place.part in varied]
     return [
         scorer.score((*less.keys, key), less.memory, less.scales).total + atoms[key].odds
         for key in means

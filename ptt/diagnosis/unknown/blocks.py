@@ -9,7 +9,7 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
-from ptt.effects.geometry import across_axes
+from ptt.effects.geometry import ACROSS, across_axes
 from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
@@ -37,6 +37,11 @@ class Place:
     slopes: np.ndarray
     joint: int | None = None
     lever: float = 1.0
+
+    @property
+    def part(self) -> str:
+        """What it is a way of: 'rail 2' of 'rail 2 outward'."""
+        return " ".join(self.residual.split()[:2])
 
     def times(self, shapes: np.ndarray) -> np.ndarray:
         """Features (n, 3, w s) of shapes (n, s) that act here."""
@@ -153,8 +158,8 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
             if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
                 yield _waves(place, own, raw[:, place.joint], problem.view.lead)
             for context in span.contexts:  # and gives way under load, or to the sun
-                if context.fields:
-                    yield _named(place, (context.name, own), partial(product, context.shapes, low))
+                for way in one_way_each(place) if context.fields else ():
+                    yield _named(way, (context.name, own), partial(product, context.shapes, low))
             continue
         yield _named(place, COORDINATES, partial(_field, p, _degree(problem)))
         for i in range(q.shape[1]):
@@ -222,6 +227,13 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
         if lever > STILL:
             places.append(Place(residual, slopes / lever, joint, lever))
     return places
+
+
+def one_way_each(place: Place) -> list[Place]:
+    """A joint's or a rail's place by its ways: a rail outward and sideways, a joint as it is."""
+    ways = np.split(place.slopes, place.slopes.shape[2], axis=2)
+    called = [f"{place.residual} {to}" for to in ACROSS] if len(ways) > 1 else [place.residual]
+    return [Place(name, way, place.joint, place.lever) for name, way in zip(called, ways, strict=True)]
 
 
 def _reversal(
