@@ -90,6 +90,25 @@ def test_an_unknown_is_told_by_the_one_variable_that_it_follows(named: str, seed
     assert found.depends_on[0].on in leads
 
 
+@pytest.mark.parametrize(("place", "acts_on"), [("radial", "rail 2 outward"), ("tangential", "rail 2 sideways")])
+def test_a_rail_that_gives_way_under_load_is_told_by_load_and_rail(place: str, acts_on: str) -> None:
+    """Along its travel it gives way more in one place than in another; time, which goes with the load, is no cause."""
+    law = {"kind": "random-law", "place": place, "leg": 2, "form": "smooth", "variables": ["payload", "b2"]}
+    drawn = {"span": [[0.0, 6.0], [190.0, 370.0]], "size_um": 60.0, "law_seed": 1}
+    conditions = {"cycles": 3, "payload_per_cycle_kg": [0.0, 3.0, 6.0]}
+    rig = parse_rig(
+        {"machine": MACHINE.machine.model_dump(), "seed": 1, "odd": [{**law, **drawn}], "conditions": conditions}
+    )
+    random = np.random.default_rng(1)
+    cloud = pd.DataFrame(random.uniform(-60.0, 60.0, (60, 3)).round(3), columns=["x_cmd", "y_cmd", "z_cmd"])
+    frame = simulate(rig, cloud, noise=False).frame
+    frame[["x_meas", "y_meas", "z_meas"]] += random.normal(0.0, 0.005, (180, 3))
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, table_of(frame)))
+    first = found.depends_on[0]
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    assert (first.residual, first.on, first.acts_on) == ("slider 2", "payload", acts_on)
+
+
 @pytest.mark.parametrize("turns", [1, 2])
 def test_what_lets_go_at_a_temperature_and_comes_back_is_no_slip_and_knock(turns: int) -> None:
     """Passed once only, a temperature says no more than the moment does: a slip is named, and that is said with it."""
