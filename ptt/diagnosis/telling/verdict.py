@@ -177,7 +177,9 @@ def _depends_on(
 ) -> tuple[Dependence, ...]:  # fmt: skip
     """What the unknown follows: its blocks, what a memory of the noise has taken, what tests say, or a suspect."""
     depends, left, scorer, state = dependences(unnamed, shown), unnamed.left, found.scorer, found.state
-    if not depends and wanders_beyond(found.system, state):  # what the memory took tells what it is
+    wanders = state.memory.wander is not None
+    # What a memory of the noise took tells what it is, where it is no tracker's or where nothing else is found.
+    if not depends and (wanders_beyond(found.system, state) or (wanders and not said.told.steps)):
         found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)
         depends = sized(found_in[:MOST_LINES], left, shown)
     depends = depends or sized(rest.depends_on[:MOST_LINES], left, shown)
