@@ -186,6 +186,13 @@ def test_only_axes_that_were_stated_are_written() -> None:
     assert letters == ["Z", "XZ", "XYZ", "", "Z"]
 
 
+@pytest.mark.parametrize("home", ["G30", "G29", "G32"])
+def test_a_move_by_so_much_begins_where_every_code_that_goes_home_ends(home: str) -> None:
+    """What a printer's probing leaves is as little told as where it homes: both are the program's start."""
+    text = "G0 X0 Y0 Z40\nG0 X30\n{}\nG91\nG0 X5\n"
+    assert corrected(text.format(home), WORN).replace(home, "G28") == corrected(text.format("G28"), WORN)
+
+
 @pytest.mark.parametrize("turn", ["G17 G3 X-10 Y0 I-10 J0", "G18 G2 X-10 Z0 I-10 K0", "G19 G3 Y10 Z10 J0 K10"])
 def test_a_place_that_is_said_is_stated(turn: str) -> None:
     """A lathe's program never states Y: its arcs are cut once somebody says where the tool is."""

@@ -15,6 +15,7 @@ from ptt.correct.program.codes import (
     MM,
     MOTIONS,
     OWN_AXES,
+    PROBES,
     SYSTEMS,
     own_words,
     refuse,
@@ -234,6 +235,6 @@ def _notes(codes: list[int]) -> list[str]:
         notes.append(
             "tool lengths (G43) are left to the controller: the correction is that of the tool point at --offset"
         )
-    if any(code in (290, 320) for code in codes):
+    if any(code in PROBES for code in codes):
         notes.append("what the controller corrects by itself after probing (G29, G32) comes on top of this correction")
     return notes

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ptt.correct.program.codes import HOME
 from ptt.correct.program.modal import ARC, AXES, CARRIED, MOTIONS, ModalState, Read
 from ptt.correct.program.moves import Move
 from ptt.correct.program.words import ProgramBlock, Word
@@ -137,7 +138,7 @@ def write_program(read: Read, pieces: list[list[Piece]], start: Array, home: Arr
             lines += writer.lines(block, move, pieces[number])
         else:
             lines.append(writer.keep(block, read.states[index]))
-            if any(word.letter == "G" and word.code in (280, 300) for word in block.words):
+            if any(word.letter == "G" and word.code in HOME for word in block.words):
                 writer.place = np.array(start, dtype=float)
     return "\n".join(lines) + "\n"
 
