@@ -28,8 +28,9 @@ def told_by(fitted: FitResult) -> Testimony:
     shape = layout.searched
     own, rest = np.flatnonzero(keep & ~shape), np.flatnonzero(~keep & ~shape)
     gram, amplitudes = fitted.information, np.where(shape, 0.0, fitted.unknowns)
-    # The rows' own gradient at the fit is what the prior holds against.
-    score = gram @ amplitudes + fitted.prior.pull(fitted.unknowns)
+    # The rows' own gradient at the fit is what the prior holds against. What a curve's definition keeps near zero is in
+    # the information as a reading of zero, which has no score.
+    score = (gram - np.diag(layout.held.astype(float))) @ amplitudes + fitted.prior.pull(fitted.unknowns)
     follow = np.linalg.pinv(gram[np.ix_(rest, rest)], hermitian=True) @ gram[np.ix_(rest, own)]
     information = gram[np.ix_(own, own)] - gram[np.ix_(own, rest)] @ follow
     wider = max(1.0, fitted.chi2 / max(fitted.freedom, 1))
