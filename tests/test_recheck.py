@@ -230,8 +230,18 @@ def test_cosine_and_sine_of_a_wave_are_one_sentence_with_its_height_and_phase() 
         "March 2026."
     }
     assert "slider 1 repeats an error of 15 um with every turn of the screw, highest 0.51 mm in" in say_whole(
-        values, [one for _, one in changes], view, DATE
+        values, [one for _, one in changes], view, DATE, repaired=False
     )
+
+
+@pytest.mark.parametrize("repaired", [False, True])
+def test_an_effect_is_said_to_be_repaired_as_a_whole_by_the_same_rule_as_its_rows(repaired: bool) -> None:
+    """A tenth of what it was says so alone; that it was never clear, and is no repair then, the rows know."""
+    view = run_of(2, 20).view
+    theta = torch.tensor([0.012, 0.0, 0.0, 0.009, 0.003, 0.0, 5.0], dtype=torch.float64)
+    changes = [moved("cosine_mm", 0.012, 0.0012), moved("sine_mm", 0.009, 0.0009)]
+    values = values_of(Term(library()["once-per-rev"](), theta), [(0, changes[0]), (3, changes[1])])
+    assert say_whole(values, changes, view, DATE, repaired=repaired).startswith("Repaired: ") == repaired
 
 
 def test_a_curve_that_has_changed_is_said_where_it_is_highest_of_all_its_bends() -> None:

@@ -203,8 +203,8 @@ def _rows_of(
     sure = [pair for pair in clear if pair[0].name in known]  # what is gone and never was clearly there is no change
     clear = sure or clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
-        words = say_whole(values, moved, problem.view, since)
         back = [gone or is_repaired(abs(value.before), abs(value.now), value.std) for value, _ in clear]
+        words = say_whole(values, moved, problem.view, since, repaired=all(back))
         return [ChangedValue(value, cured, alike, words) for (value, _), cured in zip(clear, back, strict=True)]
     rows = []
     for value, place in clear:

@@ -107,7 +107,7 @@ def say_change(
     return f"{capital(_beside(before, now, noun, then))}."
 
 
-def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | None) -> str:
+def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | None, *, repaired: bool) -> str:
     """All values of an effect that have changed in proportion.
 
     Args:
@@ -115,6 +115,7 @@ def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | N
         moved: then and now of each.
         view: of the machine.
         since: date of the model.
+        repaired: whether all of them are back near zero.
 
     Returns:
         For example 'Backlash is as a whole 2 % (+- 1) of what it was on 15 March 2026, when sliders 1 and 2 lost ...'.
@@ -123,10 +124,9 @@ def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | N
     share, error = most.now / most.before, most.std / abs(most.before)
     said = _parts(effect, values.then, torch.zeros_like(values.then), view)
     what = f": {compose(said, _noun(effect, view))}" if said else ""
-    cured = "Repaired: " if abs(share) < max(0.2, 3.0 * error) and abs(share) < 0.5 else ""
     name = effect.called or effect.key
     body = f"{name} as a whole is {100.0 * share:.0f} % (+- {100.0 * error:.1g}) of what it was {on_date(since)}{what}"
-    return f"{cured}{body if cured else capital(body)}."
+    return f"Repaired: {body}." if repaired else f"{capital(body)}."
 
 
 def _noun(effect: Effect, view: View) -> str:
