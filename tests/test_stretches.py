@@ -14,9 +14,11 @@ from ptt.commands.main import app
 from ptt.fitting.outliers import EXCEPTIONS, inside
 from ptt.fitting.report import report_fit
 from ptt.fitting.solve import residual_of
+from ptt.fitting.stretches import confirmed_by_pose
 from ptt.judge.compare.comparison import compare_run
 from ptt.judge.compare.text import format_comparison
 from ptt.model.model import Model
+from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
 
@@ -156,3 +158,13 @@ def test_a_knock_there_and_back_by_different_ways_is_two_stretches() -> None:
     problem, model = bare(table)
     report = report_fit(residual_of(model, problem), problem)
     assert [stretch.lines for stretch in report.stretches] == [(52, 66), (67, 81)] and report.outliers == ()
+
+
+def test_visits_of_a_pose_that_show_the_same_place_need_not_follow_each_other() -> None:
+    """A beam that breaks at the second of three visits takes nothing from what the first and the third say."""
+    problem, _ = bare(run_of(90, target=np.repeat(empty_run(30).target, 3, axis=0)))
+    pose, far, error = pose_groups(problem.table), np.zeros(90, dtype=bool), np.zeros((90, 3))
+    far[:3] = True
+    error[:3] = [[0.5, 0.0, 0.1], [-3.0, 2.0, 0.0], [0.52, 0.02, 0.1]]
+    assert len(np.unique(pose[:3])) == 1 and len(np.unique(pose)) == 30
+    assert confirmed_by_pose(far, error, problem).nonzero()[0].tolist() == [0, 2]

@@ -92,19 +92,30 @@ def confirmed_by_pose(far: np.ndarray, error: np.ndarray, problem: Problem) -> n
     Returns:
         (n,) bool.
     """
-    confirmed = np.zeros_like(far)
-    rows = np.flatnonzero(far)
-    group = pose_groups(problem.table)[rows]
-    rows, group = rows[np.argsort(group, kind="stable")], np.sort(group)
-    one, other = rows[:-1], rows[1:]
-    size = np.linalg.norm(error[one], axis=1), np.linalg.norm(error[other], axis=1)
-    alike = np.linalg.norm(error[one] - error[other], axis=1) <= AGREE * np.maximum(*size)
-    pair = (group[1:] == group[:-1]) & alike
-    visits = np.bincount(pose_groups(problem.table)[problem.used])
-    if agree_by_chance(float(pair.sum()), far.sum() / max(problem.used.sum(), 1), visits):
-        return confirmed
-    confirmed[one[pair]] = confirmed[other[pair]] = True
-    return confirmed
+    pose = pose_groups(problem.table)
+    alike, visits = alike_visits(far, error, pose), np.bincount(pose[problem.used])
+    chance = agree_by_chance(alike.sum() / 2.0, far.sum() / max(problem.used.sum(), 1), visits)
+    return np.zeros_like(far) if chance else alike > 0
+
+
+def alike_visits(far: np.ndarray, error: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """How many other far visits of its pose show the same place as each far row.
+
+    Args:
+        far: (n,) bool.
+        error: residual, (n, 3).
+        pose: of each row, (n,) int from 0.
+
+    Returns:
+        (n,) int; zero of rows that are not far.
+    """
+    alike = np.zeros(len(far), dtype=int)
+    for number in np.flatnonzero(np.bincount(pose[far]) > 1):
+        rows = np.flatnonzero(far & (pose == number))
+        size = np.linalg.norm(error[rows], axis=1)
+        apart = np.linalg.norm(error[rows, None] - error[None, rows], axis=2)
+        alike[rows] = (apart <= AGREE * np.maximum(size[:, None], size)).sum(axis=1) - 1  # itself left out
+    return alike
 
 
 def agree_by_chance(pairs: float, share: float, visits: np.ndarray) -> bool:

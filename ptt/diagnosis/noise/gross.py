@@ -3,14 +3,13 @@
 import numpy as np
 
 from ptt.fitting.outliers import linear_residual
-from ptt.fitting.stretches import agree_by_chance
+from ptt.fitting.stretches import AGREE, agree_by_chance, alike_visits
 from ptt.run.problem import Problem
 from ptt.run.same_pose import same_places
 from ptt.run.tails import chi2_isf, chi2_median, poisson_sf
 
 CHANCE = 1e-3  # chance that a table of sound readings loses one
 TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be its own are kept
-ALIKE = 0.5  # share of a shift by which two rows of one stretch differ at most
 MOSTLY = 0.5  # share of the visits of a pose that miss it alike, from which the pose is to blame
 COMPANY = 2  # alike rows among the four nearest from which a row is one of a stretch
 FAR_ROWS_SHARE = 0.12  # beyond it far rows are no exceptions
@@ -111,7 +110,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
     for step in range(1, AT_ONCE + 1):
         near, before = np.arange(step, count), np.arange(count - step)
         apart = np.linalg.norm(left[near] - left[before], axis=1)
-        alike = far[near] & far[before] & (apart < ALIKE * np.maximum(size[near], size[before]))
+        alike = far[near] & far[before] & (apart < AGREE * np.maximum(size[near], size[before]))
         company[near] += alike
         company[before] += alike
     lone = far & (company < COMPANY) & ~_crowded(far, left, used, places) & ~_again(far, left, used, places, gone)
@@ -137,17 +136,12 @@ def places_of(problem: Problem) -> np.ndarray:
 
 def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int) -> np.ndarray:
     """Far rows that miss a pose as most other visits of it do; broken beams agree by chance alone, and not mostly."""
-    again, pose = np.zeros_like(far), same_places(places[:, :3])
-    visits, pairs = np.bincount(pose, used), 0.0
-    for number in np.flatnonzero(np.bincount(pose, far) > 1):
-        rows = np.flatnonzero(far & (pose == number))
-        size = np.linalg.norm(left[rows], axis=1)
-        apart = np.linalg.norm(left[rows, None] - left[None, rows], axis=2)
-        alike = (apart < ALIKE * np.maximum(size[:, None], size)).sum(axis=1)  # itself included
-        pairs += (alike - 1).sum() / 2.0
-        again[rows] = (alike > 1) & (alike >= MOSTLY * visits[number])
+    pose = same_places(places[:, :3])
+    alike, visits = alike_visits(far, left, pose), np.bincount(pose, used)
     share = (far.sum() + gone) / max(used.sum() + gone, 1)
-    return np.zeros_like(far) if agree_by_chance(pairs, share, visits) else again
+    if agree_by_chance(alike.sum() / 2.0, share, visits):
+        return np.zeros_like(far)
+    return (alike > 0) & (alike + 1 >= MOSTLY * visits[pose])
 
 
 def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
