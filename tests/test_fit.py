@@ -12,11 +12,12 @@ from scipy import optimize
 
 from ptt.effects import Effect
 from ptt.errors import PosesError
+from ptt.fitting.chunks import sample_stretches
 from ptt.fitting.gauss_newton import HOPELESS, bounded_step, descend
 from ptt.fitting.observability import correlations, unobservable
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
-from ptt.fitting.solve import fit, rms
+from ptt.fitting.solve import fit, hold, rms
 from ptt.fitting.stated import unseen_directions
 from ptt.model.model import Model, Term
 from ptt.run.noise import guessed_noise
@@ -32,6 +33,28 @@ def test_values_with_which_the_machine_cannot_stand_where_it_was_sent_are_refuse
     far = Term(KNOWN["homing-offset"](), torch.tensor([1e6, 0.0, -1e6], dtype=torch.float64))
     with pytest.raises(PosesError, match=r"table row 2 and 39 more: .* homing-offset, the machine cannot stand"):
         fit(Model(file) + far, build_problem(file, table))
+
+
+def test_rows_of_a_long_run_at_which_the_machine_cannot_stand_are_refused_and_no_gross_errors(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It may stand at all rows of the stretches at which a long fit begins."""
+    file, rows, some = machine(), 3000, 300
+    monkeypatch.setattr("ptt.fitting.solve.LONG", rows - 1)
+    monkeypatch.setattr("ptt.fitting.solve.SAMPLE", some)
+    table = empty_run(rows)
+    problem = build_problem(file, table.replace(measured=table.target.copy()))
+    begun = np.concatenate([np.arange(*stretch) for stretch in sample_stretches(problem, some)])
+    for size in np.arange(210.0, 225.0, 0.25):
+        offset = torch.tensor([size, 0.0, -size], dtype=torch.float64)
+        stood = np.isfinite(problem.view.mechanism.forward(problem.view.q + offset).numpy()).all(axis=1)
+        if not stood.all():
+            break
+    assert 0 < (~stood).sum() and stood[begun].all()
+    far = hold(Term(KNOWN["homing-offset"](), offset))
+    for robust in (True, False):
+        with pytest.raises(PosesError, match=r"homing-offset, the machine cannot stand"):
+            fit(Model(file) + far, problem, robust=robust)
 
 
 def fitted(names: list[str], problem: Problem, **options: object) -> FitResult:

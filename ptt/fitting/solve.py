@@ -161,6 +161,8 @@ def _begin_long(
     few = fit(model, take(problem, sample_stretches(problem, SAMPLE)), robust=robust, noise=noise, coarse=coarse)
     layout = lay_out(model, problem, few.layout.terms)
     evaluate = LongEvaluator(layout, problem, noise)
+    reading = evaluate(few.unknowns).prediction.reading.numpy()
+    require_reach(np.isfinite(reading).all(axis=1), layout.terms, problem)
     kept = _sound(evaluate, few.unknowns) if robust else problem.used.copy()
     return evaluate, few.unknowns, kept, few.prior
 
