@@ -1,12 +1,19 @@
 """Readings that lie beside other rows than their own are named and moved back."""
 
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 
+import ptt
 from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
+from ptt.errors import WorkspaceError
 from ptt.machine import MachineFile
 from ptt.run.table import Table, take_rows
 from ptt.setup import check_setup
+
+SEALED = Path(__file__).parents[1] / "data" / "sealed_one"
 
 
 @pytest.mark.parametrize("missed", [40, 121, 122, 200])
@@ -28,6 +35,16 @@ def test_sliders_on_a_small_path_are_no_row_shift() -> None:
     case = next(case for case in CASES if case.title == "sliders numbered the other way")
     tried = try_case(case, "sliders", 5003)
     assert [item.mistake for item in tried.found.findings] in ([], ["slider-order"])
+
+
+def test_a_row_at_which_the_links_do_not_meet_is_told_by_check_as_by_every_other_verb(tmp_path: Path) -> None:
+    frame = pd.read_csv(SEALED / "run.csv")
+    frame.loc[50, "b1_cmd"] += 900.0
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    machine = ptt.load(SEALED / "machine.toml")
+    for rows in (tmp_path / "run.csv", frame):
+        with pytest.raises(WorkspaceError, match=r"do not meet .* (line|row) 52 \(1 of 296 rows\)"):
+            ptt.check(machine, rows)
 
 
 def slips(sound: tuple[MachineFile, Table], *missed: int) -> np.ndarray:

@@ -8,7 +8,7 @@ from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import find_mistakes
 from ptt.door.options import ReadOptions
-from ptt.door.reading import purpose_of, read_rows
+from ptt.door.reading import purpose_of, read_rows, require_commands
 from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Run, Targets
 from ptt.door.words import as_run
@@ -111,14 +111,15 @@ def check(model: Any, run: RowsLike = None) -> Checked | Described:
 
     Raises:
         InputError: a file that cannot be read.
+        WorkspaceError: nothing is found but commands at which the links do not meet.
     """
     machine = as_model(model, USAGE)
     if run is None:
         return describe(machine)
     if isinstance(run, Run | Targets):
-        return Checked(find_mistakes(machine.file, run), machine.file)
+        return _checked(machine.file, run)
     if hasattr(run, "columns"):
-        return Checked(find_mistakes(machine.file, as_run(run, machine, USAGE)), machine.file)
+        return _checked(machine.file, as_run(run, machine, USAGE))
     return check_path(machine, run, ReadOptions(json=True))
 
 
@@ -137,7 +138,15 @@ def check_path(
     purpose = purpose_of(run, reading)
     table = read_rows(run, model.file, reading, purpose, checked=True, ordered=False, ask=ask, note=note)
     kind = Run if purpose == "run" else Targets
-    return Checked(find_mistakes(model.file, kind(table, (run,), reading)), model.file)
+    return _checked(model.file, kind(table, (run,), reading))
+
+
+def _checked(file: MachineFile, rows: Run | Targets) -> Checked:
+    """The findings; where there are none, commands at which the links do not meet are refused as every verb does."""
+    found = find_mistakes(file, rows)
+    if not found.findings and not found.unexplained:
+        require_commands(file, rows.table)
+    return Checked(found, file)
 
 
 def describe(model: Model) -> Described:
