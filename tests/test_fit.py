@@ -50,7 +50,7 @@ def test_rows_of_a_long_run_at_which_the_machine_cannot_stand_are_refused_and_no
         stood = np.isfinite(problem.view.mechanism.forward(problem.view.q + offset).numpy()).all(axis=1)
         if not stood.all():
             break
-    assert 0 < (~stood).sum() and stood[begun].all()
+    assert (~stood).sum() > 0 and stood[begun].all()
     far = hold(Term(KNOWN["homing-offset"](), offset))
     for robust in (True, False):
         with pytest.raises(PosesError, match=r"homing-offset, the machine cannot stand"):
