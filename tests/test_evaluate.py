@@ -6,15 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.door.evaluating import measured
 from ptt.errors import TableError
+from ptt.judge.before_after import compare_pair
 from ptt.judge.evaluate import compare_errors, errors_of, evaluate_pair
 from ptt.judge.match import match_rows
 from ptt.machine import load_machine
-from ptt.run.table import make_table, write_table
+from ptt.mechanisms import build_mechanism
+from ptt.run.table import make_table, take_rows, write_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 RANDOM = np.random.default_rng(5)
@@ -241,3 +244,41 @@ def test_a_tracker_set_up_anew_for_each_run_is_recognised_without_a_model(tmp_pa
     assert "WARNING" not in words_of(tmp_path, both, both, "--frame", "fitted-per-run")
     plain = make_table(both.target, measured=both.target + 1e-3 * RANDOM.normal(size=(80, 3)), **runs)
     assert "WARNING" not in words_of(tmp_path, plain, plain)
+
+
+def seated(file, error, seat=(3.0, -2.0, 5.0)):
+    """Poses of an arm read at a reflector beside its tool point, which is off from where it was sent."""
+    random = np.random.default_rng(8)
+    mechanism = build_mechanism(file.machine)
+    low, high = mechanism.limits().numpy()
+    q = random.uniform(low, high, (60, mechanism.joints))
+    place, turn = (each.numpy() for each in mechanism.pose(torch.as_tensor(q)))
+    reading = place + error * random.normal(size=place.shape) + turn @ np.array(seat)
+    return turned(make_table(place, q, measured=reading, joint_prefix="q"), angle=0.4)
+
+
+@pytest.mark.parametrize("frame", ["fitted", "fitted-per-run"])
+def test_where_the_reflector_sits_on_an_arm_is_no_error_of_its_tool(frame):
+    file = load_machine(DATA / "arm" / "machine.toml")
+    assert file.tracker.tool == "fitted"
+    before, after = seated(file, 0.5), seated(file, 0.01)
+    axes = evaluate_pair(before, after, file, frame=frame).to_dict()["axes"]
+    assert all(94.0 < axis["reduction_percent"] < 99.5 for axis in axes.values()), axes
+    trusted = replace(file, tracker=file.tracker.model_copy(update={"tool": "trusted"}))
+    assert evaluate_pair(before, after, trusted, frame=frame).to_dict()["axes"]["x"]["reduction_percent"] < 50.0
+    pair = compare_pair(before, after, file).to_dict()
+    assert pair["nearer_share"] == 1.0
+    assert any("tool point" in one for one in measured(before, after, None).warnings)
+
+
+def test_readings_that_are_the_same_are_no_better_and_no_worse_where_one_run_has_fewer():
+    """The frame is that of the poses in both: those of one alone would turn it."""
+    error = 0.2 * RANDOM.normal(size=PLACES.shape)
+    file, whole = load_machine(DATA / "machine.toml"), turned(run(error, name=NAMES))
+    part = take_rows(whole, np.arange(25))
+    for pair in ((whole, part), (part, whole)):
+        axes = evaluate_pair(*pair).to_dict()["axes"]
+        assert all(axis["reduction_percent"] == pytest.approx(0.0, abs=1e-9) for axis in axes.values())
+    fitted = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted"}))
+    lengths = compare_pair(whole, part, fitted).shared
+    np.testing.assert_allclose(lengths[:, 0], lengths[:, 1], atol=1e-9)

@@ -23,7 +23,7 @@ def test_the_command_prints_the_documented_keys(tmp_path):
     assert data["protocol"]["rows"] == 30 and len(data["unmatched"]["before"]) == 10
     text = CliRunner().invoke(app, args).stdout
     assert "\n  length" in text and "WARNING" not in text
-    assert "goal" not in text and "without counterpart in before" in text and "without frame alignment" in text
+    assert "goal" not in text and "in before alone, without counterpart" in text and "without frame alignment" in text
 
 
 def test_a_goal_is_judged_where_one_was_set_and_noise_is_no_miss(tmp_path):

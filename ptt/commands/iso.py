@@ -19,6 +19,7 @@ from ptt.commands.common import (
 
 if TYPE_CHECKING:
     from ptt.judge.iso.figures import IsoPoses
+    from ptt.machine import MachineFile
     from ptt.run.table import Table
 
 SHOWN_GROSS = 5  # that anybody reads
@@ -55,20 +56,21 @@ def iso(
         result = read_axis_figures(run)
     else:
         reading = {"also": also or (), "targets": targets, "set_values": parse_settings(set_ or []), "mapping": map_}
-        table, per_run = _run_table(run, model, reading)
+        table, file = _run_table(run, model, reading)
+        per_run = file is not None and file.tracker.frame == "fitted-per-run"
         try:
-            result = iso_of_poses(table, per_run, not any_direction)
+            result = iso_of_poses(table, per_run, not any_direction, file)
         except TableError as error:
             raise type(error)(error.what, where=error.where or table.source, fix=error.fix) from error
     show(result.to_dict(), _text(result.to_dict()), json)
 
 
-def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple[Table, bool]":
-    """The run, with targets from its commands where it has none, and whether every run has its own tracker set-up."""
+def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple[Table, MachineFile | None]":
+    """The run, with targets from its commands where it has none, and the machine."""
     from ptt.run.reading import read_table
 
     if model is None:
-        return read_table(run, None, **reading), False
+        return read_table(run, None, **reading), None
     from ptt.correct.training.machine_of import machine_of
     from ptt.judge.iso.figures import with_targets
     from ptt.mechanisms import build_mechanism
@@ -76,7 +78,7 @@ def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple
     file = machine_of(model)
     mechanism = build_mechanism(file.machine)
     table = read_table(run, joints=mechanism.joints, joint_prefix=file.machine.letter, **reading)
-    return with_targets(table, mechanism), file.tracker.frame == "fitted-per-run"
+    return with_targets(table, mechanism), file
 
 
 def _text(figures: dict[str, Any]) -> str:

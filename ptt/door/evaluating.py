@@ -34,6 +34,10 @@ Frame = Literal["fitted", "fitted-per-run", "trusted", "measured"]
 SHIFTING = ("tracker-frame", "tracker-scale")  # effects that shift all readings of a trusted frame
 USAGE = "evaluate(before, after) or evaluate(model, run)"
 SHOWN_ROWS = 5
+NO_SEAT = (
+    "without --model nobody tells whether the reflector sits at the arm's tool point: where it does not, its turning "
+    "with the tool counts as error before and after"
+)
 WORSE = 1.5  # times the error before from which a compensation did harm, or the runs stand the wrong way round
 HELD_OUT = ("blocks", "random")
 UNALIGNED = (
@@ -152,6 +156,7 @@ def measured(
     result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum)
     data = result.to_dict()
     said = [_few_matched(data), _interchanged(data), _frame_known_false(model, frame), *_gross(before, after, result)]
+    said += [NO_SEAT] if file is None and "q" in (before.joint_prefix, after.joint_prefix) else []
     hints = hints_on(before, after, result, told=file is not None or frame is not None)
     warnings = (*(one for one in said if one), *hints)
     return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None, warnings=warnings)
@@ -278,7 +283,7 @@ def _text(data: dict[str, Any], judged: bool) -> str:
     for side, rows in data["unmatched"].items():
         if rows:
             more = f" and {len(rows) - SHOWN_ROWS} more" if len(rows) > SHOWN_ROWS else ""
-            lines.append(f"without counterpart in {side}: {', '.join(rows[:SHOWN_ROWS])}{more}")
+            lines.append(f"in {side} alone, without counterpart: {', '.join(rows[:SHOWN_ROWS])}{more}")
     return "\n".join(lines)
 
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.judge.compare.comparison import figures
-from ptt.judge.evaluate import errors_of
+from ptt.judge.evaluate import LEAST_ROWS, errors_of
 from ptt.judge.match import match_rows
 from ptt.machine import MachineFile
+from ptt.run.same_pose import count_places
 from ptt.run.table import Table
 
 PARTS = ("low", "middle", "high")
@@ -128,6 +129,10 @@ def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
         Side(table.source, table.target[rows], each.aligned[rows])
         for table, rows, each in zip((before, after), found, errors, strict=True)
     ]
+    if any(left.values()) and count_places(before.target[first]) >= LEAST_ROWS:
+        # Poses that only one run has would turn its frame, and the errors of those that both have with it.
+        pairs = zip((before, after), (first, second), strict=True)
+        errors = [errors_of(table, file, rows=np.isin(np.arange(table.rows), own)) for table, own in pairs]
     lengths = [np.linalg.norm(each.aligned[rows], axis=1) for each, rows in zip(errors, (first, second), strict=True)]
     names = tuple(f"{before.place(int(row))} {before.name[row]}".strip() for row in first)
     return BeforeAfter(

@@ -13,6 +13,7 @@ from ptt.machine import MachineFile
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.base_frame import into_base
 from ptt.run.frames import align
+from ptt.run.mounts import mount_of_rows, mount_slopes, seats_beside
 from ptt.run.noise import Noise, given_noise
 from ptt.run.problem import build_problem
 from ptt.run.same_pose import count_places, same_places
@@ -118,13 +119,16 @@ def compare_errors(before: np.ndarray, after: np.ndarray, goals: Mapping[str, fl
     return {"axes": axes, "total": total, "length": _reduction(*lengths)}
 
 
-def errors_of(table: Table, file: MachineFile | None, frame: str | None = None) -> Errors:
+def errors_of(
+    table: Table, file: MachineFile | None, frame: str | None = None, rows: np.ndarray | None = None
+) -> Errors:
     """Errors of a run's poses.
 
     Args:
         table: n rows.
         file: the machine, whose tracker policy counts; None: the best rigid motion.
         frame: 'trusted', 'fitted', 'fitted-per-run' or 'measured' instead of the machine's.
+        rows: that count, (n,) bool; None for all.
 
     Returns:
         The errors; targets that are not given are what the commands ask of the drawing.
@@ -138,6 +142,8 @@ def errors_of(table: Table, file: MachineFile | None, frame: str | None = None) 
     if file is None and not np.isfinite(target).any():
         fix = "add x_cmd, y_cmd, z_cmd, or name with --model the machine that says where its commands go"
         raise TableError("no targets", where=table.source, fix=fix)
+    if rows is not None:
+        pose &= rows
     if not pose.any():
         raise TableError("no row has both a target and a reading", where=table.source, fix="check columns and roles")
     raw = np.where(pose[:, None], table.measured - target, np.nan)
@@ -163,7 +169,7 @@ def evaluate_pair(
         file: the machine, whose tracker policy counts; None: the best rigid motion for each run.
         frame: policy instead of the machine's.
         z_datum: 'first' refers z errors to the first pose of each run, as the source paper does.
-        rows: rows of `before` that count, (n,) bool; None for all. Frames are found from all rows all the same.
+        rows: rows of `before` that count, (n,) bool; None for all. Frames are found from all rows that both runs have.
 
     Returns:
         The evaluation.
@@ -173,16 +179,20 @@ def evaluate_pair(
     """
     one, two = errors_of(before, file, frame), errors_of(after, file, frame)
     first, second, unmatched = match_rows(before, after, _found(one), _found(two))
-    if rows is not None:
-        kept = rows[first]
-        first, second = first[kept], second[kept]
     if not len(first):
         fix = "run both on the same targets, or name the points alike"
         raise TableError(f"no pose in common with {before.source}", where=after.source, fix=fix)
-    every, places = (first, second), targets_of(before, file)[first]
-    if rows is None:
-        _require_poses(before, after, count_places(places), frame or (file.tracker.frame if file else "fitted"))
-    off = gross_rows(before, one.aligned)[first], gross_rows(after, two.aligned)[second]
+    wanted, whole = targets_of(before, file), (one, two)
+    _require_poses(before, after, count_places(wanted[first]), frame or (file.tracker.frame if file else "fitted"))
+    if z_datum == "absolute":  # else the first pose of each run counts, whether or not the other has it
+        one, two = (
+            _of_shared(errors, table, file, frame, own, bool(unmatched[side]))
+            for errors, table, own, side in zip(whole, (before, after), (first, second), SIDES, strict=True)
+        )
+    if rows is not None:
+        first, second = first[rows[first]], second[rows[first]]
+    every, places = (first, second), wanted[first]
+    off = gross_rows(before, whole[0].aligned)[first], gross_rows(after, whole[1].aligned)[second]
     gross = {side: index[found].tolist() for side, index, found in zip(SIDES, every, off, strict=True) if found.any()}
     sound = ~(off[0] | off[1])
 
@@ -207,6 +217,13 @@ def evaluate_pair(
     )
 
 
+def _of_shared(
+    errors: Errors, table: Table, file: MachineFile | None, frame: str | None, own: np.ndarray, more: bool
+) -> Errors:
+    """Errors in the frame of the rows that both runs have: what one alone has would turn it, and its errors with it."""
+    return errors_of(table, file, frame, np.isin(np.arange(table.rows), own)) if more else errors
+
+
 def _require_poses(before: Table, after: Table, poses: int, policy: str) -> None:
     """Refuse a comparison at fewer poses than a frame that the readings tell would take up."""
     if policy in ("fitted", "fitted-per-run") and poses < LEAST_ROWS:
@@ -223,23 +240,54 @@ def _reduction(before: float, after: float) -> dict[str, Any]:
 def _align(
     table: Table, file: MachineFile | None, target: np.ndarray, pose: np.ndarray, policy: str
 ) -> tuple[np.ndarray, str]:
-    if policy == "trusted":
-        return table.measured, "trusted: none"
-    if policy == "measured":
-        if file is None:
-            raise TableError("no machine file tells the base reflectors", where="--frame measured", fix="add --model")
-        problem = build_problem(file, table)
-        return problem.measured, "measured: base reflectors"
+    if policy == "measured" and file is None:
+        raise TableError("no machine file tells the base reflectors", where="--frame measured", fix="add --model")
+    free = policy in ("fitted", "fitted-per-run")
     frame = table.run if policy == "fitted-per-run" else np.zeros(table.rows, dtype=int)
+    for index in np.unique(frame[pose]) if free else ():
+        if count_places(target[pose & (frame == index)]) < LEAST_ROWS:
+            fix = f"measure at least {LEAST_ROWS} poses, or use --frame trusted"
+            raise TooFewError("too few poses to find the tracker's frame", where=table.source, fix=fix)
+    reading = build_problem(file, table).measured if policy == "measured" and file else table.measured
+    seats = seats_of(table, file, target, reading, pose, frame, free=free)
+    beside = "" if seats is None else ", the reflector's seat on the tool taken off"
+    seat = np.zeros_like(target) if seats is None else seats
+    if not free:
+        own = "trusted: none" if policy == "trusted" else "measured: base reflectors"
+        return reading - seat, own + beside
     rotations, shifts = np.tile(np.eye(3), (int(frame.max()) + 1, 1, 1)), np.zeros((int(frame.max()) + 1, 3))
     for index in np.unique(frame[pose]):
         here = pose & (frame == index)
-        if count_places(target[here]) < LEAST_ROWS:
-            fix = f"measure at least {LEAST_ROWS} poses, or use --frame trusted"
-            raise TooFewError("too few poses to find the tracker's frame", where=table.source, fix=fix)
-        rotations[index], shifts[index] = align(target[here], table.measured[here])
-    words = "best rigid motion of each run" if policy == "fitted-per-run" else "best rigid motion"
-    return into_base(table.measured, frame, rotations, shifts), f"{policy}: {words}, before and after alike"
+        rotations[index], shifts[index] = align((target + seat)[here], table.measured[here])
+    motion = "best rigid motion of each run" if policy == "fitted-per-run" else "best rigid motion"
+    words = f"{policy}: {motion}{beside}, before and after alike"
+    return into_base(table.measured, frame, rotations, shifts) - seat, words
+
+
+def seats_of(
+    table: Table, file: MachineFile | None, target: np.ndarray, reading: np.ndarray, pose: np.ndarray,
+    frame: np.ndarray, *, free: bool,
+) -> np.ndarray | None:  # fmt: skip
+    """How far an arm's reflector stands from the tool point where nobody knows where on the tool it sits.
+
+    Args:
+        table: n rows.
+        file: the machine; None where nobody tells it.
+        target: (n, 3) mm.
+        reading: (n, 3) mm.
+        pose: rows that count, (n,) bool.
+        frame: (n,) int, tracker frame of each row.
+        free: whether the frames are unknown.
+
+    Returns:
+        (n, 3) mm in the base frame; None where the reflector is at the tool point, by the machine file or by nobody's
+        word.
+    """
+    mount = None if file is None else mount_of_rows(file, table)
+    if file is None or mount is None or (mount < 0).all():
+        return None
+    by_mount = mount_slopes(build_problem(file, table).view)
+    return seats_beside(target, by_mount, reading, pose, mount, frame, free=free)
 
 
 def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: MachineFile | None) -> Noise | None:

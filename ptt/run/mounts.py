@@ -69,26 +69,54 @@ def find_mounts(
     mounts = np.zeros((int(mount.max()) + 1, 3))
     for _ in range(ROUNDS):
         view = place_mounts(view, mount, mounts)
-        step = _step(view, reading, rows, mount, frame, free)
+        step = _step(view.p.numpy(), mount_slopes(view), reading, rows, mount, frame, free)
         mounts = mounts + step
         if np.abs(step).max() < SETTLED:
             break
     return place_mounts(view, mount, mounts)
 
 
+def seats_beside(
+    place: np.ndarray, by_mount: np.ndarray, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray,
+    frame: np.ndarray, *, free: bool,
+) -> np.ndarray:  # fmt: skip
+    """How far the reflectors stand from places where the tool should be, frames moving along.
+
+    Args:
+        place: (n, 3) mm, NaN where none is wanted.
+        by_mount: (n, 3, 3) axes of the tool's frame, as `mount_slopes` has them.
+        reading: (n, 3) mm, NaN where not observed.
+        rows: rows that count, (n,) bool.
+        mount: (n,) int, mount of each row.
+        frame: (n,) int, tracker frame of each row.
+        free: whether the frames are unknown; else readings are in the base frame already.
+
+    Returns:
+        (n, 3) mm in the base frame.
+    """
+    mounts, seats = np.zeros((int(mount.max()) + 1, 3)), np.zeros_like(place)
+    for _ in range(ROUNDS):
+        step = _step(place + seats, by_mount, reading, rows, mount, frame, free)
+        mounts = mounts + step
+        seats = np.einsum("nij,nj->ni", by_mount, mounts[mount])
+        if np.abs(step).max() < SETTLED:
+            break
+    return seats
+
+
 def _step(
-    view: View, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray, frame: np.ndarray, free: bool
-) -> np.ndarray:
+    p: np.ndarray, by_mount: np.ndarray, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray,
+    frame: np.ndarray, free: bool,
+) -> np.ndarray:  # fmt: skip
     """A Gauss-Newton step of all mounts, (m, 3) mm."""
-    by_mount = mount_slopes(view)
-    p, width = view.p.numpy(), 3 * (int(mount.max()) + 1)
+    width = 3 * (int(mount.max()) + 1)
     blocks = [np.where((mount == index)[:, None, None], by_mount, 0.0) for index in range(width // 3)]
     left = reading - p
     for index in np.unique(frame[rows]) if free else ():
         own = rows & (frame == index)
         turn, shift = align(p[own], reading[own])
         left[own] = (reading[own] - shift) @ turn - p[own]
-        rigid = rigid_columns(view.p, torch.as_tensor(p[own].mean(axis=0)), TURN_LENGTH)
+        rigid = rigid_columns(torch.as_tensor(p), torch.as_tensor(p[own].mean(axis=0)), TURN_LENGTH)
         blocks.append(np.where(own[:, None, None], rigid.numpy(), 0.0))
     distance = np.linalg.norm(left, axis=1)
     near = rows & (distance <= TRIM * max(float(np.median(distance[rows])), 1e-9))

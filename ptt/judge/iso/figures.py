@@ -11,10 +11,12 @@ import torch
 from numpy.typing import NDArray
 
 from ptt.errors import TableError, shown
+from ptt.judge.evaluate import seats_of
 from ptt.judge.gross import gross_rows
 from ptt.judge.iso.axis import AxisFigures, axis_figures
 from ptt.judge.iso.pose import pose_report
 from ptt.judge.iso.pose_figures import PoseReport
+from ptt.machine import MachineFile
 from ptt.mechanisms.protocol import Mechanism
 from ptt.record import Record
 from ptt.run.backlash.reversal import travel_direction
@@ -179,7 +181,9 @@ def align_to_targets(measured: Array, target: Array, motion: Motion = kabsch) ->
     return (measured - shift) @ turn
 
 
-def iso_of_poses(table: Table, per_run: bool = False, by_direction: bool = True) -> IsoPoses:
+def iso_of_poses(
+    table: Table, per_run: bool = False, by_direction: bool = True, file: MachineFile | None = None
+) -> IsoPoses:
     """ISO 9283 figures of a tracker table.
 
     Args:
@@ -187,6 +191,7 @@ def iso_of_poses(table: Table, per_run: bool = False, by_direction: bool = True)
         per_run: every run has a tracker set-up of its own.
         by_direction: tell the approaches of a pose apart, from the table's directions where it has them, else from the
             order of the commands, else of the targets.
+        file: the machine; of an arm whose reflector sits nobody knows where on the tool, its seat goes with the frame.
 
     Returns:
         The figures before and after frame alignment.
@@ -201,9 +206,10 @@ def iso_of_poses(table: Table, per_run: bool = False, by_direction: bool = True)
     direction = _arrival(table, keep) if by_direction else None
     payload = None if table.payload_kg is None else table.payload_kg[keep]
     set_up = run if per_run else np.zeros_like(run)
-    aligned = _aligned(measured, target, set_up)
+    seat = _seats(table, file, table.run if per_run else np.zeros_like(table.run))[keep]
+    aligned = _aligned(measured, target + seat, set_up) - seat
     before, after = (pose_report(target, values, direction, payload) for values in (measured, aligned))
-    robust = _aligned(measured, target, set_up, align)
+    robust = _aligned(measured, target + seat, set_up, align) - seat
     gross = gross_rows(take_rows(table, keep), robust - target)
     off = np.linalg.norm(robust - target, axis=1)
     words = tuple(f"{table.place(int(keep[row]))} ({off[row]:.3g} mm off)" for row in np.flatnonzero(gross))
@@ -211,8 +217,15 @@ def iso_of_poses(table: Table, per_run: bool = False, by_direction: bool = True)
     if words:
         clean = np.where(gross[:, None], np.nan, measured)
         with suppress(TableError):  # no pose is left that was measured twice
-            without = pose_report(target, _aligned(clean, target, set_up), direction, payload)
+            without = pose_report(target, _aligned(clean, target + seat, set_up) - seat, direction, payload)
     return IsoPoses(before, after, table.source, words, without)
+
+
+def _seats(table: Table, file: MachineFile | None, frame: NDArray[np.intp]) -> Array:
+    """How far the reflector stands from the tool point, (n, 3) mm; zero where it is there."""
+    pose = (table.role != "base") & np.isfinite(table.target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
+    seats = seats_of(table, file, table.target, table.measured, pose, frame, free=True)
+    return np.zeros_like(table.measured) if seats is None else seats
 
 
 def _aligned(measured: Array, target: Array, set_up: NDArray[np.intp], motion: Motion = kabsch) -> Array:

@@ -182,7 +182,7 @@ def _evaluate(compensator: Compensator, problem: Problem, tell: Progress) -> dic
 def _iso(problem: Problem) -> IsoPoses:
     """As `ptt iso` does: targets that the file leaves out are what the commands ask for."""
     table = with_targets(problem.table, build_mechanism(problem.file.machine))
-    return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run")
+    return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run", file=problem.file)
 
 
 def _versions() -> tuple[tuple[str, str], ...]:
