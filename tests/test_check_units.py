@@ -79,6 +79,18 @@ def test_sliders_out_of_travel_are_not_taken_as_micrometres(sound: tuple[Machine
     assert found.sure[0].fix == "write b1_cmd = 900 - b1_cmd, b2_cmd = 900 - b2_cmd, b3_cmd = 900 - b3_cmd"
 
 
+@pytest.mark.parametrize("away", [(0.0, 0.0, 400.0), (700.0, 0.0, 0.0)])
+def test_targets_far_away_are_not_taken_as_micrometres(
+    sound: tuple[MachineFile, Table], away: tuple[float, ...]
+) -> None:
+    """A work offset too much: a thousandth of them lies in reach, in one speck that no machine is bought for."""
+    file, table = sound
+    far = make_table(table.target + np.array(away))
+    assert check_setup(file, far).findings == ()
+    metres = make_table(1e3 * table.target)
+    assert [finding.mistake for finding in check_setup(file, metres).sure] == ["unit-scale"]
+
+
 def test_a_machine_file_in_metres_is_not_cured_by_a_smaller_run(sound: tuple[MachineFile, Table]) -> None:
     """A tripod of half a millimetre is none: the drawing is in another unit, and not every length of the run."""
     file, table = sound

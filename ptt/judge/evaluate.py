@@ -1,6 +1,7 @@
 """Error reduction, eq. 21 of the source paper: P_g = (A_b - A_a)/A_b x 100 %, A the mean absolute error of one axis."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -221,7 +222,9 @@ def _of_shared(
     errors: Errors, table: Table, file: MachineFile | None, frame: str | None, own: np.ndarray, more: bool
 ) -> Errors:
     """Errors in the frame of the rows that both runs have: what one alone has would turn it, and its errors with it."""
-    return errors_of(table, file, frame, np.isin(np.arange(table.rows), own)) if more else errors
+    with suppress(TooFewError):  # a run of its own frame may have next to none of them
+        return errors_of(table, file, frame, np.isin(np.arange(table.rows), own)) if more else errors
+    return errors
 
 
 def _require_poses(before: Table, after: Table, poses: int, policy: str) -> None:

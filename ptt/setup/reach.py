@@ -14,6 +14,7 @@ from ptt.setup.setup import Setup, drawn, used_rows
 LEAST_ROWS = 5
 NEARLY_ALL, NEARLY_NONE = 0.9, 0.05
 SPECK = 2e-3  # of a link
+WORKED = 0.02  # of a link: targets that spread over less are no run of a machine
 AGREED = 0.02  # of the spread: what ordinary faults leave
 MARGIN = 0.05  # of the travel: ends are often stated roughly
 
@@ -34,8 +35,10 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
     tried = [*drawing_slips(setup), *units("both" if read else "targets"), *([] if read else mirrors("targets"))]
     found = []
     for hypothesis in tried:
-        after = out_of_reach(hypothesis.undo(setup))
-        if after is not None and after <= NEARLY_NONE and before - after > 0.5:
+        cured = hypothesis.undo(setup)
+        after = out_of_reach(cured)
+        # Targets far away would lie in reach a thousand times smaller, too: all in one speck, where nobody works.
+        if after is not None and after <= NEARLY_NONE and before - after > 0.5 and _spread(cured) > WORKED:
             found.append((hypothesis, after))
     if not found:
         return [], setup
@@ -48,6 +51,13 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
     sure = before > NEARLY_ALL and not others
     finding = said(setup, first.mistake, words, first.fix, sure)
     return [finding], first.undo(setup) if sure else setup
+
+
+def _spread(setup: Setup) -> float:
+    """How far the targets spread, of a link."""
+    target = setup.table.target[used_rows(setup.table)]
+    target = target[np.isfinite(target).all(axis=1)]
+    return float(np.linalg.norm(np.ptp(target, axis=0))) / drawn(setup).link_length_mm
 
 
 def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -121,10 +131,9 @@ def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
     if setup.table.command is not None:
         return [], setup
     target, size = setup.table.target[used_rows(setup.table)], drawn(setup).link_length_mm
-    target = target[np.isfinite(target).all(axis=1)]
-    if len(target) < LEAST_ROWS:
+    if np.isfinite(target).all(axis=1).sum() < LEAST_ROWS:
         return [], setup
-    width = float(np.linalg.norm(np.ptp(target, axis=0)))
+    width = size * _spread(setup)
     if not 1e-6 < width < SPECK * size:
         return [], setup
     side = "both" if np.isfinite(setup.table.measured).any() else "targets"
