@@ -17,7 +17,7 @@ from ptt.model.entries import read_model, write_model
 from ptt.model.model import Term
 from ptt.run.readers import parts
 from ptt.run.spool import Spool
-from ptt.run.table import Table, write_table
+from ptt.run.table import Table, make_table, write_table
 
 COMPLIANT = torch.full((3,), 2e-4, dtype=torch.float64)
 
@@ -144,4 +144,14 @@ def test_columns_of_the_input_come_first_in_their_own_order_empty_ones_too(folde
     head, first, *_ = one.splitlines()
     assert head.startswith("note,z_cmd,role,y_cmd,temp_c,x_cmd,name,payload_kg,b1,b2,b3,reversal1,")
     assert first.startswith("a0,10.0,pose,2.0,,0.0,,2.0,")
+    assert one == two
+
+
+def test_a_list_of_which_nothing_can_be_sent_says_so_row_by_row(bench, folder, monkeypatch) -> None:
+    place = np.column_stack([np.linspace(900.0, 990.0, 100), np.zeros(100), np.full(100, 10.0)])
+    write_table(make_table(place), folder / "targets.csv")
+    targets = folder / "targets.csv"
+    assert whole(targets, "--anyway") == in_parts(monkeypatch, targets, "--anyway") == 3
+    one, two = texts(folder)
+    assert one.count("out of reach") == 100
     assert one == two

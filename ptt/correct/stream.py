@@ -76,7 +76,8 @@ class Stream:
             block, cut, solved, said, moved = settled
             commands = finish(self._plan, cut, block.own, (solved, said, moved), self._aid(cut.targets)[1])
             behind = leave_block(settled)
-            start = float(task.time[last - (0 if behind is None else len(behind.q)) - low])
+            if last < self._spool.rows:  # behind the last row there is none whose time could be told
+                start = float(task.time[last - (0 if behind is None else len(behind.q)) - low])
             own = slice(first - low, last - low)
             part = Part(first, last, commands, task.wanted[own].clone(), task.nominal[own].clone())
             self.sent &= bool(commands.sent.all())
