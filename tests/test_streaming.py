@@ -155,3 +155,30 @@ def test_a_list_of_which_nothing_can_be_sent_says_so_row_by_row(bench, folder, m
     one, two = texts(folder)
     assert one.count("out of reach") == 100
     assert one == two
+
+
+CREEP = """
+import torch
+from ptt.effects import Effect, Parameter
+
+class Creep(Effect):
+    "The head sinks with the hours."
+    name, stage, follows_clock = "creep", "structure", True
+    parameters = (Parameter("sink", "mm/s", 1e-3, "height lost a second"),)
+
+    def basis(self, view, shape):
+        return view.time[:, None, None] * torch.eye(3, dtype=torch.float64)[:, 2:]
+"""
+
+
+def test_rows_of_later_parts_that_are_not_sent_keep_their_time(bench, folder, monkeypatch) -> None:
+    targets = listed(bench, folder, time_s=np.arange(260.0))
+    (folder / "creep.py").write_text(CREEP)
+    text = (folder / "model.toml").read_text()
+    entry = '[[effect]]\nname = "creep"\n[effect.parameters]\nsink_mm_per_s = { value = 0.01 }'
+    (folder / "model.toml").write_text(f"{text}\n{entry}\n")
+    more = ("--effects", str(folder / "creep.py"))
+    assert whole(targets, *more) == in_parts(monkeypatch, targets, *more) == 3
+    one, two = texts(folder)
+    assert "nearest_mm" in one
+    assert one == two

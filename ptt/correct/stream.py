@@ -48,12 +48,14 @@ class Stream:
 
     Attributes:
         bounds: first row of each part, and the row after its last.
+        starts: seconds from the first row of the list to that of each part that was worked out.
         sent: whether every row has a command.
     """
 
     def __init__(self, plan: InversionPlan, spool: Spool, aid: Aid, folder: Path) -> None:
         self._plan, self._spool, self._aid, self._folder = plan, spool, aid, folder
         self.bounds = stretches(spool.rows, ROWS)
+        self.starts: list[float] = []
         self.sent = True
 
     def table(self, index: int) -> Table:
@@ -72,6 +74,7 @@ class Stream:
         for index, (first, last) in enumerate(self.bounds):
             low = first - (0 if behind is None else len(behind.q))
             task = self._task(low, self._seen_to(first, last, behind), start)
+            self.starts.append(float(task.time[first - low]))
             settled = settle_block(task, first - low, last - low, behind)
             block, cut, solved, said, moved = settled
             commands = finish(self._plan, cut, block.own, (solved, said, moved), self._aid(cut.targets)[1])
@@ -92,7 +95,7 @@ class Stream:
             part = self.part(index)
             rows = np.flatnonzero(~part.commands.sent)
             if len(rows):
-                nearest, gap = nearest_commands(self._task(first, last, 0.0), rows, near)
+                nearest, gap = nearest_commands(self._task(first, last, self.starts[index]), rows, near)
                 self._keep(index, replace(part, commands=replace(part.commands, nearest=nearest, nearest_gap=gap)))
 
     def _task(self, low: int, high: int, start: float) -> CommandTask:
