@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from ptt.effects.registry import library
 from ptt.fitting.prior import crowding_of
 from ptt.fitting.solve import fit
+from ptt.fleet.shares import POSES, Share, drawers_of
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
@@ -21,6 +23,29 @@ def test_independent_rows_count_as_themselves() -> None:
     for seed in range(20):
         residual = np.random.default_rng(seed).normal(size=(400, 3))
         assert crowding_of(residual, np.ones(400, dtype=bool), block) == 1.0
+
+
+@pytest.mark.parametrize("sizes", [[40] * 10 + [0] * 4000, [200] * 2 + [10] * 20], ids=["most empty", "two large"])
+def test_groups_that_are_empty_or_small_make_independent_rows_no_crowd(sizes: list[int]) -> None:
+    block = np.repeat(np.arange(len(sizes)), sizes)
+    block[-1] = len(sizes) - 1
+    crowds = 0
+    for seed in range(200):
+        residual = np.random.default_rng(seed).normal(size=(len(block), 3))
+        crowds += crowding_of(residual, np.ones(len(block), dtype=bool), block) > 1.0
+    assert crowds <= 10  # of three standard deviations, with the long tail of a chi-squared
+
+
+def test_a_log_of_a_few_poses_is_no_crowd_because_most_drawers_are_empty() -> None:
+    place, crowds = np.random.default_rng(1).uniform(-80.0, 80.0, (50, 3)).round(3), 0
+    at = drawers_of(place)[np.arange(1000) % 50]
+    nothing = (np.zeros((0, 0)), np.zeros(0), 0.0, 0), np.zeros(0)
+    for seed in range(200):
+        residual = np.random.default_rng(seed).normal(size=(1000, 3))
+        columns = (*residual.T, np.square(residual).sum(axis=1), np.ones(1000))
+        poses = np.stack([np.bincount(at, column, POSES) for column in columns], axis=1)
+        crowds += Share(*nothing, poses, np.zeros(3), 1000, (np.zeros(0, int), np.zeros(0))).crowding > 1.0
+    assert crowds <= 10
 
 
 def test_a_miss_that_all_rows_of_a_block_share_counts_once() -> None:

@@ -92,16 +92,17 @@ def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> fl
     """
     rows = kept & (block >= 0) & np.isfinite(residual).all(axis=1)
     left, count = residual[rows], int(block[rows].max(initial=0)) + 1
-    sums = np.stack([np.bincount(block[rows], column, count) for column in left.T])
-    return design_effect(sums, float((left**2).sum()))
+    sums = np.stack([np.bincount(block[rows], column, count) for column in left.T], axis=1)
+    return design_effect(sums, float((left**2).sum()), np.bincount(block[rows], minlength=count))
 
 
-def design_effect(sums: np.ndarray, square: float) -> float:
+def design_effect(sums: np.ndarray, square: float, rows: np.ndarray) -> float:
     """How much wider sums over groups of rows scatter than sums of as many independent rows.
 
     Args:
-        sums: residual summed over each group and axis, of any shape.
+        sums: residual summed over each group, (g, 3).
         square: of the residual of all rows, summed.
+        rows: in each group, (g,): few large ones scatter by chance as that few do, and empty ones not at all.
 
     Returns:
         One for independent rows, up to the size of a group.
@@ -109,7 +110,8 @@ def design_effect(sums: np.ndarray, square: float) -> float:
     if square <= 0.0:
         return 1.0
     effect = float((sums**2).sum()) / square
-    chance = 1.0 + SURE * np.sqrt(2.0 / sums.size)  # chi-squared of independent rows
+    alike = float(rows.sum()) ** 2 / float(np.square(rows, dtype=float).sum())  # groups of one size, Kish
+    chance = 1.0 + SURE * np.sqrt(2.0 / (alike * sums.shape[1]))  # chi-squared of independent rows
     return effect if effect > chance else 1.0
 
 

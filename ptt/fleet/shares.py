@@ -36,7 +36,8 @@ class Share:
     Attributes:
         total: normal equations of the rows that count.
         far: (5000,) how many rows lie how far off, by `EDGES`.
-        poses: (POSES, 4) summed residual of the rows in each drawer in units of noise, and their squares.
+        poses: (POSES, 5) summed residual of the rows in each drawer in units of noise, their squares, how many there
+            are.
         square: (3,) mm^2 summed over the rows that count.
         rows: that count.
         distant: rows that lie far, (m,) int of the whole log, and their squared distances.
@@ -52,7 +53,7 @@ class Share:
     @property
     def crowding(self) -> float:
         """How many rows say the same as one row, as `ptt.fitting.prior.crowding_of` tells."""
-        return design_effect(self.poses[:, :3], float(self.poses[:, 3].sum()))
+        return design_effect(self.poses[:, :3], float(self.poses[:, 3].sum()), self.poses[:, 4])
 
     @property
     def sifted(self) -> np.ndarray:
@@ -156,7 +157,8 @@ def share_of(
     far, _ = np.histogram(np.log(np.maximum(squared[used], 1e-8)), EDGES)
     left = system.residual[kept]
     drawer = drawers_of(problem.target[kept])
-    poses = np.stack([np.bincount(drawer, column, POSES) for column in (*left.T, squared[kept])], axis=1)
+    summed = (*left.T, squared[kept], np.ones(len(left)))
+    poses = np.stack([np.bincount(drawer, column, POSES) for column in summed], axis=1)
     most = np.flatnonzero(used)[np.argsort(squared[used])[::-1][: int(MOST_GROSS_SHARE * len(kept)) + 1]]
     most = most[squared[most] > limit_of(1.0, log.rows)]
     square = np.square(left @ np.linalg.inv(whitener).T).sum(axis=0)
