@@ -135,6 +135,21 @@ def test_a_machine_unlike_its_sisters_is_named_and_no_other():
     assert not unlike({name: values[name] for name in list(values)[:4]} | {"m7": (55.0, 0.5)})  # too few to tell
 
 
+@pytest.mark.parametrize("machines", [6, 7, 12, 30])
+def test_sisters_that_differ_by_chance_alarm_as_seldom_as_promised_however_many_values_are_compared(machines: int):
+    random, compared, false = np.random.default_rng(1), 20, 0
+    for _ in range(400):
+        values = random.normal(20.0, 2.0, (compared, machines))
+        found = [unlike({str(i): (v, 0.0) for i, v in enumerate(row)}, compared) for row in values.tolist()]
+        false += any(found)
+    assert false <= 10  # 4 of 400 by ALPHA, and three standard deviations
+
+
+def test_one_of_six_sisters_far_off_is_named_though_many_values_are_compared():
+    values = {f"m{i}": (20.0 + i, 0.5) for i in range(5)}
+    assert list(unlike(values | {"m7": (120.0, 0.5)}, 20)) == ["m7"]
+
+
 def test_a_value_is_given_to_the_last_figure_of_its_error():
     assert amount(0.0040312, "mm", 0.000041) == "4.031 +- 0.041 um"
     assert amount(-0.27246, "mm", 0.0127, sign=True) == "-272 +- 13 um"

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ptt.errors import InputError
-from ptt.fleet.alarms import MONTH, Alarm, Names, of_movement, unlike, unlike_alarm
+from ptt.fleet.alarms import MONTH, SISTERS, Alarm, Names, of_movement, unlike, unlike_alarm
 from ptt.fleet.past import RUNS, Past, of_changes, of_runs, past_of, unsettled
 from ptt.fleet.store import Store, shown
 from ptt.fleet.trends import Moves, Series, movements
@@ -190,9 +190,10 @@ def _beside_sisters(standings: Sequence[Standing]) -> list[Standing]:
     """Each machine's last values and its error beside those of machines with the same drawing."""
     extra: dict[str, list[Alarm]] = {}
     for drawing in {standing.drawing for standing in standings}:
-        for (effect, parameter, label, unit), values in _last_values(standings, drawing).items():
+        beside = {key: values for key, values in _last_values(standings, drawing).items() if len(values) >= SISTERS}
+        for (effect, parameter, label, unit), values in beside.items():
             middle = float(np.median([value for value, _ in values.values()]))
-            for machine, far in unlike(values).items():
+            for machine, far in unlike(values, len(beside)).items():
                 alarm = unlike_alarm(effect, parameter, label, unit, values[machine][0], middle, far)
                 extra.setdefault(machine, []).append(alarm)
     return [replace(each, alarms=(*each.alarms, *extra.get(each.machine, ()))) for each in standings]
