@@ -7,16 +7,21 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
+import torch
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.evidence.system import clock_of
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
+from ptt.fitting import chunks
+from ptt.fitting.drawn_sizes import sizes_beside
+from ptt.fitting.gauge import sparsest
+from ptt.fitting.layout import FRAME
 from ptt.fitting.linear import assemble
 from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import climb
 from ptt.machine_schema import BasePoint, TrackerSpec
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.run.base_visits import sound_visits
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table, make_table
@@ -145,6 +150,23 @@ def test_columns_at_the_reflectors_are_those_of_the_tracker_alone():
     jump = linear.base_columns[..., linear.trials[0].columns]
     moved = (np.array(problem.table.role) == "base") & (np.arange(problem.table.rows) > 60)
     assert np.linalg.matrix_rank(jump.reshape(-1, 6)) == 6 and moved.sum() == len(PLACES)
+
+
+def test_stretches_that_stand_for_a_long_run_hold_its_frame_no_firmer_than_its_reflectors_do(monkeypatch):
+    problem = measured_run(np.zeros(6), rows=3000)
+    fitted = fit(Model(problem.file) + library()["homing-offset"](), problem)
+    small = torch.full((3,), 1e-3, dtype=torch.float64)  # mm: less than two rounds of reflectors tell
+    term = Term(library()["homing-offset"](), small, std=small)
+
+    def told() -> tuple[np.ndarray, tuple[str, ...]]:
+        return np.diag(sizes_beside(fitted, problem)[1][0]), sparsest([term], problem, fitted.noise)[0].alike
+
+    (whole, alike), frame = told(), np.flatnonzero(fitted.layout.owner == FRAME)
+    for name, size in (("LONG", 500), ("SAMPLE", 100), ("STRETCH", 20)):
+        monkeypatch.setattr(chunks, name, size)
+    sampled, others = told()
+    np.testing.assert_allclose(sampled[frame], whole[frame], rtol=0.2)
+    assert alike == others == ("tracker z",)
 
 
 def test_a_wander_that_outlasts_a_run_has_come_no_further_before_it_where_reflectors_tell_the_frame():

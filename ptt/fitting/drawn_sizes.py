@@ -65,10 +65,8 @@ def sizes_beside(fitted: FitResult, problem: Problem) -> tuple[tuple[DrawnSize, 
     sound, keys = problem.masked(fitted.outliers), fitted.model.keys
     few = few_enough(sound)
     linear = linear_columns(fitted, few, _unnamed(keys, few), fitted.noise)
-    gram, side, square, count = linear.total()
-    times = sound.table.rows / few.table.rows
     sizes = tuple(_size(trial, keys, few) for trial in linear.trials)
-    return sizes, (times * gram, times * side, times * square, round(times * count))
+    return sizes, linear.total(sound.table.rows / few.table.rows)
 
 
 def _size(trial: ShapeTrial, keys: Sequence[str], problem: Problem) -> DrawnSize:

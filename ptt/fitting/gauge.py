@@ -66,13 +66,12 @@ def sparsest(
     layout = lay_out(Model(problem.file), few, (*terms, *beside))
     values = layout.start()
     linear = assemble(layout, values, few, noise)
-    times = problem.table.rows / few.table.rows / widen**2
     mine = layout.owner < len(terms)
     own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held & ~layout.searched)
     held = layout.held.astype(float)
-    gram = linear.total()[0]
+    gram = linear.total(problem.table.rows / few.table.rows)[0]
     information, motions = _without(gram, own, np.setdiff1d(np.flatnonzero(mine), own), held)
-    information = information * times
+    information = information / widen**2
     free = _untold(information, values[own])
     if free.shape[1]:  # what only these few poses do not tell is no gauge: it is another machine
         free = _untold(information + _all_over(terms, beside, problem.file, noise), values[own])
@@ -84,7 +83,8 @@ def sparsest(
     if beside:
         # None of these is larger than it was found to be, or than is usual.
         prior = np.where(mine, held, 1.0 / np.maximum(_mean_squares(values, layout.group), 1.0))
-        information = times * _without(gram, own, np.setdiff1d(np.arange(len(values)), own), prior / times)[0]
+        rest = np.setdiff1d(np.arange(len(values)), own)
+        information = _without(gram / widen**2, own, rest, prior)[0]
     error[own] = _errors(information, moved)
     if loose is not None:
         error[own] = np.hypot(error[own], _moved_along(loose([layout.names[place] for place in own]), free, moved))

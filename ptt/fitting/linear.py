@@ -87,11 +87,16 @@ class Linear:
         """Columns of the present model and the frame, which are the first."""
         return np.arange(sum(map(len, self.present.values())) + len(self.frame))
 
-    def total(self) -> Total:
-        """Normal equations of the rows that count and of the base reflectors; no prior is in them."""
+    def total(self, times: float = 1.0) -> Total:
+        """Normal equations of the rows that count and of the base reflectors; no prior is in them.
+
+        Args:
+            times: rows that each row stands for, where they are stretches of a long run; of reflectors all are there.
+        """
         gram, side, square, count = _sums(self.columns[self.rows], self.values[self.rows])
         base = _sums(self.base_columns, self.base_values)
-        return gram + base[0], side + base[1], square + base[2], count + base[3]
+        rows = (times * gram, times * side, times * square, round(times * count))
+        return rows[0] + base[0], rows[1] + base[1], rows[2] + base[2], rows[3] + base[3]
 
     def without_rows(self) -> "Linear":
         """What the columns are, without their rows: all that is kept of a chunk once it is summed."""
