@@ -15,7 +15,7 @@ from ptt.fitting.layout import lay_out
 from ptt.fitting.whitened import build_whitened
 from ptt.fleet import log as logs
 from ptt.fleet.fit_log import fit_file, fit_log
-from ptt.fleet.log import open_log, read_log
+from ptt.fleet.log import enter_part, hand_on, open_log, read_log, read_part
 from ptt.fleet.log_copy import to_parquet
 from ptt.fleet.shares import Passes, drawers_of
 from ptt.fleet.sound import require_sound
@@ -30,7 +30,8 @@ from ptt.run.base_frame import into_base
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
-from ptt.run.table import make_table, table_to_frame
+from ptt.run.table import make_table, table_to_frame, take_rows
+from ptt.run.viewing import elapsed
 
 THREE = 3
 
@@ -82,6 +83,28 @@ def test_parts_say_what_the_whole_says_also_of_memory_speed_and_a_slider_that_st
     whole = build_whitened(layout, replace(problem, measured=read), noise.whitener, unknowns)
     for one, other in zip(share.total, whole.sums(problem.used), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("empty", [False, True])
+def test_a_clock_that_is_set_back_goes_on_from_part_to_part_as_in_a_run(empty: bool, tmp_path):
+    machine, path, table = load_machine(MACHINE), tmp_path / "log.parquet", made(300)
+    clock = (
+        np.asarray(table.time_s) - np.where(np.arange(300) >= 110, 9.0, 0.0) - np.where(np.arange(300) > 220, 5.0, 0)
+    )
+    frame = table_to_frame(table).assign(time_s=clock)
+    if empty:
+        frame.loc[[100, 101, 110, 150], "time_s"] = np.nan
+    connection = duckdb.connect()
+    connection.register("rows", frame)
+    connection.execute(f"COPY rows TO '{path}' (FORMAT parquet)")
+    log, parts, state = open_log(machine, path, 100), [], None
+    for part in log.parts:
+        rows = read_part(log, part)
+        parts.append(enter_part(rows, part, state).view.time.numpy())
+        state = hand_on(rows, part, state)
+    told = frame["time_s"].notna().to_numpy()
+    whole = elapsed(take_rows(table.replace(time_s=clock), np.flatnonzero(told)))
+    np.testing.assert_allclose(np.concatenate(parts)[told], whole, atol=1e-9)
 
 
 def test_readings_of_a_pose_fall_into_one_drawer_where_its_target_is_written_to_the_micron():

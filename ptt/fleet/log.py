@@ -44,10 +44,14 @@ class LogState:
     Attributes:
         entry: how the joints came to its first row.
         direction: (k,) in which each joint moved last.
+        clock: s, what it showed last, since the first row; NaN where it never did.
+        back: s, by how much it went back in all until then.
     """
 
     entry: Entry
     direction: Tensor
+    clock: float
+    back: float
 
 
 @dataclass(frozen=True)
@@ -150,13 +154,28 @@ def enter_part(problem: Problem, part: Part, state: LogState | None) -> Problem:
     if state is not None:
         problem = replace(problem, view=keep_direction(problem.view, state.direction))
     low = int(number[0])
-    return take_entered(problem, [(part[0] - low, part[1] - low)], [state.entry if state else None])
+    problem = take_entered(problem, [(part[0] - low, part[1] - low)], [state.entry if state else None])
+    return replace(problem, view=replace(problem.view, time=problem.view.time + _gone_back(problem.view.time, state)))
 
 
 def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
     """What a part hands on to the next: cheap, and the only thing that is done one part after the other."""
-    view = enter_part(problem, part, state).view
-    return LogState(leave(view, 0), view.direction[-1])
+    view, low = enter_part(problem, part, state).view, max(part[0] - BESIDE, 0)
+    shown = problem.view.time[part[0] - low : part[1] - low]
+    told = torch.isfinite(shown)
+    if not told.any():
+        return LogState(leave(view, 0), view.direction[-1], *((state.clock, state.back) if state else (np.nan, 0.0)))
+    clock = float(shown[told][-1])
+    return LogState(leave(view, 0), view.direction[-1], clock, float(view.time[told][-1]) - clock)
+
+
+def _gone_back(shown: Tensor, state: LogState | None) -> Tensor:
+    """What is laid onto a part's clock where it goes back, as of a run (`ptt.run.viewing.elapsed`), (n,) s."""
+    told, before = torch.isfinite(shown), state.clock if state else np.nan
+    steps = torch.diff(shown[told], prepend=shown.new_full((1,), before)).nan_to_num()  # nothing comes before the first
+    back = torch.full_like(shown, state.back if state else 0.0)
+    back[told] += (-steps).clamp(min=0.0).cumsum(0)
+    return back
 
 
 def _require_one_run(problem: Problem, path: Path) -> None:
