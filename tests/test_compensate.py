@@ -238,7 +238,8 @@ def test_a_load_is_asked_for_where_the_model_moves_with_it():
     weighs = replace(FILE, machine=FILE.machine.model_copy(update={"platform_mass_kg": 4.0}))
     bare = replace(weighs, history=({"kind": "added", "ranges": {"temp_c": (19.0, 21.0)}},))
     assert missing_context(with_effects(bare, axis_compliance={"compliance_mm_per_n": [2e-4] * 3}), TARGETS) == []
-    loads = ({"ranges": {"payload_kg": (0.0, 5.0)}}, {"ranges": {}}, {"ranges": "none noted"})  # the last by hand
+    loads = ({"kind": "added", "ranges": {"payload_kg": (0.0, 5.0)}}, {"kind": "refit", "ranges": {}},
+             {"ranges": "none noted"})  # fmt: skip  # the last by hand
     loaded = with_effects(replace(weighs, history=loads), axis_compliance={"compliance_mm_per_n": [2e-4] * 3})
     assert len(missing_context(loaded, TARGETS)) == 1
     clears = {"joint_clearance": {"clearance_mm": [0.02] * 3}}
@@ -256,6 +257,10 @@ def test_loads_and_warmth_beyond_the_models_run_are_said():
     (line,) = beyond_lines([found, ()], "t.csv", 3)
     assert "payload goes beyond the model's run (0 to 6 kg) by up to 44 in 1 of 3 rows; how column-bend follows" in line
     assert beyond_context(model, table.replace(payload_kg=np.minimum(load, 6.0))) == ()
+    own = replace(model, file=replace(model.file, history=(*history, {"ranges": {"payload_kg": [0.0, 90.0]}})))
+    assert beyond_context(own, table) == found  # a person's own entry is no run of the model
+    silent = replace(model, file=replace(model.file, history=(*history, {"kind": "refit"})))
+    assert beyond_context(silent, table) == ()  # what its run had nothing says, and an earlier run's was another model
     (twice,) = beyond_lines([found, found], "t.csv", 6)
     assert "by up to 44 in 2 of 6 rows" in twice
 

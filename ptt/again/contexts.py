@@ -1,10 +1,8 @@
 """What differs between two runs beside the machine: loads and warmth that a model has or has not seen."""
 
-from typing import Any
-
 from ptt.again.before import Before
 from ptt.run.problem import Problem
-from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of
+from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of, ranges_of_model
 
 
 def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
@@ -17,9 +15,8 @@ def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
     Returns:
         One line for each context that its run did not have, or of which nothing says so.
     """
-    steps = [row for row in before.model.file.history if "kind" in row]
-    then: dict[str, Any] = dict(steps[-1].get("ranges", {})) if steps else {}
-    told = bool(steps) and "ranges" in steps[-1]
+    recorded = ranges_of_model(before.model.file)
+    then, told = recorded or {}, recorded is not None
     needs = {context for term in before.model.terms for context in term.effect.requires}
     lines = []
     for column, (low, high) in ranges_of(problem).items():

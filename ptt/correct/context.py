@@ -1,6 +1,6 @@
 """What a model asks of the context of its targets: loads, warmth, speed and time that their list may not tell."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.blanks import without_empty
-from ptt.run.ranges import LEAST_BEYOND, QUANTITIES
+from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of_model, ranges_of_steps
 from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import build_view
@@ -77,9 +77,7 @@ def beyond_context(model: Model, targets: Table) -> tuple[Beyond, ...]:
     Returns:
         One for each such column.
     """
-    steps = [step for step in model.file.history if isinstance(step.get("ranges"), Mapping)]
-    then: Mapping[str, tuple[float, float]] = steps[-1]["ranges"] if steps else {}
-    found = []
+    then, found = ranges_of_model(model.file) or {}, []
     for column, (need, _) in QUANTITIES.items():
         values = getattr(targets, column)
         if column not in then or values is None or not np.isfinite(values).any():
@@ -169,5 +167,5 @@ def _moved(model: Model, targets: Table, need: str) -> set[str]:
 
 def _had_load(file: MachineFile) -> bool:
     """Whether a run of the model was under a load, or nothing says so: one that never had any needs none stated."""
-    ranges = [step["ranges"] for step in file.history if isinstance(step.get("ranges"), Mapping)]
+    ranges = [each for each in ranges_of_steps(file) if each is not None]
     return not ranges or any(each.get("payload_kg", (0.0, 0.0))[1] > 0.0 for each in ranges)

@@ -1,8 +1,13 @@
 """Between which loads, temperatures and speeds a run was read: what a model fitted on it has seen."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from ptt.machine import MachineFile
 from ptt.run.problem import Problem
+
+Ranges = Mapping[str, tuple[float, float]]
 
 COLUMNS = ("payload_kg", "temp_c", "feed_mm_s")
 QUANTITIES = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
@@ -24,3 +29,26 @@ def ranges_of(problem: Problem) -> dict[str, list[float]]:
         if values is not None and np.isfinite(values[problem.used]).any():
             found[column] = [float(np.nanmin(values[problem.used])), float(np.nanmax(values[problem.used]))]
     return found
+
+
+def ranges_of_steps(file: MachineFile) -> tuple[Ranges | None, ...]:
+    """The ranges of every run that a model was made from, as its history keeps them.
+
+    Args:
+        file: the model's.
+
+    Returns:
+        Column -> lowest and highest value, for each step, oldest first; None where a step does not tell. What a person
+        wrote into the history is no step.
+    """
+    told = [step.get("ranges") for step in file.history if "kind" in step]
+    return tuple(ranges if isinstance(ranges, Mapping) else None for ranges in told)
+
+
+def ranges_of_model(file: MachineFile) -> Ranges | None:
+    """The ranges of the run that a model's values are of, the last; None where nothing tells them.
+
+    Args:
+        file: the model's.
+    """
+    return (None, *ranges_of_steps(file))[-1]
