@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
-from ptt.diagnosis.search.neighbours import off_alike
+from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.mechanisms import build_mechanism
@@ -87,3 +87,9 @@ def test_where_it_agrees_most_is_the_place() -> None:
     problem = problem_of(target, np.zeros((400, 3)), stated=True)
     chance, place = off_alike(problem, random.normal(size=(400, 3)) + 6.0 * near[:, None] * [0.0, 0.0, 1.0])
     assert chance < 1e-6 and np.linalg.norm(np.array(place) - 20.0) < 37.5  # a width and a half
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2999, 3000, 3001, 5999, 6000, 6001])
+def test_rows_are_thinned_to_so_many_and_no_more(rows: int) -> None:
+    kept = thin(np.arange(rows), 3000)
+    assert len(kept) <= 3000 and len(kept) >= min(rows, 1500) and (np.diff(kept) == np.diff(kept)[:1]).all()

@@ -30,7 +30,7 @@ def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[floa
         The chance that they do by accident, 1 where there are too few poses; and where they agree most, x, y, z in mm.
     """
     rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
-    rows = rows[:: max(1, -(-len(rows) // MOST_ROWS))]
+    rows = thin(rows, MOST_ROWS)
     pose = same_places(problem.view.p.numpy()[rows])
     visits = np.bincount(pose)
     if len(visits) < LEAST_POSES:
@@ -44,6 +44,11 @@ def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[floa
     agree = (error[one] * error[other]).sum(axis=1)
     most = np.argmax(np.bincount(np.append(one, other), np.append(agree, agree), len(place)))
     return normal_sf(float(agree.sum() / np.sqrt(np.square(agree).sum().clip(1e-12)))), tuple(place[most].tolist())
+
+
+def thin(rows: np.ndarray, most: int) -> np.ndarray:
+    """Rows spread evenly over some, (m,), and no more than so many."""
+    return rows[:: max(1, -(-len(rows) // most))]
 
 
 def _by_pose(values: np.ndarray, pose: np.ndarray) -> np.ndarray:

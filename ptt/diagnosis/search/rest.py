@@ -12,7 +12,7 @@ from ptt.dependence.said import by_chance
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.wander import FAULT
-from ptt.diagnosis.search.neighbours import off_alike
+from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.run.holdout import BLOCKS, blocks
@@ -26,7 +26,9 @@ CHANCE_FIELD = 1e-4  # a network over position predicts held-out residuals
 CHANCE_PLACE = 1e-4  # neighbours in space are off alike
 CHANCE_DEPENDS = 1e-5  # a smooth function of a context variable predicts residuals
 LIGHT = RbfSettings(centre_counts=(12,), spreads=(1.0, 2.0), ridges=(1e-4, 1e-2), affine=(False,), restarts=1)
-MOST_ROWS = 3000  # a field that 3,000 rows do not show is no field worth naming
+FIELD_ROWS = 3000  # a field that 3,000 rows do not show is no field worth naming
+LEAST_ROWS = 30  # of fewer the twelve nodes of a network have hardly two each
+LEAST_PARTS = 5  # of a run, held out in turn: over fewer, gains must be alike to some percent to pass `CHANCE_FIELD`
 
 
 @dataclass(frozen=True)
@@ -189,9 +191,9 @@ def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray
 
 def _field(problem: Problem, residual: np.ndarray) -> float:
     rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
-    rows = rows[:: max(1, len(rows) // MOST_ROWS)]
+    rows = thin(rows, FIELD_ROWS)
     group = blocks(problem.table, 2 * BLOCKS)[rows]
-    if len(rows) < 30 or len(np.unique(group)) < 5:
+    if len(rows) < LEAST_ROWS or len(np.unique(group)) < LEAST_PARTS:
         return 1.0
     inputs = problem.view.p.numpy()[rows]
     trained = train_rbf(inputs, residual[rows] / np.nanstd(residual[rows], axis=0), group, settings=LIGHT)
