@@ -10,9 +10,9 @@ from ptt.fitting.indices import project_off
 from ptt.fitting.layout import FRAME, FRAME_NAMES, MOUNT, MOUNT_NAMES, Layout
 from ptt.fitting.patterns import Pattern, patterns
 from ptt.fitting.result import FitResult
+from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.record import Record
 
-UNSEEN = 1.0  # information, in usual sizes, below which a combination counts as not told apart
 ALIKE = 0.95  # how far a pattern must lie in the confounded space to lend it its words
 CORRELATED = 0.9
 SMALL = 0.1  # motions below this share of the largest are not named
@@ -139,10 +139,10 @@ def _confounded(fitted: FitResult) -> Iterator[tuple[int, Pattern]]:
         if not len(own):
             continue
         kept = project_off(information, own, PULL)
-        if np.linalg.eigvalsh(kept)[0] >= UNSEEN:
+        if np.linalg.eigvalsh(kept)[0] >= SEEN_INFORMATION:
             continue
         for pattern in _patterns(fitted, index, own):
-            if pattern.vector[own] @ kept @ pattern.vector[own] < UNSEEN:
+            if pattern.vector[own] @ kept @ pattern.vector[own] < SEEN_INFORMATION:
                 yield index, pattern
 
 
@@ -156,13 +156,13 @@ def _imitate(pattern: Pattern, index: int, fitted: FitResult) -> _Candidate:
     def kept(names: Sequence[str | int]) -> float:
         return _kept(information, pattern.vector, np.concatenate([_NONE, *(groups[name] for name in names)]))
 
-    while kept(chosen) >= UNSEEN and waiting:
+    while kept(chosen) >= SEEN_INFORMATION and waiting:
         best = min(waiting, key=lambda name: kept([*chosen, name]))
         chosen.append(best)
         waiting.remove(best)
     for name in list(chosen):
         rest = [other for other in chosen if other != name]
-        if kept(rest) < UNSEEN:
+        if kept(rest) < SEEN_INFORMATION:
             chosen = rest
     whole = pattern.vector + _imitation(
         information, pattern.vector, np.concatenate([_NONE, *(groups[name] for name in chosen)])

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from ptt.fitting.stated import SEEN_INFORMATION
+
 MEDIAN = 0.37  # degrees of freedom that a squared median is worth beside a mean of squares, normal rows
 RIDGE = 1e-9  # of the strongest direction: below it a value is not told by any run
 STATED = 0.5  # chance, before any run, that runs scatter by what their rows say and no more
@@ -96,4 +98,4 @@ def scatter_of_one(information: np.ndarray, rest: np.ndarray, place: int, course
 def _rank(information: np.ndarray) -> int:
     """Directions that rows know better than their usual size."""
     strength = np.linalg.eigvalsh(information)
-    return int((strength > max(1.0, RIDGE * strength[-1])).sum())
+    return int((strength > max(SEEN_INFORMATION, RIDGE * strength[-1])).sum())

@@ -33,7 +33,7 @@ def machine_in_words(machine: Standing) -> str:
             values, errors = machine.moves.values[:, place], machine.moves.std[:, place]
             ends = [
                 amount(float(values[row]) * usual, unit, float(errors[row]) * usual)
-                if errors[row] < SEEN_INFORMATION
+                if SEEN_INFORMATION * errors[row] ** 2 < 1.0
                 else "-"
                 for row in (0, -1)
             ]
