@@ -11,7 +11,7 @@ from ptt.fitting.chunks import few_enough
 from ptt.fitting.evidence import NARROWEST, WIDEST, learn
 from ptt.fitting.linear import ShapeTrial, linear_columns
 from ptt.fitting.posterior import Posterior
-from ptt.fitting.prior import FRAME
+from ptt.fitting.prior import FRAME_VARIANCE
 from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import Total
 from ptt.model.model import rival
@@ -124,6 +124,6 @@ def learn_beside(
     wide = prior.crowding * max(1.0, fitted.chi2 / max(fitted.freedom, 1))
     return learn(
         gram[np.ix_(every, every)] / wide, side[every] / wide, square / wide, count / prior.crowding,
-        np.concatenate(owner).astype(int), freedom=np.inf, start=begun, wide=FRAME,
+        np.concatenate(owner).astype(int), freedom=np.inf, start=begun, wide=FRAME_VARIANCE,
         floor=np.where(fixed, scales, NARROWEST), ceiling=np.where(fixed, scales, WIDEST),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from ptt.model.model import rival
 from ptt.run.problem import Problem
 
 FEW = 12  # values up to which an effect is kept: curves would outgrow the file
-LONG = 10_000  # rows
+MASKED_ROWS = 10_000  # beyond which the columns of all of the library's effects at once take too much memory
 LEAST_ROOT = 0.03  # what a thousand usual sizes would hardly show says nothing
 
 
@@ -70,7 +70,7 @@ def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
     Returns:
         What is known of them; None of a long run, or where there is none.
     """
-    candidates = [] if problem.table.rows > LONG or not len(fitted.unknowns) else _candidates(fitted, problem)
+    candidates = [] if problem.table.rows > MASKED_ROWS or not len(fitted.unknowns) else _candidates(fitted, problem)
     if not candidates:
         return None
     linear = linear_columns(fitted, problem.masked(fitted.outliers), candidates, fitted.noise)

@@ -9,7 +9,7 @@ from ptt.fitting.layout import Layout
 from ptt.fitting.whitened import Total
 from ptt.run.noise import Noise
 
-FRAME = 1.0  # prior variance of frames and mounts, which stand near where they belong: their usual sizes are wide
+FRAME_VARIANCE = 1.0  # of frames and mounts, which stand near where they belong: their usual sizes are wide
 TURNS = 4  # of learning sizes beside the scatter of the rows
 SAME = 0.05  # change of a log variance below which the scatter counts as settled
 PLENTY = 100.0  # degrees of freedom that a stated noise counts for at most: a model may miss more than noise
@@ -147,7 +147,7 @@ def learn_prior(
         found = learn(
             gram / (wider * crowding), side / (wider * crowding), square / (wider * crowding), count / crowding,
             layout.group,
-            freedom=min(3.0 * noise.freedom, PLENTY), start=scales, wide=FRAME,
+            freedom=min(3.0 * noise.freedom, PLENTY), start=scales, wide=FRAME_VARIANCE,
             floor=np.where(fixed, scales, NARROWEST), ceiling=np.where(fixed, scales, WIDEST),
         )  # fmt: skip
         before, wider, scales = wider, max(wider * found.phi, 1.0), np.where(fixed, scales, found.scales)
@@ -159,4 +159,4 @@ def learn_prior(
 def _prior(
     layout: Layout, scales: np.ndarray, centre: np.ndarray, widening: float = 1.0, crowding: float = 1.0
 ) -> Prior:
-    return Prior(np.append(scales, FRAME)[layout.group], scales, centre, widening, crowding)
+    return Prior(np.append(scales, FRAME_VARIANCE)[layout.group], scales, centre, widening, crowding)

@@ -23,7 +23,7 @@ from ptt.run.same_pose import SAME_POSE
 from ptt.run.tails import chi2_ppf
 
 EDGES = np.linspace(np.log(1e-9), np.log(1e12), 5000)  # of squared distances: a quantile to one in a hundred
-POSES = 4096  # drawers that poses are sorted into, by cells: no part knows which rows of another are of the same pose
+POSES = 2**12  # drawers that poses are sorted into, by cells: no part knows which rows of another are of the same pose
 CELL = 10.0 * SAME_POSE  # mm: poses as wide as may be are cut by so few edges that their rows crowd by a tenth less
 EDGE = 0.345  # of a cell, where it begins: no target that is written to the micron or a tenth of it is cut by rounding
 MOST_GROSS_SHARE = 0.02  # of a part's rows; more is the machine or the model
@@ -177,7 +177,7 @@ def drawers_of(place: np.ndarray) -> np.ndarray:
     """
     whole = np.floor(place / CELL - EDGE).astype(np.int64).astype(np.uint64)
     mixed = whole @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
-    return (mixed >> np.uint64(52)).astype(int)
+    return (mixed >> np.uint64(64 - (POSES.bit_length() - 1))).astype(int)  # its highest bits, as many as tell drawers
 
 
 def add_shares(one: Share, other: Share) -> Share:

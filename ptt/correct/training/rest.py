@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from nets import GaussianRbf, NetsError, RbfSettings, RbfTraining, measure_domain, train_rbf
+from nets.selection import LEAST_PLACES
 from ptt.correct.training.physics import Physics
 from ptt.errors import TooFewError
 from ptt.run.holdout import pose_groups
@@ -15,7 +16,6 @@ from ptt.run.problem import Problem
 Space = Literal["tool", "joints"]  # what the network's inputs are: tool positions, or an arm's joint commands
 
 POSES = 2000  # k-means and the held-out choice gain nothing from more
-LEAST_POSES = 20
 BESIDE = 1.0  # mm: the size of the errors, hence of the way from a target to what is asked for instead
 
 
@@ -133,7 +133,7 @@ def step_of(network: GaussianRbf, place: np.ndarray) -> np.ndarray:
 def _beside(places: np.ndarray) -> np.ndarray:
     """Displacements at which each of the places (m, 3) mm is learned, (c, 3) mm, none among them."""
     none = np.zeros((1, 3))
-    if len(places) < LEAST_POSES:  # copies must not pass for poses where there are too few
+    if len(places) < LEAST_PLACES:  # copies must not pass for poses where there are too few
         return none
     from scipy.spatial import cKDTree
 

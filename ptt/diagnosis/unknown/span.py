@@ -13,7 +13,7 @@ from ptt.run.problem import Problem
 from ptt.run.watched import watched_values
 
 SLOW = 10  # cosines over the time of the run
-SAME_FEED = 0.05  # share of the largest that a feed has to vary by
+FEED_SHARE = 0.05  # share of the largest that a feed has to vary by
 LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
 
 
@@ -112,7 +112,7 @@ def _contexts(problem: Problem) -> Iterator[Context]:
     came, turns = ways_of(view.p.numpy(), view.starts.numpy())
     turns = reined(turns)
     yield _context("way", reined(np.column_stack(list(came))), fields=False, joints=False)
-    if feed is None or np.ptp(feed := reined(np.nan_to_num(feed))) <= SAME_FEED * feed.max():
+    if feed is None or np.ptp(feed := reined(np.nan_to_num(feed))) <= FEED_SHARE * feed.max():
         yield _context("turn", turns, fields=False, joints=False)
     else:  # how fast the machine came, also where it was read at a stop
         yield _context("feed", _bowed(feed), fields=False)

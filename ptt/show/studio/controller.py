@@ -8,6 +8,7 @@ from typing import Any
 from nicegui import Client
 
 from ptt.errors import PttError
+from ptt.fitting.chunks import LONG
 from ptt.machine import parse_machine
 from ptt.show.studio.doing import Doing
 from ptt.show.studio.keeping import Keeper
@@ -21,7 +22,6 @@ from ptt.show.studio.snapshot import key_of
 from ptt.show.studio.steps import START
 from ptt.show.studio.store import SessionFolder
 
-LONG = 50_000  # rows from which nothing is diagnosed unasked: it takes a minute or more
 LEARN = "finding what is missing"
 TOPICS = ("session", "picked", "busy", "staged", "view")
 Listener = Callable[[], None]
@@ -189,7 +189,7 @@ class Studio(Doing):
     async def learn(self, unasked: bool = False) -> None:
         """Find what is missing from the active model; unasked only what is not known yet and does not take long."""
         session = self.session
-        long = session.look is not None and session.look.rows > LONG
+        long = session.look is not None and session.look.rows > LONG  # a minute or more
         if not session.ready or (unasked and (session.lesson is not None or long)):
             return
         how = "unasked" if unasked else "asked"

@@ -6,9 +6,10 @@ from typing import Any
 from nicegui import ui
 
 from ptt.effects.phrases import capital
+from ptt.fitting.chunks import LONG
 from ptt.show.card.bar import COLOURS, MOST_FINDINGS, bar_html
 from ptt.show.card.words import how_sure, length
-from ptt.show.studio.controller import LEARN, LONG, Studio
+from ptt.show.studio.controller import LEARN, Studio
 from ptt.show.studio.page_effect import EffectCards
 from ptt.show.studio.page_machine_picture import MachinePicture
 from ptt.show.studio.page_others import OthersView

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from nicegui import ui
 
 from ptt.effects.phrases import capital
+from ptt.fitting.chunks import LONG
 from ptt.show.card.words import length, pretty
-from ptt.show.studio.controller import LONG, Studio
+from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
 from ptt.show.studio.page_setup import show_finding
 from ptt.show.studio.tables import table_html
