@@ -97,8 +97,11 @@ def muted(training: RbfTraining, kept: npt.NDArray[np.bool_]) -> RbfTraining:
     chosen = training.chosen if learned.any() else Candidate(0, 0.0, False)
     ridges = np.where(learned, training.ridges, 0.0)
     network = GaussianRbf.from_tensors(tensors)
-    fitted = np.where(learned, training.fitted_rms, training.null_rms)  # zero misses every row by what it is
-    return replace(training, network=network, chosen=chosen, ridges=ridges, learned=learned, fitted_rms=fitted)
+    # Zero misses every row by what it is, those that were held out as well.
+    heldout, fitted = (np.where(learned, rms, training.null_rms) for rms in (training.heldout_rms, training.fitted_rms))
+    return replace(
+        training, network=network, chosen=chosen, ridges=ridges, learned=learned, heldout_rms=heldout, fitted_rms=fitted
+    )
 
 
 def fit_rbf(

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from nets import RbfSettings, TrainingDataError, fit_rbf, train_rbf
+from nets import RbfSettings, TrainingDataError, fit_rbf, muted, train_rbf
 from nets.selection import HeldOut, choose, deal_folds
 
 SMALL = RbfSettings(centre_counts=(8, 32), spreads=(1.0, 2.0, 4.0), ridges=(1e-10, 1e-8, 1e-6, 1e-4, 1e-2))
@@ -92,6 +92,16 @@ def test_only_the_outputs_with_something_to_learn_are_predicted():
     np.testing.assert_array_equal(training.learned, [True, False, True])
     assert np.all(training.network.predict(p)[:, 1] == 0.0)
     assert np.all(training.heldout_rms[[0, 2]] < 0.01 * training.null_rms[[0, 2]])
+
+
+def test_an_output_that_is_taken_back_errs_as_zero_does():
+    p, pose = helix()
+    training = train_rbf(p, surface(p), pose, settings=SMALL)
+    less = muted(training, np.array([True, False, True]))
+    assert less.learned.tolist() == [True, False, True] and not less.network.predict(p)[:, 1].any()
+    for told, before in ((less.heldout_rms, training.heldout_rms), (less.fitted_rms, training.fitted_rms)):
+        np.testing.assert_array_equal(told, np.where(less.learned, before, training.null_rms))
+    assert muted(training, np.ones(3, dtype=bool)) is training
 
 
 def test_without_a_null_candidate_something_is_always_fitted():
