@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nets import GaussianRbf
-from ptt.correct.exports.c.effects import AHEAD, parts_of
+from ptt.correct.exports.c.effects import AHEAD, OWN, parts_of
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.graph import Graph, Node
 from ptt.correct.exports.graph_arm import CONTEXT, settle
@@ -69,7 +69,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:
     own = parts_of(compensator.model).cannot
-    why = {key: text for key, text in own.items() if text == AHEAD or "own" in text}
+    why = {key: text for key, text in own.items() if text in (AHEAD, OWN)}
     _, turning, _ = split_terms(compensator.model)
     return why | {effect.key: SIDE for effect, _ in turning}
 
