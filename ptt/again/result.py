@@ -1,12 +1,12 @@
 """What a recheck says: the verdict, what has changed, what is new, and the words for it."""
 
-import html
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from ptt.again.figures import Moved
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.model.model import Model
+from ptt.notebook import InNotebook
 from ptt.record import Record
 
 Verdict = Literal["same", "changed", "new"]
@@ -33,7 +33,7 @@ class ChangedValue(Record):
 
 
 @dataclass(frozen=True)
-class Recheck(Record):
+class Recheck(InNotebook, Record):
     """A run against a solved model: has the machine changed since?
 
     Attributes:
@@ -101,7 +101,3 @@ class Recheck(Record):
         more = [f"  and {len(order) - SHOWN_VALUES} more in --json"] if len(order) > SHOWN_VALUES else []
         marks = ["* has changed; the others as if each had changed by itself besides"]
         return [head, *rows, *more, *marks]
-
-    def _repr_html_(self) -> str:
-        """The recheck in a notebook."""
-        return f"<pre>{html.escape(str(self))}</pre>"

@@ -1,6 +1,5 @@
 """A machine with its effects and, where one was trained, its network: what `ptt.load` reads and `save` writes."""
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model as Physics
 from ptt.model.model import parameter_names, told_values
+from ptt.notebook import InNotebook
 
 if TYPE_CHECKING:
     from ptt.correct.predictor import Predictor
@@ -24,7 +24,7 @@ EffectLike = str | Effect | type[Effect]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Model:
+class Model(InNotebook):
     """A machine, the effects that were added to it, and the network that learned what they left.
 
     Attributes:
@@ -128,10 +128,6 @@ class Model:
         return "\n".join(lines)
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        """The text, for a notebook."""
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def load(path: str | Path, *, effects: Sequence[str | Path] = ()) -> Model:

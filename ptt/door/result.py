@@ -1,9 +1,9 @@
 """What every verb hands back: plain figures, text, a page for a notebook, a picture."""
 
-import html
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ptt.notebook import InNotebook
 from ptt.record import plain
 
 if TYPE_CHECKING:
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 Note = Callable[[str], None]
 
 
-class Result:
+class Result(InNotebook):
     """Base of all results.
 
     A result of a verb says what the verb says: `to_dict()` is what `--json` prints, `str()` what a person is shown.
@@ -36,10 +36,6 @@ class Result:
 
     def __repr__(self) -> str:
         return str(self)
-
-    def _repr_html_(self) -> str:
-        """The text, for a notebook."""
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def unheard(text: str) -> None:

@@ -1,6 +1,5 @@
 """A tracker run, or a list of targets, as `ptt.read` and `ptt.read_targets` understand it."""
 
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from ptt.door.model import Model, as_model
 from ptt.door.options import ReadOptions
 from ptt.door.reading import beyond_travel, read_rows
 from ptt.door.result import Note, unheard
+from ptt.notebook import InNotebook
 from ptt.run.blanks import fill_between, fill_blanks
 from ptt.run.display import between_steps
 from ptt.run.readers import Ask
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Rows:
+class Rows(InNotebook):
     """Rows of a file, and how they were read.
 
     Attributes:
@@ -54,10 +54,6 @@ class Rows:
         return "\n".join([f"{self.table.source}: {self.rows} rows", *self.notes])
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        """The text, for a notebook."""
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 AnyRows = TypeVar("AnyRows", bound=Rows)

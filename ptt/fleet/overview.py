@@ -1,6 +1,5 @@
 """How a fleet stands: of each machine its last verdict, what moves, and what somebody should look at."""
 
-import html
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -12,6 +11,7 @@ from ptt.fleet.alarms import MONTH, SISTERS, Alarm, Names, of_movement, unlike, 
 from ptt.fleet.past import RUNS, Past, of_changes, of_runs, past_of, unsettled
 from ptt.fleet.store import Store, shown
 from ptt.fleet.trends import Moves, Series, movements
+from ptt.notebook import InNotebook
 from ptt.record import Record
 from ptt.run.dates import days_of
 
@@ -100,7 +100,7 @@ class Standing:
 
 
 @dataclass(frozen=True)
-class Overview(Record):
+class Overview(InNotebook, Record):
     """How a fleet stands.
 
     Attributes:
@@ -125,10 +125,6 @@ class Overview(Record):
         lines += ["", *told] if told else []
         lines += ["", f"{waiting} runs wait: ptt fleet run"] if waiting else []
         return "\n".join(lines)
-
-    def _repr_html_(self) -> str:
-        """The table in a notebook."""
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def overview(store: Store, machine: str | None = None) -> Overview:

@@ -1,11 +1,11 @@
 """What a check of the set-up hands back: findings, each one sentence with its proof and one cure."""
 
-import html
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import numpy as np
 
+from ptt.notebook import InNotebook
 from ptt.record import Record
 from ptt.setup.names import Mistake
 
@@ -46,7 +46,7 @@ class Finding(Record):
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(InNotebook):
     """Findings about one run and its machine, and both with what was found undone.
 
     Attributes:
@@ -95,10 +95,6 @@ class Check:
         """What was looked at: without readings only what was sent."""
         read = self.table is None or bool(np.isfinite(self.table.measured).all(axis=1).any())
         return "the set-up" if read else "there are no readings; what is asked of the machine"
-
-    def _repr_html_(self) -> str:
-        """The findings in a notebook."""
-        return f"<pre>{html.escape(str(self))}</pre>"
 
 
 def setup_verdict(check: Check) -> dict[str, Any]:
