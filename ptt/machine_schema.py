@@ -114,6 +114,11 @@ class ParameterEntry(Frozen):
     fixed: bool = False
 
 
+def key_of(name: str, label: str = "") -> str:
+    """What an effect goes by: its name, with the label in brackets where there is one."""
+    return f"{name}[{label}]" if label else name
+
+
 class EffectEntry(Frozen):
     """One effect of a fitted model."""
 
@@ -121,6 +126,11 @@ class EffectEntry(Frozen):
     label: str = ""
     runs: tuple[str, ...] = ()  # SHA-256 of the runs that it belongs to, in their order; none: it is the machine's
     parameters: dict[str, ParameterEntry] = Field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """Name, with the label in brackets where there is one."""
+        return key_of(self.name, self.label)
 
 
 class Document(Frozen):

@@ -23,7 +23,7 @@ from ptt.show.studio.page_finish import commands_of
 from ptt.show.studio.page_model import ladder_of, words_of
 from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.session import Session
-from ptt.show.studio.snapshot import Rung, key_of, parameter_rows
+from ptt.show.studio.snapshot import Rung, parameter_rows
 
 
 def test_links_of_the_drawing_have_their_length(look: Look):
@@ -37,11 +37,11 @@ def test_links_of_the_drawing_have_their_length(look: Look):
 def test_add_undo_redo_switch_and_remove(added: Changed, look: Look):
     start = fresh(look)
     with_it = start.changed("add", ("backlash",), added)
-    assert [key_of(entry) for entry in with_it.effects] == ["backlash"]
+    assert [entry.key for entry in with_it.effects] == ["backlash"]
     assert with_it.look is None and with_it.undone().look is look
     assert with_it.undone().now == start.now and with_it.undone().redone().now == with_it.now
     off = with_it.switched("backlash", False)
-    assert parse_machine(off.text).effect == () and [key_of(e) for e in off.effects] == ["backlash"]
+    assert parse_machine(off.text).effect == () and [e.key for e in off.effects] == ["backlash"]
     assert off.switched("backlash", True).text == with_it.text
     assert off.undone().text == with_it.text
     assert off.future == () and with_it.undone().changed("fit", (), added).future == ()
@@ -54,8 +54,8 @@ def test_an_effect_that_is_off_stays_through_other_changes(here: Path, added: Ch
     off = fresh().changed("add", ("backlash",), added).switched("backlash", False)
     other = jobs.change(RUN, off.text, "add", ("homing-offset",), silent)
     both = off.changed("add", ("homing-offset",), other)
-    assert {key_of(entry) for entry in both.effects} == {"backlash", "homing-offset"}
-    assert [key_of(entry) for entry in parse_machine(both.text).effect] == ["homing-offset"]
+    assert {entry.key for entry in both.effects} == {"backlash", "homing-offset"}
+    assert [entry.key for entry in parse_machine(both.text).effect] == ["homing-offset"]
     back = both.switched("backlash", True)
     own, first = (next(e for e in s.effects if e.name == "backlash") for s in (back, fresh().changed("add", (), added)))
     assert own == first

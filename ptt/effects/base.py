@@ -11,6 +11,7 @@ from ptt.effects.card import Card
 from ptt.effects.layout import family, linear_size, shape_of, weigh
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase, Said, said
+from ptt.machine_schema import key_of
 from ptt.mechanisms.derivatives import by_parameters
 from ptt.mechanisms.protocol import Mechanism
 from ptt.run.view import View
@@ -82,7 +83,7 @@ class Effect:
     @property
     def key(self) -> str:
         """Name, with the label in brackets where there is one."""
-        return f"{self.name}[{self.label}]" if self.label else self.name
+        return key_of(self.name, self.label)
 
     @property
     def odds_of_kind(self) -> float:

@@ -5,6 +5,7 @@ from collections.abc import Collection, Sequence
 from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame
 from ptt.fitting.result import FitResult
+from ptt.machine_schema import key_of
 from ptt.model.model import rival
 from ptt.run.problem import Problem
 
@@ -73,4 +74,4 @@ def _next_label(cls: type[Effect], keys: Sequence[str]) -> Effect | None:
 
 def _keys(name: str) -> list[str]:
     """Keys of an effect and of the further ones of its kind."""
-    return [name, *(f"{name}[{label}]" for label in AGAIN.get(name, ()))]
+    return [name, *(key_of(name, label) for label in AGAIN.get(name, ()))]

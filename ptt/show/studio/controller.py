@@ -18,7 +18,6 @@ from ptt.show.studio.panels import Later
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
 from ptt.show.studio.session import Session
-from ptt.show.studio.snapshot import key_of
 from ptt.show.studio.steps import START
 from ptt.show.studio.store import SessionFolder
 
@@ -201,7 +200,7 @@ class Studio(Doing):
         """Add, remove or refit, one after the other; then what is missing is looked for again."""
         async with self._turn_of:
             session = self.session
-            there = set(map(key_of, session.effects))
+            there = {each.key for each in session.effects}
             wanted = tuple(key for key in effects if (key in there) == (verb == "remove"))
             if not session.ready or (effects and not wanted):
                 return

@@ -14,7 +14,6 @@ from ptt.show.studio.page_look import LookView
 from ptt.show.studio.page_model import ModelView
 from ptt.show.studio.page_result import ResultView
 from ptt.show.studio.panels import SWITCH, Panels
-from ptt.show.studio.snapshot import key_of
 from ptt.show.studio.style import CSS
 
 VIEWS: dict[str, Callable[[Studio], object]] = {
@@ -171,7 +170,7 @@ def told_of(studio: Studio) -> str:
     if session.now is None or session.source is None:
         return "No run yet"
     off = session.now.off
-    keys = [entry.name + (" (off)" if key_of(entry) in off else "") for entry in session.effects]
+    keys = [entry.name + (" (off)" if entry.key in off else "") for entry in session.effects]
     effects = ", ".join(keys) if keys else "no effects"
     figure = session.error_um
     error = f" \N{MIDDLE DOT} error {length(figure['total'])} rms" if figure else ""

@@ -12,7 +12,7 @@ from ptt.show.studio.ladder_figures import ladder_figure
 from ptt.show.studio.page_look import first_of
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
-from ptt.show.studio.snapshot import Rung, Snapshot, key_of, parameter_rows
+from ptt.show.studio.snapshot import Rung, Snapshot, parameter_rows
 from ptt.show.studio.tables import table_html
 
 AXES = ("total", "x", "y", "z")
@@ -108,13 +108,13 @@ class ModelView:
         if not entries:
             ui.label("The model has no effects yet: it is the drawing as it is.").classes("st-note")
         for entry in entries:
-            self._effect(entry, key_of(entry) not in now.off)
+            self._effect(entry, entry.key not in now.off)
         if now.fit:
             with ui.expansion("The fit in words").classes("w-full").props("dense"):
                 ui.label(pretty(now.fit)).classes("st-mono")
 
     def _effect(self, entry: EffectEntry, on: bool) -> None:
-        key = key_of(entry)
+        key = entry.key
         with ui.element("div").classes("st-box").style("margin-top: 6px; padding: 4px 8px").mark(f"effect {key}"):
             with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
                 ui.switch(key, value=on, on_change=lambda event: self.studio.switch(key, bool(event.value)))

@@ -10,7 +10,6 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_effect import EffectCards
 from ptt.show.studio.panels import BEHIND
 from ptt.show.studio.results import Learned, Source
-from ptt.show.studio.snapshot import key_of
 
 HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told from", "")
 
@@ -45,7 +44,7 @@ class OthersView:
             self.adds.clear()
             with self.body:
                 self._fill(lesson)
-        there = {key_of(entry) for entry in session.effects}
+        there = {entry.key for entry in session.effects}
         for key, button in self.adds.items():
             button.set_visibility(key not in there)
 

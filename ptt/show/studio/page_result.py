@@ -15,7 +15,6 @@ from ptt.show.studio.page_machine_picture import MachinePicture
 from ptt.show.studio.page_others import OthersView
 from ptt.show.studio.page_unknown import UnknownView
 from ptt.show.studio.results import Learned
-from ptt.show.studio.snapshot import key_of
 
 ICONS = {"missing": "lightbulb", "nothing-missing": "check_circle", "unknown": "help"}
 
@@ -135,7 +134,7 @@ class ResultView:
             self.sure.set_visibility(True)
             self.picture.show(lesson)
             self.cards.prepare(lesson)
-        there, left = {key_of(entry) for entry in self.studio.session.effects}, self._left()
+        there, left = {entry.key for entry in self.studio.session.effects}, self._left()
         for key, (button, note) in self.adds.items():
             button.set_visibility(key not in there)
             note.set_visibility(key in there)
@@ -220,7 +219,7 @@ class ResultView:
     def _left(self) -> list[str]:
         """What is found and not in the model."""
         lesson, _ = self.lesson()
-        there = {key_of(entry) for entry in self.studio.session.effects}
+        there = {entry.key for entry in self.studio.session.effects}
         return (
             [] if lesson is None else [one["effect"] for one in lesson.card["findings"] if one["effect"] not in there]
         )

@@ -9,7 +9,7 @@ from ptt.machine import format_machine, parse_machine
 from ptt.machine_schema import EffectEntry
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Compared, Learned, Source, Trained
-from ptt.show.studio.snapshot import Figures, Rung, Snapshot, key_of, parsed
+from ptt.show.studio.snapshot import Figures, Rung, Snapshot, parsed
 from ptt.show.studio.steps import START, step_command, switch_commands
 
 Value = TypeVar("Value")
@@ -184,7 +184,7 @@ class Session:
             ModelError: it is not in the model.
         """
         assert self.now is not None
-        if key not in map(key_of, self.effects):
+        if key not in (each.key for each in self.effects):
             raise ModelError(f"effect '{key}' is not in the model")
         off = self.now.off - {key} if on else self.now.off | {key}
         return self._to(replace(self.now, off=off, words=f"{key} {'on' if on else 'off'}"))
@@ -232,7 +232,7 @@ def _with_off(text: str, before: Snapshot) -> str:
     """The new model with the effects that are switched off put back beside the others."""
     if not before.off:
         return text
-    file, there = parse_machine(text, START), {key_of(entry) for entry in before.file.effect}
-    off = tuple(e for e in before.file.effect if key_of(e) in before.off and key_of(e) in there)
-    own = {key_of(entry) for entry in file.effect}
-    return format_machine(replace(file, effect=(*file.effect, *(e for e in off if key_of(e) not in own))))
+    file, there = parse_machine(text, START), {entry.key for entry in before.file.effect}
+    off = tuple(e for e in before.file.effect if e.key in before.off and e.key in there)
+    own = {entry.key for entry in file.effect}
+    return format_machine(replace(file, effect=(*file.effect, *(e for e in off if e.key not in own))))

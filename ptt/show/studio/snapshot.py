@@ -62,13 +62,8 @@ class Snapshot:
         if not self.off:
             return self.text
         file = self.file
-        kept = tuple(entry for entry in file.effect if key_of(entry) not in self.off)
+        kept = tuple(entry for entry in file.effect if entry.key not in self.off)
         return format_machine(replace(file, effect=kept))
-
-
-def key_of(entry: EffectEntry) -> str:
-    """Name of an effect, with [label] where it has one."""
-    return f"{entry.name}[{entry.label}]" if entry.label else entry.name
 
 
 def parameter_rows(entry: EffectEntry) -> list[tuple[str, float, float | None, str]]:
