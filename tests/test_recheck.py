@@ -120,6 +120,19 @@ def test_of_a_long_run_stretches_are_looked_at_and_the_change_is_the_same(solved
     assert [item.moved.name for item in found.changed] == ["gap_mm 2"]
 
 
+def test_what_is_new_at_one_slider_is_told_beside_what_is_gone_at_another(tmp_path: Path) -> None:
+    """Its play was never there, so nothing of it was clear in the run of the model. That it has come is one change,
+    that all are gone another: where both speak of one value, it stands where both together put it."""
+    before = solve(run_of(1, drive={"backlash_mm": (0.03, 0.0, 0.045)}), ("backlash", "link-length"), tmp_path)
+    found = look(before, run_of(4, drive={"backlash_mm": (0.0, 0.08, 0.0)}))
+    assert {item.moved.name: item.repaired for item in found.changed} == {
+        "gap_mm 1": True,
+        "gap_mm 2": False,
+        "gap_mm 3": True,
+    }
+    assert "Slider 2 loses 8" in found.words and "Repaired: backlash as a whole is" in found.words
+
+
 def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -> None:
     found = look(solved, run_of(4, drive={"backlash_mm": (0.0, 0.0, 0.0)}))
     assert found.verdict == "changed"

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from ptt.again.changes import CURVE, Change
 from ptt.again.weigh import Weighed
@@ -72,19 +73,27 @@ def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:
     sums = system.sums_of(columns, state.memory)
     covariance = inverse(sums.gram + np.diag(1.0 / prior))
     values, error = covariance @ sums.side, state.posterior.phi * covariance
-    result, at = [], len(kept)
+    own_values, own_error = values[len(kept) :], error[len(kept) :, len(kept) :]
+    ways, places = _ways_of(changes)
+    # What is left of the whole and what one value has beside it are one value.
+    ways = np.array([ways[[other == place for other in places]].sum(axis=0) for place in places])
+    step, std = ways @ own_values, np.sqrt(np.einsum("ij,jk,ik->i", ways, own_error, ways))
+    result, at = [], 0
     for change in changes:
-        part = slice(at, at + change.ways.shape[1])
-        at = part.stop
         size = before.layout.scale[change.places]
         then, start = before.values[change.places] * size, before.start[change.places] * size
-        now = start + change.ways @ values[part] * size
-        std = np.sqrt(np.diag(change.ways @ error[part, part] @ change.ways.T)) * size
         rows = zip(change.parameters, change.joints, change.names, change.units, strict=True)
-        result += [
-            Moved(change.effect.key, *row, float(then[i]), float(now[i]), float(std[i])) for i, row in enumerate(rows)
-        ]
+        for i, row in enumerate(rows):
+            now = float(start[i] + step[at + i] * size[i])
+            result.append(Moved(change.effect.key, *row, float(then[i]), now, float(std[at + i] * size[i])))
+        at += len(change.names)
     return tuple(result)
+
+
+def _ways_of(changes: Sequence[Change]) -> tuple[np.ndarray, list[tuple[str, int]]]:
+    """How the values of some changes, (v, c), follow from all their columns; of each value effect and place."""
+    ways = block_diag(*(change.ways for change in changes))
+    return np.asarray(ways), [(change.effect.key, int(place)) for change in changes for place in change.places]
 
 
 def _prior_of(change: Change, found: Weighed) -> np.ndarray:

@@ -166,9 +166,13 @@ def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[Changed
         key = change.effect.key
         (term,) = (term for term in found.before.layout.terms if term.effect.key == key)
         values = values_of(term, [(place, moved) for (effect, place), moved in every if effect == key])
-        own = [moved for _, moved in every[at : at + len(change.names)]]
+        own = every[at : at + len(change.names)]
         at += len(own)
-        rows += _rows_of(found, change, values, own, problem, key in cured)
+        # What one of the values of a whole has beside it is told by itself.
+        others = [other for other in changes if other.effect.key == key and change.whole and not other.whole]
+        alone = {name for other in others for name in other.names}
+        pairs = [(moved, place) for (_, place), moved in own if moved.name not in alone]
+        rows += _rows_of(found, change, values, pairs, problem, key in cured) if pairs else []
     return tuple(sorted(rows, key=lambda row: -abs(row.moved.z)))
 
 
@@ -194,17 +198,18 @@ def _clear_then(found: Weighed, change: Change) -> tuple[str, ...]:
 
 
 def _rows_of(
-    found: Weighed, change: Change, values: Values, moved: Sequence[Moved], problem: Problem, gone: bool
+    found: Weighed, change: Change, values: Values, pairs: Sequence[tuple[Moved, int]], problem: Problem, gone: bool
 ) -> list[ChangedValue]:
     """The values of one change that are clearly otherwise, each with its words; one sentence where they are one."""
     since, alike, known = found.before.since, _alike(found, change), _clear_then(found, change)
-    pairs = list(zip(moved, change.at.tolist(), strict=True))
     clear = [pair for pair in pairs if abs(pair[0].z) > CLEAR and pair[0].before != pair[0].now]
-    sure = [pair for pair in clear if pair[0].name in known]  # what is gone and never was clearly there is no change
+    # What is gone and never was clearly there is no change; what has come is one, of its own.
+    came = [pair for pair in clear if not change.whole and abs(pair[0].now) > abs(pair[0].before)]
+    sure = [pair for pair in clear if pair[0].name in known or pair in came]
     clear = sure or clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
         back = [gone or is_repaired(abs(value.before), abs(value.now), value.std) for value, _ in clear]
-        words = say_whole(values, moved, problem.view, since, repaired=all(back))
+        words = say_whole(values, [value for value, _ in pairs], problem.view, since, repaired=all(back))
         return [ChangedValue(value, cured, alike, words) for (value, _), cured in zip(clear, back, strict=True)]
     rows = []
     for value, place in clear:
