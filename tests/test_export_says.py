@@ -1,5 +1,6 @@
 """What a file for a controller says: what it holds, what it cannot, what to do with it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,19 @@ def test_each_file_is_told_one_thing_or_two_that_exclude_each_other() -> None:
     assert (
         "ptt program" in instead and "ptt program" not in what_to_do("load it", ErrorLeft(90.0, 9.0, 1.0), arm=True)[1]
     )
+
+
+def test_what_a_drawing_itself_leaves_is_said_and_its_programs_are_not_corrected(tmp_path: Path) -> None:
+    """A controller that computes upright towers errs by the lean of these, whatever is in its programs."""
+    machine = FILE.machine.model_copy(update={"slider_lean_deg": (0.3, 0.0, -0.2)})
+    leaning = replace(FILE, machine=machine)
+    moved = {"homing-offset": {"offset_mm": (0.5, -0.3, -0.4)}}
+    for file, said in ((leaning, True), (FILE, False)):
+        result = export("klipper", compensator(file, **moved, backlash={"gap_mm": GAPS}), tmp_path / f"{said}")
+        text = " ".join(result.notes)
+        assert ("of a machine just as drawn it would leave" in text) == said
+        assert ("correct each program with `ptt program`" in text) != said
+        assert not said or result.error_um.format > 100.0
 
 
 @pytest.mark.parametrize("name", ["c", "table"])

@@ -11,7 +11,7 @@ from ptt.correct.exports.delta import Delta, fit_delta, require_anticlockwise
 from ptt.correct.exports.format import ErrorLeft, Options, Written, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
-from ptt.correct.exports.left import Ground, error_left, holdings, survey
+from ptt.correct.exports.left import Ground, drawing_alone, error_left, holdings, survey
 from ptt.correct.exports.whole import write_all
 from ptt.errors import InputError
 
@@ -76,7 +76,13 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
     refuse_worse(left, firmware.name, file.source)
     why = cannot_hold(ground, tangent, SHAPE, hints=_hints(ground, firmware))
     holds, cannot = holdings(ground, why)
-    notes = what_to_do(f"{firmware.load}; {MEASURE}", left)
+    bare = drawing_alone(ground, options)
+    shape = (
+        0.0
+        if bare is None
+        else error_left(bare, fit_delta(bare, tilted=firmware.tilted)[0].sliders(bare.targets)).format
+    )
+    notes = what_to_do(f"{firmware.load}; {MEASURE}", left, shape=shape)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot]), *notes]
     text = "\n".join([*(f"{firmware.comment} {line}" for line in told), *lines]) + "\n"
     return Written(write_all({out: text}), holds, cannot, left, (*notes, *network_note(ground)))
@@ -92,23 +98,29 @@ def _hints(ground: Ground, firmware: Firmware) -> dict[str, str]:
     return {"lead-scale": f"first {firmware.scale} {factors}, {again}"}
 
 
-def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False) -> tuple[str, ...]:
+def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False, shape: float = 0.0) -> tuple[str, ...]:
     """What to do with a file: load it, or something else instead of it.
 
     Args:
         load: how it is loaded.
         left: what it leaves.
         arm: whether it is a serial arm's, whose programs do not say in which posture it stands and are not corrected.
+        shape: what the format leaves of the drawing alone, um: a controller that computes another machine cannot have
+            its programs corrected either.
 
     Returns:
         One line each; at least one, and where there are two, the second is instead of the first.
     """
     better = left.format >= max(GAIN * left.model, left.model + LEAST_UM)
     programs = "" if arm else "correct each program with `ptt program`, or "
-    model = (
-        f"keep the drawing's figures in the controller and {programs}"
-        f"send what `ptt predict` or --to c works out: the whole model leaves {left.model:.1f} um"
-    )
+    whole = f"send what `ptt predict` or --to c works out: the whole model leaves {left.model:.1f} um"
+    model = f"keep the drawing's figures in the controller and {programs}{whole}"
+    if shape >= LEAST_UM:
+        load += (
+            f"; of a machine just as drawn it would leave {shape:.1f} um: rails that lean and azimuths that are uneven "
+            "have no place in it"
+        )
+        model = f"{whole} (`ptt program` counts on a controller that computes the drawing, as this one cannot)"
     if left.corrects:
         return (load, f"or, instead of this file, {model}") if better else (load,)
     return (f"this file puts next to nothing right, so leave it; {model}",) if better else (NOTHING_TO_GAIN,)
@@ -140,7 +152,7 @@ def refuse_worse(left: ErrorLeft, name: str, source: str) -> None:
             f"{name} cannot say this drawing (rails that lean or azimuths that are uneven): it would miss by"
             f" {left.format:.0f} um, the drawing as it is by {left.drawing:.0f} um",
             where=source,
-            fix="take --to c, onnx or table, or correct the programs: ptt program",
+            fix="take --to c, onnx or table",
         )
 
 

@@ -13,7 +13,7 @@ from ptt.correct.exports.format import CannotHold, ErrorLeft, Options
 from ptt.correct.terms import left_to_controller, split_terms
 from ptt.correct.training.rest import correction_of
 from ptt.errors import PosesError
-from ptt.machine_schema import TargetsSpec
+from ptt.machine_schema import TargetsSpec, ThreePttSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts, predict
 from ptt.model.model import Model
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 POSES = 600  # a root mean square of a smooth field is then known to a few percent
+EVEN = 1e-6  # deg
 COMPENSATED = "left to the controller, which compensates it already"
 
 
@@ -87,6 +88,25 @@ def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> 
     commands = first if len(kept) == len(q) else solve(compensator, table, q.numpy()[kept])
     static = commands.q - commands.reversal
     return Ground(compensator, table, place[kept], q.numpy()[kept], direction[kept], static, commands)
+
+
+def drawing_alone(ground: Ground, options: Options) -> Ground | None:
+    """The drawing without what is wrong with it, where no regular delta is one: rails lean, or azimuths are uneven.
+
+    Args:
+        ground: of the machine, a 3-PTT.
+        options: as of `survey`.
+
+    Returns:
+        Its ground; None of a drawing that is a regular delta.
+    """
+    compensator = ground.compensator
+    spec = compensator.model.file.machine
+    assert isinstance(spec, ThreePttSpec)
+    apart = np.diff(np.sort(np.mod(spec.slider_azimuth_deg, 360.0)))
+    if not np.any(spec.slider_lean_deg) and np.abs(apart - 120.0).max() < EVEN:
+        return None
+    return survey(replace(compensator, model=replace(compensator.model, terms=()), network=None), options)
 
 
 def error_left(ground: Ground, q: np.ndarray) -> ErrorLeft:

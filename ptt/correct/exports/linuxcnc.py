@@ -28,7 +28,7 @@ from ptt.correct.exports.firmware import MEASURE, judged, refuse_worse, what_to_
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
-from ptt.correct.exports.left import Ground, error_left, holdings, survey
+from ptt.correct.exports.left import Ground, drawing_alone, error_left, holdings, survey
 from ptt.correct.exports.whole import write_all
 
 if TYPE_CHECKING:
@@ -69,6 +69,11 @@ class Fit:
         """Joint positions of tool positions in the base frame, (n, 3) mm, before compensation."""
         return _joints(self.radius, self.rod, self.turn, p)
 
+    def sliders(self, ground: Ground) -> Array:
+        """Slider heights that the controller sends for the places of a ground, (n, 3) mm."""
+        joints = self.joints(ground.targets)
+        return joints + self.tables.added(joints, ground.direction) + self.height
+
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write an INI and a HAL snippet and three compensation files; joints 0, 1, 2 are sliders 1, 2, 3.
@@ -84,8 +89,9 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     ground = survey(compensator, options)
     fit, tangent, drives = fit_tables(ground, options.step)
     file = compensator.model.file
-    joints = fit.joints(ground.targets)
-    left = error_left(ground, joints + fit.tables.added(joints, ground.direction) + fit.height)
+    left = error_left(ground, fit.sliders(ground))
+    bare = drawing_alone(ground, options)
+    shape = 0.0 if bare is None else error_left(bare, fit_tables(bare, options.step)[0].sliders(bare)).format
     refuse_worse(left, "LinuxCNC's lineardeltakins", file.source)
     at = fit.tables.at + fit.height
     why = cannot_hold(ground, tangent, SHAPE, known=("direction",), tabled=tabled(ground, drives, at))
@@ -93,7 +99,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     ini = out.with_suffix(".ini") if out.suffix == ".hal" else out
     ini = ini if out.suffix and not out.is_dir() else out / "lineardelta.ini"
-    first, *instead = what_to_do(f"{LOAD}; {MEASURE}", left)
+    first, *instead = what_to_do(f"{LOAD}; {MEASURE}", left, shape=shape)
     notes = (first, *_notes(compensator, fit), *instead)
     written = write_all(_texts(ini, fit, told, notes))
     return Written(written, holds, cannot, left, (*notes, *network_note(ground)))
