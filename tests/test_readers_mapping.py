@@ -23,6 +23,8 @@ AMBIGUOUS = {
     "dates": ("x,y,z,time\n1,2,3,01/02/25 10:00\n1,2,4,02/02/25 10:00\n", "written day first or month first", "dates"),
     "payload in newtons": ("x,y,z,payload [N]\n1,2,3,4\n1,2,4,5\n", "which unit is it in", '[units] "payload [N]"'),
     "unknown unit": ("x [furlong],y,z\n1,2,3\n1,2,4\n", "unit '(furlong)' does not fit x_meas", "[units]"),
+    "payload in no known unit": ("x,y,z,payload_st\n1,2,3,4\n1,2,4,5\n", "'st' is no known unit of payload", "[units]"),
+    "feed in feet": ("x,y,z,feed_ft_min\n1,2,3,4\n1,2,4,5\n", "'ft_min' is no known unit of feed", "[units]"),
     "feed": ("x,y,z,feed\n1,2,3,4\n1,2,4,5\n", "which unit is feed in", "[units]"),
     "epoch": (
         "x,y,z,time\n1,2,3,1600000000000\n1,2,4,1600000000100\n",
@@ -52,6 +54,29 @@ def test_ambiguity_is_asked(tmp_path: Path, text: str, question: str, key: str) 
         again = read_any(path, Request(mapping=first.understood.mapping, ask=never))
         for quantity, values in first.columns.items():
             assert_array_equal(again.columns[quantity], values)
+
+
+def test_pounds_and_inches_a_minute_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("x,y,z,payload_lb,feed_in_min\n1,2,3,4,60\n1,2,4,5,60\n", encoding="utf-8")
+    read = read_any(path)
+    assert_allclose(read.columns["payload"], [4 * 0.45359237, 5 * 0.45359237], rtol=1e-15)
+    assert_allclose(read.columns["feed"], [25.4, 25.4], rtol=1e-15)
+
+
+def test_a_column_that_only_begins_as_a_known_one(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+
+    def ignored(titles: str, mapping: Mapping | None = None) -> tuple[str, ...]:
+        path.write_text(f"x,y,z,{titles}\n1,2,3,4,5\n1,2,4,5,6\n", encoding="utf-8")
+        return read_any(path, Request(mapping=mapping or Mapping())).understood.ignored
+
+    assert ignored("temp_c,temp_spindle") == ("temp_spindle",)  # another column holds the quantity
+    assert ignored("temp_air,temp_oil") == ("temp_air", "temp_oil")  # names of two, no unit of one
+    assert ignored("temp_2,note") == ("temp_2", "note")
+    assert ignored("payload_st,note", Mapping(units={"payload_st": "ignore"})) == ("payload_st", "note")
+    assert ignored("payload_st,note", Mapping(columns={"payload_st": "ignore"})) == ("payload_st", "note")
+    assert ignored("payload_st,note", Mapping(units={"payload_st": "kg"})) == ("note",)
 
 
 def test_an_answer_that_is_no_choice_is_refused(tmp_path: Path) -> None:

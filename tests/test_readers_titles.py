@@ -58,6 +58,12 @@ from ptt.run.readers.titles import meaning_of, split_unit
         ("Joint 2 torque (Nm)", "tau2", ""),
         ("关节1方向", "dir1", None),
         ("J6 [deg]", "q6_cmd", "deg"),
+        ("payload_lb", "payload", "lb"),
+        ("Payload (lbs)", "payload", "lb"),
+        ("weight_lb", "payload", "lb"),
+        ("feed_in_min", "feed", "in_min"),
+        ("Feed rate [in/min]", "feed", "in_min"),
+        ("feed_rate_mm_min", "feed", "mm_min"),
     ],
 )
 def test_titles(title: str, quantity: str, unit: str | None) -> None:

@@ -13,12 +13,13 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "length": {"mm": (1.0, 0.0), "um": (1e-3, 0.0), "cm": (10.0, 0.0), "m": (1000.0, 0.0), "in": (25.4, 0.0)},
     "angle": {"rad": (1.0, 0.0), "deg": (np.pi / 180.0, 0.0), "mrad": (1e-3, 0.0)},
     "time": {"s": (1.0, 0.0), "ms": (1e-3, 0.0), "min": (60.0, 0.0), "h": (3600.0, 0.0), "stamp": (1.0, 0.0)},
-    "mass": {"kg": (1.0, 0.0), "g": (1e-3, 0.0)},
+    "mass": {"kg": (1.0, 0.0), "g": (1e-3, 0.0), "lb": (0.45359237, 0.0)},  # lb: the international pound of 1959
     "temperature": {"c": (1.0, 0.0), "k": (1.0, -273.15), "f": (1.0 / 1.8, -32.0 / 1.8)},
-    "speed": {"mm_s": (1.0, 0.0), "mm_min": (1.0 / 60.0, 0.0), "m_s": (1000.0, 0.0), "m_min": (1000.0 / 60.0, 0.0)},
+    "speed": {"mm_s": (1.0, 0.0), "mm_min": (1.0 / 60.0, 0.0), "m_s": (1000.0, 0.0), "m_min": (1000.0 / 60.0, 0.0),
+              "in_min": (25.4 / 60.0, 0.0)},
     "number": {"": (1.0, 0.0)},
     "text": {"": (1.0, 0.0)},
-}
+}  # fmt: skip
 """Per dimension: unit -> (factor, offset), standard value = factor * value + offset; the standard unit comes first."""
 
 GREATEST = {
@@ -101,6 +102,24 @@ def canonical(title: str) -> Meaning | None:
             quantity = title.removesuffix(f"_{unit}") if unit else title
             if quantity != title and unit in UNITS.get(dimension_of(quantity), {}) and unit != "stamp":
                 return Meaning(quantity, unit)
+    return None
+
+
+def begun(title: str) -> tuple[str, str] | None:
+    """A title that begins as one of the file format and goes on with no unit of it: `payload_st`, `feed_ft_min`.
+
+    Args:
+        title: as in the file.
+
+    Returns:
+        The quantity and the rest; None for any other title, for one of a number or a text, and where a digit follows,
+        for no unit has one (`temp_2`).
+    """
+    text = title.strip().lower()
+    for place in (match.start() for match in re.finditer("_", text)):
+        quantity, rest = text[:place], text[place + 1 :]
+        if dimension_of(quantity) not in ("", "number", "text") and re.fullmatch(r"[^\W\d_][^\W\d]*", rest):
+            return quantity, rest
     return None
 
 

@@ -5,7 +5,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from ptt.errors import TableError
-from ptt.run.readers.columns import UNITS, UNSTATED_IS_ASKED, Meaning, canonical, dimension_of, standard_unit
+from ptt.run.readers.columns import UNITS, UNSTATED_IS_ASKED, Meaning, begun, canonical, dimension_of, standard_unit
 from ptt.run.readers.mapping import IGNORE, Ask, Mapping, answer
 from ptt.run.readers.separators import is_number, split_line
 from ptt.run.readers.text import RawText
@@ -55,6 +55,7 @@ def understand(
     meanings = [_mapped(title, meaning, mapping, where) for title, meaning in zip(titles, meanings, strict=True)]
     if purpose == "beside":  # readings were taken at what a file of `ptt predict` sent, not at the drawing's commands
         purpose = "sliders" if "reversal1" in titles else "targets"
+    meanings = _with_begun(titles, meanings, mapping, where, ask)
     meanings = _settle_bare(meanings, purpose, where, ask)
     meanings = _settle_double(titles, meanings, where, ask)
     return [
@@ -125,6 +126,31 @@ def _mapped(title: str, meaning: Meaning | None, mapping: Mapping, where: str) -
         )
     stated = mapping.units.get(title, known.unit if known.unit is not None and said != known.quantity else None)
     return Meaning(known.quantity, stated if stated is not None else meaning.unit if meaning else known.unit)
+
+
+def _with_begun(
+    titles: tuple[str, ...], meanings: list[Meaning | None], mapping: Mapping, where: str, ask: Ask | None
+) -> list[Meaning | None]:
+    """`payload_st` is asked for its unit: left unread, what the load does would be taken for something else.
+
+    Not where another column holds it, nor where several begin alike: those are names (`temp_air`, `temp_oil`).
+    """
+    have = {meaning.quantity for meaning in meanings if meaning}
+    said = [
+        None if meaning or title in mapping.columns else begun(title)
+        for title, meaning in zip(titles, meanings, strict=True)
+    ]
+    counts = Counter(each[0] for each in said if each)
+    asked = list(meanings)
+    for index, (title, each) in enumerate(zip(titles, said, strict=True)):
+        if each is None or each[0] in have or counts[each[0]] > 1:
+            continue
+        question = f"'{each[1]}' is no known unit of {each[0]}; which unit is it in, or is it something else?"
+        choices = [*(unit for unit in UNITS[dimension_of(each[0])] if unit != "stamp"), IGNORE]
+        place, key = f"{where}, column {title}", f'[units] "{title}"'
+        unit = mapping.units.get(title) or answer(question, choices, ask, place, key)
+        asked[index] = None if unit == IGNORE else Meaning(each[0], unit, "unit as answered")
+    return asked
 
 
 def _settle_bare(meanings: list[Meaning | None], purpose: str, where: str, ask: Ask | None) -> list[Meaning | None]:

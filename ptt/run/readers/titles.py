@@ -7,7 +7,7 @@ unknown word is never forced into a meaning: `measurement_rx` or `Goal roll` sta
 import re
 import unicodedata
 
-from ptt.run.readers.columns import Meaning, canonical, dimension_of
+from ptt.run.readers.columns import UNITS, Meaning, canonical, dimension_of
 from ptt.run.readers.words import FRENCH, GERMAN, LOADS
 
 LONGEST_TITLE = 300  # characters; the longest title of an export seen has 60. What takes it apart is not linear
@@ -26,6 +26,7 @@ _UNIT_WORDS = {
     "h": ("h", "小时"),
     "kg": ("kg", "千克", "公斤"),
     "g": ("g", "克"),
+    "lb": ("lb", "lbs", "pound", "pounds", "磅"),
     "c": ("c", "°c", "degc", "摄氏度", "celsius"),
     "k": ("k", "kelvin", "开"),
     "f": ("f", "°f", "degf", "华氏度", "fahrenheit"),
@@ -33,6 +34,7 @@ _UNIT_WORDS = {
     "mm_min": ("mm/min", "毫米/分", "毫米/分钟", "mm_min"),
     "m_s": ("m/s", "米/秒", "m_s"),
     "m_min": ("m/min", "米/分", "米/分钟", "m_min"),
+    "in_min": ("in/min", "inch/min", "inches/min", "ipm", "英寸/分", "英寸/分钟", "in_min"),
     "": ("n", "nm", "n*m", "n·m", "牛", "牛米", "-", "1"),
 }
 UNIT_OF_WORD = {word: unit for unit, words in _UNIT_WORDS.items() for word in words}
@@ -88,10 +90,10 @@ def split_unit(title: str) -> tuple[str, str | None]:
     if match:
         word = match[2].strip()
         return match[1].strip(), UNIT_OF_WORD.get(word.replace(" ", ""), f"({word})")
-    for pattern in (r"(.+?)\s*/\s*(.+)", r"(.+?)[,\s_]+(\S+)"):
-        match = re.fullmatch(pattern, text)
-        if match and match[2] in UNIT_OF_WORD and match[2] not in "-1":
-            return match[1].strip(), UNIT_OF_WORD[match[2]]
+    for match in re.finditer(r"\s*/\s*|[,\s_]+", text):  # the longest unit first: feed_rate_mm_min is no time in min
+        rest, word = text[: match.start()], text[match.end() :]
+        if rest and word in UNIT_OF_WORD and word not in "-1":
+            return rest, UNIT_OF_WORD[word]
     return text, None
 
 
@@ -123,7 +125,7 @@ def meaning_of(title: str) -> Meaning | None:
     text = re.sub(r"[\s_.:\-]+", "", text)
     if text in _DRIVER_JOINTS:
         return Meaning(f"q{_DRIVER_JOINTS.index(text) + 1}_cmd", unit or "rad", "" if unit else DRIVER_NOTE)
-    if text in LOADS and unit in ("kg", "g"):
+    if text in LOADS and unit in UNITS["mass"]:
         return Meaning("payload", unit)
     tokens = _TOKEN.findall(text)
     if "".join(tokens) != text or not tokens:
