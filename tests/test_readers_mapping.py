@@ -22,7 +22,7 @@ AMBIGUOUS = {
     "two columns": ("Measured X;实测X;y;z\n1;2;3;4\n2;3;4;5\n", "which column is x_meas", "[columns]"),
     "dates": ("x,y,z,time\n1,2,3,01/02/25 10:00\n1,2,4,02/02/25 10:00\n", "written day first or month first", "dates"),
     "payload in newtons": ("x,y,z,payload [N]\n1,2,3,4\n1,2,4,5\n", "which unit is it in", '[units] "payload [N]"'),
-    "unknown unit": ("x [furlong],y,z\n1,2,3\n1,2,4\n", "unit '(furlong)' does not fit x_meas", "[units]"),
+    "unknown unit": ("x [furlong],y,z\n1,2,3\n1,2,4\n", "unit 'furlong' does not fit x_meas", "[units]"),
     "payload in no known unit": ("x,y,z,payload_st\n1,2,3,4\n1,2,4,5\n", "'st' is no known unit of payload", "[units]"),
     "feed in feet": ("x,y,z,feed_ft_min\n1,2,3,4\n1,2,4,5\n", "'ft_min' is no known unit of feed", "[units]"),
     "feed": ("x,y,z,feed\n1,2,3,4\n1,2,4,5\n", "which unit is feed in", "[units]"),
@@ -54,6 +54,16 @@ def test_ambiguity_is_asked(tmp_path: Path, text: str, question: str, key: str) 
         again = read_any(path, Request(mapping=first.understood.mapping, ask=never))
         for quantity, values in first.columns.items():
             assert_array_equal(again.columns[quantity], values)
+
+
+@pytest.mark.parametrize("title", ["payload [N]", "payload_N", "Nutzlast (N)", "Gewicht [N]"])
+def test_a_weight_in_newtons_is_told_how_to_become_a_mass(tmp_path: Path, title: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(f"x,y,z,{title}\n1,2,3,4\n1,2,4,5\n", encoding="utf-8")
+    with pytest.raises(TableError, match="unit 'N' does not fit payload; a weight in newtons is no mass: divide it by"):
+        read_any(path)
+    path.write_text("x,y,z,Load [N]\n1,2,3,4\n1,2,4,5\n", encoding="utf-8")
+    assert read_any(path).understood.ignored == ("Load [N]",)  # a motor's, perhaps
 
 
 def test_pounds_and_inches_a_minute_are_read(tmp_path: Path) -> None:

@@ -9,9 +9,10 @@ from ptt.run.readers.columns import UNITS, UNSTATED_IS_ASKED, Meaning, begun, ca
 from ptt.run.readers.mapping import IGNORE, Ask, Mapping, answer
 from ptt.run.readers.separators import is_number, split_line
 from ptt.run.readers.text import RawText
-from ptt.run.readers.titles import DRIVER_NOTE, is_polar, meaning_of
+from ptt.run.readers.titles import DRIVER_NOTE, is_newton, is_polar, meaning_of, written_unit
 
 GOALS = ("x_cmd", "y_cmd", "z_cmd")
+FORCE_IS_NO_MASS = "a weight in newtons is no mass: divide it by 9.81 m/s2 and call the column payload_kg"
 
 
 @dataclass(frozen=True)
@@ -228,5 +229,8 @@ def _with_unit(index: int, title: str, meaning: Meaning | None, where: str, ask:
         return Column(index, title, meaning.quantity, meaning.unit, meaning.note)
     if dimension in ("number", "text"):
         return Column(index, title, meaning.quantity, "")
-    question = f"unit '{meaning.unit}' does not fit {meaning.quantity}; which unit is it in?"
+    written = meaning.unit.strip("()") or written_unit(title)  # '' is all that is known without a scale, newtons too
+    force = dimension == "mass" and is_newton(written)
+    what = f"unit '{written}' does not fit {meaning.quantity}" + (f"; {FORCE_IS_NO_MASS}" if force else "")
+    question = f"{what}; which unit is it in?"
     return Column(index, title, meaning.quantity, answer(question, list(known), ask, place, key), "unit as answered")

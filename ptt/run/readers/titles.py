@@ -8,10 +8,11 @@ import re
 import unicodedata
 
 from ptt.run.readers.columns import UNITS, Meaning, canonical, dimension_of
-from ptt.run.readers.words import FRENCH, GERMAN, LOADS
+from ptt.run.readers.words import FRENCH, GERMAN, LOADS, WEIGHTS
 
 LONGEST_TITLE = 300  # characters; the longest title of an export seen has 60. What takes it apart is not linear
 
+NEWTONS = ("n", "newton", "newtons", "牛")
 _UNIT_WORDS = {
     "mm": ("mm", "毫米", "millimeter", "millimetre", "millimeters", "millimetres"),
     "um": ("um", "μm", "µm", "微米", "micron", "microns", "micrometer"),
@@ -35,7 +36,7 @@ _UNIT_WORDS = {
     "m_s": ("m/s", "米/秒", "m_s"),
     "m_min": ("m/min", "米/分", "米/分钟", "m_min"),
     "in_min": ("in/min", "inch/min", "inches/min", "ipm", "英寸/分", "英寸/分钟", "in_min"),
-    "": ("n", "nm", "n*m", "n·m", "牛", "牛米", "-", "1"),
+    "": (*NEWTONS, "nm", "n*m", "n·m", "牛米", "-", "1"),
 }
 UNIT_OF_WORD = {word: unit for unit, words in _UNIT_WORDS.items() for word in words}
 
@@ -85,16 +86,30 @@ def split_unit(title: str) -> tuple[str, str | None]:
     Returns:
         The normalised rest, and a key of `UNITS`, or the word itself in brackets where it is no known unit, or None.
     """
-    text = normalise(title)
+    rest, word = _cut_unit(normalise(title))
+    return rest, None if word is None else UNIT_OF_WORD.get(word.replace(" ", ""), f"({word})")
+
+
+def written_unit(title: str) -> str:
+    """The unit of a title as the file writes it, for a person: `N` of `Payload [N]`; '' where it writes none."""
+    return _cut_unit(unicodedata.normalize("NFKC", title).strip())[1] or ""
+
+
+def _cut_unit(text: str) -> tuple[str, str | None]:
+    """The rest of a title, and the word of its unit: any word in brackets, else one that is known."""
     match = re.fullmatch(r"(.*?)\s*[\[(](.*?)[\])]\s*", text)
     if match:
-        word = match[2].strip()
-        return match[1].strip(), UNIT_OF_WORD.get(word.replace(" ", ""), f"({word})")
+        return match[1].strip(), match[2].strip()
     for match in re.finditer(r"\s*/\s*|[,\s_]+", text):  # the longest unit first: feed_rate_mm_min is no time in min
         rest, word = text[: match.start()], text[match.end() :]
-        if rest and word in UNIT_OF_WORD and word not in "-1":
-            return rest, UNIT_OF_WORD[word]
+        if rest and word.lower() in UNIT_OF_WORD and word not in "-1":
+            return rest, word
     return text, None
+
+
+def is_newton(word: str) -> bool:
+    """Whether a word is the unit of a force, which a scale for weights may show."""
+    return word.lower() in NEWTONS
 
 
 def is_unit_row(cells: list[str]) -> bool:
@@ -125,7 +140,7 @@ def meaning_of(title: str) -> Meaning | None:
     text = re.sub(r"[\s_.:\-]+", "", text)
     if text in _DRIVER_JOINTS:
         return Meaning(f"q{_DRIVER_JOINTS.index(text) + 1}_cmd", unit or "rad", "" if unit else DRIVER_NOTE)
-    if text in LOADS and unit in UNITS["mass"]:
+    if text in LOADS and (unit in UNITS["mass"] or (text in WEIGHTS and is_newton(written_unit(title)))):
         return Meaning("payload", unit)
     tokens = _TOKEN.findall(text)
     if "".join(tokens) != text or not tokens:

@@ -16,7 +16,8 @@ GERMAN = {
     "feed": ("vorschub", "geschwindigkeit"),
     "": ("höhe", "hoehe", "winkel"),
 }
-LOADS = ("load", "mass", "weight", "masse", "gewicht", "beladung", "zusatzlast", "poids", "质量", "重量")
+WEIGHTS = ("weight", "gewicht", "poids", "重量")
+LOADS = ("load", "mass", "masse", "beladung", "zusatzlast", "质量", *WEIGHTS)
 """Words that mean a payload where their unit is one of mass, and else a motor's load or nothing that is known."""
 FRENCH = {
     "cmd": ("consigne", "cible", "théorique", "theorique", "commandé", "commande"),
