@@ -10,6 +10,7 @@ from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.rig.draw_arm import draw_arm
 from ptt.run.table import Table, make_table, take_rows
 from ptt.setup import check_setup
+from ptt.setup.machine import describe_machine
 
 MACHINES = Path(__file__).parent.parent / "data" / "machines"
 Change = Callable[[Table], Table]
@@ -130,3 +131,14 @@ def test_a_place_alone_does_not_tell_how_an_arm_stands() -> None:
     file, table = arm("ur10")
     said = check_setup(file, table.replace(command=None, target=table.measured))
     assert "no joint commands" in said.too_little
+
+
+def test_reach_of_an_arm_is_said_within_its_limits() -> None:
+    text = (
+        '[machine]\nkind = "serial"\nname = "elbow"\nconvention = "standard"\n[[machine.joint]]\nd_mm = 400.0\n'
+        "a_mm = 300.0\nlimits_deg = [-170, 170]\n[[machine.joint]]\na_mm = 250.0\nlimits_deg = [90, 170]\n"
+    )
+    said = describe_machine(parse_machine(text))
+    assert "reach: at most 391 mm from the base's z axis; z from 400 to 400 mm (within" in str(said)
+    reach = said.to_dict()["reach_mm"]
+    assert reach["sideways"] == pytest.approx(np.hypot(300.0, 250.0)) and reach["z"] == pytest.approx([400.0, 400.0])

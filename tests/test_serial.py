@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -18,6 +19,7 @@ from ptt.mechanisms.rotations import (
 )
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_inverse import spread
+from ptt.mechanisms.serial_reach import reach_within_limits
 
 # torch itself still scripts its forward-mode formulas on first use
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
@@ -114,6 +116,23 @@ def test_reach_is_never_exceeded_and_attained_by_the_stretched_iiwa(arm):
     assert float(torch.linalg.vector_norm(arm.forward(spread(arm, 2000)), dim=-1).max()) <= arm.reach_mm
     iiwa = preset("kuka_iiwa")
     close(torch.linalg.vector_norm(iiwa.forward(iiwa.home())), iiwa.reach_mm, 1e-9)
+
+
+def test_reach_within_limits_is_that_of_many_poses_and_no_more(arm):
+    away, low, high = reach_within_limits(arm)
+    p = arm.forward(some_joints(arm, 100_000))
+    tried = torch.linalg.vector_norm(p[:, :2], dim=-1).max(), p[:, 2].min(), p[:, 2].max()
+    assert -0.1 <= away - float(tried[0]) < 6.0 and away <= arm.reach_mm + 1e-9
+    assert (
+        -0.1 <= float(tried[1]) - low < 6.0 and -0.1 <= high - float(tried[2]) < 6.0
+    )  # a grid of 2 deg misses so much
+
+
+def test_reach_of_two_links_that_fold_by_a_right_angle_at_the_least():
+    """Links of 300 and 250 mm, the elbow from 90 to 170 deg: the farthest is the right angle, hypot(300, 250)."""
+    arm = dataclasses.replace(planar((300.0, 250.0)), limits_rad=((-math.pi, math.pi), (math.pi / 2, 3.0)))
+    away, low, high = reach_within_limits(arm)
+    assert away == pytest.approx(math.hypot(300.0, 250.0), abs=1e-9) and (low, high) == pytest.approx((0.0, 0.0))
 
 
 def test_parallel_axes():

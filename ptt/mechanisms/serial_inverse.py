@@ -77,7 +77,7 @@ def middle(arm: Arm) -> Tensor:
     Returns:
         (k,) rad, within the limits.
     """
-    low, high = _finite_limits(arm)
+    low, high = finite_limits(arm)
     return torch.minimum((low + high) / 2 + BENT_RAD, high)
 
 
@@ -91,7 +91,7 @@ def spread(arm: Arm, count: int) -> Tensor:
     Returns:
         (count, k) rad, the same at every call.
     """
-    low, high = _finite_limits(arm)
+    low, high = finite_limits(arm)
     engine = torch.quasirandom.SobolEngine(arm.joints, scramble=True, seed=0)
     return low + (high - low) * engine.draw(count, dtype=torch.float64)
 
@@ -136,7 +136,8 @@ def _closest(task: PoseTask, candidates: Tensor, count: int) -> Tensor:
     return torch.cdist(there, here).topk(count, largest=False).indices
 
 
-def _finite_limits(arm: Arm) -> tuple[Tensor, Tensor]:
+def finite_limits(arm: Arm) -> tuple[Tensor, Tensor]:
+    """Ends of travel, (k,) rad each, half a turn either way where a joint has no limit."""
     low, high = arm.limits()
     open_ = torch.isinf(low) | torch.isinf(high)
     return torch.where(open_, -math.pi, low), torch.where(open_, math.pi, high)

@@ -8,6 +8,8 @@ import torch
 
 from ptt.machine import MachineFile, ThreePttSpec
 from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.serial_reach import reach_within_limits
 from ptt.mechanisms.three_ptt import ThreePtt
 
 DIRECTIONS = 72
@@ -23,8 +25,8 @@ class MachineSaid:
         name: of the machine.
         home_mm: slider heights at p = 0 (joint values at the home of an arm, rad).
         travel_mm: (2, k) ends of travel.
-        reach_mm: how far the tool gets sideways at z = 0 in every direction, least and greatest z at x = y = 0; for an
-            arm its length stretched out.
+        reach_mm: how far the tool gets sideways at z = 0 in every direction, least and greatest z at x = y = 0; of an
+            arm at most from the base's z axis, least and greatest z anywhere.
         remarks: what is odd about it.
     """
 
@@ -49,9 +51,12 @@ class MachineSaid:
         }
 
     def __str__(self) -> str:
-        """Three lines and the remarks."""
+        """Two or three lines and the remarks."""
         if self.kind == "serial":
-            return f"{self.name}: {len(self.home_mm)} joints, reaches {self.reach_mm[0]:.0f} mm"
+            sideways, low, high = self.reach_mm
+            reach = f"at most {sideways:.0f} mm from the base's z axis; z from {low:.0f} to {high:.0f} mm"
+            limits = "within the limits" if np.isfinite(self.travel_mm).all() else "a joint without limits turns once"
+            return f"{self.name}: {len(self.home_mm)} joints\nreach: {reach} ({limits})"
         home = ", ".join(f"b{leg + 1} = {value:.3f}" for leg, value in enumerate(self.home_mm))
         ends = ", ".join(f"{low:g} to {high:g}" for low, high in dict.fromkeys(map(tuple, self.travel_mm.T.tolist())))
         sideways, low, high = self.reach_mm
@@ -83,10 +88,9 @@ def describe_machine(file: MachineFile) -> MachineSaid:
     """
     mechanism = build_mechanism(file.machine)
     if not isinstance(mechanism, ThreePtt) or not isinstance(file.machine, ThreePttSpec):
-        reach = float(getattr(mechanism, "reach_mm", 0.0))
-        return MachineSaid(
-            "serial", file.machine.name, mechanism.home().numpy(), mechanism.limits().numpy(), (reach, -reach, reach)
-        )
+        assert isinstance(mechanism, Serial)
+        home, ends = mechanism.home().numpy(), mechanism.limits().numpy()
+        return MachineSaid("serial", file.machine.name, home, ends, reach_within_limits(mechanism))
     home, ends = mechanism.home().numpy(), mechanism.limits().numpy()
     return MachineSaid(
         "three-ptt", file.machine.name, home, ends, reach_of(mechanism), tuple(_remarks(file.machine, home, ends))
