@@ -98,7 +98,10 @@ def test_comments_blank_lines_and_quotes(tmp_path: Path) -> None:
 
 
 BAD = {
-    "text": (csv(ROWS[0], "1,2,3,--,5,6"), "run.csv row 3, column x_meas: not a number ('--'); remove the row"),
+    "text": (
+        csv(ROWS[0], "1,2,3,--,5,6"),
+        "run.csv row 3, column x_meas: not a number ('--'); leave the cell empty: the row keeps",
+    ),
     "stamp": (
         csv(*(f"{row},2026-03-01 09:00:0{second}" for second, row in enumerate(ROWS)), header=HEADER + ",time_s"),
         "row 2, column time_s: not a number ('2026-03-01 09:00:00'); call the column 'time'",

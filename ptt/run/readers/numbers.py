@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import greatest, least, standard_unit
+from ptt.run.readers.columns import greatest, least, split_joint, standard_unit
 from ptt.run.readers.layout import Column
 from ptt.run.readers.separators import POINT_NUMBER, cell_counts, split_line
 from ptt.run.readers.stamps import is_stamp
@@ -143,7 +143,8 @@ def _cell(raw: RawText, column: Column, row: int) -> tuple[str, str]:
 
 def _refuse(raw: RawText, column: Column, row: int) -> None:
     value, where = _cell(raw, column, row)
-    fix = "remove the row or mark it with an empty cell"
+    sent = split_joint(column.quantity) is not None  # an empty one is refused as well, for the travel goes by it
+    fix = "write what was sent" if sent else "leave the cell empty: the row keeps its place in the travel"
     if "," in value and value.replace(",", "", 1).strip("+-").isdigit():
         fix = "write numbers with a decimal point"
     elif column.quantity == "time" and is_stamp(value):
