@@ -150,8 +150,8 @@ def _table_of(
     refuse_order(set_values.get("order"))
     if request.purpose == "run":
         refuse_scale_log(export)
-        order = set_values.get("order", None if judge_order else "rows")
-        export, moved = in_travel_order(export, None if order is None else str(order))
+        order = set_values.get("order")
+        export, moved = in_travel_order(export, None if order is None else str(order), refuse=judge_order)
     arrays, warnings = table_fields(export, joints, prefix, request.purpose)
     constants = [f"{name} set to {value:g} in every row" for name, value in values.items()]
     understood = replace(export.understood, lines=(*export.understood.lines, *constants, *moved, *warnings))

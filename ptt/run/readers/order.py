@@ -12,7 +12,7 @@ AS_ROWS, BY_TIME = "rows", "time"
 ORDERS = (AS_ROWS, BY_TIME)
 
 
-def in_travel_order(export: Export, order: str | None) -> tuple[Export, list[str]]:
+def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -> tuple[Export, list[str]]:
     """Rows in the order in which the machine went through them.
 
     Backlash, drift and warmth are read off the order; rows sorted by name or by place would turn one into another.
@@ -21,6 +21,7 @@ def in_travel_order(export: Export, order: str | None) -> tuple[Export, list[str
     Args:
         export: the columns.
         order: 'rows' (as they stand, whatever the clock says), 'time' (sort each run by its clock), or None.
+        refuse: whether time that goes back is refused where nobody said an order; else the rows stay as they stand.
 
     Returns:
         The columns, and what was done, in words.
@@ -39,6 +40,8 @@ def in_travel_order(export: Export, order: str | None) -> tuple[Export, list[str
     assert time is not None
     if order == AS_ROWS:
         return export, ["time goes back; the rows are taken to be in travel order, as --set order=rows says"]
+    if not refuse:
+        return export, ["time goes back; the rows are looked at as they stand"]
     raise TableError(
         f"time goes back{_of_run(export, late[1])} (from {time[late[0]]:g} to {time[late[1]]:g} s, after row "
         f"{export.line[late[0]]}), so the rows may not be in travel order",
