@@ -131,6 +131,30 @@ def test_a_cured_run_has_all_columns_of_the_run_in_its_order(tmp_path: Path) -> 
     assert gap[x] == "" and float(gap[y]) == float(cells[30][x])
 
 
+def test_a_file_in_which_nothing_was_undone_is_said_to_be_as_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], sound: tuple[MachineFile, Table]
+) -> None:
+    """A clock that goes back once is `perhaps` a mistake, a negated axis is one of the run, radii are the drawing's."""
+    asked, flipped, turned = tmp_path / "asked.csv", tmp_path / "flipped.csv", tmp_path / "turned.toml"
+    time = np.arange(sound[1].rows, dtype=float)
+    time[100:110] -= 50.0
+    write_table(sound[1].replace(time_s=time), asked)
+    write_table(sound[1].replace(measured=sound[1].measured * [1.0, 1.0, -1.0]), flipped)
+    drawing = (DATA / "machine.toml").read_text()
+    turned.write_text(drawing.replace("200.0", "R").replace("100.0", "200.0").replace("R", "100.0"))
+    as_it_was, undone = "as it was: nothing sure to undo", "with what was sure undone"
+    for run, machine, of_run, of_machine in (
+        (asked, DATA / "machine.toml", as_it_was, as_it_was),
+        (flipped, DATA / "machine.toml", undone, as_it_was),
+        (DATA / "run.csv", turned, as_it_was, undone),
+    ):
+        outs = tmp_path / "out.csv", tmp_path / "out.toml"
+        run_verb("check", run, "--model", machine, "--out-run", outs[0], "--out-model", outs[1])
+        told = capsys.readouterr()
+        assert f"out.csv: the run, {of_run}" in told.err and f"out.toml: the machine file, {of_machine}" in told.err
+        assert run is not asked or "perhaps row-order" in told.out
+
+
 def test_verbs_refuse_what_is_sure_and_go_on_anyway(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], sound: tuple[MachineFile, Table]
 ) -> None:

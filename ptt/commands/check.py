@@ -65,11 +65,14 @@ def _write(found: "Checked", out_run: Path | None, out_model: Path | None, sever
             raise InputError("one file for several runs", where="--out-run", fix="check each run by itself")
         if found.table is not None:
             write_table(found.table, out_run, as_read=True)
-        note(f"{out_run}: the run, with what was sure undone")
+        note(f"{out_run}: the run, {_undone(found.run_is_as_it_was)}")
     if out_model is not None:
         save_machine(found.file, out_model)
-        same = (found.file.machine, found.file.tracker) == (found.drawn.machine, found.drawn.tracker)
-        note(f"{out_model}: the machine file, {'as it was: nothing to undo' if same else 'with what was sure undone'}")
+        note(f"{out_model}: the machine file, {_undone(found.machine_is_as_it_was)}")
+
+
+def _undone(same: bool) -> str:
+    return "as it was: nothing sure to undo" if same else "with what was sure undone"
 
 
 def _show_machine(path: Path, drawing: Path | None, effects: list[Path] | None, json: bool) -> None:

@@ -14,6 +14,7 @@ from ptt.door.run import Run, Targets
 from ptt.door.words import as_run
 from ptt.machine import MachineFile
 from ptt.run.readers import Ask
+from ptt.run.reading import same_rows
 from ptt.run.table import Table
 from ptt.setup import Check, Finding
 from ptt.setup.machine import MachineSaid, describe_machine
@@ -32,10 +33,22 @@ class Checked(Result):
     Attributes:
         found: the findings, and both files with the sure ones undone.
         drawn: the machine file as it was given.
+        read: the run as it was read.
     """
 
     found: Check
     drawn: MachineFile
+    read: Table
+
+    @property
+    def machine_is_as_it_was(self) -> bool:
+        """Whether nothing was undone in the machine file."""
+        return (self.file.machine, self.file.tracker) == (self.drawn.machine, self.drawn.tracker)
+
+    @property
+    def run_is_as_it_was(self) -> bool:
+        """Whether nothing was undone in the run: a cure of the machine file alone leaves it."""
+        return self.table is None or same_rows(self.table, self.read)
 
     @property
     def ok(self) -> bool:
@@ -146,7 +159,7 @@ def _checked(file: MachineFile, rows: Run | Targets) -> Checked:
     found = find_mistakes(file, rows)
     if not found.findings and not found.unexplained:
         require_commands(file, rows.table)
-    return Checked(found, file)
+    return Checked(found, file, rows.table)
 
 
 def describe(model: Model) -> Described:

@@ -94,7 +94,7 @@ def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
     """The tables, with a warning at each that is there twice: copies count as repeats, and tell nothing more."""
     told = list[Table]()
     for table in tables:
-        twin = next((one for one in told if table.run_sha256 == one.run_sha256 or _same_rows(one, table)), None)
+        twin = next((one for one in told if table.run_sha256 == one.run_sha256 or same_rows(one, table)), None)
         if twin is not None:
             line = (
                 f"warning: {table.source} holds the same rows as {twin.source}: taken as repeats, but copies tell "
@@ -105,7 +105,7 @@ def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
     return told
 
 
-def _same_rows(one: Table, other: Table) -> bool:
+def same_rows(one: Table, other: Table) -> bool:
     """Whether two runs are one to the last digit of all that was commanded, read and recorded."""
     pairs = [(getattr(one, name), getattr(other, name)) for name in CONTENT]
     return (
