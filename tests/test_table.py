@@ -97,6 +97,15 @@ def test_comments_blank_lines_and_quotes(tmp_path: Path) -> None:
     assert_array_equal(table.line, [4, 7, 8])
 
 
+def test_rows_with_a_part_of_a_reading_are_told(tmp_path: Path) -> None:
+    lines = str(read_table(write(tmp_path, csv("1,2,3,,5,6", "1,2,4,4,5,6", "1,2,5,4,,6", "1,2,6,,,"))).understood)
+    assert "warning: 2 rows, first row 2, have no x_meas or y_meas beside the other axes: taken as no reading" in lines
+    assert "no x_meas" not in str(read_table(write(tmp_path, csv("1,2,3,4,5,6", "1,2,6,,,"))).understood)
+    assert "warning: row 3 has no z_meas beside" in str(
+        read_table(write(tmp_path, csv("1,2,3,4,5,6", "1,2,6,4,5,"))).understood
+    )
+
+
 BAD = {
     "text": (
         csv(ROWS[0], "1,2,3,--,5,6"),

@@ -65,7 +65,7 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
         "source": export.source,
         "extra": export.extra | _unheld(export, joints, prefix),
     }
-    return fields, [*_warnings(export, prefix), *(_taking_turns(run, labels) if purpose == "run" else [])]
+    return fields, [*_warnings(export, prefix), *(_of_a_run(export, run, labels) if purpose == "run" else [])]
 
 
 def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.ndarray]:
@@ -165,6 +165,25 @@ def _taking_turns(run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
         return []
     where, times = labels[run[again[0]]], f"{len(again)} time{'' if len(again) == 1 else 's'}"
     return [f"run '{where}' goes on after rows of another; {times} in all travel begins anew where a run goes on"]
+
+
+def _of_a_run(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
+    return [*_half_read(export), *_taking_turns(run, labels)]
+
+
+def _half_read(export: Export) -> list[str]:
+    """A warning on rows with a part of a reading: an axis that is empty leaves the others of no use."""
+    empty = np.isnan(np.column_stack([export.columns[f"{axis}_meas"] for axis in "xyz"]))
+    rows = np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1))
+    if not len(rows):
+        return []
+    titles = " or ".join(f"{axis}_meas" for axis, some in zip("xyz", empty[rows].any(axis=0), strict=True) if some)
+    which = (
+        f"{len(rows)} rows, first row {export.line[rows[0]]}, have"
+        if len(rows) > 1
+        else (f"row {export.line[rows[0]]} has")
+    )
+    return [f"warning: {which} no {titles} beside the other axes: taken as no reading"]
 
 
 def _directions(export: Export, joints: int) -> np.ndarray | None:
