@@ -200,6 +200,32 @@ def test_reach_of_a_machine_stays_within_the_travel(sound: tuple[MachineFile, Ta
     assert said.reach_mm[2] == pytest.approx(420.0 - drop, abs=3.0)
 
 
+@pytest.mark.parametrize(
+    ("azimuths", "said"),
+    [
+        ("[0.0, 120.0, 240.0]", None),
+        ("[0.0, 90.0, 180.0]", None),  # uneven, and still held
+        ("[10.0, 20.0, 30.0]", "azimuths 10, 20, 30 deg) that the tool is hardly held: a slider's error may grow"),
+        ("[0.1745, 2.1817, 4.3633]", "perhaps they are in rad, and would be 9.998, 125, 250 deg"),
+        ("[1.0, 2.0, 3.0]", "perhaps they are in rad, and would be 57.3, 114.6, 171.9 deg"),
+    ],
+)
+def test_towers_that_hardly_hold_the_tool_are_remarked_on(azimuths: str, said: str | None) -> None:
+    text = (DATA / "machine.toml").read_text()
+    start = text.index("slider_azimuth_deg")
+    line = text[start : text.index("\n", start)]
+    remarks = describe_machine(parse_machine(text.replace(line, f"slider_azimuth_deg = {azimuths}"))).remarks
+    assert len(remarks) == (said is not None) and (said or "") in " ".join(remarks)
+    assert ("rad" in " ".join(remarks)) == (said is not None and "rad" in said)
+
+
+def test_radii_that_hardly_hold_the_tool_are_not_put_down_to_the_towers() -> None:
+    text = (DATA / "machine.toml").read_text().replace("platform_radius_mm = 100.0", "platform_radius_mm = 190.0")
+    assert "platform_radius_mm = 190.0" in text
+    (remark,) = describe_machine(parse_machine(text.replace("150.0, 420.0", "100.0, 600.0"))).remarks
+    assert remark.startswith("the links hardly hold the tool at home") and "towers" not in remark
+
+
 def test_names_are_those_of_the_contract() -> None:
     assert len(MISTAKES) == 23
     used = {name for case in CASES for name in case.names}

@@ -8,12 +8,14 @@ import torch
 
 from ptt.machine import MachineFile, ThreePttSpec
 from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.dexterity import NEAR_RATIO, singularities
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_reach import reach_within_limits
 from ptt.mechanisms.three_ptt import ThreePtt
 
 DIRECTIONS = 72
 STEPS = 200
+EVEN_DEG = (0.0, 120.0, 240.0)  # towers that cannot stand farther apart; what they hardly hold is not for the azimuths
 
 
 @dataclass(frozen=True)
@@ -139,4 +141,36 @@ def _remarks(spec: ThreePttSpec, home: np.ndarray, ends: np.ndarray) -> list[str
         found.append(f"home lies outside the travel{hint}")
     if spec.platform_radius_mm > spec.base_radius_mm:
         found.append("the platform is wider than the base: are the two radii interchanged?")
-    return found
+    return found + _hardly_held(spec)
+
+
+def _hardly_held(spec: ThreePttSpec) -> list[str]:
+    """A remark on a drawing whose links hardly hold the tool at home: it reaches far there, and every error grows."""
+    hold = _hold(spec)
+    if not hold < NEAR_RATIO:
+        return []
+    grows = (
+        f"a slider's error may grow {1.0 / hold:.0f}-fold on its way to it" if hold > 0.0 else "locked sliders do not"
+    )
+    if _hold(_at_azimuths(spec, EVEN_DEG)) < NEAR_RATIO:
+        return [f"the links hardly hold the tool at home: {grows} (`ptt dexterity` says more)"]
+    azimuths = spec.slider_azimuth_deg
+    remark = f"the towers stand so close (azimuths {_listed(azimuths)} deg) that the tool is hardly held: {grows}"
+    turned = tuple(float(np.degrees(value)) for value in azimuths)
+    if max(map(abs, azimuths)) < 2.0 * np.pi and _hold(_at_azimuths(spec, turned)) >= NEAR_RATIO:
+        return [f"{remark}; perhaps they are in rad, and would be {_listed(turned)} deg"]
+    return [remark]
+
+
+def _hold(spec: ThreePttSpec) -> float:
+    """How well links and joints hold the tool at home: least singular value of their directions, NaN out of reach."""
+    margins = singularities(ThreePtt.from_spec(spec), torch.zeros(1, 3, dtype=torch.float64))
+    return float(torch.minimum(margins.direct, margins.constraint))
+
+
+def _at_azimuths(spec: ThreePttSpec, azimuths: tuple[float, ...]) -> ThreePttSpec:
+    return spec.model_copy(update={"slider_azimuth_deg": azimuths})
+
+
+def _listed(values: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)
