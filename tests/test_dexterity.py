@@ -284,3 +284,21 @@ def test_equal_radii_are_told_as_the_singularity_that_they_are(tmp_path, capsys)
     assert run(["dexterity", str(path), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)["home"]
     assert said["condition"] is None and said["status"] == "near singular"
+
+
+@pytest.mark.parametrize(
+    ("machine", "words"), [("machine", "condition number: median"), ("ur10", "of the position alone")]
+)
+def test_how_evenly_the_targets_can_be_moved_is_told(machine, words, tmp_path, capsys):
+    path = DATA / "machine.toml" if machine == "machine" else DATA / "machines" / "ur10.toml"
+    rows = ["0,0,10", "20,0,10", "0,30,-10"] if machine == "machine" else ["400,300,500", "500,-200,300", "600,0,400"]
+    targets = tmp_path / "t.csv"
+    targets.write_text("\n".join(["name,x_cmd,y_cmd,z_cmd", *(f"p{i},{row}" for i, row in enumerate(rows))]) + "\n")
+    assert run(["dexterity", str(path), "--targets", str(targets), "--json"]) == 0
+    entries = json.loads(capsys.readouterr().out)["targets"]
+    assert run(["dexterity", str(path), "--targets", str(targets)]) == 0
+    line = capsys.readouterr().out.splitlines()[-1]
+    values = sorted(entry["condition"] for entry in entries)
+    worst = max(entries, key=lambda entry: entry["condition"])
+    assert words in line
+    assert f"median {values[1]:.3g}, worst {values[2]:.3g} (row {worst['line']} {worst['name']})" in line

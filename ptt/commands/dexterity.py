@@ -76,7 +76,20 @@ def _text(data: dict[str, Any]) -> str:
     if "near_singular_share" in space:
         lines.append(f"  near a singularity: {100 * space['near_singular_share']:.1f} % of them")
     lines += _arm(space) if "singular" in space else []
-    return "\n".join(lines + _targets(data["targets"]))
+    return "\n".join(lines + _targets(data["targets"], turning="inverse_mm" not in home))
+
+
+def _evenness(entries: list[dict[str, Any]], turning: bool) -> list[str]:
+    """The median and the worst condition number; of an arm's targets its turns do not count, as they do at home."""
+    from statistics import median
+
+    if not entries:
+        return []
+    worst = max(entries, key=lambda entry: float(entry["condition"]))
+    of = " of the position alone" if turning else ""
+    middle = median(entry["condition"] for entry in entries)
+    where = f"row {worst['line']} {worst['name']}".rstrip()
+    return [f"  condition number{of}: median {middle:.3g}, worst {worst['condition']:.3g} ({where})"]
 
 
 def _arm(space: dict[str, Any]) -> list[str]:
@@ -102,11 +115,15 @@ def _degrees(q: list[float]) -> str:
     return ", ".join(f"{degrees(value) + 0.0:.0f}" for value in q)
 
 
-def _targets(entries: list[dict[str, Any]]) -> list[str]:
+def _targets(entries: list[dict[str, Any]], turning: bool) -> list[str]:
+    """How many targets have each status, how even they are, and the odd ones; `turning`: an arm, whose tool turns."""
     if not entries:
         return []
     counts = {status: sum(entry["status"] == status for entry in entries) for status in {e["status"] for e in entries}}
     lines = ["targets: " + ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))]
+    lines += _evenness(
+        [entry for entry in entries if entry["condition"] == entry["condition"]], turning
+    )  # NaN: no pose
     odd = [entry for entry in entries if entry["status"] != "ok"]
     lines += [f"  row {entry['line']} {entry['name']}: {entry['status']}" for entry in odd[:SHOWN_ROWS]]
     return [*lines, f"  and {len(odd) - SHOWN_ROWS} more"] if len(odd) > SHOWN_ROWS else lines
