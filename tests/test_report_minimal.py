@@ -69,6 +69,10 @@ def test_serial_arm() -> None:
     page = Page(render(contents))
     assert page.faults == [] and "serial arm" in page.text and "\N{MICRO SIGN}rad" in page.text
     assert contents.given.comparison.rows == 40
+    # An arm has no sliders and legs: its effects are told in an arm's words.
+    assert "Its sign: " in page.text
+    told = page.text.rpartition("What is missing")[2].partition("The ladder")[0].replace("the sliders or joints", "")
+    assert not re.findall("slider|the leg that|screw", told)
 
 
 def test_moving_pictures_embed_plotly_once(minimal: Contents) -> None:
@@ -100,7 +104,8 @@ def test_words_in_chinese_come_from_one_file(minimal: Contents) -> None:
     assert lost == "滑块 1、2、3 反向时丢失 55、16、43 um：反向间隙。"
     mended = [pretty(card_of(effect()).remedy.rstrip(".")) for effect in library().values()]
     cards = [card_of(effect()) for effect in library().values()]
-    told = [getattr(card, key) for card in cards for key in ("cause", "fingerprint", "arm_cause", "arm_remedy")]
+    keys = ("cause", "fingerprint", "arm_cause", "arm_fingerprint", "arm_remedy")
+    told = [getattr(card, key) for card in cards for key in keys]
     mended += [pretty(words.rstrip(".")) for words in told if words]
     assert [words for words in mended if say(words) == words] == []
     two = "Nothing else explains it as well; the held-out error falls from 7.0 to 5.0 um, noise is 5.0 um. Its sign: x."

@@ -3,6 +3,7 @@
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.explanation import Candidate
 from ptt.effects import Library
+from ptt.effects.card import Card
 from ptt.effects.cards import card_of
 from ptt.effects.registry import parse_key
 from ptt.show.report.about_error import depends_grid
@@ -72,7 +73,7 @@ def _steps(found: Diagnosis, known: Library) -> list[Block]:
     for one in steps:
         cells = side_by_side([_value(*parameter) for parameter in one.parameters])
         blocks += [
-            Words(f"{one.words} {_fingerprint(one, known)}"),
+            Words(f"{one.words} Its sign: {_card(one, found, known).fingerprint.rstrip('.')}."),
             grid(f"{one.effect}: parameters with one standard error", ("",) * 6, cells, left=6),
         ]
     note = "A value without an error was searched, or is held near zero because the run does not tell it."
@@ -83,7 +84,7 @@ def _others(found: Diagnosis, known: Library) -> list[Block]:
     others = found.candidates[len(found.suggested) :]
     if not others:
         return []
-    rows = [(one.effect, *_figures(one), _cause(one, known)) for one in others]
+    rows = [(one.effect, *_figures(one), _card(one, found, known).cause.rstrip(".")) for one in others]
     head = ("effect", "p-value", "share", "held-out um", "which would be")
     return [
         grid("What else would explain a part, each by itself", head, rows, wordy=True),
@@ -100,11 +101,6 @@ def _value(name: str, unit: str, value: float, std: float | None) -> tuple[str, 
     return name, plus_minus(value, std), unit
 
 
-def _fingerprint(candidate: Candidate, known: Library) -> str:
-    """What the effect looks like, from its card."""
-    return f"Its sign: {card_of(known[parse_key(candidate.effect)[0]]).fingerprint.rstrip('.')}."
-
-
-def _cause(candidate: Candidate, known: Library) -> str:
-    """What is wrong with a machine that has the effect, from its card."""
-    return card_of(known[parse_key(candidate.effect)[0]]).cause.rstrip(".")
+def _card(candidate: Candidate, found: Diagnosis, known: Library) -> Card:
+    """The card of an effect, in the words of the machine's family."""
+    return card_of(known[parse_key(candidate.effect)[0]]).on(found.model.file.machine.kind)
