@@ -62,16 +62,15 @@ def is_told(scorer: Scorer, state: State) -> bool:
 def _parts(scorer: Scorer, state: State) -> float:
     """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more.
 
-    An unknown is as much as two names, and so is a curve of many values, which bends to anything: what is straight in
-    it may be a zero and a lead. What looks like several commoner causes is as much as these. Where two sizes of the
-    drawing are off further ones are hardly news.
+    A curve of many values is as much as an unknown, and what looks like several commoner causes as much as these. Where
+    two sizes of the drawing are off further ones are hardly news.
     """
     odd = scorer.system.errs_by_pose(state.memory) or scorer.system.clock.is_fault(state.memory.wander)
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
     parts = float(sum(1 if atom.effect is None else causes(atom.effect) for atom in atoms))
     more = max(sum(causes(atom.effect) for atom in atoms if atom.effect is not None and is_drawn(atom)) - SIZES, 0)
-    return parts - 0.9 * more + unknowns + _curves(scorer, state) + 0.25 * untested + 1.5 * odd
+    return parts - 0.9 * more + 0.5 * (unknowns + _curves(scorer, state)) + 0.25 * untested + 1.5 * odd
 
 
 def _bends(scorer: Scorer, state: State) -> int:
