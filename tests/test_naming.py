@@ -110,7 +110,7 @@ def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypat
     for key, on, curve, where in (("u", "time", False, "slider 2"), ("v", "b2", True, place)):
         atoms[key].block = SimpleNamespace(
             on=(on,), reverses=False, is_curve=curve, varies_curve=varies and not curve,
-            place=SimpleNamespace(residual=where),
+            place=SimpleNamespace(residual=where, part=where),
         )  # fmt: skip
     scorer.opens = lambda keys: lambda atom: not there
     foretell(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))

@@ -158,7 +158,7 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
             if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
                 yield _waves(place, own, raw[:, place.joint], problem.view.lead)
             for context in span.contexts:  # and gives way under load, or to the sun
-                changes = context.shapes - context.shapes.mean(axis=0)  # what it does throughout, towers and guides do
+                changes = context.shapes - context.mean  # what it does throughout, towers and guides do
                 for way in one_way_each(place) if context.fields else ():
                     yield _named(way, (context.name, own), partial(product, changes, low))
             continue

@@ -29,6 +29,7 @@ class Context:
             no columns where no play follows it.
         fields: whether a field over the workspace may go with it beyond scale and turn.
         joints: whether it may act on joints; what only the tool knows acts on the tool.
+        mean: of the shapes over the whole run, (s,).
     """
 
     name: str
@@ -36,6 +37,7 @@ class Context:
     measure: np.ndarray
     fields: bool = True
     joints: bool = True
+    mean: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def of(self, rows: np.ndarray) -> "Context":
         """The same for some of the rows, (m,) int."""
@@ -132,7 +134,7 @@ def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool
         measure = np.column_stack([np.ones(len(shapes)), shapes[:, :COARSE]])
     else:
         measure = modulation(scaled(shapes[:, 0], column_ends(shapes[:, 0])))
-    return Context(name, shapes, measure, fields, joints)
+    return Context(name, shapes, measure, fields, joints, shapes.mean(axis=0))
 
 
 def _by_shares(values: np.ndarray) -> np.ndarray:
