@@ -14,7 +14,7 @@ from ptt.machine import MachineFile
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.base_frame import into_base
 from ptt.run.frames import align
-from ptt.run.mounts import mount_of_rows, mount_slopes, seats_beside
+from ptt.run.mounts import mount_of_rows, mount_slopes, mounts_beside
 from ptt.run.noise import Noise, given_noise
 from ptt.run.problem import build_problem
 from ptt.run.same_pose import count_places, same_places
@@ -180,7 +180,7 @@ def evaluate_pair(
     """
     one, two = errors_of(before, file, frame), errors_of(after, file, frame)
     first, second, unmatched = match_rows(before, after, _found(one), _found(two))
-    if not len(first):
+    if not len(first) or (rows is not None and not rows[first].any()):
         fix = "run both on the same targets, or name the points alike"
         raise TableError(f"no pose in common with {before.source}", where=after.source, fix=fix)
     wanted, whole = targets_of(before, file), (one, two)
@@ -290,7 +290,8 @@ def seats_of(
     if file is None or mount is None or (mount < 0).all():
         return None
     by_mount = mount_slopes(build_problem(file, table).view)
-    return seats_beside(target, by_mount, reading, pose, mount, frame, free=free)
+    mounts = mounts_beside(target, by_mount, reading, pose, mount, frame, free=free)
+    return np.asarray(np.einsum("nij,nj->ni", by_mount, mounts[mount]))
 
 
 def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: MachineFile | None) -> Noise | None:

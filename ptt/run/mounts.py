@@ -66,42 +66,37 @@ def find_mounts(
     Returns:
         The view with the mounts in place.
     """
-    mounts = np.zeros((int(mount.max()) + 1, 3))
-    for _ in range(ROUNDS):
-        view = place_mounts(view, mount, mounts)
-        step = _step(view.p.numpy(), mount_slopes(view), reading, rows, mount, frame, free)
-        mounts = mounts + step
-        if np.abs(step).max() < SETTLED:
-            break
-    return place_mounts(view, mount, mounts)
+    bare = place_mounts(view, mount, np.zeros((int(mount.max()) + 1, 3)))
+    mounts = mounts_beside(bare.p.numpy(), mount_slopes(bare), reading, rows, mount, frame, free=free)
+    return place_mounts(bare, mount, mounts)
 
 
-def seats_beside(
+def mounts_beside(
     place: np.ndarray, by_mount: np.ndarray, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray,
     frame: np.ndarray, *, free: bool,
 ) -> np.ndarray:  # fmt: skip
-    """How far the reflectors stand from places where the tool should be, frames moving along.
+    """Where the reflectors sit if the tool is at some places: wherever it is, its frame alone carries them along.
 
     Args:
-        place: (n, 3) mm, NaN where none is wanted.
+        place: (n, 3) mm, NaN where none is known.
         by_mount: (n, 3, 3) axes of the tool's frame, as `mount_slopes` has them.
         reading: (n, 3) mm, NaN where not observed.
-        rows: rows that count, (n,) bool.
-        mount: (n,) int, mount of each row.
-        frame: (n,) int, tracker frame of each row.
-        free: whether the frames are unknown; else readings are in the base frame already.
+        rows: that count, (n,) bool.
+        mount: (n,) int, of each row.
+        frame: (n,) int, of each row.
+        free: whether the frames are unknown.
 
     Returns:
-        (n, 3) mm in the base frame.
+        (m, 3) mm, in the tool's frame.
     """
-    mounts, seats = np.zeros((int(mount.max()) + 1, 3)), np.zeros_like(place)
+    mounts = np.zeros((int(mount.max()) + 1, 3))
     for _ in range(ROUNDS):
-        step = _step(place + seats, by_mount, reading, rows, mount, frame, free)
+        seat = np.einsum("nij,nj->ni", by_mount, mounts[mount])
+        step = _step(place + seat, by_mount, reading, rows, mount, frame, free)
         mounts = mounts + step
-        seats = np.einsum("nij,nj->ni", by_mount, mounts[mount])
         if np.abs(step).max() < SETTLED:
             break
-    return seats
+    return mounts
 
 
 def _step(

@@ -11,7 +11,7 @@ from ptt.correct.exports.delta import Delta, fit_delta, require_anticlockwise
 from ptt.correct.exports.format import ErrorLeft, Options, Written, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
-from ptt.correct.exports.left import Ground, drawing_alone, error_left, holdings, survey
+from ptt.correct.exports.left import Ground, error_left, holdings, left_of_drawing, survey
 from ptt.correct.exports.whole import write_all
 from ptt.errors import InputError
 
@@ -76,11 +76,8 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
     refuse_worse(left, firmware.name, file.source)
     why = cannot_hold(ground, tangent, SHAPE, hints=_hints(ground, firmware))
     holds, cannot = holdings(ground, why)
-    bare = drawing_alone(ground, options)
-    shape = (
-        0.0
-        if bare is None
-        else error_left(bare, fit_delta(bare, tilted=firmware.tilted)[0].sliders(bare.targets)).format
+    shape = left_of_drawing(
+        ground, options, lambda bare: fit_delta(bare, tilted=firmware.tilted)[0].sliders(bare.targets)
     )
     notes = what_to_do(f"{firmware.load}; {MEASURE}", left, shape=shape)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot]), *notes]
@@ -117,8 +114,8 @@ def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False, shape: float = 
     model = f"keep the drawing's figures in the controller and {programs}{whole}"
     if shape >= LEAST_UM:
         load += (
-            f"; of a machine just as drawn it would leave {shape:.1f} um: rails that lean and azimuths that are uneven "
-            "have no place in it"
+            f"; of a machine just as drawn it would leave {shape:.1f} um: leaning rails or uneven azimuths have no "
+            "place in it"
         )
         model = f"{whole} (`ptt program` counts on a controller that computes the drawing, as this one cannot)"
     if left.corrects:

@@ -1,6 +1,6 @@
 """What an export leaves: over the workspace, by how much the model says that commands miss."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import TYPE_CHECKING
@@ -90,23 +90,25 @@ def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> 
     return Ground(compensator, table, place[kept], q.numpy()[kept], direction[kept], static, commands)
 
 
-def drawing_alone(ground: Ground, options: Options) -> Ground | None:
-    """The drawing without what is wrong with it, where no regular delta is one: rails lean, or azimuths are uneven.
+def left_of_drawing(ground: Ground, options: Options, sliders: Callable[[Ground], np.ndarray]) -> float:
+    """What a format leaves of a machine that is just as drawn: a drawing that leans or is uneven has no place in some.
 
     Args:
         ground: of the machine, a 3-PTT.
         options: as of `survey`.
+        sliders: what the format sends, fitted to a ground, for its places, (n, 3) mm.
 
     Returns:
-        Its ground; None of a drawing that is a regular delta.
+        Root mean square over the workspace, um; 0 of upright towers at even azimuths, which any delta is.
     """
     compensator = ground.compensator
     spec = compensator.model.file.machine
     assert isinstance(spec, ThreePttSpec)
     apart = np.diff(np.sort(np.mod(spec.slider_azimuth_deg, 360.0)))
     if not np.any(spec.slider_lean_deg) and np.abs(apart - 120.0).max() < EVEN:
-        return None
-    return survey(replace(compensator, model=replace(compensator.model, terms=()), network=None), options)
+        return 0.0
+    bare = survey(replace(compensator, model=replace(compensator.model, terms=()), network=None), options)
+    return error_left(bare, sliders(bare)).format
 
 
 def error_left(ground: Ground, q: np.ndarray) -> ErrorLeft:

@@ -28,7 +28,7 @@ from ptt.correct.exports.firmware import MEASURE, judged, refuse_worse, what_to_
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
-from ptt.correct.exports.left import Ground, drawing_alone, error_left, holdings, survey
+from ptt.correct.exports.left import Ground, error_left, holdings, left_of_drawing, survey
 from ptt.correct.exports.whole import write_all
 
 if TYPE_CHECKING:
@@ -90,9 +90,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     fit, tangent, drives = fit_tables(ground, options.step)
     file = compensator.model.file
     left = error_left(ground, fit.sliders(ground))
-    bare = drawing_alone(ground, options)
-    shape = 0.0 if bare is None else error_left(bare, fit_tables(bare, options.step)[0].sliders(bare)).format
     refuse_worse(left, "LinuxCNC's lineardeltakins", file.source)
+    shape = left_of_drawing(ground, options, lambda bare: fit_tables(bare, options.step)[0].sliders(bare))
     at = fit.tables.at + fit.height
     why = cannot_hold(ground, tangent, SHAPE, known=("direction",), tabled=tabled(ground, drives, at))
     holds, cannot = holdings(ground, why)
