@@ -71,8 +71,7 @@ class Changed(Result):
     def __str__(self) -> str:
         """The ladder, the effects in words, and the fit."""
         last = self.ladder.steps[-1].fitted
-        widen = max(1.0, last.chi2 / max(last.freedom, 1)) ** 0.5
-        told = sentences(last.model.terms, self.opened.problem, last.noise, widen, last.loose_of)
+        told = sentences(last.model.terms, self.opened.problem, last.noise, last.scatter**0.5, last.loose_of)
         if self.elsewhere and (far := self.elsewhere.words(self.ladder.steps[-1].rms_um["total"])):
             told.append(far)
         words = "".join(f"{line}\n" for line in told) + "\n" if told else ""

@@ -121,7 +121,7 @@ def learn_beside(
     if small is not None:  # and all others large, so that they can take its place
         begun = np.where(fixed, begun, np.maximum(begun, 1.0))
         begun[small] = SMALL
-    wide = prior.crowding * max(1.0, fitted.chi2 / max(fitted.freedom, 1))
+    wide = prior.crowding * fitted.scatter
     return learn(
         gram[np.ix_(every, every)] / wide, side[every] / wide, square / wide, count / prior.crowding,
         np.concatenate(owner).astype(int), freedom=np.inf, start=begun, wide=FRAME_VARIANCE,

@@ -77,7 +77,7 @@ def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
     gram, side, _, _ = linear.total()
     layout, own = fitted.layout, fitted.layout.owner >= 0
     simple, more = np.arange(len(layout.scale)), np.concatenate([trial.columns for trial in linear.trials])
-    prior, wide = fitted.prior, _scatter(fitted)
+    prior, wide = fitted.prior, fitted.prior.crowding * fitted.scatter
     solved = inverse(gram[np.ix_(simple, simple)] + np.diag(wide / np.maximum(prior.variance, fitted.sizes**2)))
     left = side - gram[:, simple[own]] @ fitted.unknowns[own]
     cross = gram[np.ix_(simple, more)]
@@ -88,12 +88,6 @@ def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
     said = np.where(root > LEAST_ROOT, score / np.maximum(root, LEAST_ROOT), 0.0)
     keys = tuple(trial.effect.key for trial in linear.trials)
     return Masked(keys, absorbed[: int(own.sum())], root[:, None] * ways.T, said)
-
-
-def _scatter(fitted: FitResult) -> float:
-    """How much wider than stated the values of a fit scatter."""
-    wide = fitted.prior.crowding * max(1.0, fitted.chi2 / max(fitted.freedom, 1))
-    return float(wide)
 
 
 def _candidates(fitted: FitResult, problem: Problem) -> list[Effect]:

@@ -80,6 +80,11 @@ class FitResult:
         return self.prior.sizes(self.layout)
 
     @property
+    def scatter(self) -> float:
+        """Mean square of what is left of the rows in units of their noise, one where that is less."""
+        return max(1.0, self.chi2 / max(self.freedom, 1))
+
+    @property
     def std(self) -> np.ndarray:
         """Standard errors of the unknowns in their own units, (u,)."""
         more = 0.0

@@ -33,11 +33,10 @@ def told_by(fitted: FitResult) -> Testimony:
     score = (gram - np.diag(layout.held.astype(float))) @ amplitudes + fitted.prior.pull(fitted.unknowns)
     follow = np.linalg.pinv(gram[np.ix_(rest, rest)], hermitian=True) @ gram[np.ix_(rest, own)]
     information = gram[np.ix_(own, own)] - gram[np.ix_(own, rest)] @ follow
-    wider = max(1.0, fitted.chi2 / max(fitted.freedom, 1))
-    information = 0.5 * (information + information.T) / wider
+    information = 0.5 * (information + information.T) / fitted.scatter
     usual = layout.scale[own]
     return Testimony(
-        names, labels, units, usual, information, (score[own] - follow.T @ score[rest]) / wider,
+        names, labels, units, usual, information, (score[own] - follow.T @ score[rest]) / fitted.scatter,
         fitted.values[own], _seen_std(information) * usual,
     )  # fmt: skip
 

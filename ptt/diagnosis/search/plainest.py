@@ -9,6 +9,10 @@ from ptt.diagnosis.search.moves import SEEN_NATS, loose
 
 PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
 SIZES = 2  # of a drawing: where more are off, all may be
+HARDLY_NEWS = 0.1  # of a part that a further size is: not none, so that of two sets the one with fewer is said
+BENT = 0.5  # of a part that a curve or an unknown is more than a name of few values: between one of them and two
+UNTESTED = 0.25  # of a part more: less than being bent, so that it decides between sets that are alike in all else
+ODD = 1.5  # parts of a memory of the noise that is no tracker's: as an unknown, for it is one that follows nothing
 
 
 def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
@@ -70,7 +74,8 @@ def _parts(scorer: Scorer, state: State) -> float:
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
     parts = float(sum(1 if atom.effect is None else causes(atom.effect) for atom in atoms))
     more = max(sum(causes(atom.effect) for atom in atoms if atom.effect is not None and is_drawn(atom)) - SIZES, 0)
-    return parts - 0.9 * more + 0.5 * (unknowns + _curves(scorer, state)) + 0.25 * untested + 1.5 * odd
+    bent = unknowns + _curves(scorer, state)
+    return parts - (1.0 - HARDLY_NEWS) * more + BENT * bent + UNTESTED * untested + ODD * odd
 
 
 def _bends(scorer: Scorer, state: State) -> int:
