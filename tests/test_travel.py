@@ -15,7 +15,7 @@ from ptt.model.chain import predict
 from ptt.model.model import Model, Term
 from ptt.run.backlash.reversal import travel_direction
 from ptt.run.table import make_table
-from ptt.run.travel import arrival_direction, run_starts
+from ptt.run.travel import OVERTRAVEL, arrival_direction, run_starts
 from ptt.run.view import PER_ROW, View
 from ptt.run.viewing import build_view
 
@@ -109,3 +109,23 @@ def test_an_arm_keeps_its_posture_on_a_straight_move():
     clear = (np.abs(np.diff(commands, axis=0)) > 0.02)[:, :3]  # the last three joints hardly move the tool
     agree = (straight.direction == even.direction).numpy()[1:, :3][clear]
     assert agree.mean() > 0.95
+
+
+def test_a_stated_direction_that_the_rows_show_changes_nothing() -> None:
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
+    rng = np.random.default_rng(3)
+    target = np.repeat(rng.uniform(-40.0, 40.0, (30, 3)), 3, axis=0)  # each pose is read three times
+    table = make_table(target, run=np.repeat(["a", "b"], 45))
+    shown = build_view(file, table)
+    stated = build_view(file, table.replace(direction=shown.direction.numpy()))
+    later = ~stated.starts
+    assert torch.equal(stated.direction, shown.direction)
+    assert torch.equal(stated.turning[later], shown.turning[later])
+
+
+def test_a_joint_goes_past_a_pose_once_however_often_it_is_read() -> None:
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
+    table = make_table(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [0.0, 0.0, 9.0], [0.0, 0.0, 9.0]]))
+    view = build_view(file, table.replace(direction=np.array([1.0, -1.0, -1.0, 1.0])[:, None].repeat(3, axis=1)))
+    past = (view.turning - view.q)[1:, 0]
+    assert past.tolist() == [OVERTRAVEL, 0.0, -OVERTRAVEL]  # up from above, stands, and from below at last

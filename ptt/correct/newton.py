@@ -1,6 +1,7 @@
 """The exact inverse of the whole chain, row by row: a row that cannot get there never stops the others."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -21,6 +22,7 @@ SETTLED = 1e-10  # mm: a tool this near its goal ends the iteration; exports agr
 NEARER = 0.9  # of what was missed before is progress; a round takes a hundredth, one of halved steps half
 MISSED = 1e-4  # mm: a tool this far from its goal after all rounds cannot get there
 IDLE = 3  # rounds that bring no row nearer: what is left goes to and fro over a gap, and no round after will help
+PASSES = 5  # over rows behind some that cannot settle: each is right for one more of these that feel each other
 HALVINGS = 6  # of a step that would take the links apart
 
 
@@ -57,8 +59,8 @@ def invert(
 
     The view is taken anew in every round, because reversal effects remember the travel that the commands make. Where
     they leave a step that no command can take, rows go to and fro; each row keeps its best round, or the first in
-    which it has settled, so that it does not matter with how many others it is inverted. While a row is not sent the
-    machine stands where the row before left it.
+    which it and those before it have settled, so that it does not matter with how many others it is inverted. While a
+    row is not sent the machine stands where the row before left it.
 
     Args:
         terms: effects with their parameters.
@@ -74,26 +76,62 @@ def invert(
         in rows that are not sent or were given.
     """
     hold, rows = _held(sent, given)
-    q = start[hold]
-    best, least = q, torch.full_like(goal, torch.inf)
+    best, least = start[hold], torch.full_like(goal, torch.inf)
     if not terms:
         return best, torch.where(rows[:, None], torch.zeros_like(goal), least)
-    idle, ways = 0, tool_ways(mechanism)
-    for _ in range(ROUNDS):
-        view = see(q)
-        step = _made(view.jacobian, goal - predict(terms, view).p, ways)
-        size, before = _size(step), _size(least)
-        better = ((size < before) & (before > SETTLED))[:, None] & rows[:, None]
-        idle = 0 if bool((rows & (size < NEARER * before) & (before > SETTLED)).any()) else idle + 1
-        best, least = torch.where(better, q, best), torch.where(better, step, least)
-        settled = rows & (_size(least) <= SETTLED)
-        if bool((settled == rows).all()) or idle == IDLE:
+    search = _Search(terms, mechanism, see, goal, hold, given)
+    moves = rows
+    for _ in range(PASSES):
+        best, least = search.settle(best, least, moves)
+        if bool((_size(least)[rows] <= SETTLED).all()):
             break
-        step[:given] = 0.0
-        wanted = _ahead(terms, view, q + least_move(view.jacobian, step, ways), hold, given > 0)
-        q = torch.where(settled[:, None], best, _assembled(mechanism, best, wanted, q))[hold]
-        q = torch.cat([start[:given], q[given:]])
-    return best[hold], least
+        # What cannot settle ends where it came nearest. What follows was right beside where that stood in its own round.
+        before, least = _size(least), search.missed(see(best[hold]))
+        moves = rows & (_size(least) > before + SETTLED)
+        if not bool(moves.any()):
+            break
+    return best[hold], torch.where(rows[:, None], least, torch.inf)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What Newton's rounds ask of a travel."""
+
+    terms: Shifts
+    mechanism: Mechanism
+    see: Callable[[Tensor], View]
+    goal: Tensor
+    hold: Tensor
+    given: int
+
+    @property
+    def ways(self) -> int:
+        return tool_ways(self.mechanism)
+
+    def missed(self, view: View) -> Tensor:
+        """What the joints can make good of what each row misses, (n, 3) mm."""
+        return _made(view.jacobian, self.goal - predict(self.terms, view).p, self.ways)
+
+    def settle(self, best: Tensor, least: Tensor, moves: Tensor) -> tuple[Tensor, Tensor]:
+        """Where some rows, (n,) bool, come nearest, the others standing where they stand."""
+        q, idle, stays = best[self.hold], 0, ~moves
+        least = torch.where(moves[:, None], torch.inf, least)
+        for _ in range(ROUNDS):
+            view = self.see(q)
+            step = self.missed(view)
+            least = torch.where(stays[:, None], step, least)  # rows before one may have moved since it was right
+            size, before = _size(step), _size(least)
+            better = ((size < before) & (before > SETTLED) & moves)[:, None]
+            idle = 0 if bool((moves & (size < NEARER * before) & (before > SETTLED)).any()) else idle + 1
+            best, least = torch.where(better, q, best), torch.where(better, step, least)
+            stays = ~moves | (_size(least) <= SETTLED)
+            if bool(stays.all()) or idle == IDLE:
+                break
+            step[: self.given] = 0.0
+            wanted = q + least_move(view.jacobian, step, self.ways)
+            ahead = _ahead(self.terms, view, wanted, self.hold, self.given > 0)
+            q = torch.where(stays[:, None], best, _assembled(self.mechanism, best, ahead, q))[self.hold]
+        return best, least
 
 
 def invert_together(

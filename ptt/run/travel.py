@@ -61,16 +61,27 @@ def read_travel(
         turning = _smooth_turnings(q.numpy(), p.numpy(), starts)
     else:
         turning = _turnings(mechanism, q, p, starts) if straight else q.numpy().copy()
-    stated = table.direction
+    stated = None if table.direction is None else np.nan_to_num(table.direction)
     if stated is not None:
-        known = np.isfinite(stated) & (stated != 0)
-        moved = np.diff(q.numpy(), axis=0, prepend=q.numpy()[:1])
-        against = known & (np.sign(np.where(starts[:, None], 0.0, moved)) != stated)
-        turning = np.where(against, q.numpy() - np.nan_to_num(stated) * OVERTRAVEL, turning)
+        turning = np.where(
+            _unshown(stated, q.numpy(), turning, starts), q.numpy() - np.sign(stated) * OVERTRAVEL, turning
+        )
     direction = arrival_direction(q.numpy(), turning, starts)
     if stated is not None:
-        direction = np.where(known, stated, direction)
+        direction = np.where(stated != 0, stated, direction)
     return Travel(torch.as_tensor(direction), torch.as_tensor(turning), torch.as_tensor(starts))
+
+
+def _unshown(stated: np.ndarray, q: np.ndarray, turning: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Arrivals (n, k) that the table states and the rows do not show; of a run's first row they show none.
+
+    Where a joint stands it has arrived as it had before, which the table may have stated then.
+    """
+    own = arrival_direction(q, turning, starts)
+    moved = (np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL) | (np.abs(q - turning) > STANDSTILL)
+    held = hold_direction(np.where(stated != 0, stated, np.where(moved | starts[:, None], own, 0.0)), starts)
+    shown = np.where(moved, own, np.concatenate([held[:1], held[:-1]]))
+    return (stated != 0) & (starts[:, None] | (shown != stated))
 
 
 def run_starts(run: np.ndarray) -> np.ndarray:
