@@ -271,3 +271,18 @@ def test_an_empty_load_is_refused_only_where_it_decides():
     with pytest.raises(TableError, match=r"row 6, column payload_kg: empty, and axis-compliance .*; write the value"):
         require_context(yields, TARGETS.replace(payload_kg=load))
     require_context(PLAY, TARGETS.replace(payload_kg=load, temp_c=load))
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_row_behind_one_that_cannot_settle_lands_where_it_is_said_to(seed):
+    file = load_machine(DATA / "machines" / "ur10.toml")
+    joints = np.radians([20.0, -70.0, 85.0, -100.0, -85.0, 17.0])
+    q = joints + np.cumsum(np.random.default_rng(seed).normal(0.0, 1e-3, (200, 6)), axis=0)
+    place = build_mechanism(file.machine).forward(torch.as_tensor(q)).numpy()
+    targets = make_table(place, q, joint_prefix="q")
+    ahead = Term(library()["backlash"](), torch.tensor([-2e-4] * 6 + [1.0], dtype=torch.float64))
+    model = Model(file) + ahead  # a step at every reversal, which some commands cannot take
+    sent = compensate(model, targets, nearest=False)
+    apart = np.linalg.norm(landing(model, targets, sent.q) - place, axis=1)
+    assert (sent.missed > 1e-3).any()
+    np.testing.assert_allclose(apart, sent.missed, atol=1e-6)

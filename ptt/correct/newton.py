@@ -85,7 +85,7 @@ def invert(
         best, least = search.settle(best, least, moves)
         if bool((_size(least)[rows] <= SETTLED).all()):
             break
-        # What cannot settle ends where it came nearest. What follows was right beside where that stood in its own round.
+        # What cannot settle ends where it came nearest; what follows was right beside where it stood in another round.
         before, least = _size(least), search.missed(see(best[hold]))
         moves = rows & (_size(least) > before + SETTLED)
         if not bool(moves.any()):
