@@ -9,6 +9,7 @@ from test_effects_physics import heights, tensor
 from torch.testing import assert_close
 
 from ptt.effects import library
+from ptt.effects.curve import Curve
 from ptt.effects.shapes import (
     FINE,
     KNOTS,
@@ -106,3 +107,17 @@ def test_a_curve_of_no_known_form_is_refused():
     text = OLD_CURVE.replace(str(list(OLD_HEIGHTS) * 3), str(list(OLD_HEIGHTS))).replace(str([0.001] * 18), "0.001")
     with pytest.raises(ModelError, match=r"'curve_mm' has 6 values; give one, or 45"):
         read_model(parse_machine(f"{BARE}\n{text}", "old.toml"))
+
+
+class Hurried(Curve):
+    """A slider whose error follows its speed."""
+
+    name = "hurried"
+    mechanisms = ("three-ptt",)
+    on = "speed2"
+    between = (0.0, 40.0)
+
+
+def test_a_curve_that_follows_a_speed_needs_speeds():
+    still = build_view(parse_machine(BARE), make_table(np.random.default_rng(0).uniform(-40.0, 40.0, (20, 3))))
+    assert "speed" in Hurried.requires and Hurried().needs(still)

@@ -65,6 +65,20 @@ def test_one_frame_per_run_takes_what_one_frame_cannot() -> None:
     assert good.layout.frames == 2 and "tracker x of run b" in good.layout.names
 
 
+@pytest.mark.parametrize("few", [1, 2, 3, 4])
+def test_a_set_up_of_few_readings_takes_nothing_from_the_fit(few: int) -> None:
+    file = machine(frame="fitted-per-run")
+    table = two_setups(file)
+    read = np.where(np.arange(120)[:, None] < 60 + few, table.measured, np.nan)
+    first = np.where(table.run[:, None] == 0, table.measured, np.nan)
+    beside, alone = (
+        fitted(["homing-offset"], build_problem(file, replace(table, measured=rows))) for rows in (read, first)
+    )
+    apart = (beside.model.terms[0].theta - alone.model.terms[0].theta).abs().numpy()
+    assert beside.chi2 / beside.freedom < 2.0
+    assert (apart < 2.0 * alone.model.terms[0].std.numpy()).all()
+
+
 def test_base_reflectors_tell_the_frame_and_so_the_common_homing_offset() -> None:
     places = {"p": (300.0, 0.0, -200.0), "q": (-300.0, 100.0, -200.0), "r": (0.0, -300.0, 200.0)}
     places["s"] = (50.0, 300.0, 300.0)

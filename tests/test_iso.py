@@ -26,6 +26,19 @@ def test_pose_figures_by_hand():
     assert repeatability == pytest.approx(1.5 + 3.0 * np.sqrt(4 * 0.25 / 3))  # l = 1, 1, 2, 2
 
 
+@pytest.mark.parametrize("read", [0, 1, 2, 3])
+def test_a_run_of_few_readings_leaves_the_figures_of_the_others(read):
+    target = np.repeat(np.random.default_rng(0).uniform(-50.0, 50.0, (5, 3)), 3, axis=0)
+    measured = target + np.random.default_rng(1).normal(0.0, 1e-3, target.shape)
+    few = np.where(np.arange(15)[:, None] < read, measured, np.nan)
+    twice, all_rows = np.concatenate([target, target]), np.concatenate([measured, few])
+    both = make_table(twice, measured=all_rows, run=np.repeat([0, 1], 15))
+    alone = iso_of_poses(make_table(target, measured=measured), per_run=True)
+    found = iso_of_poses(both, per_run=True)
+    assert len(found.aligned.poses) == len(alone.aligned.poses) == 5
+    assert all(np.isfinite(pose.accuracy) for pose in found.aligned.poses)
+
+
 def test_distance_figures_by_hand():
     first, second = np.zeros((3, 3)), np.array([[0.0, 0.0, 10.1], [0.0, 0.0, 10.2], [0.0, 0.0, 10.3]])
     figures = distance_figures(first, np.vstack([second, [[0.0, 0.0, 99.0]]]), first[0], np.array([6.0, 0.0, 8.0]))

@@ -115,7 +115,7 @@ def test_a_stated_direction_that_the_rows_show_changes_nothing() -> None:
     file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
     rng = np.random.default_rng(3)
     target = np.repeat(rng.uniform(-40.0, 40.0, (30, 3)), 3, axis=0)  # each pose is read three times
-    table = make_table(target, run=np.repeat(["a", "b"], 45))
+    table = make_table(target, run=np.repeat([0, 1], 45))
     shown = build_view(file, table)
     stated = build_view(file, table.replace(direction=shown.direction.numpy()))
     later = ~stated.starts

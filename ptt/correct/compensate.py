@@ -71,7 +71,7 @@ def compensate(
         The commands.
 
     Raises:
-        TableError: a row without target.
+        TableError: a row without target, or no row.
     """
     tell = progress or unwatched
     tell("invert", 0, 1)
@@ -209,8 +209,10 @@ def prepare(
         The task.
 
     Raises:
-        TableError: a row without target.
+        TableError: a row without target, or no row.
     """
+    if not targets.rows:
+        raise TableError("no rows", where=targets.source, fix="name at least one target")
     mechanism = build_mechanism(plan.model.file.machine)
     near = _posture(plan.model, targets)
     wanted = _wanted(plan.model, targets) if near is None else mechanism.forward(near).numpy()

@@ -24,7 +24,7 @@ BENDS = 6  # bows, double bows, ... of a smooth law: what a run of a few hundred
 HATS = 13  # of a bump: damage of a spot has no shape that one could know
 DEGREE = 4  # of a free field over the workspace: what pulls from one side is no function of one coordinate
 FIELD = [powers for powers in product(range(DEGREE + 1), repeat=3) if 0 < sum(powers) <= DEGREE]
-CONTEXTS = ("payload", "temperature", "time", "direction")
+CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
 
 
 class Curve(Effect):

@@ -1,13 +1,15 @@
 """Columns that rows are judged by: what the model, the tracker frame and rival effects would change in each reading."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from ptt.effects import Effect
+from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.linear import held_values, usual_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import by_own
@@ -15,7 +17,7 @@ from ptt.model.chain import linearise, signature
 from ptt.plan.contest import triangle
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import SHIFT_USUAL, TURN_USUAL, Problem
-from ptt.run.view import PER_ROW, View
+from ptt.run.view import View
 
 EASE = 1e-4  # prior on every unknown, in usual sizes squared: a hundred usual sizes cost one sigma
 FAINT = 0.01  # share of the fitted amplitudes at which columns are taken: what imitates exactly does so to first order
@@ -177,32 +179,14 @@ def known_rows(palette: Palette) -> np.ndarray:
     used = problem.used & ~palette.fitted.outliers & np.isfinite(palette.fitted.residual).all(axis=1)
     stack = [np.diag(np.sqrt(palette.prior)), _base_rows(palette)]
     whole = palette.fitted.layout.see(problem, palette.fitted.unknowns)
-    starts = list(range(0, whole.rows, CHUNK))
-    chosen = starts[:: -(-len(starts) // CHUNKS)]
-    weight = np.sqrt(len(starts) / len(chosen))
-    for start in chosen:
-        rows = slice(start, start + CHUNK)
-        columns = paint(palette, cut_view(whole, rows), problem.frame[rows], problem.mount[rows])[used[rows]]
+    parts = stretches(whole.rows, CHUNK)
+    apart = -(-len(parts) // CHUNKS)
+    weight = np.sqrt(len(parts) / len(parts[::apart]))
+    for (first, last), view in islice(zip(parts, view_chunks(whole, CHUNK), strict=True), 0, None, apart):
+        rows = slice(first, last)
+        columns = paint(palette, view, problem.frame[rows], problem.mount[rows])[used[rows]]
         stack = [triangle(np.concatenate([*stack, weight * columns.reshape(-1, palette.width)]))]
     return stack[0]
-
-
-def cut_view(view: View, rows: slice) -> View:
-    """A stretch of a view as a run of its own.
-
-    Args:
-        view: n rows.
-        rows: which.
-
-    Returns:
-        The stretch.
-    """
-    if len(range(view.rows)[rows]) == view.rows:
-        return view
-    parts = {name: getattr(view, name) for name in PER_ROW}
-    parts = {name: None if part is None else part[rows].clone() for name, part in parts.items()}
-    parts["starts"][0] = True
-    return replace(view, **parts)
 
 
 def _base_rows(palette: Palette) -> np.ndarray:

@@ -20,6 +20,8 @@ def align(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarra
     Returns:
         R (3, 3) and t (3,) mm with reading = R place + t.
     """
+    if not len(place):
+        return kabsch(place, reading)
     kept = np.ones(len(place), dtype=bool)
     for _ in range(TRIMS):
         turn, shift = kabsch(place[kept], reading[kept])
@@ -113,6 +115,8 @@ _GENERATORS = torch.tensor(
 def kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The rigid motion that brings places nearest to their readings; about a line through all of them none turns.
 
+    Of one place nothing turns; of none nobody knows, and all is NaN.
+
     Args:
         place: (n, 3) mm.
         reading: (n, 3) mm.
@@ -122,9 +126,11 @@ def kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
     Source: Kabsch, Acta Crystallographica A32 (1976) 922.
     """
+    if not len(place):
+        return np.full((3, 3), np.nan), np.full(3, np.nan)
     middle, centre = place.mean(axis=0), reading.mean(axis=0)
     cross, sizes = (reading - centre).T @ (place - middle), np.linalg.svd(place - middle, compute_uv=False)
-    if sizes[1] < LINE * sizes[0]:
+    if len(sizes) < 2 or sizes[1] < LINE * sizes[0]:
         cross = cross + (LINE * sizes[0]) ** 2 * np.eye(3)  # as it would be with nothing turned
     left, _, right = np.linalg.svd(cross)
     mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
