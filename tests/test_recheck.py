@@ -247,6 +247,14 @@ def test_cosine_and_sine_of_a_wave_are_one_sentence_with_its_height_and_phase() 
     )
 
 
+def test_a_value_that_chance_had_below_zero_was_no_fault_of_the_other_side() -> None:
+    view, then = run_of(2, 20).view, torch.tensor([0.0, -0.00018, 0.0, 1.0], dtype=torch.float64)
+    for error, words in ((5e-4, "which it did not on 15 March 2026"), (5e-5, "compensates 0.18 um too much")):
+        one = replace(moved("gap_mm 2", -0.00018, 0.05), std=error)
+        values = values_of(Term(library()["backlash"](), then), [(1, one)])
+        assert words in say_change(values.effect, values.told(1, view), one, view, DATE, repaired=False)
+
+
 @pytest.mark.parametrize("repaired", [False, True])
 def test_an_effect_is_said_to_be_repaired_as_a_whole_by_the_same_rule_as_its_rows(repaired: bool) -> None:
     """A tenth of what it was says so alone; that it was never clear, and is no repair then, the rows know."""

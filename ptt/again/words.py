@@ -14,6 +14,7 @@ from ptt.effects.phrases import Said, capital, compose, figure, listed, sizes_in
 from ptt.model.model import Term
 from ptt.run.view import View
 
+BY_CHANCE = 2.0  # standard errors of a difference within which a value of the other sign is none at all
 WORST = 3  # effects that are worth a word after a repair
 
 
@@ -104,6 +105,9 @@ def say_change(
         left = replace(now, size=-now.size) if beyond else now
         model = "by the model" if since is None else f"by the model of {then.removeprefix('on ')}"
         return f"Repaired: {compose([before], noun)} {model}, {sizes_in_words([left])} (+- {error}) in this run."
+    if before.text != now.text:  # the other way about, by no more than chance: that is no other fault
+        chance = BY_CHANCE * told[1].error
+        before, now = (replace(part, size=0.0) if part.size < chance else part for part in (before, now))
     return f"{capital(_beside(before, now, noun, then))}."
 
 

@@ -9,6 +9,7 @@ from torch import Tensor
 from ptt.errors import TooFewError
 from ptt.machine import MachineFile
 from ptt.run.base_frame import BaseReadings, base_readings, from_base, from_poses, into_base, refuse_untrue
+from ptt.run.copies import copied_rows
 from ptt.run.driven import as_driven
 from ptt.run.frames import rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
@@ -147,7 +148,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     stated_in = target_frames(file, table)
     view = as_driven(build_view(file, in_base(table, stated_in)), table)
     observed = np.isfinite(table.measured).all(axis=1)
-    used = observed & (table.role != "base")
+    used = observed & (table.role != "base") & ~copied_rows(table)
     policy = file.tracker.frame
     if policy == "trusted":
         refuse_untrue(table, view, stated_in, used)
