@@ -39,6 +39,21 @@ def test_the_clock_goes_on_past_midnight(stamps: list[str], seconds: list[float]
     assert ("on past midnight" in str(table.understood)) == ("-" not in stamps[0])
 
 
+@pytest.mark.parametrize("order", [None, "time", "rows"])
+def test_seconds_of_the_day_go_on_past_midnight_and_a_restarted_clock_does_not(order: str | None, tmp_path: Path) -> None:
+    settings = {} if order is None else {"order": order}
+    path = file(tmp_path, [86340.0, 86388.0, 0.0, 12.0, 24.0], name=list("abcde"))
+    table = read_table(path, set_values=settings)
+    assert "".join(table.name) == "abcde" and np.diff(table.time_s).tolist() == [48.0, 12.0, 12.0, 12.0]
+    assert "past midnight" in str(table.understood)
+    restarted = file(tmp_path, [50000.0, 60000.0, 0.0, 12.0, 24.0])
+    if order is None:
+        with pytest.raises(TableError, match="time goes back"):
+            read_table(restarted)
+    else:
+        assert read_table(restarted, set_values=settings).time_s.max() < 86400.0
+
+
 def test_rows_that_are_not_in_travel_order_are_refused_until_said(tmp_path: Path) -> None:
     path = file(tmp_path, [0.0, 10.0, 30.0, 20.0, 40.0], name=list("abdce"))
     with pytest.raises(

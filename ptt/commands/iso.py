@@ -92,11 +92,11 @@ def _axes_lines(figures: dict[str, Any]) -> list[str]:
         lines.append(
             f"{axis['axis']}: {axis['standard']}, {len(axis['targets'])} targets, {axis['runs']} runs each way"
         )
-        lines.append(f"  {'um':<30}{'up':>9}{'down':>9}{'both':>9}")
+        lines.append(f"  {'um':<30}{'up':>12}{'down':>12}{'both':>12}")
         for name, key in (("repeatability R", "R_um"), ("systematic deviation E", "E_um"), ("accuracy A", "A_um")):
             lines.append(f"  {name:<30}" + "".join(_cell(axis[key][way]) for way in ("up", "down", "both")))
         for name, key in (("reversal B", "B_um"), ("mean reversal", "B_mean_um"), ("mean deviation M", "M_um")):
-            lines.append(f"  {name:<30}{'':>18}{_cell(axis[key])}")
+            lines.append(f"  {name:<30}{'':>24}{_cell(axis[key])}")
     return lines
 
 
@@ -106,7 +106,7 @@ def _pose_lines(figures: dict[str, Any]) -> list[str]:
     after = figures["aligned"]
     lines = [
         f"{figures['standard']}: {len(after['poses'])} poses repeated, {after['single_poses']} measured once left out",
-        f"  {'um':<30}{'mean':>9}{'worst':>9}",
+        f"  {'um':<30}{'mean':>12}{'worst':>12}",
     ]
     for name, pair in named_figures(figures):
         mean, worst = (pair["mean"], pair["worst"]) if pair else (None, None)
@@ -131,4 +131,4 @@ def _gross_lines(figures: dict[str, Any]) -> list[str]:
 
 
 def _cell(value: float | None) -> str:
-    return f"{'-':>9}" if value is None else f"{value:9.1f}"
+    return f"{'-':>12}" if value is None else f"{value:12.1f}"

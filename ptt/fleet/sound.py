@@ -71,7 +71,7 @@ def _require_order(rows: Path, log: Path, anyway: bool, note: Note) -> None:
     if not found:
         return
     row, before, time = (found[0][key] for key in ("row", "before", "time_s"))
-    what = f"time goes back (from {before:g} to {time:g} s), so the rows may not be in travel order"
+    what = f"time goes back (from {before:.12g} to {time:.12g} s), so the rows may not be in travel order"
     where = f"{log} row {int(row) + HEADER}, column time_s"
     if not anyway:
         fix = "sort the log by it, or --anyway keeps the rows as they stand"
