@@ -40,7 +40,7 @@ def test_the_clock_goes_on_past_midnight(stamps: list[str], seconds: list[float]
 
 
 @pytest.mark.parametrize("order", [None, "time", "rows"])
-def test_seconds_of_the_day_go_on_past_midnight_and_a_restarted_clock_does_not(order: str | None, tmp_path: Path) -> None:
+def test_seconds_of_the_day_go_on_past_midnight_a_restarted_clock_does_not(order: str | None, tmp_path: Path) -> None:
     settings = {} if order is None else {"order": order}
     path = file(tmp_path, [86340.0, 86388.0, 0.0, 12.0, 24.0], name=list("abcde"))
     table = read_table(path, set_values=settings)

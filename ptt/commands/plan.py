@@ -10,6 +10,7 @@ from ptt.commands.common import Effects, Json, ReadOptions, progress, read_rows,
 if TYPE_CHECKING:
     from ptt.door.model import Model
     from ptt.plan.first_run import FirstRun
+    from ptt.plan.foresight import Expected
 
 
 def plan(
@@ -119,18 +120,19 @@ def format_plan(result: "FirstRun", out: str) -> str:
         if effect.needs:
             lines.append(f"{title:<20} {'-':>8}  needs {effect.needs}")
             continue
-        told: dict[tuple[str, str], list[float | None]] = {}
-        for name, unit, std, _ in effect.parameters:
-            told.setdefault((name.split(" ")[0], unit), []).append(std)
-        parts = "; ".join(_expected(stem, stds) for (stem, _), stds in told.items())
+        told: dict[str, list[Expected]] = {}
+        for one in effect.parameters:
+            told.setdefault(one.name.split(" ")[0], []).append(one)
+        parts = "; ".join(_expected(stem, values) for stem, values in told.items())
         lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {parts}")
     lines += ["= is in the model already: how well this run would tell it again"] if own else []
     lines.append("each by itself beside what is in the model; effects that are fitted together are told less well")
     return "\n".join(lines)
 
 
-def _expected(stem: str, stds: "list[float | None]") -> str:
+def _expected(stem: str, values: "list[Expected]") -> str:
     """The largest standard error of one kind of parameter."""
-    known = [std for std in stds if std is not None]
-    some = ", some unseen" if len(known) < len(stds) else ""
-    return f"{stem} {max(known):.2g}{some}" if known else f"{stem} unseen"
+    known = [value.std for value in values if value.std is not None]
+    some = ", some unseen" if len(known) < len(values) else ""
+    none = "seen in combinations alone" if any(value.combined for value in values) else "unseen"
+    return f"{stem} {max(known):.2g}{some}" if known else f"{stem} {none}"

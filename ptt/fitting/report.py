@@ -18,6 +18,7 @@ from ptt.model.model import Model, parameter_names, told_values
 from ptt.record import Record
 from ptt.run.problem import Problem
 
+KNOWN_APART = 0.5  # of the error of a value itself, below which what it is more than its fellows counts as measured
 IN_PART = 0.98  # share in unseen directions from which nothing of a parameter is measured
 SHOWN_LINES = 12  # of outliers, and of correlations
 MOST_LISTED = 8  # values of one curve that are listed: the picture of a longer one says more than its values
@@ -38,6 +39,8 @@ class Value:
         std: standard error; None where it was held or searched.
         measured: 'yes', 'in part' (only combinations with others are), 'at least' (a larger one would read the same),
             'no', 'fixed' or 'searched'.
+        apart: standard error of what it is more than the mean of all joints, where the value by itself is not measured
+            and that is; else None.
     """
 
     effect: str
@@ -45,6 +48,7 @@ class Value:
     value: float
     std: float | None
     measured: str
+    apart: float | None = None
 
 
 class Motion(NamedTuple):
@@ -164,7 +168,7 @@ def format_fit(report: FitReport) -> str:
 def _values(fitted: FitResult) -> tuple[Value, ...]:
     layout, place = fitted.layout, 0
     unseen = (fitted.unseen**2).sum(axis=1)
-    std, found = fitted.std, []
+    std, apart, found = fitted.std, _apart(fitted), list[Value]()
     kind = fitted.model.file.machine.kind
     for term, free, theta in zip(layout.terms, layout.free, layout.thetas(fitted.unknowns), strict=True):
         names = parameter_names(term.effect, kind, fitted.model.joints)
@@ -175,12 +179,27 @@ def _values(fitted: FitResult) -> tuple[Value, ...]:
             if flag:
                 how = "yes" if fitted.measured[place] else "no" if unseen[place] > IN_PART else "in part"
                 how = "at least" if layout.names[place] in fitted.least else how
-                found.append(Value(term.effect.key, name, value, float(std[place]), how))
+                found.append(Value(term.effect.key, name, value, float(std[place]), how, apart.get(place)))
                 place += 1
             else:
                 how = "fixed" if any(name.startswith(stem) for stem in term.fixed) else "searched"
                 found.append(Value(term.effect.key, name, value, None, how))
     return tuple(found)
+
+
+def _apart(fitted: FitResult) -> dict[int, float]:
+    """Of unknowns that are not measured by themselves, standard errors less the mean of all joints, where that is."""
+    stems: dict[tuple[int, str], list[int]] = {}
+    for place, (owner, name) in enumerate(zip(fitted.layout.owner, fitted.layout.names, strict=True)):
+        if owner >= 0 and not fitted.measured[place]:
+            stems.setdefault((int(owner), name.rpartition(" ")[0]), []).append(place)
+    found = dict[int, float]()
+    for places in stems.values():
+        own = np.array(places)
+        std = fitted.apart(own)
+        if len(own) == fitted.model.joints and (std < KNOWN_APART * fitted.std[own]).all():
+            found |= dict(zip(places, std.tolist(), strict=True))
+    return found
 
 
 def _frames(fitted: FitResult) -> dict[str, Motion]:
@@ -246,6 +265,9 @@ def _words(value: Value) -> str:
         return f"{value.value:.6g}  ({value.measured})"
     if value.measured == "at least":
         return f"at least {value.value:.6g}: no move of the run takes a larger one up"
+    if value.apart is not None:
+        text = f"{value.value:.6g} +- {value.apart:.2g}"
+        return f"{text} against the mean of all joints, which is not measured (+- {value.std:.2g})"
     if value.measured == "no":
         return "not measured: held by its usual size"
     share = f" ({abs(value.std / value.value):.1%})" if value.value else ""

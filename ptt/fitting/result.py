@@ -99,6 +99,28 @@ class FitResult:
             return np.zeros(len(self.unknowns))
         return np.asarray(np.square(self.unnamed.root[: len(self.unknowns)]).sum(axis=1) * self.layout.scale**2)
 
+    def apart(self, own: np.ndarray) -> np.ndarray:
+        """Standard errors of what some unknowns are more than their mean, in their own units.
+
+        Where a frame takes what all of them have in common, that is all that is known of them.
+
+        Args:
+            own: indices of the unknowns, (k,).
+
+        Returns:
+            (k,).
+        """
+        less = np.eye(len(own)) - 1.0 / len(own)
+        roots = [self.layout.scale[own, None] * root[own] for root in self._roots]
+        parts = [self.covariance[np.ix_(own, own)], *(root @ root.T for root in roots)]
+        return np.asarray(np.sqrt(np.maximum(np.diag(less @ sum(parts) @ less), 0.0)))
+
+    @property
+    def _roots(self) -> list[np.ndarray]:
+        """What else leaves the unknowns open, in usual sizes, each the root of a covariance."""
+        beside = None if self.unnamed is None else self.unnamed.root[: len(self.unknowns)]
+        return [root for root in (self.doubt, beside) if root is not None]
+
     def loose_of(self, names: Sequence[str]) -> np.ndarray:
         """Mean squares and products by which what is not named may move some unknowns, by name, in usual sizes, (v, v).
 

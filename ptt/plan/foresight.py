@@ -11,6 +11,7 @@ from ptt.effects import Effect, Library
 from ptt.effects.layout import usual_values
 from ptt.effects.metrology import TrackerFrame
 from ptt.fitting.chunks import stretches, view_chunks
+from ptt.fitting.report import IN_PART
 from ptt.fitting.result import PRIOR_SHARE
 from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.machine import MachineFile
@@ -31,12 +32,16 @@ FREE = 1e-6  # prior on what is fitted beside an effect, in usual sizes squared
 
 
 class Expected(NamedTuple):
-    """One parameter: its standard error to be expected, None where the rows do not tell it, and its usual size."""
+    """One parameter: its standard error to be expected, None where the rows do not tell it, and its usual size.
+
+    `combined` says whether they tell combinations of it with others, as where all joints alike are the frame.
+    """
 
     name: str
     unit: str
     std: float | None
     usual: float
+    combined: bool = False
 
 
 @dataclass(frozen=True)
@@ -151,9 +156,13 @@ def _foresee(case: _Case) -> Foresight:
     unseen = ways[:, strength < SEEN_INFORMATION]
     seen = len(usual) - unseen.shape[1] - int(held.sum())
     variance = np.diag(np.linalg.inv(information + unseen @ unseen.T))
-    told = np.square(unseen).sum(axis=1) <= PRIOR_SHARE
-    std = [float(u * np.sqrt(v)) if own else None for u, v, own in zip(usual, variance, told, strict=True)]
-    values = tuple(Expected(n, p.unit, s, p.usual) for n, p, s in zip(names, sizes, std, strict=True))
+    hidden = np.square(unseen).sum(axis=1)
+    values = tuple(
+        Expected(name, p.unit, float(p.usual * np.sqrt(wide)), p.usual)
+        if share <= PRIOR_SHARE
+        else Expected(name, p.unit, None, p.usual, bool(share < IN_PART))
+        for name, p, wide, share in zip(names, sizes, variance, hidden, strict=True)
+    )
     kept = tuple(value for value, own in zip(values, held, strict=True) if not own)
     return Foresight(case.effect.key, seen, len(kept), "", kept)
 

@@ -97,7 +97,7 @@ def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
         twin = next((one for one in told if table.run_sha256 == one.run_sha256 or same_rows(one, table)), None)
         if twin is not None:
             line = (
-                f"warning: {table.source} holds the same rows as {twin.source}: copies tell nothing more, and count once"
+                f"warning: {table.source} holds the same rows as {twin.source}: copies tell nothing more and count once"
             )
             table = table.replace(understood=replace(table.understood, lines=(*table.understood.lines, line)))
         told.append(table)
