@@ -96,6 +96,12 @@ def test_chinese_titles_in_every_encoding(tmp_path: Path, encoding: str) -> None
     assert table.extra["备注"].tolist() == ["", "重测", ""]
 
 
+def test_bytes_that_no_text_has_are_no_question_of_encoding(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_bytes(bytes(range(1, 256)) * 3)
+    with pytest.raises(TableError, match="not a text file"):
+        read_table(tmp_path / "run.csv")
+
+
 def test_western_text_is_not_taken_for_chinese(tmp_path: Path) -> None:
     path = tmp_path / "run.csv"
     text = "Prüfer,X [mm],Y [mm],Z [mm],Temp [°C]\na,1,2,3,20\nb,2,3,4,21\n"

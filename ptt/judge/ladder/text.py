@@ -55,7 +55,7 @@ def _verdict(before: LadderStep, step: LadderStep) -> str:
         return f"{step.effect} was {'not needed' if step.helped else 'needed'}: without it the {change}"
     if step.helped:
         return f"{step.effect} helped: {change}"
-    if new < old:
+    if f"{new:.2f}" != f"{old:.2f}" and new < old:
         sure = f"by {step.fall:.1f} standard errors of what single poses gain, and {CHANCE:g} would count"
         return f"{step.effect} is not sure to help: {change}, {sure}"
     return f"{step.effect} did not help: the held-out error did not fall ({old:.2f} to {new:.2f} um)"

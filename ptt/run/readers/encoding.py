@@ -18,11 +18,16 @@ def decode(data: bytes, source: str, mapping: Mapping, ask: Ask | None) -> tuple
     except (UnicodeDecodeError, LookupError) as error:
         what = f"not text in '{encoding}' ({error})"
         raise TableError(what, where=source, fix="say the encoding with --map FILE.toml") from None
+    _refuse_signs(text, source)
+    return text, encoding
+
+
+def _refuse_signs(text: str, source: str) -> None:
+    """Refuse what no text has."""
     if sign := re.search(r"[\x00-\x08]", text):
         row = text.count("\n", 0, sign.start()) + 1
         what = f"not a text file: a character of code {ord(sign[0])}"
         raise TableError(what, where=f"{source} row {row}", fix="export the readings as CSV or text")
-    return text, encoding
 
 
 def find_encoding(data: bytes, source: str, ask: Ask | None) -> str:
@@ -43,6 +48,7 @@ def find_encoding(data: bytes, source: str, ask: Ask | None) -> str:
 
 def _legacy_encoding(data: bytes, source: str, ask: Ask | None) -> str:
     """GBK writes high bytes in pairs; Western text has single ones, as in the degree sign or an umlaut."""
+    _refuse_signs(data.decode("latin-1"), source)
     odd = [len(run) % 2 == 1 for run in re.findall(rb"[\x80-\xff]+", data)]
     if not any(odd) and _decodes(data, "gb18030"):
         return "gb18030"
