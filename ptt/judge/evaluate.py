@@ -311,9 +311,24 @@ def _found(errors: Errors) -> np.ndarray:
 
 def _refer_z(errors: np.ndarray, table: Table, index: np.ndarray, z_datum: Datum) -> np.ndarray:
     """Errors of rows `index`, z less the mean z error of the run's first pose where asked."""
-    picked = errors[index].copy()
-    if z_datum == "first":
-        usable = np.flatnonzero(np.isfinite(errors).all(axis=1) & (table.role == "pose"))
-        same = usable[same_places(table.target[usable]) == 0]
-        picked[:, 2] -= errors[same, 2].mean()
-    return picked
+    usable = np.isfinite(errors).all(axis=1) & (table.role == "pose")
+    return refer_z(errors, table.target, usable, z_datum)[index]
+
+
+def refer_z(errors: np.ndarray, target: np.ndarray, usable: np.ndarray, z_datum: Datum) -> np.ndarray:
+    """Errors with z as the datum has it.
+
+    Args:
+        errors: (n, 3) mm.
+        target: (n, 3) mm.
+        usable: rows of which one is the first, (n,) bool.
+        z_datum: 'first' takes the mean z error of the first pose, all its readings together, off all of them.
+
+    Returns:
+        (n, 3) mm.
+    """
+    if z_datum != "first":
+        return errors
+    rows = np.flatnonzero(usable)
+    same = rows[same_places(target[rows]) == 0]
+    return errors - np.array([0.0, 0.0, errors[same, 2].mean()])

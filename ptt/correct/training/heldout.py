@@ -2,8 +2,6 @@
 
 from typing import Literal
 
-import numpy as np
-
 from nets import RbfTraining
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.nested import hold_out
@@ -12,7 +10,7 @@ from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, learn_rest
 from ptt.errors import PosesError
 from ptt.fitting.solve import hold_to_base
-from ptt.judge.evaluate import Evaluation
+from ptt.judge.evaluate import Evaluation, refer_z
 from ptt.model.model import Model
 from ptt.progress import Progress
 from ptt.run.problem import Problem
@@ -54,9 +52,9 @@ def evaluate_heldout(
         space = compensator.space
         networks[space] = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups, space=space)
     held = hold_out(compensator.model, problem, protocol, networks, progress=progress)
-    before, after = bare.residual[held.rows], held.whole[held.rows]
-    if z_datum == "first":
-        before, after = (errors - errors[0] * np.array([0.0, 0.0, 1.0]) for errors in (before, after))
+    before, after = (
+        refer_z(errors, problem.target, held.rows, z_datum)[held.rows] for errors in (bare.residual, held.whole)
+    )
     words = {
         "rows": int(held.rows.sum()),
         "poses": count_places(problem.target[held.rows]),
