@@ -56,6 +56,14 @@ def test_pairing_by_repeated_names(tmp_path: Path) -> None:
     assert "1 reading without target, left out: row 5 X" in text
 
 
+def test_what_the_targets_tell_of_one_without_reading_stays(tmp_path: Path) -> None:
+    run, wanted = tmp_path / "export.csv", tmp_path / "targets.csv"
+    run.write_text("name,x,y,z,payload_kg\nA,1.1,0,0,2\nC,3.1,0,0,2\n", encoding="utf-8")
+    wanted.write_text("name,x_cmd,y_cmd,z_cmd,payload_kg\nA,1,0,0,0\nB,2,0,0,5\nC,3,0,0,0\n", encoding="utf-8")
+    table = read_table(run, targets=wanted)
+    assert table.payload_kg is not None and table.payload_kg.tolist() == [2.0, 5.0, 2.0]
+
+
 THERE_AND_BACK = ["A", "B", "C", "B", "A", "B", "D", "B", "A"]
 
 

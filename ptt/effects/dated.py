@@ -67,6 +67,10 @@ def at_place(effect: Kind, place: RunPlace) -> Kind:
         parts["shift"] = lambda self, theta, view: (
             _share(effect, view, place) * own.shift(self, theta, _local(effect, view, place))
         )
+    if own.slope is not Effect.slope:
+        parts["slope"] = lambda self, theta, view: (
+            _share(effect, view, place)[..., None] * own.slope(self, theta, _local(effect, view, place))
+        )
     if not place.runs:
         parts["needs"] = lambda self, view: "the run that it was found on"
     made = type(own.__name__, (own,), parts)

@@ -173,7 +173,8 @@ def _values(fitted: FitResult) -> tuple[Value, ...]:
     for term, free, theta in zip(layout.terms, layout.free, layout.thetas(fitted.unknowns), strict=True):
         names = parameter_names(term.effect, kind, fitted.model.joints)
         told = told_values(term.effect, theta, fitted.model.joints)
-        for name, flag, value, said in zip(names, free, theta.tolist(), told, strict=True):
+        stems = [item.stem for item in term.effect.parameters for _ in range(item.size(fitted.model.joints))]
+        for name, stem, flag, value, said in zip(names, stems, free, theta.tolist(), told, strict=True):
             if not said:
                 continue
             if flag:
@@ -182,7 +183,7 @@ def _values(fitted: FitResult) -> tuple[Value, ...]:
                 found.append(Value(term.effect.key, name, value, float(std[place]), how, apart.get(place)))
                 place += 1
             else:
-                how = "fixed" if any(name.startswith(stem) for stem in term.fixed) else "searched"
+                how = "fixed" if stem in term.fixed else "searched"
                 found.append(Value(term.effect.key, name, value, None, how))
     return tuple(found)
 

@@ -215,7 +215,8 @@ def _join(export: Export, targets: Export, reading_of: np.ndarray, order: np.nda
     columns = {quantity: values[order] for quantity, values in targets.columns.items()}
     for quantity, values in export.columns.items():
         if quantity != "name" or "name" not in columns:
-            columns[quantity] = _picked(values, reading_of)
+            picked, known = _picked(values, reading_of), columns.get(quantity)
+            columns[quantity] = picked if known is None else np.where(reading_of < 0, known, picked)
     extra = {title: values[order] for title, values in targets.extra.items()}
     extra |= {title: _picked(values, reading_of) for title, values in export.extra.items()}
     line = np.where(reading_of >= 0, export.line[reading_of], targets.line[order])
