@@ -60,7 +60,7 @@ def test_report_in_words_and_figures() -> None:
     report = report_fit(result, problem)
     text = format_fit(report)
     for words in ("converged", "drawing, frame as read", "drawing, frame aligned", "machine file", "gap_mm 1", "+-",
-                  "in part", "cannot be told from tracker z"):  # fmt: skip
+                  "against the mean of all joints", "cannot be told from tracker z"):  # fmt: skip
         assert words in text
     figures = report.to_dict()
     assert figures["reduced_chi2"] == pytest.approx(result.chi2 / result.freedom)

@@ -114,8 +114,10 @@ def test_readings_out_of_order_of_places_that_are_visited_again(tmp_path: Path) 
     timed = "name,x,y,z,time_s\n" + "".join(f"{name},{x},0,0,{5.0 * k}\n" for name, x, k in mixed)
     assert_allclose(pair(tmp_path, timed, targets)[1], [x for _, x, _ in read])
     midnight = "name,x,y,z,time_s\n" + "".join(f"{name},{x},0,0,{(86390 + k) % 86400}\n" for name, x, k in read)
+    assert_allclose(pair(tmp_path, midnight, targets)[1], [x for _, x, _ in read])
+    restarted = "name,x,y,z,time_s\n" + "".join(f"{name},{x},0,0,{(5000 + k) % 5010}\n" for name, x, k in read)
     with pytest.raises(TableError, match="time goes back"):  # in order as listed: the clock does not count
-        pair(tmp_path, midnight, targets)
+        pair(tmp_path, restarted, targets)
     short = "name,x_cmd,y_cmd,z_cmd\nA,1,0,0\nB,2,0,0\nA,1,0,0\n"
     often = "name,x,y,z\n" + 20 * "A,1,0,0\nB,2,0,0\nA,1,0,0\n"
     assert pair(tmp_path, often, short)[1] == 20 * [1.0, 2.0, 1.0]
