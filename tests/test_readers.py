@@ -135,6 +135,7 @@ def test_stamps(tmp_path: Path) -> None:
     assert times("31/01/25 10:00", "01/02/25 10:00") == [0, 86400]
     assert times("01/31/25 10:00", "02/01/25 10:00") == [0, 86400]
     assert times("01/02/25 10:00", "02/02/25 10:00", ask=say("day-first")) == [0, 86400]
+    assert times("01/02/25 23:50", "02/02/25 00:10", ask=never) == [0, 1200]
     assert times("01/02/25 10:00", "02/02/25 10:00", ask=say("month-first")) == [0, 31 * 86400]
     assert times("0.5", "1e1") == [0.5, 10]
     with pytest.raises(TableError, match=r"t\.csv row 3: not a time \('noon'\)"):

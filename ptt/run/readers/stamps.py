@@ -102,7 +102,10 @@ def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
 def _order_of_day_and_month(
     matches: list[re.Match[str] | None], dates: str | None, ask: Ask | None, where: str
 ) -> str | None:
-    """Needed for 02/12/25; seen from a number above 12, without consequence within one day, else asked."""
+    """Needed for 02/12/25; seen from a number above 12 or a run that goes on past midnight, else asked.
+
+    Within one day it has no consequence.
+    """
     days = [(int(m["a"]), int(m["b"]), m["year"]) for m in matches if m and m.re is _YEAR_LAST]
     if not days or dates:
         return dates
@@ -112,9 +115,18 @@ def _order_of_day_and_month(
         return MONTH_FIRST
     if len(set(days)) == 1:
         return DAY_FIRST if days[0][0] else None
+    going = [order for order in (DAY_FIRST, MONTH_FIRST) if _goes_on(matches, order == DAY_FIRST, where)]
+    if len(going) == 1:
+        return going[0]
     example = next(day for day, other in pairwise(days) if day != other)
     question = f"is {example[0]:02d}/{example[1]:02d}/{example[2]} written day first or month first?"
     return answer(question, (DAY_FIRST, MONTH_FIRST), ask, where, "dates")
+
+
+def _goes_on(matches: list[re.Match[str] | None], day_first: bool, where: str) -> bool:
+    """Whether a run goes on through its nights: no stamp is earlier than the one before, or later by half a day."""
+    values = np.array([_seconds(match, day_first, where) for match in matches if match])
+    return bool(((np.diff(values) >= 0.0) & (np.diff(values) < DAY / 2.0)).all())
 
 
 def _seconds(match: re.Match[str] | None, day_first: bool, where: str) -> float:
