@@ -133,6 +133,15 @@ def test_a_joint_that_turns_is_told_in_microradians() -> None:
     assert found["curve"]["mean_um"] == pytest.approx([20.0, -20.0])
 
 
+def test_what_goes_one_way_here_and_the_other_there_is_said_to_be_alike_on_the_whole():
+    saddle = Size("y", "law", 0.001, 0.002, 2.6, 5.2, on="payload", along="payload", unit="kg", rms=0.1)
+    assert say_size(saddle) == (
+        "The tool comes out alike on the whole at payload = 5.2 kg and 2.6 kg, within 5.0 um, and unlike that from "
+        "place to place; 100 um rms at the tool."
+    )
+    assert "does not tell which" in say_size(replace(saddle, rms=0.004))
+
+
 def test_what_the_readings_do_not_show_is_said_to_be_so() -> None:
     unsure = Size("slider 2", "law", 0.004, 0.01, 100.0, 300.0, on="b2", along="b2", unit="mm")
     said = say_size(unsure)

@@ -26,7 +26,7 @@ def candidate(**values):
 
 
 def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3,
-              probability=0.9, terms=(), **on):  # fmt: skip
+              probability=0.9, terms=(), perhaps=(), **on):  # fmt: skip
     found = {"residual": "slider 2", "on": "b2", "share": 0.4, "period_mm": 3.1, "shape": "smooth", "place": None}
     found = SimpleNamespace(**{**found, "with_": None, "acts_on": None, "unit": "mm", "words": "It is large.", **on})
     return SimpleNamespace(
@@ -42,6 +42,7 @@ def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings sc
         rows=110,
         wander=wander,
         elsewhere=None,
+        perhaps=perhaps,
     )
 
 
@@ -104,6 +105,12 @@ def test_an_unknown_takes_five_lines_at_the_most(steps, depends):
     assert words[0].startswith("Something is missing that no known effect describes")
     assert any("follows b2" in line for line in words) == (depends > 0)
     assert (f"effect-{steps - 1}" in " ".join(words) or f"Words of {steps - 1}." in " ".join(words)) or steps == 0
+
+
+def test_what_the_readings_ask_for_beside_an_unknown_is_said_not_to_be_named():
+    words = explain_verdict(diagnosis("unknown", depends=1, steps=1, perhaps=("dh-offsets",))).splitlines()
+    assert "ask for dh-offsets as well" in words[-1] and "is not named" in words[-1]
+    assert "as well" not in explain_verdict(diagnosis("unknown", depends=1, steps=1))
 
 
 def test_a_verdict_that_tests_of_the_rest_gave_says_which():

@@ -84,6 +84,7 @@ def say_size(size: Size) -> str:
     at_most = f"no more than {_amount(size, _bound(size), 0.0)}"
     what = _amount(size, size.value, size.std) if size.known else f"{at_most} {less} or"
     low, high = (f"{size.along} = {value}" for value in _values(size.low, size.high, size.unit))
+    scattered = size.kind == "law" and not size.known and _is_elsewhere(size, _bound(size))
     far, ways = f"{who} comes out {what} {side}", _arrival(size)
     match size.kind:
         case "side":
@@ -100,15 +101,23 @@ def say_size(size: Size) -> str:
             told = f"{who} swings by {what} to either side, {most} at {low} and every {each} on{turn}"
         case "period":
             told = f"{who} swings by {at_most} to either side"
+        case _ if scattered:
+            both = f"at {high} and {low.partition(' = ')[2]}, within {_amount(size, _bound(size), 0.0)}"
+            told = f"{who} comes out alike on the whole {both}, and unlike that from place to place"
         case _:
             told = f"{far} at {high} than at {low.partition(' = ')[2]}"
-    open_ended = "" if size.known or size.kind == "period" else ": this run does not tell which"
+    open_ended = "" if size.known or size.kind == "period" or scattered else ": this run does not tell which"
     told = f"{capital(told)}{open_ended}"
     if size.rms is None:
         return f"{told}."
-    elsewhere = size.known and size.of in ("x", "y", "z") and size.rms > ELSEWHERE * abs(size.value)
+    elsewhere = size.known and _is_elsewhere(size, abs(size.value))
     mean = " on the whole, and unlike that from place to place" if elsewhere else ""
     return f"{told}{mean}; {_in_um(1e3 * size.rms)} rms at the tool."
+
+
+def _is_elsewhere(size: Size, value: float) -> bool:
+    """Whether the tool is off by much more than by what it is on the whole."""
+    return size.of in ("x", "y", "z") and size.rms is not None and size.rms > ELSEWHERE * value
 
 
 def _then(size: Size, more: str, less: str) -> str:

@@ -44,6 +44,7 @@ class Diagnosis:
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
         unexplained: what nothing explains in the set-up, where that comes before any effect; '' where nothing does.
+        perhaps: effects that the readings ask for beside an unknown, too little sure to be suggested.
     """
 
     verdict: Verdict
@@ -65,6 +66,7 @@ class Diagnosis:
     elsewhere: Elsewhere | None = None
     opening: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     unexplained: str = ""
+    perhaps: tuple[str, ...] = ()
 
     def with_unexplained(self, words: str) -> "Diagnosis":
         """An unknown of columns that disagree by more than any machine is built off: that first, no poses beside it.
@@ -107,5 +109,6 @@ class Diagnosis:
             "rows_aside": [int(row) for row in np.flatnonzero(self.opening)],
             "rest": {"significant": self.rest.significant, "reasons": list(self.rest.reasons)},
             "words": self.words,
+            "perhaps": list(self.perhaps),
             "unexplained": self.unexplained or None,
         }

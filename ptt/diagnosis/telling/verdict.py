@@ -1,5 +1,6 @@
 """The verdict: what is missing, that nothing is, or that something is which no known effect describes."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from ptt.diagnosis.noise.slow import SECONDS, Slow
 from ptt.diagnosis.search.find import STEPS, find
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.search.moves import loose
 from ptt.diagnosis.search.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.search.smooth_way import on_smooth_way
 from ptt.diagnosis.telling.aside import against_gross
@@ -153,8 +155,16 @@ def conclude(
         fitted=found.fitted,
         words="",
         elsewhere=elsewhere(found.fitted, problem) if named else None,
+        perhaps=_perhaps(found, suggested) if verdict == "unknown" else (),
     )
     return replace(result, words=explain_verdict(result, steps))
+
+
+def _perhaps(found: Found, suggested: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
+    """Names that the likeliest set has beside its unknowns, and that are not sure enough to be said."""
+    atoms, said = found.system.atoms, {name for step in suggested for name in step}
+    names = (atoms[key].name for key in loose(found.scorer, found.state) if atoms[key].effect is not None)
+    return tuple(dict.fromkeys(name for name in names if name not in said))
 
 
 def _objected(rest: Rest, found: Found, said: Said, problem: Problem, error: float) -> Rest:

@@ -12,6 +12,7 @@ from ptt.effects.phrases import listed
 from ptt.run.noise import SATURATED, VISITED, Noise
 
 MISSING = "Something is missing that no known effect describes"
+UNLIKE = "which can hardly be told from what is unknown and is not named"
 NOTED = 1.5  # times the noise that are worth a word
 EVEN = 0.5  # probability of a verdict that tests of the rest gave, and not the sets of effects
 SURE = 0.9  # probability of a verdict that needs no word on the others: of such statements 95 % and more are right
@@ -45,7 +46,8 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
         lines = [*_open_below(result), *_doubted(result), *told, f"With that {fall}{excess}"]
     else:
         lines = _unknown(result, told, cut_short=steps == len(told))
-        lines += [f"With what is named {fall}" if told else f"The error is {after:.1f} um, {floor}."]
+        more = f" The readings ask for {listed(result.perhaps)} as well, {UNLIKE}." if result.perhaps else ""
+        lines += [f"{f'With what is named {fall}' if told else f'The error is {after:.1f} um, {floor}.'}{more}"]
     if result.elsewhere is not None and (far := result.elsewhere.words(after)):
         lines.append(far)
     return "\n".join(lines)
