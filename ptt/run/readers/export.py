@@ -174,7 +174,7 @@ def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
         return []
     first = f"row {raw.line[copied[0]]} is identical to row {raw.line[seen[raw.body[copied[0]]]]} in every column"
     more = f", and {len(copied) - 1} more rows are copies" if len(copied) > 1 else ""
-    return [f"warning: {first}{more}: copies tell nothing more, and count once"]
+    return [f"warning: {first}{more}: taken as repeats, which count once, for copies tell nothing more"]
 
 
 def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: str | None, given: Mapping) -> Understood:
