@@ -1,17 +1,47 @@
-"""Words of a report in another language: one file of phrases; what it does not have stays English."""
+"""Words of a report in another language: one file of phrases; a sentence that they do not make up whole stays English.
+
+The file is a grammar. Each of its tables is one kind of phrase, and a gap is named by the kind that may stand in it:
+'{side}' by what the table 'side' can say, `{}`, `{what}` and `{axis}` by figures with their units, '{name}' by names of
+effects, '{any}' by what somebody else has named, such as a file. A list is one phrase before the rest of the list:
+'{part} and {clause}'. So a gap never takes more than it is meant for, and parts are said one by one. Endings of verbs
+are written as in the phrases of effects, whose words the tables 'side' and 'cure' have.
+"""
 
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.resources import files
 
+from ptt.effects.phrases import MANY, ONE
 from ptt.errors import InputError
 
 Say = Callable[[str], str]
 ROOM = files("ptt.show.report").joinpath("languages")
-NUMBERS = re.compile(r"[\d.]+(, [\d.]+)* and [\d.]+(\s\S+)?")  # '1, 2 and 3', '55, 16 and 43 um'
-GAP = re.compile(r"\\{(\d*)\\}")  # as re.escape writes a gap
+GAP = re.compile(r"{(\w*)}")
+VERB = re.compile("{(" + "|".join(ONE) + ")}")  # ending of a verb, as in the phrases of effects
+FIGURE_GAPS, ANY = ("", "what", "axis"), "any"
+UNIT = r"(?:[nmuk\N{MICRO SIGN}]?(?:m|rad|g|s|N)|deg|min|days|[hKCxyz])"
+FIGURES = re.compile(rf"(?:\b(?:{UNIT}|to|and)\b|\d[\d.]*e[+-]?\d+|[\d⁰¹²³⁴⁵⁶⁷⁸⁹]|[^\w;:])+")
+NAME = re.compile(r"[\w.-]+(\[[^\]]*\])?")
+SENTENCE = re.compile(r"(?<=[\w)%\]]\.)\s(?=[A-Z`])")  # where one ends and the next begins
+STOP = ". "  # the key of what ends a sentence
+
+
+@dataclass(frozen=True)
+class Template:
+    """A phrase with gaps.
+
+    Attributes:
+        pieces: of the English phrase, one more than there are gaps.
+        kinds: of what may stand in each gap.
+        value: the phrase in the other language.
+    """
+
+    pieces: tuple[str, ...]
+    kinds: tuple[str, ...]
+    value: str
 
 
 def languages() -> tuple[str, ...]:
@@ -19,11 +49,13 @@ def languages() -> tuple[str, ...]:
     return ("en", *sorted(path.name.removesuffix(".toml") for path in ROOM.iterdir() if path.name.endswith(".toml")))
 
 
-def words_of(language: str) -> Say:
-    """What says a phrase in a language.
+def phrases_of(language: str) -> dict[str, dict[str, str]]:
+    """The file of words of a language: kind of phrase -> English -> the same in it."""
+    return tomllib.loads(ROOM.joinpath(f"{language}.toml").read_text(encoding="utf-8"))
 
-    A phrase is looked up whole, then as one with gaps ('Error of {} readings, um'), whose parts are said in turn, then
-    sentence by sentence.
+
+def words_of(language: str) -> Say:
+    """What says a text in a language: whole, or sentence by sentence; a sentence that is not known stays as it is.
 
     Args:
         language: 'en', 'zh'.
@@ -38,31 +70,80 @@ def words_of(language: str) -> Say:
         return str
     if language not in languages():
         raise InputError(f"no words for '{language}'", where="--language", fix=f"take one of {', '.join(languages())}")
-    data = tomllib.loads(ROOM.joinpath(f"{language}.toml").read_text(encoding="utf-8"))["words"]
-    whole = {key: value for key, value in data.items() if "{" not in key}
-    gaps = [(re.compile(GAP.sub("(.+?)", re.escape(key))), value) for key, value in data.items() if "{" in key]
-    stop = "\u3002" if language == "zh" else ". "
+    tables = phrases_of(language)
+    templates = {kind: _templates(table) for kind, table in tables.items()}
+    stop = tables["words"][STOP]
 
-    @lru_cache(maxsize=4096)
+    def known(text: str) -> str | None:
+        said = (told(text, kind) for kind in ("words", "", "name"))
+        return next((words for words in said if words is not None), None)
+
+    @lru_cache(maxsize=65536)
+    def told(text: str, kind: str) -> str | None:
+        """A text as one kind of phrase; None where it is none."""
+        if kind in FIGURE_GAPS:
+            return _figures(text, tables["figures"])
+        if kind == ANY:
+            return known(text) or text
+        for words in dict.fromkeys((text, f"{text[:1].lower()}{text[1:]}")):
+            if words in tables[kind]:
+                return tables[kind][words]
+            for template in templates[kind]:
+                for gaps in _fillings(template.pieces, words):
+                    parts = list(zip(gaps, template.kinds, strict=True))
+                    # What takes anything is asked last: it looks for what it may be in all of the words.
+                    if all(told(*part) is not None for part in parts if part[1] != ANY):
+                        return template.value.format(*(told(*part) for part in parts))
+        return text if kind == "name" and NAME.fullmatch(text) else None
+
+    def sentence(text: str) -> str:
+        ended = text.endswith(".")
+        said = known(text.removesuffix("."))
+        if said is None:
+            return f"{text} " if ended else text
+        return f"{said.strip()}{stop}" if ended else said.strip()
+
     def say(text: str) -> str:
-        if text in whole:
-            return str(whole[text])
-        if NUMBERS.fullmatch(text):
-            return text.replace(", ", whole.get(", ", ", ")).replace(" and ", whole.get(" and ", " and "))
-        for pattern, value in gaps:
-            if found := pattern.fullmatch(text):
-                return str(value).format(*map(say, found.groups()))
-        parts = re.split(r"(?<=[a-z0-9)%])[.] (?=[A-Z])", text)
-        if len(parts) == 1:
-            return text
-        said = [_sentence(say, part) for part in parts]
-        known = all(new != old for new, old in zip(said, parts, strict=True))
-        return (stop if known else ". ").join(said)
+        text = text.replace("\N{NO-BREAK SPACE}", " ")
+        if (whole := tables["words"].get(text.removesuffix("."))) is not None:
+            return f"{whole}{stop}" if text.endswith(".") else whole
+        return "".join(map(sentence, SENTENCE.split(text))).rstrip()
 
     return say
 
 
-def _sentence(say: Say, part: str) -> str:
-    """One of several sentences, its full stop lost unless it is the last: with the stop where only that is known."""
-    said = say(part)
-    return say(f"{part}.").rstrip(".\u3002") if said == part and not part.endswith(".") else said
+def _templates(table: dict[str, str]) -> list[Template]:
+    """The phrases of a table that have gaps; one with endings of a verb as one of one and one of many."""
+    forms = {inflected(key, form): value for key, value in table.items() for form in (ONE, MANY)}
+    split = [(GAP.split(key), value) for key, value in forms.items()]
+    return [Template(tuple(parts[::2]), tuple(parts[1::2]), value) for parts, value in split if len(parts) > 1]
+
+
+def inflected(phrase: str, form: Mapping[str, str]) -> str:
+    """A phrase with the endings of its verb."""
+    return VERB.sub(lambda ending: form[ending[1]], phrase)
+
+
+def _fillings(pieces: tuple[str, ...], text: str) -> Iterator[tuple[str, ...]]:
+    """What the gaps between two or more pieces would hold in a text, each of them something."""
+    if not text.startswith(pieces[0]):
+        return
+    rest = text[len(pieces[0]) :]
+    if len(pieces) == 2:
+        if rest.endswith(pieces[1]) and len(rest) > len(pieces[1]):
+            yield (rest.removesuffix(pieces[1]),)
+        return
+    at = rest.find(pieces[1], 1)
+    while at > 0:
+        for more in _fillings(pieces[1:], rest[at:]):
+            yield (rest[:at], *more)
+        at = rest.find(pieces[1], at + 1)
+
+
+def _figures(text: str, joints: dict[str, str]) -> str | None:
+    """Figures with their units, joined as the language does; None for what is more than those."""
+    if not FIGURES.fullmatch(text):
+        return None
+    for english, other in joints.items():
+        text = text.replace(english, other)
+    return text
