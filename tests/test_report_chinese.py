@@ -13,6 +13,8 @@ from ptt.effects.case import make_case
 from ptt.effects.layout import linear_size
 from ptt.effects.phrases import MANY, MOST_VALUES, ONE, capital, compose, doubt, remedies, worth_saying
 from ptt.model.chain import differentiate
+from ptt.plan.separation import BASE
+from ptt.plan.words import say_ambiguity
 from ptt.show.card.words import pretty
 from ptt.show.report.words import inflected, phrases_of, words_of
 
@@ -170,6 +172,17 @@ def test_what_is_said_beside_a_finding():
         "at the tool it makes 44 um rms, most of which the other effects take back; what the readings cannot show of "
     )
     assert latin(SAY(f"Nothing else explains it as well; {fall}; {beside}the tool may add up to 8.4 um.")) == []
+
+
+def test_what_to_measure_next_is_said():
+    lines = (
+        "Drive 80 rows far out in x and y (to 181 mm, where the run went to 107), and over 200 mm of height, where the "
+        "run had 90, each pose from both sides of every joint, under payloads as in the column payload_kg (0, 5 kg).",
+        "Drive 8 rows over the same volume, each pose from both sides of every joint.",
+        "The separation of lead-scale from screw-error-map rises from 5.7 to 6.7 sigma; 8 sigma would need more rows.",
+        say_ambiguity("homing-offset", "tower-tilt", BASE),
+    )
+    assert [latin(SAY(line)) for line in lines] == [[]] * len(lines)
 
 
 def test_what_is_not_known_whole_stays_whole():
