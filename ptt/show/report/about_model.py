@@ -20,6 +20,7 @@ MEASURED = {
     "fixed": "fixed by the user",
     "searched": "searched, not fitted",
 }
+AGAINST = "against the mean of all joints, which is not"
 MOST_PAIRS = 10
 
 
@@ -133,10 +134,17 @@ def _parameters(contents: Contents) -> Iterator[tuple[str, ...]]:
         for index, (name, unit) in enumerate(_names(term, contents)):
             if not told[index]:
                 continue
-            value = found.get((term.effect.key, name))
-            fitted = NONE if value is None or value.measured == "no" else plus_minus(value.value, value.std)
-            word = NONE if value is None else MEASURED[value.measured]
+            fitted, word = _fitted(found.get((term.effect.key, name)))
             yield name, unit, _stored(term, index), fitted, word
+
+
+def _fitted(value: Value | None) -> tuple[str, str]:
+    """A value as the run tells it, and whether it is measured."""
+    if value is None:
+        return NONE, NONE
+    if value.apart is not None:
+        return plus_minus(value.value, value.apart), AGAINST
+    return NONE if value.measured == "no" else plus_minus(value.value, value.std), MEASURED[value.measured]
 
 
 def _names(term: Term, contents: Contents) -> list[tuple[str, str]]:
