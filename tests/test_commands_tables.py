@@ -201,7 +201,9 @@ def test_no_verdict_on_a_handful_of_readings(run_frame, tmp_path):
     few = write(tmp_path / "few.csv", pd.concat([base[:8], poses[:11]]))
     line = error_line(invoke("diagnose", few, "--model", MACHINE), code=3)
     assert "few.csv: 11 readings are too few for a verdict" in line and "at least 12 poses" in line
-    again = write(tmp_path / "again.csv", pd.concat([base[:8], *[poses[:2].assign(time_s=900.0)] * 10]))
+    again = write(
+        tmp_path / "again.csv", pd.concat([base[:8], *(poses[:2].assign(time_s=900.0 + 2.0 * k) for k in range(10))])
+    )
     line = error_line(invoke("diagnose", again, "--model", MACHINE), code=3)
     assert "readings are of 2 poses, too few for a verdict" in line
 

@@ -109,7 +109,7 @@ def test_a_first_run_says_what_it_can_tell(bench: MachineFile) -> None:
     told = {effect.effect: effect for effect in plan.effects}
     # A fitted frame takes the common zero, and common shifts of the towers sideways and round.
     assert told["homing-offset"].seen == 2 and told["tower-position"].seen == 3
-    assert all(std is None for _, _, std, _ in told["homing-offset"].parameters)
+    assert all(one.std is None and one.combined for one in told["homing-offset"].parameters)
     assert told["link-length"].seen == told["link-length"].size
     assert told["column-bend"].needs and told["screw-growth"].needs and not told["axis-compliance"].needs
     loaded = plan_first_run(Model(bench), rows=180, payloads=(0.0, 2.5, 5.0))
@@ -136,7 +136,7 @@ def test_a_plan_for_a_model_tells_what_the_model_has_again(bench: MachineFile) -
     told, alone = ({effect.effect: effect for effect in each.effects} for each in (plan, bare))
     assert set(told) == set(alone) and [name for name in told if told[name].in_model] == ["link-length", "column-bend"]
     assert not any(effect.in_model for effect in alone.values())
-    ours, theirs = (np.array([std for _, _, std, _ in each["link-length"].parameters]) for each in (told, alone))
+    ours, theirs = (np.array([one.std for one in each["link-length"].parameters]) for each in (told, alone))
     np.testing.assert_allclose(ours, theirs, rtol=1e-6)  # the other effect of the model moves nothing without a load
     assert "Of what the model has, this run would not tell: column-bend needs column payload_kg" in plan.words
     assert "would not tell" not in bare.words and "= link-length" in format_plan(plan, "t.csv")
@@ -151,7 +151,7 @@ def test_expected_standard_errors_are_those_of_a_fit(bench: MachineFile, tmp_pat
     assert problem.noise is not None and problem.noise.source == "repeats"
     fitted = fit(Model(quiet) + library()["link-length"](), problem)
     expected = next(effect for effect in plan.effects if effect.effect == "link-length")
-    np.testing.assert_allclose(fitted.std[:3], [std for _, _, std, _ in expected.parameters], rtol=0.3)
+    np.testing.assert_allclose(fitted.std[:3], [one.std for one in expected.parameters], rtol=0.3)
 
 
 def test_poses_of_an_arm_tell_more_than_random_ones(arm: MachineFile) -> None:

@@ -59,8 +59,8 @@ def test_a_ladder_is_drawn_again_from_the_file(problem: Problem, folder: Path) -
 def test_a_run_of_one_pose_is_refused_where_nothing_can_be_held_out(problem: Problem, tmp_path: Path) -> None:
     table = problem.table
     save_machine(replace(problem.file, text=""), tmp_path / "m.toml")
-    row = ",".join(map(str, (*table.target[3], *table.measured[3])))
-    (tmp_path / "one.csv").write_text("\n".join(["x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas", *[row] * 30]) + "\n")
+    rows = [",".join(map(str, (*table.target[3], *(table.measured[3] + 1e-4 * k)))) for k in range(30)]
+    (tmp_path / "one.csv").write_text("\n".join(["x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas", *rows]) + "\n")
     words = ["one.csv", "--model", "m.toml", "--out", "n.toml"]
     for verb in (["add", words[0], "homing-offset", *words[1:]], ["fit", *words]):
         outcome = ptt(*(tmp_path / word if "." in word else word for word in verb))

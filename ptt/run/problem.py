@@ -148,12 +148,16 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     stated_in = target_frames(file, table)
     view = as_driven(build_view(file, in_base(table, stated_in)), table)
     observed = np.isfinite(table.measured).all(axis=1)
-    used = observed & (table.role != "base") & ~copied_rows(table)
+    copied = copied_rows(table)
+    used = observed & (table.role != "base") & ~copied
     policy = file.tracker.frame
     if policy == "trusted":
         refuse_untrue(table, view, stated_in, used)
     if used.sum() < 4:
-        raise TooFewError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
+        alone = " that are no copies of others" if copied.any() else ""
+        raise TooFewError(
+            f"only {used.sum()} readings{alone}", where=table.source, fix="at least 4 measured rows are needed"
+        )
     frame = (
         np.asarray(table.run, dtype=int)
         if policy in ("fitted-per-run", "measured")
