@@ -69,7 +69,7 @@ def test_a_session_is_taken_up_as_it_was(here: Path, learned: Learned, tmp_path:
     np.testing.assert_array_equal(shown.residual, look.residual)
     assert (
         shown.understood == look.understood
-        and shown.columns == look.columns
+        and shown.column_rows == look.column_rows
         and shown.views.keys() == look.views.keys()
     )
 

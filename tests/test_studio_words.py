@@ -14,13 +14,14 @@ from ptt.run.readers import load_mapping
 from ptt.show.card.words import how_sure, in_prose, length, parameter_in_words, prefixed, pretty, spoken
 from ptt.show.studio import jobs
 from ptt.show.studio.card_figures import ruler_words, unknown_figure
+from ptt.show.studio.column_rows import BETWEEN as DOT
 from ptt.show.studio.page import doing
 from ptt.show.studio.page_again import change
-from ptt.show.studio.page_columns import unit_in_words
 from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
 from ptt.show.studio.results import Source
 from ptt.show.studio.seal_table import seal_html, truth_in_words
 from ptt.show.studio.tool_tables import dexterity_html
+from ptt.show.studio.units import unit_in_words
 
 KEPT = "\N{NO-BREAK SPACE}"
 
@@ -42,6 +43,28 @@ def test_columns_are_said_in_a_grid_and_kept(here: Path):
     np.testing.assert_allclose(
         jobs.look(source, MACHINE, silent).residual, jobs.look(RUN, MACHINE, silent).residual, atol=2e-6
     )
+
+
+def test_a_column_is_shown_as_the_file_has_it_beside_what_it_was_read_as(here: Path):
+    """Units are checked in this table: no value stands under a unit that it is not in."""
+    frame = pd.read_csv("run.csv", dtype=str)
+    frame["x_meas"] = (frame["x_meas"].astype(float) / 25.4).map("{:.5f}".format)
+    frame["temp_c"] = "68.5"
+    frame["timestamp"] = [f"13.02.2026 10:{row // 60:02d}:{row % 60:02d}" for row in range(len(frame))]
+    frame = frame.drop(columns="time_s").rename(columns={"x_meas": "x_meas_in", "temp_c": "temp_f"})
+    frame.to_csv("inch.csv", index=False)
+    told = {row[0]: row[2:] for row in jobs.look(Source("inch.csv"), MACHINE, silent).column_rows}
+    inches = frame["x_meas_in"][:3]
+    unit, cells, read = told["x_meas_in"]
+    assert (unit, cells) == ("in", DOT.join(inches)) and read.endswith(" mm")
+    np.testing.assert_allclose([float(v) for v in read[:-3].split(DOT)], 25.4 * inches.astype(float), rtol=1e-5)
+    assert told["temp_f"][::2] == ("\N{DEGREE SIGN}F", f"20.2778{DOT}20.2778{DOT}20.2778 \N{DEGREE SIGN}C")
+    assert told["timestamp"] == ("date and time", DOT.join(frame["timestamp"][:3]), f"0{DOT}1{DOT}2 s")
+    assert told["y_meas"] == ("mm", DOT.join(frame["y_meas"][:3]), "")
+    sorted_ = Source("inch.csv", set_=("order=time",))
+    frame[::-1].to_csv("inch.csv", index=False)
+    first = {row[0]: row[2:] for row in jobs.look(sorted_, MACHINE, silent).column_rows}["timestamp"]
+    assert first[1].startswith(frame["timestamp"].iloc[-1]) and first[2] == f"0{DOT}-1{DOT}-2 s"
 
 
 def test_a_unit_has_one_name_in_questions_and_chips():

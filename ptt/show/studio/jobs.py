@@ -62,7 +62,7 @@ def look(source: Source, model: str, tell: Progress) -> Look:
     tell("reading the run", 0, 0)
     opened = open_both(source, model)
     tell("residual", 0, 0)
-    return look_at(opened.model, opened.problem, setup=opened.check.to_dict()["findings"])
+    return look_at(opened.model, opened.problem, source.run, setup=opened.check.to_dict()["findings"])
 
 
 def compare(source: Source, model: str, tell: Progress) -> Compared:
@@ -76,7 +76,7 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
     result = compare_run(opened.model, opened.problem, noise=opened.noise_or_none(), progress=tell)
     setup = opened.check.to_dict()["findings"]
     data = plain(result.to_dict() | opened.set_up | {"setup": setup})
-    return Compared(look_at(opened.model, opened.problem, result, setup), data, format_comparison(result))
+    return Compared(look_at(opened.model, opened.problem, source.run, result, setup), data, format_comparison(result))
 
 
 def learn(source: Source, model: str, tell: Progress) -> Learned:

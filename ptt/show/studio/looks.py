@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ptt.show.card.scene import MachineLines
+from ptt.show.studio.column_rows import ColumnRow, column_rows
 
 if TYPE_CHECKING:
     from ptt.judge.compare.comparison import Comparison
@@ -17,7 +18,6 @@ COVARIATES = {
     "time_s": "time [s]", "payload_kg": "payload [kg]", "temp_c": "temperature [\N{DEGREE SIGN}C]",
     "feed_mm_s": "feed [mm/s]", "direction": "directions of arrival", "torque": "torque", "std": "tracker deviations",
 }  # fmt: skip
-SAMPLE = 3  # rows that a table of columns shows
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class Look:
         covariates: what the table holds beside targets and readings.
         runs: labels of the runs.
         noise: noise floor per axis and in total, um, with its source; None where unknown.
-        columns: title, meaning, unit and first values of each column that was used.
+        column_rows: each column that was used, as `ptt.show.studio.column_rows` has it.
         setup: findings about the set-up, as `ptt check --json` lists them.
     """
 
@@ -61,7 +61,7 @@ class Look:
     covariates: tuple[str, ...]
     runs: tuple[str, ...]
     noise: Mapping[str, float | str] | None
-    columns: tuple[tuple[str, str, str, str], ...] = ()
+    column_rows: tuple[ColumnRow, ...] = ()
     setup: tuple[Mapping[str, Any], ...] = ()
 
     @property
@@ -91,6 +91,7 @@ class Look:
 def look_at(
     model: "Model",
     problem: "Problem",
+    run: str,
     compared: "Comparison | None" = None,
     setup: Sequence[Mapping[str, Any]] = (),
 ) -> Look:
@@ -99,6 +100,7 @@ def look_at(
     Args:
         model: its effects are held at their values.
         problem: the readings.
+        run: the file that they were read from, the first where there are several.
         compared: a comparison that was made already, whose residual is taken.
         setup: findings about the set-up.
 
@@ -134,53 +136,9 @@ def look_at(
         covariates=tuple(words for name, words in COVARIATES.items() if getattr(table, name) is not None),
         runs=tuple(label for label in table.run_label if label),
         noise=None if noise is None else dict(noise.to_dict()),
-        columns=tuple(columns_of(problem)),
+        column_rows=tuple(column_rows(table, run)),
         setup=tuple(setup),
     )
-
-
-def columns_of(problem: "Problem") -> list[tuple[str, str, str, str]]:
-    """Title, meaning, unit and first values of each column that was used, in the units of the program."""
-    from ptt.run.readers.columns import file_title
-    from ptt.run.table import table_to_frame
-    from ptt.show.report.facts import columns_of_table
-
-    table = problem.table
-    few = table_to_frame(_first(table, SAMPLE))
-    given = table.understood.mapping.columns
-    found = []
-    for column in columns_of_table(table):
-        said = given.get(column.title, column.title)
-        name = next((each for each in (said, column.title) if each in few.columns), "")
-        if not name:
-            name = next((title for title in few.columns if _same(title, said, file_title)), "")
-        values = "" if not name else ", ".join(_cell(value) for value in few[name])
-        found.append(
-            (
-                column.title,
-                column.meaning,
-                column.unit.replace("um", "\N{MICRO SIGN}m").replace("deg C", "\N{DEGREE SIGN}C"),
-                values,
-            )
-        )
-    return found
-
-
-def _same(title: str, quantity: str, file_title: Any) -> bool:
-    try:
-        return bool(file_title(quantity) == title)
-    except StopIteration:
-        return False
-
-
-def _cell(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _first(table: Any, count: int) -> Any:
-    from ptt.run.table import take_rows
-
-    return take_rows(table, np.arange(min(count, table.rows)))
 
 
 def rest_of_arm(file: Any) -> list[list[float]]:

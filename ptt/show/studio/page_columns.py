@@ -9,8 +9,8 @@ from ptt.run.readers.columns import UNITS, dimension_of
 from ptt.run.readers.mapping import IGNORE
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.outcomes import QuestionError
+from ptt.show.studio.units import unit_in_words
 
-CHIPS = {"c": "\N{DEGREE SIGN}C", "k": "K", "f": "\N{DEGREE SIGN}F", "stamp": "date and time"}
 WORDS = {
     **{f"{a}_meas": f"reading {a}" for a in "xyz"},
     **{f"{a}_cmd": f"target {a}" for a in "xyz"},
@@ -26,13 +26,6 @@ WORDS = {
     **{f"q{a}_meas": f"orientation {a}, read" for a in "xyzw"},
     **{f"q{a}_cmd": f"orientation {a}, wanted" for a in "xyzw"},
 }
-
-
-def unit_in_words(choice: str) -> str:
-    """A unit as a chip has it; what is no unit stays as it is."""
-    if not any(choice in units for units in UNITS.values()):
-        return choice
-    return CHIPS.get(choice, choice.replace("um", "\N{MICRO SIGN}m").replace("_", "/"))
 
 
 def choices_of(joints: int, prefix: str) -> dict[str, str]:

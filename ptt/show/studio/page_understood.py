@@ -78,11 +78,11 @@ def _show(studio: Studio, look: Look) -> None:
         ("Noise of one reading", _noise(look.noise)),
     ]
     ui.html(table_html((), facts, words=2), sanitize=False).classes("w-full")
-    if look.columns:
+    if look.column_rows:
         ui.html("Columns", sanitize=False, tag="h3").classes("st-head").style("margin-top: 10px")
-        head = ("column", "taken for", "unit", "first rows")
+        head = ("column", "taken for", "unit", "first rows as in the file", "read as")
         with ui.element("div").classes("st-grid").props("tabindex=0"):
-            ui.html(table_html(head, look.columns, words=4), sanitize=False).classes("w-full")
+            ui.html(table_html(head, look.column_rows, words=5), sanitize=False).classes("w-full")
     with ui.expansion("How the file was read, in words").classes("w-full").props("dense"):
         for line in lines:
             ui.label(pretty(line)).classes("st-note")
