@@ -68,6 +68,22 @@ def test_what_a_file_leaves_open_becomes_a_question(here: Path):
     assert answered.words == "open.csv --map answers.toml"
 
 
+def test_time_that_goes_back_is_a_question_and_its_answer_a_setting(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str)
+    pd.concat([frame[:5], frame[6:7], frame[5:6], frame[7:]]).to_csv("back.csv", index=False)
+    source = Source("back.csv")
+    with pytest.raises(QuestionError) as met:
+        jobs.look(source, MACHINE, silent)
+    asked = met.value
+    assert (asked.about, asked.choices) == ("order", ("rows", "time"))
+    assert "time goes back" in asked.question and "--" not in asked.question
+    sorted_ = source.answered(asked.about, asked.question, "time")
+    assert sorted_.words == "back.csv --set order=time"
+    assert jobs.look(sorted_, MACHINE, silent).line.tolist() == [2, 3, 4, 5, 6, 8, 7, *range(9, len(frame) + 2)]
+    kept = jobs.look(source.answered(asked.about, asked.question, "rows"), MACHINE, silent)
+    assert kept.line.tolist() == list(range(2, len(frame) + 2))
+
+
 def test_what_is_wrong_with_a_file_is_said_first(here: Path):
     frame = pd.read_csv("run.csv", dtype=str)
     frame["q1_cmd_rad"] = "0.1"

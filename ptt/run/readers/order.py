@@ -14,6 +14,10 @@ HOUR = 3600.0  # s
 ORDERS = (AS_ROWS, BY_TIME)
 
 
+class OrderError(TableError):
+    """Time goes back, and nobody said what is to be done about it."""
+
+
 def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -> tuple[Export, list[str]]:
     """Rows in the order in which the machine went through them.
 
@@ -29,7 +33,8 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
         The columns, and what was done, in words.
 
     Raises:
-        TableError: time goes back within a run and nobody said what to do, or there is no time to sort by.
+        OrderError: time goes back within a run and nobody said what to do.
+        TableError: there is no time to sort by.
     """
     time, run = _clock(export)
     if time is None:
@@ -49,7 +54,7 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
         return export, [*nights, "time goes back; the rows are taken to be in travel order, as --set order=rows says"]
     if not refuse:
         return export, [*nights, "time goes back; the rows are looked at as they stand"]
-    raise TableError(
+    raise OrderError(
         f"time goes back{_of_run(export, late[1])} (from {time[late[0]]:.12g} to {time[late[1]]:.12g} s, after row "
         f"{export.line[late[0]]}), so the rows may not be in travel order",
         where=f"{export.source} row {export.line[late[1]]}, column {_title(export)}",

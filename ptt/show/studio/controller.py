@@ -170,11 +170,11 @@ class Studio(Doing):
         self.session = replace(self.session, source=source)
         self.tell("session")
 
-    async def answer(self, question: str, choice: str) -> None:
+    async def answer(self, choice: str) -> None:
         """Answer what a file leaves open, and open it."""
-        source = self.staged.source
-        if source is not None:
-            await self.open(replace(source, answers=(*source.answers, (question, choice))), self.staged.machine)
+        source, asked = self.staged.source, self.staged.question
+        if source is not None and asked is not None:
+            await self.open(source.answered(asked.about, asked.question, choice), self.staged.machine)
 
     async def compare(self) -> None:
         """Work out the figures of the active model in the background."""

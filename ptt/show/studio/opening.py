@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.show.studio.outcomes import QuestionError
-from ptt.show.studio.results import ANSWERS, Source
+from ptt.show.studio.results import ANSWERS, ORDER, Source
 
 if TYPE_CHECKING:
     from ptt.door.opened import Opened
@@ -19,16 +19,21 @@ def open_both(source: Source, model: str) -> "Opened":
     """Open run and model as a verb does; what the file leaves open becomes a question to the person."""
     from ptt.door.opened import open_run
     from ptt.errors import TableError
+    from ptt.run.readers.order import ORDERS, OrderError
 
     place = place_of(model)
-    if source.answers:
-        _read_asking(source, place)
     try:
-        return open_run(Path(source.run), place, source.reading())
-    except TableError:
-        if not source.answers:
+        if source.answers:
             _read_asking(source, place)
-        raise
+        try:
+            return open_run(Path(source.run), place, source.reading())
+        except TableError:
+            if not source.answers:
+                _read_asking(source, place)
+            raise
+    except OrderError as error:
+        restarted = "Where the clock was restarted, number the runs in a column 'run' instead."
+        raise QuestionError(f"{error.where}: {error.what}. {restarted}", ORDERS, ORDER) from error
 
 
 def _read_asking(source: Source, place: Path) -> None:

@@ -18,12 +18,13 @@ class QuestionError(Exception):
     Attributes:
         question: what is open.
         choices: the possible answers.
+        about: 'columns', or 'order': what is to be done where time goes back, as --set has it.
     """
 
-    def __init__(self, question: str, choices: Sequence[str]) -> None:
-        """Keep question and choices."""
+    def __init__(self, question: str, choices: Sequence[str], about: str = "columns") -> None:
+        """Keep question, choices and what they are about."""
         super().__init__(question)
-        self.question, self.choices = question, tuple(choices)
+        self.question, self.choices, self.about = question, tuple(choices), about
 
 
 class SetupFoundError(Exception):

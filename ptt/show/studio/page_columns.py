@@ -8,7 +8,8 @@ from nicegui import ui
 from ptt.run.readers.columns import UNITS, dimension_of
 from ptt.run.readers.mapping import IGNORE
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.outcomes import QuestionError
+from ptt.show.studio.page_question import show_question
+from ptt.show.studio.results import ORDER
 from ptt.show.studio.units import unit_in_words
 
 WORDS = {
@@ -47,9 +48,9 @@ class ColumnsView:
         self.studio = studio
         self.quantity: dict[str, ui.select] = {}
         self.unit: dict[str, ui.toggle] = {}
+        self.asked = ui.element("div").classes("st-box").mark("question")
         with ui.element("div").classes("st-box").mark("columns") as self.box:
             ui.html("What the columns hold", sanitize=False, tag="h2").classes("st-title")
-            self.asked = ui.element("div").classes("w-full")
             self.note = ui.label().classes("st-note")
             self.grid = ui.element("div").classes("st-grid").props("tabindex=0")
             with ui.element("div").classes("st-tools").style("margin-top: 8px"):
@@ -59,6 +60,7 @@ class ColumnsView:
         with ui.element("div").classes("st-box") as self.offer:
             ui.button("Check the columns", icon="view_column", on_click=self._fill).props("no-caps flat dense")
         self.box.set_visibility(False)
+        self.asked.set_visibility(False)
         studio.on("staged", self._staged)
         studio.on("session", self._offer)
         self._offer()
@@ -69,24 +71,16 @@ class ColumnsView:
     def _staged(self) -> None:
         self._offer()
         self.asked.clear()
+        self.asked.set_visibility(self.studio.staged.question is not None)
         question = self.studio.staged.question
-        if question is None:
+        if question is None or question.about == ORDER:
             self.box.set_visibility(False)
+        if question is None:
             return
         with self.asked:
-            self._ask(question)
-            ui.timer(0.01, self._fill, once=True)
-
-    def _ask(self, question: QuestionError) -> None:
-        """The question that the reader would have on the command line, with its answers as buttons."""
-        with ui.element("div").classes("st-tie").props("role=alert"):
-            ui.label(question.question).classes("st-head")
-            with ui.element("div").classes("st-tools"):
-                for choice in question.choices:
-                    pick = ui.button(
-                        unit_in_words(choice), on_click=lambda _, c=choice: self.studio.answer(question.question, c)
-                    )
-                    pick.props("no-caps dense outline").props["aria-label"] = f"answer {choice}"
+            show_question(question.about, question.question, question.choices, self.studio.answer)
+            if question.about != ORDER:
+                ui.timer(0.01, self._fill, once=True)
 
     async def _fill(self) -> None:
         """Show the grid of the file."""

@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ ANSWERS = "answers.toml"
 COLUMNS = "columns.toml"  # what a person said of the columns, in the grid
 MENDED = "mended.csv"  # the run with the mistakes of its set-up undone
 SEAL = "sealed.json"
+ORDER = "order"  # what --set says of rows whose time goes back
 EFFECTS = "effects"  # folder of the effect files; uploads never get there, for what is in it is executed
 
 
@@ -65,6 +66,18 @@ class Source:
     def effect_files(self) -> tuple[str, ...]:
         """Where the effect files are."""
         return tuple(f"{EFFECTS}/{name}" for name in self.effects)
+
+    def answered(self, about: str, question: str, choice: str) -> "Source":
+        """The same with an answer more.
+
+        Args:
+            about: of the question, as `QuestionError` has it.
+            question: what was open.
+            choice: the answer.
+        """
+        if about == ORDER:
+            return replace(self, set_=(*self.set_, f"{ORDER}={choice}"))
+        return replace(self, answers=(*self.answers, (question, choice)))
 
     def reading(self) -> "ReadOptions":
         """The same as the command line has it; nobody is asked on a terminal."""

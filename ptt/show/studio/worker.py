@@ -60,7 +60,7 @@ def _answer(connection: Connection, job: Callable[..., Any], arguments: Sequence
     except LeaveOffError:
         return ("left",)
     except QuestionError as question:
-        return "question", question.question, question.choices
+        return "question", question.question, question.choices, question.about
     except SetupError as error:
         return "setup", [finding.to_dict() for finding in error.check.findings]
     except PttError as error:

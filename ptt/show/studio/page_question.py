@@ -1,0 +1,30 @@
+"""A question that a file leaves open, with its answers as buttons."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from nicegui import ui
+
+from ptt.run.readers.order import AS_ROWS, BY_TIME
+from ptt.show.studio.results import ORDER
+from ptt.show.studio.units import unit_in_words
+
+ORDERS = {BY_TIME: "sort each run by its clock", AS_ROWS: "keep the rows as they stand"}
+
+
+def show_question(about: str, question: str, choices: Sequence[str], answer: Callable[[str], object]) -> None:
+    """Show it.
+
+    Args:
+        about: what it is about, as `QuestionError` has it.
+        question: what is open, with the file's name.
+        choices: the possible answers.
+        answer: called with the one that is chosen.
+    """
+    with ui.element("div").classes("st-tie").props("role=alert"):
+        ui.label(question).classes("st-head")
+        with ui.element("div").classes("st-tools"):
+            for choice in choices:
+                words = ORDERS[choice] if about == ORDER else unit_in_words(choice)
+                pick = ui.button(words, on_click=partial(answer, choice))
+                pick.props("no-caps dense outline").props["aria-label"] = f"answer {choice}"
