@@ -24,9 +24,9 @@ from ptt.show.card.words import length
 from ptt.show.studio import jobs
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import error_figure, pair_figure, value_figure
+from ptt.show.studio.later import date_in
 from ptt.show.studio.machine_figure import machine_figure
 from ptt.show.studio.page import told_of
-from ptt.show.studio.page_again import date_in
 from ptt.show.studio.page_model import ladder_of
 from ptt.show.studio.results import Learned, Source, Trained
 from ptt.show.studio.session import Session
@@ -150,7 +150,7 @@ def test_a_later_run_is_held_beside_the_first_and_by_date(here: Path):
     gaps = ", ".join(f"{1e-3 * gap:.5f}" for gap in sealed_gaps_um())
     values = f"gap_mm = {{ value = [{gaps}], std = [1e-4, 2e-4, 1e-4] }}"
     model = f'{MACHINE}\n[[effect]]\nname = "backlash"\n[effect.parameters]\n{values}\n'
-    found = jobs.again(Source("first.csv"), model, "2026-01-10", [("later.csv", "2026-02-10")], silent)
+    found = jobs.again(Source("first.csv"), model, "2026-01-10", [(Source("later.csv"), "2026-02-10")], silent)
     fall = found["pair"]["reduction_percent"]
     assert [fall[axis] for axis in ("x", "y", "z", "total")] == pytest.approx([90.0] * 4, abs=0.05)
     assert found["recheck"]["verdict"] == "changed" and found["recheck"]["changed"]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ptt.progress import Progress
 from ptt.show.sizing import spread
-from ptt.show.studio.jobs_again import again
+from ptt.show.studio.jobs_again import again, vet
 from ptt.show.studio.jobs_effects import card, names, words_of_effect
 from ptt.show.studio.jobs_export import export, formats
 from ptt.show.studio.jobs_files import columns, describe, mend, peek
@@ -44,6 +44,7 @@ __all__ = [
     "report",
     "reveal",
     "train",
+    "vet",
     "write_effect",
 ]
 

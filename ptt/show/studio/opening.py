@@ -2,6 +2,9 @@
 
 import io
 import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,10 +22,9 @@ def open_both(source: Source, model: str) -> "Opened":
     """Open run and model as a verb does; what the file leaves open becomes a question to the person."""
     from ptt.door.opened import open_run
     from ptt.errors import TableError
-    from ptt.run.readers.order import ORDERS, OrderError
 
     place = place_of(model)
-    try:
+    with _order_asked():
         if source.answers:
             _read_asking(source, place)
         try:
@@ -31,12 +33,42 @@ def open_both(source: Source, model: str) -> "Opened":
             if not source.answers:
                 _read_asking(source, place)
             raise
+
+
+def settled(source: Source, model: str, to: Path) -> Source:
+    """The same with its answers kept in a file of its own: what is kept of the run that is open stays as it is.
+
+    Args:
+        source: of another run.
+        model: text of the model.
+        to: where to.
+
+    Returns:
+        A source that reads with that file; as it is where nothing was answered.
+
+    Raises:
+        QuestionError: something is not answered.
+    """
+    if not source.answers:
+        return source
+    with _order_asked():
+        _read_asking(source, place_of(model), to)
+    return replace(source, map_=str(to), answers=())
+
+
+@contextmanager
+def _order_asked() -> Iterator[None]:
+    """Time that goes back becomes a question: on the page nobody types --set."""
+    from ptt.run.readers.order import ORDERS, OrderError
+
+    try:
+        yield
     except OrderError as error:
         restarted = "Where the clock was restarted, number the runs in a column 'run' instead."
         raise QuestionError(f"{error.where}: {error.what}. {restarted}", ORDERS, ORDER) from error
 
 
-def _read_asking(source: Source, place: Path) -> None:
+def _read_asking(source: Source, place: Path, to: Path = Path(ANSWERS)) -> None:
     """Read with the answers given so far and keep them as a file for --map; ask for the first that is missing."""
     from ptt.door.options import parse_settings
     from ptt.machine import load_machine
@@ -65,7 +97,7 @@ def _read_asking(source: Source, place: Path) -> None:
         for run in (source.run, *source.also)
     ]
     if source.answers:
-        save_mapping(agreed([each.mapping for each in understood]), ANSWERS)
+        save_mapping(agreed([each.mapping for each in understood]), to)
 
 
 def place_of(model: str | bytes) -> Path:

@@ -18,7 +18,8 @@ class QuestionError(Exception):
     Attributes:
         question: what is open.
         choices: the possible answers.
-        about: 'columns', or 'order': what is to be done where time goes back, as --set has it.
+        about: 'columns', or 'order': what is to be done where time goes back, as --set has it; of a later run 'anyway',
+            too: whether it is taken although its set-up looks mistaken.
     """
 
     def __init__(self, question: str, choices: Sequence[str], about: str = "columns") -> None:

@@ -4,22 +4,20 @@ import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, replace
-from datetime import date
+from dataclasses import asdict
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import ui
 
 from ptt.errors import PttError
 from ptt.files import write_text
-from ptt.run.dates import date_in_name
 from ptt.show.card.words import length, parameter_in_words, percent, pretty, together
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import WHEN, error_figure, pair_figure, value_figure
-from ptt.show.studio.guard import LIMIT
+from ptt.show.studio.later import date_in, later_source
+from ptt.show.studio.page_later import LaterRuns
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.tables import table_html
-from ptt.show.studio.uploads import keep
 
 FOUND = "again.json"
 AXES = ("x", "y", "z", "total")
@@ -40,7 +38,6 @@ class AgainView:
     def __init__(self, studio: Studio) -> None:
         """Build it."""
         self.studio = studio
-        self.listed: object = None
         self.shown = ""
         with ui.element("div").classes("st-two st-wide-right"):
             with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
@@ -54,15 +51,7 @@ class AgainView:
 
     def _build_runs(self) -> None:
         ui.html("Measured again", sanitize=False, tag="h2").classes("st-head")
-        with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 6px"):
-            self.drop = ui.upload(
-                label="Later run (CSV, TXT): drop here", on_upload=self._take, max_file_size=LIMIT, auto_upload=True,
-                multiple=True, on_rejected=lambda: self.studio.fail(f"not taken: larger than {LIMIT >> 20} MB"),
-            )  # fmt: skip
-            self.drop.classes("st-drop st-drop-later").props("flat hide-upload-btn")
-            choose = ui.button("Choose").props('no-caps outline aria-label="choose later runs"')
-            choose.on("click", js_handler=f"() => getElement({self.drop.id}).pickFiles()")
-        self.runs = ui.element("div").classes("w-full").style("margin-top: 6px")
+        self.runs = LaterRuns(self.studio)
         with ui.element("div").classes("st-tools").style("margin-top: 6px"):
             self.hold = ui.button("Hold them beside each other", icon="compare", on_click=self._work)
             self.hold.props("no-caps unelevated")
@@ -73,71 +62,20 @@ class AgainView:
 
     def show(self) -> None:
         """Take over a changed session."""
-        session = self.studio.session
         self._enable()
-        self.drop.set_enabled(session.ready)
-        if self.listed != (session.source, session.first, session.later):
-            self.listed = session.source, session.first, session.later
-            self.runs.clear()
-            with self.runs:
-                self._list()
+        self.runs.show()
         key = self._key()
         if key != self.shown:
             self.shown = key
             self._fill(self._known())
-
-    def _list(self) -> None:
-        """The runs with their dates."""
-        session = self.studio.session
-        if session.source is None:
-            ui.label("Load a run and its machine first.").classes("st-note")
-            return
-        runs = [(session.source.run, session.first or date_in(session.source.run)), *session.later]
-        for number, (run, when) in enumerate(runs):
-            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 3px"):
-                ui.label(run).style("flex: 1 1 0; min-width: 0; overflow-wrap: anywhere")
-                day = ui.input(value=when, on_change=lambda event, at=number: self._date(at, str(event.value)))
-                day.props("type=date dense outlined").props["aria-label"] = f"date of {run}"
-                drop = ui.button(icon="close", on_click=lambda at=number: self._drop(at)).props("flat round dense")
-                drop.props["aria-label"] = f"leave {run} out"
-                if number == 0:
-                    drop.style("visibility: hidden")
-
-    async def _take(self, event: events.UploadEventArguments) -> None:
-        data = await event.file.read()
-        self.drop.reset()
-        try:
-            kept = keep(self.studio.folder, event.file.name, data)
-        except PttError as error:
-            self.studio.fail(str(error))
-            return
-        later = dict(self.studio.session.later) | {kept: date_in(event.file.name)}
-        self._keep(later=tuple(sorted(later.items(), key=lambda each: each[1])))
-
-    def _date(self, at: int, when: str) -> None:
-        with suppress(ValueError):
-            date.fromisoformat(when)
-            if at == 0:
-                self._keep(first=when)
-                return
-            later = list(self.studio.session.later)
-            later[at - 1] = later[at - 1][0], when
-            self._keep(later=tuple(later))
-
-    def _drop(self, at: int) -> None:
-        later = self.studio.session.later
-        self._keep(later=later[: at - 1] + later[at:])
-
-    def _keep(self, **changed: Any) -> None:
-        self.studio.session = replace(self.studio.session, **changed)
-        self.studio.tell("session")
 
     async def _work(self) -> None:
         session, key = self.studio.session, self._key()
         if session.source is None or not session.later:
             return
         first = session.first or date_in(session.source.run)
-        later = tuple(sorted(session.later, key=lambda each: each[1]))
+        dated = sorted(session.later, key=lambda each: each[1])
+        later = tuple((later_source(session.source, run, session.said), when) for run, when in dated)
         found = await self.studio.work(
             "holding runs beside each other", "again", session.source, session.text, first, later
         )
@@ -152,7 +90,7 @@ class AgainView:
         session = self.studio.session
         if session.source is None:
             return ""
-        said = json.dumps([asdict(session.source), session.text, session.first, session.later])
+        said = json.dumps([asdict(session.source), session.text, session.first, session.later, session.said])
         return hashlib.sha256(said.encode()).hexdigest()
 
     def _known(self) -> Mapping[str, Any] | None:
@@ -166,6 +104,8 @@ class AgainView:
         self.changed.clear()
         self.right.clear()
         self.changed.set_visibility(found is not None)
+        if found is not None:
+            self.runs.tell(found.get("left", ()))
         with self.right:
             if found is None:
                 with ui.element("div").classes("st-box"), ui.element("div").classes("st-empty"):
@@ -176,11 +116,6 @@ class AgainView:
             _show_months(found["months"])
         with self.changed:
             _show_changed(found["recheck"])
-
-
-def date_in(name: str) -> str:
-    """The date that a file's name holds, else today, as '2026-03-15'."""
-    return (date_in_name(name) or date.today()).isoformat()
 
 
 def change(fall: float) -> str:
@@ -210,9 +145,9 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
             note += f" {percent(pair['nearer_share'])} of {pair['shared_poses']} poses measured in both come nearer."
         ui.label(note).classes("st-note")
         with ui.element("div").style("display: flex; flex-wrap: wrap; gap: 8px; width: 100%"):
-            for when in WHEN:
+            for when, run in zip(WHEN, pair["runs"], strict=True):
                 with ui.element("div").style("flex: 1 1 280px; min-width: 0"):
-                    ui.label(f"{when}: {pair[when]['rows']} readings").classes("font-medium")
+                    ui.label(f"{when}: {run}, {pair[when]['rows']} readings").classes("font-medium")
                     plot = Picture(pair_figure(pair, when)).classes("w-full").style("height: 290px")
                     plot.props("role=img").props["aria-label"] = f"errors {when}, from above"
 
@@ -246,6 +181,8 @@ def _show_months(months: Mapping[str, Any]) -> None:
         if "why" in months:
             ui.label(pretty(months["why"])).classes("st-note")
             return
+        for words in months.get("refused", ()):
+            ui.label(pretty(f"Left out: {words}")).classes("st-tie").style("margin: 4px 0")
         for words in dict.fromkeys(alarm["words"] for alarm in months["alarms"]):  # one for several values of an effect
             ui.label(pretty(words)).classes("st-tie").style("margin: 4px 0")
         plot = Picture(error_figure(months["history"])).classes("w-full").style("height: 210px")

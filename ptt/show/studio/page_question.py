@@ -6,10 +6,15 @@ from functools import partial
 from nicegui import ui
 
 from ptt.run.readers.order import AS_ROWS, BY_TIME
+from ptt.show.studio.later import ANYWAY
 from ptt.show.studio.results import ORDER
 from ptt.show.studio.units import unit_in_words
 
-ORDERS = {BY_TIME: "sort each run by its clock", AS_ROWS: "keep the rows as they stand"}
+WORDS = {
+    (ORDER, BY_TIME): "sort each run by its clock",
+    (ORDER, AS_ROWS): "keep the rows as they stand",
+    (ANYWAY, ANYWAY): "take it all the same",
+}
 
 
 def show_question(about: str, question: str, choices: Sequence[str], answer: Callable[[str], object]) -> None:
@@ -25,6 +30,6 @@ def show_question(about: str, question: str, choices: Sequence[str], answer: Cal
         ui.label(question).classes("st-head")
         with ui.element("div").classes("st-tools"):
             for choice in choices:
-                words = ORDERS[choice] if about == ORDER else unit_in_words(choice)
+                words = WORDS.get((about, choice), unit_in_words(choice))
                 pick = ui.button(words, on_click=partial(answer, choice))
                 pick.props("no-caps dense outline").props["aria-label"] = f"answer {choice}"

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 from ptt.errors import ModelError
 from ptt.machine import format_machine, parse_machine
 from ptt.machine_schema import EffectEntry
+from ptt.show.studio.later import Said
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Compared, Learned, Source, Trained
 from ptt.show.studio.snapshot import Figures, Rung, Snapshot, parsed
@@ -31,6 +32,7 @@ class Session:
         trainings: model text -> compensator.
         first: when the run was measured, '2026-03-15'; '' where nobody said.
         later: file and date of runs that were measured later on the same machine.
+        said: what a person said of these, as `ptt.show.studio.later` has it.
     """
 
     source: Source | None = None
@@ -43,6 +45,7 @@ class Session:
     trainings: Mapping[str, Trained] = field(default_factory=dict)
     first: str = ""
     later: tuple[tuple[str, str], ...] = ()
+    said: tuple[Said, ...] = ()
 
     @property
     def ready(self) -> bool:

@@ -80,6 +80,7 @@ class SessionFolder:
             "future": [_plain(each) for each in session.future],
             "first": session.first,
             "later": session.later,
+            "said": session.said,
         }
         for text, look in session.looks.items():
             self._once(session.source, text, "look.npz", partial(pack_look, look))
@@ -103,13 +104,14 @@ class SessionFolder:
             now = _snapshot(state["now"])
             past, future = (tuple(_snapshot(each) for each in state[key]) for key in ("past", "future"))
             later = tuple((str(run), str(date)) for run, date in state.get("later", ()))
+            said = tuple((str(a), str(b), str(c), str(d)) for a, b, c, d in state.get("said", ()))
         except (OSError, ValueError, KeyError, TypeError):
             return Session()
         found: dict[str, dict[str, Any]] = {"looks": {}, "comparisons": {}, "lessons": {}, "trainings": {}}
         for snapshot in (*past, now, *future):
             with suppress(PttError):
                 self._find(source, snapshot.active, found)
-        return Session(source, now, past, future, **found, first=str(state.get("first", "")), later=later)
+        return Session(source, now, past, future, **found, first=str(state.get("first", "")), later=later, said=said)
 
     def remove(self) -> None:
         """Take it off the disk."""

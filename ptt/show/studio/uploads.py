@@ -21,6 +21,7 @@ RESERVED = (
     "challenge",
     "export",
     "months",
+    "later",
     "again.json",
     EFFECTS,
     SEAL,
