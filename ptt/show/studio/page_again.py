@@ -20,6 +20,7 @@ from ptt.show.studio.picture import Picture
 from ptt.show.studio.tables import table_html
 
 FOUND = "again.json"
+TIE = "cannot tell them apart"
 AXES = ("x", "y", "z", "total")
 EMPTY = (
     "Measure the machine again, with corrected commands or a month later, and drop the run here: errors before and "
@@ -158,10 +159,8 @@ def _show_changed(recheck: Mapping[str, Any]) -> None:
         ui.label(pretty(recheck["why"])).classes("st-note")
         return
     ui.label(VERDICTS.get(recheck["verdict"], recheck["verdict"])).classes("font-medium")
-    error = recheck["error_um"]
-    ui.label(
-        f"Error with the model {length(error['now'])}, where {length(error['expected'])} was to be expected."
-    ).classes("st-note")
+    for line in recheck["words"].splitlines():  # what a machinist is told of it, as `ptt recheck` prints it
+        ui.label(pretty(line)).classes("st-tie" if TIE in line else "st-note").style("margin: 3px 0")
     if recheck["changed"]:
         rows = [_changed(one) for one in recheck["changed"]]
         head = ("value", "before", "now", "")
