@@ -9,6 +9,7 @@ from studio_sample import folder as folder
 from studio_sample import here_with_verbs as here_with_verbs
 
 from ptt.show.studio import jobs
+from ptt.show.studio.figures_again import value_figure
 from ptt.show.studio.later import ANYWAY, DATE, before_first, later_source, whence
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.results import Source
@@ -88,3 +89,17 @@ def test_what_is_said_of_later_runs_is_taken_up_again(tmp_path: Path):
     opened = Session().opened(RUN, MACHINE)
     place.save(Session(opened.source, opened.now, later=(("b.csv", "2026-03-01"),), said=said))
     assert place.load().said == said
+
+
+@pytest.mark.parametrize(
+    ("days", "ends"),
+    [
+        (["2026-06-01"], ["2026-05-31", "2026-06-02"]),
+        (["2026-06-01", "2026-06-03"], ["2026-05-31", "2026-06-04"]),
+        (["2026-06-01", "2026-12-01"], None),
+    ],
+)
+def test_an_axis_of_dates_has_no_mark_within_a_day(days: list[str], ends: list[str] | None):
+    value = {"unit": "um", "moves": False, "days": days, "value": [1.0] * len(days), "std": [0.1] * len(days)}
+    axis = value_figure(value)["layout"]["xaxis"]
+    assert axis.get("range") == ends and axis.get("tickvals") == (None if ends is None else days)

@@ -1,6 +1,7 @@
 """Two runs side by side from above, and a machine's error and values by date, as plotly dictionaries."""
 
 from collections.abc import Mapping, Sequence
+from datetime import date, timedelta
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from ptt.show.card.words import length, prefixed
 from ptt.show.studio.figures import ABOVE, BLUE, GREY, ORANGE, Figure, axis_of, whole_figure, whole_layout
 
 WHEN = ("before", "after")
+DAYS = 5  # up to so many days apart each day of a run has a mark
 MICRO = "\N{MICRO SIGN}m"
 FEW = 0.99  # of the readings: a gross error beside the others would make them all one colour
 
@@ -67,7 +69,9 @@ def error_figure(history: Sequence[Mapping[str, Any]]) -> Figure:
         {"type": "scatter", "mode": "lines", "name": "noise", "x": [day for day, _ in noisy],
          "y": [factor * noise for _, noise in noisy], "line": {"color": GREY, "dash": "dash"}},
     ]  # fmt: skip
-    return whole_figure(data, _dated(f"error [{unit}]", legend=True, zero=True))
+    return whole_figure(
+        data, _dated(f"error [{unit}]", [str(run["date"])[:10] for run in history], legend=True, zero=True)
+    )
 
 
 def value_figure(value: Mapping[str, Any]) -> Figure:
@@ -84,7 +88,7 @@ def value_figure(value: Mapping[str, Any]) -> Figure:
          "error_y": {"type": "data", "array": [factor * each for each in value["std"]], "color": colour},
          "marker": {"size": 8, "color": colour}, "line": {"color": GREY, "width": 1}},
     ]  # fmt: skip
-    return whole_figure(data, _dated(f"[{unit}]"))
+    return whole_figure(data, _dated(f"[{unit}]", value["days"]))
 
 
 def _both(pair: Mapping[str, Any], when: str) -> tuple[np.ndarray, np.ndarray]:
@@ -103,12 +107,20 @@ def _parted(start: np.ndarray, end: np.ndarray) -> list[float | None]:
     return [value for pair in zip(start.tolist(), end.tolist(), strict=True) for value in (*pair, None)]
 
 
-def _dated(title: str, legend: bool = False, zero: bool = False) -> Figure:
+def _dated(title: str, days: Sequence[str], legend: bool = False, zero: bool = False) -> Figure:
     value = axis_of(title) | ({"rangemode": "tozero"} if zero else {})
     return whole_layout(
-        xaxis={**axis_of(""), "type": "date", "hoverformat": "%Y-%m-%d", "nticks": 6},
+        xaxis=axis_of("") | {"type": "date", "hoverformat": "%Y-%m-%d"} | _ticks(sorted(map(date.fromisoformat, days))),
         yaxis=value,
         showlegend=legend,
         legend=ABOVE,
         margin={"l": 60, "r": 10, "t": 28 if legend else 10, "b": 32},
     )
+
+
+def _ticks(days: Sequence[date]) -> Figure:
+    """Marks of an axis of dates: none within a day, which plotly would put there where runs lie close together."""
+    if not days or (days[-1] - days[0]).days > DAYS:
+        return {"nticks": 6}
+    ends = [(day + timedelta(days=step)).isoformat() for day, step in ((days[0], -1), (days[-1], 1))]
+    return {"range": ends, "tickvals": [day.isoformat() for day in sorted(set(days))], "tickformat": "%Y-%m-%d"}
