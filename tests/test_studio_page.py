@@ -268,7 +268,7 @@ def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: S
     expect(page.get_by_text("Not looked yet")).to_be_visible()
     show(page, "Look")
     page.get_by_label("go to line").fill("40")
-    expect(page.get_by_text(re.compile(r"^\d+ picked readings"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile(r"^\d+ picked readings?"))).to_be_visible(timeout=WAIT)
     show(page, "Result")
     page.get_by_role("button", name="Find what is missing").click()
     expect(page.get_by_text(re.compile("finding what is missing: (how|which)"))).to_be_visible(timeout=WAIT)
@@ -322,8 +322,12 @@ def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):
     expect(page.locator(".st-field canvas").first).to_be_visible(timeout=WAIT)
     expect(page.get_by_text("20000 readings; each arrow is the mean error of readings near each other")).to_be_visible()
     page.get_by_label("go to line").fill("15001")
-    expect(page.get_by_text(re.compile(r"^1 picked readings"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile(r"^1 picked reading$"))).to_be_visible(timeout=WAIT)
     assert "15001" in page.locator(".st-look table.st-plain td").first.inner_text()
+    page.get_by_label("go to line").fill("30000")
+    expect(page.get_by_text("There is no reading in line 30000: they are in lines 2 to 20001.")).to_be_visible()
+    page.get_by_label("go to line").fill("7")
+    expect(page.get_by_text("There is no reading in line")).to_be_hidden()
 
 
 def test_every_control_of_a_view_is_reached_by_the_keyboard(page: Page):

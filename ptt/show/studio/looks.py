@@ -87,6 +87,16 @@ class Look:
         distance = np.linalg.norm(self.target - self.target[row], axis=1)
         return np.flatnonzero(self.kept & (distance <= max(within, 1e-3)))
 
+    def nowhere(self, line: int) -> str:
+        """Why no reading of a line can be shown, in a sentence.
+
+        Args:
+            line: of the file.
+        """
+        if (self.line == line).any():
+            return f"Line {line} does not count: base, not observed, or left out as a gross error."
+        return f"There is no reading in line {line}: they are in lines {self.line.min()} to {self.line.max()}."
+
 
 def look_at(
     model: "Model",

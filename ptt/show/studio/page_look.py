@@ -87,6 +87,8 @@ class LookView:
             self.line = ui.number("go to line", min=1, precision=0, on_change=self._typed)
             self.line.props("dense outlined debounce=500").classes("w-28")
             ui.button("Clear", on_click=lambda: self.studio.pick([])).props("no-caps flat dense")
+        self.nowhere = ui.label().classes("st-tie").props("role=status").mark("nowhere")
+        self.nowhere.set_visibility(False)
         with ui.element("div").classes("st-scroll w-full").style("flex: 1 1 0; min-height: 0").props("tabindex=0"):
             self.table = ui.html("", sanitize=False).classes("w-full").mark("readings")
 
@@ -172,7 +174,11 @@ class LookView:
             return
         order = np.argsort(np.where(look.kept, -look.size_um, np.inf))[: int(look.kept.sum())]
         rows = picked[:SHOWN_ROWS] if picked else order[:SHOWN_ROWS].tolist()
-        what = f"{len(picked)} picked readings" if picked else f"the {len(rows)} largest errors of {look.rows} readings"
+        what = (
+            f"{len(picked)} picked reading{'s' * (len(picked) > 1)}"
+            if picked
+            else f"the {len(rows)} largest errors of {look.rows} readings"
+        )
         cut = f", {SHOWN_ROWS} shown" if len(picked) > SHOWN_ROWS else ""
         self.table_note.set_text(what + cut)
         self.table.set_content(_table(look, rows))
@@ -189,10 +195,14 @@ class LookView:
     def _typed(self) -> None:
         look = self.drawn
         if look is None or self.line.value is None:
+            self.nowhere.set_visibility(False)
             return
         found = np.flatnonzero((look.line == int(self.line.value)) & look.kept)
+        self.nowhere.set_visibility(not len(found))
         if len(found):
             self._pick(int(found[0]))
+        else:
+            self.nowhere.set_text(look.nowhere(int(self.line.value)))
 
     def _pick(self, row: int) -> None:
         look, within = self.drawn, float(self.pick.value)
