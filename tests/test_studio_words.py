@@ -17,6 +17,7 @@ from ptt.show.studio.card_figures import ruler_words, unknown_figure
 from ptt.show.studio.column_rows import BETWEEN as DOT
 from ptt.show.studio.page import doing
 from ptt.show.studio.page_again import change
+from ptt.show.studio.page_finish import trained_in_words
 from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
 from ptt.show.studio.results import Source
 from ptt.show.studio.seal_table import seal_html, truth_in_words
@@ -65,6 +66,15 @@ def test_a_column_is_shown_as_the_file_has_it_beside_what_it_was_read_as(here: P
     frame[::-1].to_csv("inch.csv", index=False)
     first = {row[0]: row[2:] for row in jobs.look(sorted_, MACHINE, silent).column_rows}["timestamp"]
     assert first[1].startswith(frame["timestamp"].iloc[-1]) and first[2] == f"0{DOT}-1{DOT}-2 s"
+
+
+def test_held_out_errors_of_a_network_are_those_of_the_physics_beside_it():
+    """The model as given may have been fitted with the rows that are held out here: its error is no held-out one."""
+    figures = {name: {"total": um} for name, um in (("given", 6.9), ("physics", 7.05), ("rbf", 7.02))}
+    data = {"learned": {"x": True, "y": False, "z": True}, "centres": 8, "share": 0.01, "protocol": "blocks of poses"}
+    said = trained_in_words(data | {"heldout_rms_um": figures}).replace(KEPT, " ")
+    assert "8 nodes, for x, z" in said and "Held-out error 7.05 \N{MICRO SIGN}m \N{RIGHTWARDS ARROW} 7.02" in said
+    assert "6.9" not in said
 
 
 def test_a_unit_has_one_name_in_questions_and_chips():

@@ -22,7 +22,11 @@ from ptt.show.studio.snapshot import Rung
 
 Points = list[tuple[str, float]]  # step and error
 TICKS = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]
-STAGES = {"given": ("model as given", PALE), "physics": ("refitted", BLUE), "rbf": ("with the network", VIOLET)}
+STAGES = {
+    "given": ("as given, nothing held out", PALE),
+    "physics": ("refitted, held out", BLUE),
+    "rbf": ("with the network, held out", VIOLET),
+}
 AXES = ("x", "y", "z", "total")
 
 
@@ -89,7 +93,7 @@ def _steps(points: Points, name: str) -> Figure:
 
 
 def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Mapping[str, Any]) -> Figure:
-    """Held-out errors per axis as given, after physics and after the network, beside the noise floor.
+    """Errors per axis as given and, held out, after physics and after the network, beside the noise floor.
 
     Args:
         stages: 'given', 'physics', 'rbf' -> figures in um.
@@ -109,7 +113,7 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
         xaxis=axis_of(""),
         barmode="group",
         showlegend=True,
-        yaxis={**axis_of(f"RMS error, held out [{unit}]"), "rangemode": "tozero"},
+        yaxis={**axis_of(f"RMS error [{unit}]"), "rangemode": "tozero"},
         legend=ABOVE | {"y": 1.06},
         margin={"l": 62, "r": 10, "t": 40, "b": 30},
     )

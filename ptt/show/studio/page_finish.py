@@ -1,6 +1,7 @@
 """Finish: corrected commands, a controller's own form, model, report; and what else one asks of a machine."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from nicegui import events, ui
 
@@ -108,13 +109,7 @@ class FinishView:
             return
         self.plot.set_visibility(True)
         data = trained.data
-        learned = [axis for axis, flag in data["learned"].items() if flag]
-        what = f"{data['centres']} nodes, for {', '.join(learned)}" if learned else "nothing left that it can learn"
-        before, after = data["heldout_rms_um"]["given"]["total"], data["heldout_rms_um"]["rbf"]["total"]
-        self.told.set_text(
-            f"Network: {what}; it takes {percent(max(data['share'], 0.0))} of what physics leaves. Held-out error "
-            f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)} ({data['protocol']})."
-        )
+        self.told.set_text(trained_in_words(data))
         self.plot.show(before_after_figure(data["heldout_rms_um"], data["noise_um"]))
 
     def _give_model(self) -> None:
@@ -165,6 +160,24 @@ class FinishView:
         if found is not None:
             self.revealed.set_content(seal_html(found))
             self.opened.set_visibility(True)
+
+
+def trained_in_words(data: Mapping[str, Any]) -> str:
+    """What a network learned, and what it does to the error of rows that neither it nor the physics had seen.
+
+    Args:
+        data: of the training; the model as given is left aside, for it may have been fitted with those rows.
+
+    Returns:
+        Two sentences.
+    """
+    learned = [axis for axis, flag in data["learned"].items() if flag]
+    what = f"{data['centres']} nodes, for {', '.join(learned)}" if learned else "nothing left that it can learn"
+    before, after = data["heldout_rms_um"]["physics"]["total"], data["heldout_rms_um"]["rbf"]["total"]
+    return (
+        f"Network: {what}; it takes {percent(max(data['share'], 0.0))} of what physics leaves. Held-out error "
+        f"{length(before)} \N{RIGHTWARDS ARROW} {length(after)} ({data['protocol']})."
+    )
 
 
 def commands_of(studio: Studio) -> list[str]:
