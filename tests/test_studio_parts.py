@@ -16,9 +16,11 @@ from studio_sample import folder as folder
 from studio_sample import here_with_verbs as here_with_verbs
 
 from ptt.challenge.challenge import open_challenge
+from ptt.diagnosis.telling.verdict import diagnose
 from ptt.errors import SetupError
 from ptt.machine import parse_machine
 from ptt.show.card.bar import bar_html, parts_of_bar
+from ptt.show.card.result import card_of_diagnosis
 from ptt.show.card.scene import legs_at_fault
 from ptt.show.card.words import length
 from ptt.show.studio import jobs
@@ -26,6 +28,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import error_figure, pair_figure, value_figure
 from ptt.show.studio.later import date_in
 from ptt.show.studio.machine_figure import machine_figure
+from ptt.show.studio.opening import open_both
 from ptt.show.studio.page import told_of
 from ptt.show.studio.page_model import ladder_of
 from ptt.show.studio.results import Learned, Source, Trained
@@ -106,6 +109,16 @@ def test_the_card_says_side_size_cure_and_how_sure(learned: Learned):
     assert "backlash" in bar_html(card)
     unknown = parts_of_bar({"error_um": 50.0, "left_um": 20.0, "noise_um": 4.0, "findings": card["findings"]})
     assert [part[:2] for part in unknown[:2]] == [("noise", 4.0), ("without a name", 16.0)]
+
+
+def test_the_card_says_that_an_unknown_may_do_a_part_of_what_is_named(here: Path):
+    opened = open_both(RUN, MACHINE)
+    found = diagnose(opened.model, opened.problem, opened.library)
+    sure = card_of_diagnosis(found, opened.problem).words
+    chances = {"missing": 0.78, "unknown": 0.22, "nothing-missing": 0.0}
+    doubtful = card_of_diagnosis(replace(found, verdict_probability=chances), opened.problem).words
+    said = "With a probability of 22% a part of this is something that no known effect describes."
+    assert said in doubtful and doubtful.replace(f" {said}", "") == sure
 
 
 def test_a_report_from_the_page_diagnoses_nothing_anew(

@@ -43,7 +43,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
         varies = " Poses come back that badly, or something differs from visit to visit that no column tells."
         lines = [f"{sound}: the error is {after:.1f} um, {floor}.{varies if beyond else ''}{excess}{_unstated(noise)}"]
     elif result.verdict == "missing":
-        lines = [*_open_below(result), *_doubted(result), *told, f"With that {fall}{excess}"]
+        lines = [*_open_below(result), *doubted(result), *told, f"With that {fall}{excess}"]
     else:
         lines = _unknown(result, told, cut_short=steps == len(told))
         more = f" The readings ask for {listed(result.perhaps)} as well, {UNLIKE}." if result.perhaps else ""
@@ -62,8 +62,15 @@ def _open_below(result: Any) -> list[str]:
     return [f"What is called {listed([name for name in ties if name])} below could as well be another effect."]
 
 
-def _doubted(result: Any) -> list[str]:
-    """That an unknown may do a part of what is named, where the sets of effects say so."""
+def doubted(result: Any) -> list[str]:
+    """That an unknown may do a part of what is named, where the sets of effects say so.
+
+    Args:
+        result: the diagnosis, of which something is named.
+
+    Returns:
+        One sentence; none where nothing says so.
+    """
     chance = result.verdict_probability["unknown"]
     if chance <= 1.0 - SURE:
         return []

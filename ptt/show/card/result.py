@@ -7,7 +7,7 @@ import torch
 
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.explanation import Candidate
-from ptt.diagnosis.telling.verdict_words import acting
+from ptt.diagnosis.telling.verdict_words import acting, doubted
 from ptt.diagnosis.telling.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.cards import card_of
 from ptt.effects.layout import family
@@ -155,7 +155,7 @@ def _words(found: Diagnosis, problem: Problem) -> str:
     if found.verdict == "missing":
         them = "it" if len(found.suggested) == 1 else "them"
         fall = f"the error falls from {length(before)} to {length(after)}"
-        return f"With {them} {fall}; readings scatter by {length(noise)}."
+        return " ".join([f"With {them} {fall}; readings scatter by {length(noise)}.", *doubted(found)])
     if found.depends_on:
         first = found.depends_on[0]
         serial = family(problem.view) == "serial"

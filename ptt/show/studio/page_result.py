@@ -130,7 +130,7 @@ class ResultView:
             with self.card:
                 self._fill(lesson)
             self._say(card["title"], self._told(card), ICONS[card["verdict"]])
-            self.sure.set_text(how_sure(card["probability"]))
+            self.sure.set_text(f"this verdict: {how_sure(card['probability'])}")
             self.sure.set_visibility(True)
             self.picture.show(lesson)
             self.cards.prepare(lesson)
@@ -188,7 +188,7 @@ class ResultView:
             if finding["off_scale"]:
                 ui.label("Far beyond what is usual: look at the drawing and the units too.").classes("st-tie")
             with ui.element("div").classes("st-tools").style("margin-top: 4px"):
-                ui.label(how_sure(finding["probability"])).classes("st-chip")
+                ui.label(f"a cause: {how_sure(finding['probability'])}").classes("st-chip")
                 ui.label(
                     f"held-out error {length(finding['before_um'])} \N{RIGHTWARDS ARROW} {length(finding['after_um'])}"
                 ).classes("st-chip")
