@@ -300,8 +300,14 @@ def test_a_mistaken_set_up_is_shown_and_put_right(page: Page, tmp_path: Path):
     expect(page.get_by_text("axis sign")).to_be_visible()
     expect(page.get_by_role("button", name="Go on anyway")).to_be_visible()
     check_layout(page, "set-up")
+    expect(page.get_by_role("heading", name="What was understood")).to_be_visible()
     page.get_by_role("button", name="Put it right and open").click()
     expect(page.get_by_text(re.compile(r"mended.csv .* error 70.[5-9]\s.m rms"))).to_be_visible(timeout=WAIT)
+    show(page, "Load")
+    expect(page.get_by_role("heading", name="What was understood of mended.csv")).to_be_visible()
+    page.locator(".st-drop-run input[type=file]").set_input_files(tmp_path / "mirrored.csv")
+    page.get_by_role("button", name="open the files").click()
+    expect(page.get_by_text("mirrored.csv is not open yet, see above. What follows is of mended.csv")).to_be_visible()
 
 
 def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):

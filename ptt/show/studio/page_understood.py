@@ -1,6 +1,7 @@
 """What was understood of a run: warnings first, then its columns with units and samples, and its figures."""
 
 from collections.abc import Sequence
+from html import escape
 
 from nicegui import ui
 
@@ -24,12 +25,25 @@ def build_understood(studio: Studio) -> None:
         studio: of this session.
     """
     with ui.element("div").classes("st-box"):
-        ui.html("What was understood", sanitize=False, tag="h2").classes("st-head")
+        head = ui.html("What was understood", sanitize=False, tag="h2").classes("st-head")
+        before = ui.label().classes("st-tie").style("margin: 4px 0; width: 100%").mark("before")
         body = ui.element("div").classes("w-full").mark("understood")
 
     shown: list[object] = []
 
+    def name() -> None:
+        """Which run the tables are of: another one may be waiting above, with what has to be settled first."""
+        look, staged = studio.session.look, studio.staged
+        head.set_content(escape(f"What was understood of {look.source}") if look else "What was understood")
+        waits = look is not None and staged.source is not None and bool(staged.setup or staged.question)
+        before.set_visibility(waits)
+        if look is not None and staged.source is not None:
+            before.set_text(
+                f"{staged.source.run} is not open yet, see above. What follows is of {look.source}, as before."
+            )
+
     def update() -> None:
+        name()
         look, figures = studio.session.look, studio.session.comparison
         if shown == [look, figures]:
             return
@@ -46,6 +60,7 @@ def build_understood(studio: Studio) -> None:
             _show(studio, look)
 
     studio.when("Load", "session", update)
+    studio.on("staged", name)
     update()
 
 
@@ -82,7 +97,9 @@ def _show(studio: Studio, look: Look) -> None:
         ui.html("Columns", sanitize=False, tag="h3").classes("st-head").style("margin-top: 10px")
         head = ("column", "taken for", "unit", "first rows as in the file", "read as")
         with ui.element("div").classes("st-grid").props("tabindex=0"):
-            ui.html(table_html(head, look.column_rows, words=5), sanitize=False).classes("w-full")
+            last = len(head) if any(row[-1] for row in look.column_rows) else len(head) - 1  # where units were turned
+            rows = [row[:last] for row in look.column_rows]
+            ui.html(table_html(head[:last], rows, words=5), sanitize=False).classes("w-full")
     with ui.expansion("How the file was read, in words").classes("w-full").props("dense"):
         for line in lines:
             ui.label(pretty(line)).classes("st-note")
