@@ -12,6 +12,7 @@ from studio_sample import folder as folder
 from studio_sample import here as here
 from typer.testing import CliRunner
 
+import ptt
 from ptt.commands.main import app
 from ptt.errors import InputError, PttError
 from ptt.machine import parse_machine
@@ -19,6 +20,7 @@ from ptt.run.readers import Mapping
 from ptt.show.studio import jobs
 from ptt.show.studio.answers import agreed
 from ptt.show.studio.guard import LIMIT
+from ptt.show.studio.on_page import CONTROLS, on_page
 from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.page_understood import parted
 from ptt.show.studio.results import Source
@@ -103,6 +105,16 @@ def test_what_a_further_run_leaves_open_becomes_a_question(here: Path):
     assert "second.csv" in asked.value.question
     answered = jobs.look(replace(source, answers=((asked.value.question, "mm_s"),)), MACHINE, silent)
     assert answered.rows == 2 * len(frame) - 1 and "feed [mm/s]" in answered.covariates
+
+
+def test_a_message_names_the_control_of_the_page_and_not_the_option(here: Path):
+    sources = "".join(file.read_text(encoding="utf-8") for file in Path(ptt.__file__).parent.rglob("*.py")
+                      if file.name != "on_page.py")  # fmt: skip
+    assert [said for said in CONTROLS if said not in sources] == []  # what the library says no more
+    told = on_page("machine.toml: no column is understood; say what they hold with --map FILE.toml")
+    assert told.endswith("say what they hold under 'Check the columns' on Load")
+    assert on_page("--set payload_kg=VALUE") == "--set payload_kg=VALUE"  # the page has nothing for it
+    assert jobs.vet(Source("machine.toml"), MACHINE, silent)["why"].endswith("under 'Check the columns' on Load")
 
 
 def test_answers_that_contradict_each_other_are_left_out():

@@ -310,6 +310,30 @@ def test_a_mistaken_set_up_is_shown_and_put_right(page: Page, tmp_path: Path):
     expect(page.get_by_text("mirrored.csv is not open yet, see above. What follows is of mended.csv")).to_be_visible()
 
 
+def test_what_a_later_run_leaves_open_is_answered_where_it_was_dropped(page: Page, tmp_path: Path):
+    frame = pd.read_csv(DATA / "run.csv", dtype=str)
+    stamps = [f"0{1 + row // 60}.03.2026 23:{row % 60:02d}:00" for row in range(len(frame))]
+    frame.drop(columns="time_s").assign(timestamp=stamps).to_csv(tmp_path / "dates 2020-01-02.csv", index=False)
+    (tmp_path / "empty.csv").write_text("")
+    load_sample(page)
+    show(page, "Again")
+    drop = page.locator(".st-drop-later input[type=file]")
+    drop.set_input_files([tmp_path / "dates 2020-01-02.csv", tmp_path / "empty.csv"])
+    expect(page.get_by_text(re.compile("Left out. empty.csv: the file is empty"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile("dates 2020-01-02.csv was measured before run.csv"))).to_be_visible()
+    check_layout(page, "Again, with questions")
+    answer = page.get_by_role("button", name="answer day-first")
+    expect(answer).to_be_visible(timeout=WAIT)
+    answer.click()
+    expect(answer).to_be_hidden(timeout=WAIT)
+    page.get_by_label("date of run.csv").fill("2020-01-01")
+    expect(page.get_by_text("was measured before")).to_be_hidden(timeout=WAIT)
+    expect(page.get_by_text("date as you said")).to_be_visible()
+    page.get_by_role("button", name="Hold them beside each other").click()
+    expect(page.get_by_text(re.compile("after: dates 2020-01-02.csv"))).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text(re.compile("Left out. empty.csv: the file is empty"))).to_be_visible()
+
+
 def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):
     random = np.random.default_rng(1)
     target = np.round(random.uniform(-50.0, 50.0, (20_000, 3)), 4)

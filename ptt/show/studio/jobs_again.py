@@ -11,6 +11,7 @@ from ptt.errors import PttError
 from ptt.progress import Progress
 from ptt.show.sizing import spread
 from ptt.show.studio.later import ANYWAY
+from ptt.show.studio.on_page import on_page
 from ptt.show.studio.opening import open_both, place_of, settled
 from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.results import Source
@@ -96,7 +97,7 @@ def _met(later: Source, model: str, number: int) -> tuple[Source, "Opened | None
         what = f"{later.run}: something in its set-up looks mistaken: {told}"
         return later, None, _trouble(later, "", ANYWAY, what, (ANYWAY,))
     except PttError as error:
-        return later, None, _trouble(later, " ".join(str(error).split()))
+        return later, None, _trouble(later, on_page(" ".join(str(error).split())))
 
 
 def _trouble(
@@ -109,7 +110,7 @@ def _tried(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     try:
         return work()
     except PttError as error:
-        return {"why": " ".join(str(error).split())}
+        return {"why": on_page(" ".join(str(error).split()))}
 
 
 def _pair(source: Source, after: "Opened", model: str) -> dict[str, Any]:
@@ -167,7 +168,7 @@ def _months(source: Source, model: str, runs: Sequence[tuple[Source, str]], tell
         except PttError as error:
             if number == 0:
                 raise
-            refused.append(f"{run.run}: {error}")
+            refused.append(on_page(f"{run.run}: {error}"))
     tell("values by date", 2, 3)
     say(["fleet", "run", MONTHS])
     return _standing(Path(MONTHS)) | {"refused": refused}

@@ -10,6 +10,7 @@ from ptt.fitting.chunks import LONG
 from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
+from ptt.show.studio.on_page import on_page
 from ptt.show.studio.page_setup import show_finding
 from ptt.show.studio.tables import table_html
 
@@ -118,6 +119,7 @@ def parted(lines: Sequence[str]) -> tuple[list[str], list[str]]:
     Returns:
         Sentences to be read first, and the other lines.
     """
+    lines = [on_page(line) for line in lines]
     first = [line for line in lines if line.startswith(FIRST)]
     told = [line.removeprefix(FIRST[0]) for line in first]
     return [pretty(f"{capital(words)}.") for words in told], [line for line in lines if line not in first]

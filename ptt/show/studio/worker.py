@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ptt.errors import PttError, SetupError
+from ptt.show.studio.on_page import on_page
 from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.verbs import Run, use
 from ptt.threads import set_threads
@@ -64,7 +65,7 @@ def _answer(connection: Connection, job: Callable[..., Any], arguments: Sequence
     except SetupError as error:
         return "setup", [finding.to_dict() for finding in error.check.findings]
     except PttError as error:
-        return "failed", " ".join(str(error).split())
+        return "failed", on_page(" ".join(str(error).split()))
     except OSError as error:
         return "failed", f"{Path(str(error.filename or 'file')).name}: {error.strerror or error}"
     except Exception as error:
