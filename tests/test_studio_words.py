@@ -68,6 +68,14 @@ def test_a_column_is_shown_as_the_file_has_it_beside_what_it_was_read_as(here: P
     assert first[1].startswith(frame["timestamp"].iloc[-1]) and first[2] == f"0{DOT}-1{DOT}-2 s"
 
 
+def test_the_grid_offers_date_and_time_for_a_column_of_stamps(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str).drop(columns="time_s")
+    frame["timestamp"] = [f"13.02.2026 10:{row // 60:02d}:{row % 60:02d}" for row in range(len(frame))]
+    frame.to_csv("stamps.csv", index=False)
+    seen = {column["title"]: column["unit"] for column in jobs.peek(Source("stamps.csv"), silent)["columns"]}
+    assert seen["timestamp"] == "stamp" and seen["x_meas"] == "mm"
+
+
 def test_held_out_errors_of_a_network_are_those_of_the_physics_beside_it():
     """The model as given may have been fitted with the rows that are held out here: its error is no held-out one."""
     figures = {name: {"total": um} for name, um in (("given", 6.9), ("physics", 7.05), ("rbf", 7.02))}

@@ -24,6 +24,7 @@ def peek(source: Source, tell: Progress) -> Mapping[str, Any]:
     from ptt.run.readers.columns import UNITS, dimension_of
     from ptt.run.readers.export import Request, read_titles
     from ptt.run.readers.separators import split_line
+    from ptt.run.readers.stamps import is_stamp
 
     known = load_mapping(source.map_) if source.map_ and Path(source.map_).exists() else Answers()
     raw, titles, meanings = read_titles(source.run, Request("run", known))
@@ -35,6 +36,8 @@ def peek(source: Source, tell: Progress) -> Mapping[str, Any]:
         if quantity in ("x", "y", "z"):
             quantity = f"{quantity}_meas"
         unit = known.units.get(title) or (meaning.unit if meaning else None)
+        if unit is None and quantity == "time" and any(is_stamp(row[index]) for row in rows if index < len(row)):
+            unit = "stamp"
         units = list(UNITS.get(dimension_of(quantity), {}))
         found.append(
             {
