@@ -6,6 +6,7 @@ from functools import partial
 from nicegui import ui
 
 from ptt.run.readers.order import AS_ROWS, BY_TIME
+from ptt.show.card.words import pretty
 from ptt.show.studio.later import ANYWAY
 from ptt.show.studio.results import ORDER
 from ptt.show.studio.units import unit_in_words
@@ -27,7 +28,7 @@ def show_question(about: str, question: str, choices: Sequence[str], answer: Cal
         answer: called with the one that is chosen.
     """
     with ui.element("div").classes("st-tie").props("role=alert"):
-        ui.label(question).classes("st-head")
+        ui.label(pretty(question)).classes("st-head")
         with ui.element("div").classes("st-tools"):
             for choice in choices:
                 words = WORDS.get((about, choice), unit_in_words(choice))
