@@ -117,7 +117,7 @@ def test_a_first_run_says_what_it_can_tell(bench: MachineFile) -> None:
     assert seen["column-bend"].seen == seen["column-bend"].size
 
     def spread(effects: dict) -> float:
-        return max(std for _, _, std, _ in effects["axis-compliance"].parameters)
+        return max(one.std for one in effects["axis-compliance"].parameters)
 
     assert spread(seen) < 0.5 * spread(told)
     assert set(loaded.targets.payload_kg) == {0.0, 2.5, 5.0} and loaded.targets.payload_kg[-1] == 0.0

@@ -81,7 +81,8 @@ def parameter_rows(entry: EffectEntry) -> list[tuple[str, float, float | None, s
         stds = item.std if isinstance(item.std, tuple) else (item.std,) * len(values)
         flags = item.measured if isinstance(item.measured, tuple) else (item.measured,) * len(values)
         for index, (value, std, seen) in enumerate(zip(values, stds, flags, strict=True), 1):
-            word = "held" if item.fixed else "not measured by this data" if seen is False else "" if std else "searched"
+            unseen = "not measured by this data" if len(values) == 1 else "by itself not measured by this data"
+            word = "held" if item.fixed else unseen if seen is False else "" if std else "searched"
             label = f"{name} {index}" if len(values) > 1 else name
             rows.append((label, value, std if seen is not False else None, word))
     return rows

@@ -46,7 +46,8 @@ def _errors(parameters: Sequence[Mapping[str, Any]]) -> str:
         known = [item["std"] for item in parts if item["std"] is not None]
         name, size, _ = parameter_in_words(stem, float(f"{max(known, default=0.0):.2g}"), None)
         some = ", some unseen" if known and len(known) < len(parts) else ""
-        said.append(f"{name} {size}{some}" if known else f"{name} unseen")
+        none = "seen in combinations alone" if any(item["combined"] for item in parts) else "unseen"
+        said.append(f"{name} {size}{some}" if known else f"{name} {none}")
     return "; ".join(said)
 
 
