@@ -175,7 +175,7 @@ def test_parameters_say_what_is_not_measured():
     )
     assert parameter_rows(entry) == [
         ("height_mm 1", 0.1, 0.01, ""),
-        ("height_mm 2", 0.2, None, "not measured by this data"),
+        ("height_mm 2", 0.2, None, "by itself not measured by this data"),
         ("length_mm", 3.0, None, "searched"),
         ("gap_mm", 1.0, None, "held"),
     ]
