@@ -101,7 +101,7 @@ def _origin(facts: NetworkFacts) -> str:
 
 
 def _stages(facts: NetworkFacts) -> list[tuple[str, ...]]:
-    words = {"given": "model as given", "physics": "physics refitted", "rbf": "physics and network"}
+    words = {"given": "model as given, nothing held out", "physics": "physics refitted", "rbf": "physics and network"}
     return [(words.get(stage, stage), *axes(figures)) for stage, figures in facts.heldout_rms_um.items()]
 
 
