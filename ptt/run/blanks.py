@@ -25,6 +25,8 @@ def fill_blanks(table: Table) -> tuple[Table, list[str]]:
         if values is not None and np.isnan(values).any() and not np.isnan(values).all():
             table, line = _as_before(table, name, values)
             lines += line
+    table, line = _loads_as_before(table)
+    lines += line
     return table, lines + [line for name in CONTEXT for line in _unknown(table, name)]
 
 
@@ -70,12 +72,8 @@ def has_blanks(table: Table) -> bool:
 
 def _as_before(table: Table, name: str, values: np.ndarray) -> tuple[Table, list[str]]:
     """A table whose rows with a blank are as the row before, their readings left aside unless all rows are alike."""
-    filled, known = values.copy(), np.isfinite(values)
-    for code in np.unique(table.run[~known]):
-        rows = np.flatnonzero(table.run == code)
-        there = rows[known[rows]]
-        if len(there):
-            filled[rows] = values[there[np.maximum(np.searchsorted(there, rows, side="right") - 1, 0)]]
+    known = np.isfinite(values)
+    filled = _held(values, known, table.run)
     blank = (table.role != "base") & ~known & np.isfinite(filled) & table.observed
     table = table.replace(**{name: filled})
     if not blank.any():
@@ -83,8 +81,36 @@ def _as_before(table: Table, name: str, values: np.ndarray) -> tuple[Table, list
     where = f"{name} is empty in {_rows(int(blank.sum()))} with a reading"
     if np.ptp(values[known]) == 0.0:
         return table, [f"{where}: taken as {values[known][0]:g}, as elsewhere"]
-    table = table.replace(measured=np.where(blank[:, None], np.nan, table.measured))
-    return table, [f"{where}: left aside; write the value into each row that it holds for"]
+    return _aside(table, blank), [f"{where}: left aside; write the value into each row that it holds for"]
+
+
+def _loads_as_before(table: Table) -> tuple[Table, list[str]]:
+    """The same of the loads of the joints, which differ from pose to pose: while a reflector is read none changes."""
+    if table.torque is None:
+        return table, []
+    told = np.isfinite(table.torque)
+    known = told[:, told.any(axis=0)].all(axis=1)
+    if known.all() or not told.any():
+        return table, []
+    blank = (table.role != "base") & ~known & table.observed
+    table = table.replace(torque=_held(table.torque, known, table.run))
+    where = f"loads of joints (tau1, ...) are empty in {_rows(int(blank.sum()))} with a reading"
+    return _aside(table, blank), [f"{where}: left aside"] if blank.any() else []
+
+
+def _held(values: np.ndarray, known: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Values (n, ...) as in the row before of the run that is known, (n,) bool; at its beginning as in the first."""
+    filled = values.copy()
+    for code in np.unique(run[~known]):
+        rows = np.flatnonzero(run == code)
+        there = rows[known[rows]]
+        if len(there):
+            filled[rows] = values[there[np.maximum(np.searchsorted(there, rows, side="right") - 1, 0)]]
+    return filled
+
+
+def _aside(table: Table, rows: np.ndarray) -> Table:
+    return table.replace(measured=np.where(rows[:, None], np.nan, table.measured)) if rows.any() else table
 
 
 def _unknown(table: Table, name: str) -> list[str]:
