@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.judge.evaluate import evaluate_pair
 from ptt.judge.match import match_rows
-from ptt.run.copies import copied_rows
+from ptt.run.copies import pasted_rows
 from ptt.run.holdout import pose_groups, sharing_groups, visit_groups
 from ptt.run.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
 from ptt.run.problem import build_problem
@@ -161,7 +161,7 @@ def test_identical_rows_are_a_warning(tmp_path) -> None:
     table = read_table(tmp_path / "run.csv")
     assert table.rows == 12
     (warning,) = [line for line in table.understood.lines if line.startswith("warning")]
-    assert "row 6 is identical to row 5 in every column, and 1 more" in warning and "once" in warning
+    assert "row 6 is identical to row 5 in every column, and 1 more" in warning and "repeats" in warning
 
 
 def test_before_and_after_are_matched_across_the_edge_of_a_cell() -> None:
@@ -194,14 +194,17 @@ def test_the_poses_of_a_table_are_numbered_once(monkeypatch: pytest.MonkeyPatch)
         pose_groups(table)[0] = 5
 
 
-def test_a_file_that_was_pasted_twice_says_what_it_says_once(tmp_path) -> None:
+@pytest.mark.parametrize("times", [2, 3])
+def test_a_file_that_was_pasted_behind_itself_counts_once(times: int) -> None:
     random = np.random.default_rng(4)
     place = np.repeat(random.uniform(-40.0, 40.0, (12, 3)), 2, axis=0)
     measured = place + random.normal(0.0, 0.01, place.shape)
-    measured[1] = measured[0]  # a repeat that rounding made equal
-    once = make_table(place, measured=measured, time_s=np.arange(24.0))
-    assert not copied_rows(once).any()  # its time is another
-    write_table(make_table(place, measured=measured, temp_c=np.arange(24.0)), tmp_path / "run.csv")
-    lines = (tmp_path / "run.csv").read_text().splitlines()
-    (tmp_path / "twice.csv").write_text("\n".join([*lines, *lines[1:]]) + "\n")
-    np.testing.assert_array_equal(copied_rows(read_table(tmp_path / "twice.csv")), np.arange(48) >= 24)
+    table = make_table(np.tile(place, (times, 1)), measured=np.tile(measured, (times, 1)), temp_c=20.0)
+    np.testing.assert_array_equal(pasted_rows(table), np.arange(24 * times) >= 24)
+    assert not pasted_rows(table.replace(repeat=np.arange(24.0 * times))).any()
+
+
+def test_repeats_that_a_coarse_display_makes_alike_are_repeats() -> None:
+    place = np.tile(np.random.default_rng(4).uniform(-40.0, 40.0, (12, 3)), (25, 1))
+    coarse = np.round(place + np.random.default_rng(5).normal(0.0, 2e-3, place.shape), 2)
+    assert len(np.unique(coarse, axis=0)) < 200 and not pasted_rows(make_table(place, measured=coarse)).any()

@@ -1,4 +1,4 @@
-"""Copies: rows that say in every column what an earlier one says, as of a file that was pasted twice."""
+"""Copies: rows of a file that was pasted behind itself, or that was named twice."""
 
 import numpy as np
 import pandas as pd
@@ -9,26 +9,33 @@ SAID = (
     "target", "command", "measured", "time_s", "payload_kg", "temp_c", "feed_mm_s", "direction", "torque", "std",
     "repeat",
 )  # fmt: skip
+PASTED = 12  # rows that no tracker reads a second time to the last digit, each in its turn
 
 
-def copied_rows(table: Table) -> np.ndarray:
-    """Rows that equal an earlier one to the last digit of all that was commanded, read and recorded.
+def pasted_rows(table: Table) -> np.ndarray:
+    """Rows that say, each in its turn, what those before say to the last digit.
 
-    No tracker reads a place twice to the last digit of three coordinates but by rounding, and what rounding did to one
-    reading it did to the other: such rows say what one of them says. Of which run they are is no difference, nor is
-    where a file has them.
+    A pose that a coarse display reads alike is a repeat, but all rows of a file once more are copies, which tell
+    nothing new. Of which run they are is no difference.
 
     Args:
         table: n rows.
 
     Returns:
-        (n,) bool; rows without a reading are no copies.
+        (n,) bool.
     """
     numbers = [getattr(table, name) for name in SAID]
-    columns = np.column_stack([values for values in numbers if values is not None])
-    frame = pd.DataFrame(columns).assign(role=table.role, called=table.name, **_extra(table))
-    return np.asarray(frame.duplicated().to_numpy() & np.isfinite(table.measured).all(axis=1))
+    told = pd.DataFrame(np.column_stack([values for values in numbers if values is not None]) + 0.0)
+    extra = {f"extra {number}": values for number, values in enumerate(table.extra.values())}
+    lines = pd.util.hash_pandas_object(told.assign(role=table.role, called=table.name, **extra), index=False).to_numpy()
+    return np.arange(table.rows) >= _period(lines)
 
 
-def _extra(table: Table) -> dict[str, np.ndarray]:
-    return {f"extra {number}": values for number, values in enumerate(table.extra.values())}
+def _period(lines: np.ndarray) -> int:
+    """How many lines (n,) come before all of them come again; n where they do not, or are few."""
+    rows = len(lines)
+    for times in range(rows // max(len(np.unique(lines)), 1), 1, -1):
+        once = rows // times
+        if once * times == rows and (lines[once:] == lines[:-once]).all():
+            return once if once >= PASTED else rows
+    return rows

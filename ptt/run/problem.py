@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.errors import TooFewError
 from ptt.machine import MachineFile
 from ptt.run.base_frame import BaseReadings, base_readings, from_base, from_poses, into_base, refuse_untrue
-from ptt.run.copies import copied_rows
+from ptt.run.copies import pasted_rows
 from ptt.run.driven import as_driven
 from ptt.run.frames import rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
@@ -148,16 +148,13 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     stated_in = target_frames(file, table)
     view = as_driven(build_view(file, in_base(table, stated_in)), table)
     observed = np.isfinite(table.measured).all(axis=1)
-    copied = copied_rows(table)
-    used = observed & (table.role != "base") & ~copied
+    read = observed & (table.role != "base")
+    used = read & ~pasted_rows(table)
     policy = file.tracker.frame
     if policy == "trusted":
         refuse_untrue(table, view, stated_in, used)
     if used.sum() < 4:
-        alone = " that are no copies of others" if copied.any() else ""
-        raise TooFewError(
-            f"only {used.sum()} readings{alone}", where=table.source, fix="at least 4 measured rows are needed"
-        )
+        raise TooFewError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
     frame = (
         np.asarray(table.run, dtype=int)
         if policy in ("fitted-per-run", "measured")
@@ -173,7 +170,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
         near = into_base(table.measured, frame, rotations, shifts)
         view = find_mounts(view, near, used, mount, frame, free=policy not in ("trusted", "measured"))
     if policy in ("fitted", "fitted-per-run"):
-        rotations, shifts = from_poses(view, table, used, frame, count)
+        rotations, shifts = from_poses(view, table, read, frame, count)
     measured = into_base(table.measured, frame, rotations, shifts)
     # Encoders that report where an arm stands differ a little from repeat to repeat, and so does its place.
     scatter = measured - view.p.numpy() if file.machine.kind == "serial" else measured

@@ -91,13 +91,14 @@ def _kept(table: Table, mapping: Mapping | str | Path | None) -> Table:
 
 
 def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
-    """The tables, with a warning at each that is there twice: its rows count once."""
+    """The tables, with a warning at each that is there twice: copies count as repeats, and tell nothing more."""
     told = list[Table]()
     for table in tables:
         twin = next((one for one in told if table.run_sha256 == one.run_sha256 or same_rows(one, table)), None)
         if twin is not None:
             line = (
-                f"warning: {table.source} holds the same rows as {twin.source}: copies tell nothing more and count once"
+                f"warning: {table.source} holds the same rows as {twin.source}: taken as repeats, but copies tell "
+                "nothing of the scatter of readings"
             )
             table = table.replace(understood=replace(table.understood, lines=(*table.understood.lines, line)))
         told.append(table)

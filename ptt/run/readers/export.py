@@ -161,7 +161,7 @@ def _refuse_single(raw: RawText) -> None:
 
 
 def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
-    """A warning on rows identical in every column, which count once; those without a reading may be alike."""
+    """A warning on rows identical in every column, which count as repeats; those without a reading may be alike."""
     if len(set(raw.body)) == len(raw.body):
         return []
     measured = [values[name] for name in ("x_meas", "y_meas", "z_meas") if name in values]
@@ -174,7 +174,7 @@ def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
         return []
     first = f"row {raw.line[copied[0]]} is identical to row {raw.line[seen[raw.body[copied[0]]]]} in every column"
     more = f", and {len(copied) - 1} more rows are copies" if len(copied) > 1 else ""
-    return [f"warning: {first}{more}: taken as repeats, which count once, for copies tell nothing more"]
+    return [f"warning: {first}{more}: taken as repeats, but copies tell nothing of the scatter of readings"]
 
 
 def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: str | None, given: Mapping) -> Understood:
