@@ -54,6 +54,19 @@ def test_seconds_of_the_day_go_on_past_midnight_a_restarted_clock_does_not(order
         assert read_table(restarted, set_values=settings).time_s.max() < 86400.0
 
 
+@pytest.mark.parametrize(
+    "clock",
+    [
+        [86390.0, 10.0, 20.0, 86300.0, 30.0],  # out of order at midnight
+        ["2025-01-01 08:00", "2025-01-02 07:50", "2025-01-01 08:10", "2025-01-01 08:20"],  # dates know their days
+        [50000.0, 86390.0, 10.0, 50001.0],  # a day and more, or two clocks
+    ],
+)
+def test_what_is_no_single_night_is_not_taken_for_one(clock: list, tmp_path: Path) -> None:
+    with pytest.raises(TableError, match="time goes back"):
+        read_table(file(tmp_path, clock))
+
+
 def test_rows_that_are_not_in_travel_order_are_refused_until_said(tmp_path: Path) -> None:
     path = file(tmp_path, [0.0, 10.0, 30.0, 20.0, 40.0], name=list("abdce"))
     with pytest.raises(

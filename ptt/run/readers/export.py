@@ -13,7 +13,7 @@ from ptt.run.readers.mapping import IGNORE, NOT_USED, Ask, Mapping, Understood
 from ptt.run.readers.numbers import read_cells, refuse_beyond
 from ptt.run.readers.separators import DELIMITERS, is_number, split_line
 from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
-from ptt.run.readers.stamps import read_seconds
+from ptt.run.readers.stamps import read_seconds, through_a_night
 from ptt.run.readers.text import RawText, read_text
 
 
@@ -133,6 +133,9 @@ def _values(
             column = replace(column, quantity="") if seconds is None else column
         elif content.dtype.kind == "f":
             values[column.quantity] = to_standard(content, column.quantity, column.unit)
+            if column.quantity == "time":
+                values[column.quantity], night = through_a_night(values[column.quantity])
+                notes += [f"{column.title}: seconds{night}"] if night else []
             refuse_beyond(raw, column, values[column.quantity])
         else:
             values[column.quantity] = content

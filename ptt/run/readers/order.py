@@ -7,10 +7,8 @@ import numpy as np
 from ptt.errors import TableError, shown
 from ptt.run.readers.columns import file_title
 from ptt.run.readers.export import Export
-from ptt.run.readers.stamps import DAY
 
 AS_ROWS, BY_TIME = "rows", "time"
-HOUR = 3600.0  # s
 ORDERS = (AS_ROWS, BY_TIME)
 
 
@@ -41,19 +39,15 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
         if order == BY_TIME:
             raise TableError("no column of time to sort by", where="--set order=time", fix="leave it out")
         return export, []
-    time, nights = _past_midnight(time, run)
-    if nights:
-        export = replace(export, columns={**export.columns, "time": time})
     if order == BY_TIME:
-        export, told = _sorted_by_time(export, time, run)
-        return export, [*nights, *told]
+        return _sorted_by_time(export, time, run)
     late = _first_that_goes_back(time, run)
     if late is None:
-        return export, nights
+        return export, []
     if order == AS_ROWS:
-        return export, [*nights, "time goes back; the rows are taken to be in travel order, as --set order=rows says"]
+        return export, ["time goes back; the rows are taken to be in travel order, as --set order=rows says"]
     if not refuse:
-        return export, [*nights, "time goes back; the rows are looked at as they stand"]
+        return export, ["time goes back; the rows are looked at as they stand"]
     raise OrderError(
         f"time goes back{_of_run(export, late[1])} (from {time[late[0]]:.12g} to {time[late[1]]:.12g} s, after row "
         f"{export.line[late[0]]}), so the rows may not be in travel order",
@@ -85,26 +79,6 @@ def _first_that_goes_back(time: np.ndarray, run: np.ndarray) -> tuple[int, int] 
         if back.size:
             found.append((int(rows[back[0]]), int(rows[back[0] + 1])))
     return min(found, key=lambda pair: pair[1], default=None)
-
-
-def _past_midnight(time: np.ndarray, run: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Seconds of the day that go on past midnight, within each run, and a word where they do.
-
-    A clock that is restarted falls from anywhere, and one of the day from its last hour to its first.
-    """
-    known = np.flatnonzero(np.isfinite(time))
-    if not known.size or time[known].min() < 0.0 or time[known].max() >= DAY:
-        return time, []
-    within = np.diff(run[known], prepend=run[known][:1]) == 0
-    before = np.concatenate([time[known][:1], time[known][:-1]])
-    falls = within & (before >= DAY - HOUR) & (time[known] < HOUR)
-    if not falls.any():
-        return time, []
-    nights = np.cumsum(falls)
-    begun = np.maximum.accumulate(np.where(within, 0, nights))  # each run has a clock of its own
-    whole = time.copy()
-    whole[known] += DAY * (nights - begun)
-    return whole, ["time is in seconds of the day, and goes on past midnight"]
 
 
 def _sorted_by_time(export: Export, time: np.ndarray, run: np.ndarray) -> tuple[Export, list[str]]:

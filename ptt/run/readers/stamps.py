@@ -16,7 +16,7 @@ _COMPACT = re.compile(r"(?P<year>(?:19|20)\d\d)(?P<a>\d\d)(?P<b>\d\d)(?P<hour>\d
 _TIME_ONLY = re.compile(_CLOCK)
 _SHORTENED = re.compile(r"[12][.,]\d+[eE]\+?1[23]|20\d{6}0{6}")
 
-DAY = 86400.0  # s
+DAY, HOUR = 86400.0, 3600.0  # s
 DAY_FIRST, MONTH_FIRST = "day-first", "month-first"
 
 
@@ -45,7 +45,8 @@ def read_seconds(
         return None, "stamps lost their digits in a spreadsheet, not used; row order is the time", None
     numbers = _plain_numbers(cells, decimal)
     if numbers is not None and not all(_COMPACT.fullmatch(cell) for cell in filled):
-        return _checked_epoch(numbers, ask, where), "plain numbers, taken as seconds", None
+        seconds, night = through_a_night(_checked_epoch(numbers, ask, where))
+        return seconds, f"plain numbers, taken as seconds{night}", None
     matches = [_match(cell, where, int(row)) for cell, row in zip(cells.tolist(), line, strict=True)]
     dates = _order_of_day_and_month(matches, dates, ask, where)
     values = np.array([_seconds(match, dates == DAY_FIRST, where) for match in matches], dtype=np.float64)
@@ -64,6 +65,30 @@ def _past_midnight(matches: list[re.Match[str] | None], values: np.ndarray) -> t
     whole[known] += DAY * nights
     last = int(nights[-1]) if len(nights) else 0
     return whole, f", on past midnight {'once' if last == 1 else f'{last} times'}" if last else ""
+
+
+def through_a_night(seconds: np.ndarray) -> tuple[np.ndarray, str]:
+    """Seconds of the day that fall from its last hour to its first go on past midnight.
+
+    A clock that is restarted falls from anywhere, and rows out of order more than once.
+
+    Args:
+        seconds: (n,), NaN where unknown.
+
+    Returns:
+        (n,) s, and a word where they do.
+    """
+    known = np.flatnonzero(~np.isnan(seconds))
+    clock = seconds[known]
+    falls = np.flatnonzero(np.diff(clock) < 0.0)
+    if len(falls) != 1 or clock.min() < 0.0 or not clock[-1] < clock[0] < DAY:
+        return seconds, ""
+    (last,) = falls
+    if not DAY - HOUR <= clock[last] < DAY or clock[last + 1] >= HOUR:
+        return seconds, ""
+    whole = seconds.copy()
+    whole[known[last + 1 :]] += DAY
+    return whole, " of the day, on past midnight"
 
 
 def _plain_numbers(cells: np.ndarray, decimal: str) -> np.ndarray | None:
