@@ -39,6 +39,15 @@ def test_a_run_of_few_readings_leaves_the_figures_of_the_others(read):
     assert all(np.isfinite(pose.accuracy) for pose in found.aligned.poses)
 
 
+def test_a_cycle_of_poses_has_all_its_visits_and_distances():
+    target = np.tile(np.array([[0.0, 0.0, 0.0], [30.0, 5.0, -8.0], [-20.0, 30.0, 9.0], [11.0, -30.0, -15.0]]), (6, 1))
+    measured = target + np.random.default_rng(2).normal(0.0, 2e-3, target.shape)
+    found = iso_of_poses(make_table(target, measured=measured))
+    assert [len(pose.rows) for pose in found.aligned.poses] == [6, 6, 6, 6]
+    either = iso_of_poses(make_table(target, measured=measured), by_direction=False)
+    assert found.to_dict()["aligned"]["AD_um"] == either.to_dict()["aligned"]["AD_um"]
+
+
 def test_distance_figures_by_hand():
     first, second = np.zeros((3, 3)), np.array([[0.0, 0.0, 10.1], [0.0, 0.0, 10.2], [0.0, 0.0, 10.3]])
     figures = distance_figures(first, np.vstack([second, [[0.0, 0.0, 99.0]]]), first[0], np.array([6.0, 0.0, 8.0]))

@@ -105,9 +105,9 @@ def say_change(
         left = replace(now, size=-now.size) if beyond else now
         model = "by the model" if since is None else f"by the model of {then.removeprefix('on ')}"
         return f"Repaired: {compose([before], noun)} {model}, {sizes_in_words([left])} (+- {error}) in this run."
-    if before.text != now.text:  # the other way about, by no more than chance: that is no other fault
-        chance = BY_CHANCE * told[1].error
-        before, now = (replace(part, size=0.0) if part.size < chance else part for part in (before, now))
+    less = min(before.size, now.size)
+    if before.text != now.text and less < BY_CHANCE * told[1].error:  # by no more than chance: that is no other fault
+        before, now = (replace(part, size=0.0) if part.size == less else part for part in (before, now))
     return f"{capital(_beside(before, now, noun, then))}."
 
 

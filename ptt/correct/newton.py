@@ -58,9 +58,9 @@ def invert(
     """Joint values at which the model puts the tool at its goal, by Newton steps.
 
     The view is taken anew in every round, because reversal effects remember the travel that the commands make. Where
-    they leave a step that no command can take, rows go to and fro; each row keeps its best round, or the first in
-    which it and those before it have settled, so that it does not matter with how many others it is inverted. While a
-    row is not sent the machine stands where the row before left it.
+    they leave a step that no command can take, rows go to and fro and keep their best round; every other row keeps the
+    first in which it and those before it have settled, so that it does not matter with how many others it is inverted.
+    While a row is not sent the machine stands where the row before left it.
 
     Args:
         terms: effects with their parameters.

@@ -25,6 +25,7 @@ from ptt.run.readers.columns import UNITS as UNITS_OF
 from ptt.run.readers.plain import numbers_of, read_plain
 from ptt.run.readers.scale import LARGEST_IN_METRES
 from ptt.run.readers.text import LONGEST
+from ptt.run.same_pose import same_places
 from ptt.run.table import Table, take_rows
 
 Array = NDArray[np.float64]
@@ -238,10 +239,16 @@ def _aligned(measured: Array, target: Array, set_up: NDArray[np.intp], motion: M
 
 
 def _arrival(table: Table, keep: NDArray[np.intp]) -> NDArray[np.int8]:
-    """Directions of arrival (n, k)."""
+    """Directions of arrival (n, k); a run's first row, of which nobody knows, as its pose is arrived at later."""
     run = table.run[keep]
     path = (table.target if table.command is None else table.command)[keep]
-    direction = travel_direction(path, np.flatnonzero(np.diff(run, prepend=run[:1] - 1)))
+    starts = np.flatnonzero(np.diff(run, prepend=run[:1] - 1))
+    direction = travel_direction(path, starts)
+    place = same_places(table.target[keep])
+    for first in starts:
+        again = np.flatnonzero((run == run[first]) & (place == place[first]) & (np.arange(len(run)) > first))
+        sides = np.unique(direction[again], axis=0)
+        direction[first] = sides[0] if len(sides) == 1 else direction[first]
     if table.direction is None:
         return direction
     stated = table.direction[keep]

@@ -14,7 +14,8 @@ NAME, NUMBER, ORDER = "name", "number", "order"
 _SHOWN = 8
 _MOST_OPEN = 0.1  # of the readings: where more may be left out, the files are not of one order
 _MOST_BACK = 0.3  # of the steps that go back in the list: one that is run again goes back once, one out of order half
-_LOAD = ("payload_kg", "feed_mm_s")
+_LOAD = ("payload", "feed")
+_SET = (*_LOAD, "temp")  # what a target tells of a pose that was not read; its clock is not the tracker's
 
 
 def pair_targets(export: Export, targets: Export, request: Request) -> Export:
@@ -215,7 +216,7 @@ def _join(export: Export, targets: Export, reading_of: np.ndarray, order: np.nda
     columns = {quantity: values[order] for quantity, values in targets.columns.items()}
     for quantity, values in export.columns.items():
         if quantity != "name" or "name" not in columns:
-            picked, known = _picked(values, reading_of), columns.get(quantity)
+            picked, known = _picked(values, reading_of), columns.get(quantity) if quantity in _SET else None
             columns[quantity] = picked if known is None else np.where(reading_of < 0, known, picked)
     extra = {title: values[order] for title, values in targets.extra.items()}
     extra |= {title: _picked(values, reading_of) for title, values in export.extra.items()}
