@@ -1,7 +1,7 @@
 """`ptt.export`: the model in a form that a controller runs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 
 LEAST_STEP = 1e-6  # mm or rad: no controller resolves less
 USAGE = "export(model, format, out)"
+FREE = (
+    "the model was fitted beside the tracker's frame: what all places have in common, a shift and a turn of the whole, "
+    "no reading told, so that the machine may stay that far off in its base frame"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -139,6 +143,8 @@ def export_as(
     write = writer(chosen, model.file.machine.kind)
     _refuse_own(out, path)
     result = write(model.compensator, out, Options(path, step, table, progress=progress))
+    if model.file.tracker.frame in ("fitted", "fitted-per-run") and model.physics.terms:
+        result = replace(result, notes=(*result.notes, FREE))
     return Exported(result, chosen.name, called or str(path))
 
 

@@ -235,6 +235,11 @@ def _notes(codes: list[int]) -> list[str]:
         notes.append(
             "tool lengths (G43) are left to the controller: the correction is that of the tool point at --offset"
         )
+    if any(code in HOME for code in codes):
+        notes.append(
+            "where the tool is after G28, G30 and probing the program does not say: a move that does not state X, Y "
+            "and Z anew is corrected as from the place before the first move"
+        )
     if any(code in PROBES for code in codes):
         notes.append("what the controller corrects by itself after probing (G29, G32) comes on top of this correction")
     return notes

@@ -128,7 +128,17 @@ def correct_program(
         1e3 * deviation,
         1e3 * float(np.nanmax(commands.shift)),
         commands.reversal_note,
-        (*read.notes, *lacking),
+        (*read.notes, *lacking, *(_unstarted(compensator) if not stated else ())),
+    )
+
+
+def _unstarted(compensator: "Compensator") -> tuple[str, ...]:
+    """A word where the way from which the joints come to the first move matters, and nobody says where it begins."""
+    if not any(term.effect.reverses and term.effect.stage != "metrology" for term in compensator.model.terms):
+        return ()
+    return (
+        "where the tool is before the first move is not said (--start), so that joints which turn there may lose their "
+        "play or wind-up once more, until each has gone on one way for as long",
     )
 
 

@@ -1,6 +1,7 @@
 """Steps of a diagnosis in words that a machinist understands: what is off, on which side, what is tied with it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 
@@ -65,10 +66,19 @@ def sentences(
     """
     known = [term for term in terms if len(term.theta)]
     words = []
-    for told in sparsest(known, problem, noise, widen, loose=loose):
+    for term, free in zip(known, sparsest(known, problem, noise, widen, loose=loose), strict=True):
+        told = _held(free, term)
         set_right = remedy(told, problem.view)
         words.append(f"{capital(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
     return words
+
+
+def _held(told: Told, term: Term) -> Told:
+    """What is said of an effect with errors no wider than those of all its values together, as its sizes hold them."""
+    if told.term.std is None or term.std is None:
+        return told
+    most = float(term.std[torch.isfinite(term.std)].norm())
+    return replace(told, term=replace(told.term, std=told.term.std.clamp(max=most))) if most > 0.0 else told
 
 
 def remedy(told: Told, view: View) -> str:
