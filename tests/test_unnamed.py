@@ -9,7 +9,7 @@ from test_sigma import FILE as DRAWN
 from test_sigma import SIGMA, path_of, went
 
 from ptt.again.recheck import recheck
-from ptt.correct.compensate import compensate
+from ptt.correct.compensate import NetworkError, compensate
 from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.fitting import chunks, drawn_sizes
@@ -72,6 +72,20 @@ def test_commands_far_from_five_poses_are_as_uncertain_as_they_are_wrong() -> No
         assert (commands.status == "uncertain").mean() > 0.5
     assert max(ratios) < 0.5  # the readings were met far better
     assert 0.2 < np.mean(pulls) < 2.0
+
+
+def test_what_a_network_has_learned_is_no_doubt_within_its_domain() -> None:
+    wanted = np.random.default_rng(2).uniform(-60.0, 60.0, (40, 3)).round(3)
+    *_, model = solved(np.tile(CUBE, (12, 1)), 0, "tower-position", "tower-tilt")
+    bare, near = compensate(model, make_table(wanted)).sigma, wanted[:, 0] > 0.0
+    for inside, share in ((0.02, 1.0), (0.002, 0.1)):
+        network = NetworkError(inside=inside, outside=0.02)
+        learned = compensate(
+            model, make_table(wanted), correction=lambda p: p, inside=lambda p: p[:, 0] > 0.0, network=network
+        )
+        np.testing.assert_allclose(learned.sigma[~near], np.maximum(bare, 0.02)[~near])
+        assert (learned.sigma[near] >= np.maximum(share * bare[near], inside) - 1e-12).all()
+        assert (learned.sigma[near].max() < 0.5 * bare[near].max()) == (share < 1.0)
 
 
 def test_where_readings_fill_the_volume_they_leave_little_open() -> None:

@@ -145,7 +145,7 @@ def require_upright(ground: Ground) -> ThreePttSpec:
         raise InputError(
             "the sliders are below the platform, and this firmware computes towers above it only",
             where=f"{file.source} key sliders",
-            fix="take --to c, onnx or table",
+            fix="take --to c, onnx, siemens or table",
         )
     return spec
 

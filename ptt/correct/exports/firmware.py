@@ -149,7 +149,7 @@ def refuse_worse(left: ErrorLeft, name: str, source: str) -> None:
             f"{name} cannot say this drawing (rails that lean or azimuths that are uneven): it would miss by"
             f" {left.format:.0f} um, the drawing as it is by {left.drawing:.0f} um",
             where=source,
-            fix="take --to c, onnx or table",
+            fix="take --to c, onnx, siemens or table",
         )
 
 

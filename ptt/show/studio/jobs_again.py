@@ -161,6 +161,9 @@ def _months(source: Source, model: str, runs: Sequence[tuple[Source, str]], tell
     say(["fleet", "init", MONTHS])
     refused = []
     for number, (run, date) in enumerate(runs):
+        if number > 0 and run.anyway:  # a store has no such answer
+            refused.append(f"{run.run}: its set-up was taken all the same; left out here")
+            continue
         place = ["--model", str(place_of(model))] if number == 0 else []
         options = replace(run, effects=(), anyway=False).options
         try:
