@@ -142,7 +142,7 @@ def _fitted(value: Value | None) -> tuple[str, str]:
     """A value as the run tells it, and whether it is measured."""
     if value is None:
         return NONE, NONE
-    if value.apart is not None:
+    if value.apart is not None and value.measured != "at least":
         return plus_minus(value.value, value.apart), AGAINST
     return NONE if value.measured == "no" else plus_minus(value.value, value.std), MEASURED[value.measured]
 

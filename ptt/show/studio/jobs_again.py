@@ -95,7 +95,7 @@ def _met(later: Source, model: str, number: int) -> tuple[Source, "Opened | None
     except SetupError as error:
         told = "; ".join(f"{item.words}. Cure: {item.fix}" for item in error.check.sure)
         what = f"{later.run}: something in its set-up looks mistaken: {told}"
-        return later, None, _trouble(later, "", ANYWAY, what, (ANYWAY,))
+        return later, None, _trouble(later, "", ANYWAY, on_page(what), (ANYWAY,))
     except PttError as error:
         return later, None, _trouble(later, on_page(" ".join(str(error).split())))
 
