@@ -12,8 +12,11 @@ from ptt.fitting.tool_sigma import tool_sigma
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
 from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.travel import OVERTRAVEL
+from ptt.run.view import View
 
 CHANCE = 0.5  # that a joint came from the other side than that on which it goes on
+FAR = 20.0  # times the overtravel that is assumed: as far as anybody goes past a pose
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,9 @@ def command_sigma(
 
 
 def approach_doubt(task: CommandTask, terms: Shifts, q: Tensor) -> np.ndarray:
-    """What hangs on from which side the joints came to the first row, where the targets do not say (`dir1..`).
+    """What hangs on how the joints came: from which side to the first row, where the targets do not say (`dir1..`).
+
+    And how far past a row, where they say that a joint turned behind it.
 
     A drive that winds up has not turned over for dozens of small steps. The first row itself arrives as the second
     moves, and a joint that never moves in a run counts as +1, by convention (`ptt.run.travel`): neither is doubted.
@@ -85,8 +90,9 @@ def approach_doubt(task: CommandTask, terms: Shifts, q: Tensor) -> np.ndarray:
     run = torch.cumsum(view.starts, dim=0) - int(view.starts[0])  # of each row, as the list has them
     moving = torch.zeros(int(run.max()) + 1, view.joints, dtype=torch.int64).index_add(0, run, moved.long())[run] > 0
     turned = view.starts[:, None] & untold & moving
+    past = _past_doubt(known, view, ~untold)
     if not known or not turned.any():
-        return np.zeros(len(q))
+        return past
     other = replace(view, direction=torch.where(turned, -view.direction, view.direction))
     apart = torch.stack([effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known]).sum(dim=0)
     each = view.jacobian * apart[:, None, :]  # shape: (n, 3, k)
@@ -94,7 +100,29 @@ def approach_doubt(task: CommandTask, terms: Shifts, q: Tensor) -> np.ndarray:
     off = (CHANCE**2 * each.sum(dim=2).square() + CHANCE * (1.0 - CHANCE) * each.square().sum(dim=2)).sum(dim=1).sqrt()
     ever = moved.any(dim=1).cumsum(dim=0)
     stands = ever == torch.where(view.starts, ever, torch.zeros_like(ever)).cummax(dim=0).values  # where the run began
-    return np.asarray(torch.where(stands, torch.zeros_like(off), off).numpy())
+    return np.hypot(torch.where(stands, torch.zeros_like(off), off).numpy(), past)
+
+
+def _past_doubt(known: Shifts, view: View, told: Tensor) -> np.ndarray:
+    """What hangs on how far joints went past rows, where the targets say from which side they came and the rows do not.
+
+    The travel has `OVERTRAVEL` there; that it was as far as anybody goes is as likely.
+
+    Args:
+        known: effects that remember the travel.
+        view: of the commands.
+        told: arrivals that the targets state, (n, k) bool.
+
+    Returns:
+        (n,) mm, standard deviation.
+    """
+    past = told & ~view.starts[:, None] & (((view.q - view.turning).abs() - OVERTRAVEL).abs() < STANDSTILL)
+    if not known or not past.any():
+        return np.zeros(view.rows)
+    far = replace(view, turning=torch.where(past, view.q - FAR * OVERTRAVEL * view.direction, view.turning))
+    apart = torch.stack([effect.shift(theta, view) - effect.shift(theta, far) for effect, theta in known]).sum(dim=0)
+    each = CHANCE * view.jacobian * apart[:, None, :]
+    return np.asarray(each.square().sum(dim=(1, 2)).sqrt().numpy())
 
 
 def doubtful(sigma: np.ndarray, shift: np.ndarray, promised: float | None) -> np.ndarray:

@@ -95,8 +95,9 @@ class Tally:
             why = [] if self.approached == self.status[UNCERTAIN] else [self._why_unsure()]
             if self.approached:
                 many = f" for {self.approached} of them" if why else ""
-                way = "state it in columns dir1.. there, or begin with a longer way"
-                why.append(f"from which side the joints come to the first row matters{many} and is not said: {way}")
+                way = "state it in columns dir1.. there, or begin with a longer way; keep rows where joints turn"
+                what = "from which side the joints come to the first row, or how far past others where dir1.. has it,"
+                why.append(f"{what} matters{many} and is not said: {way}")
             lines.append(f"{source}: {unsure}: sent, but {'; '.join(why)}")
         if self.missed > ROUNDING:
             lines.append(
