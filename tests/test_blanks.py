@@ -50,6 +50,20 @@ def test_clock_and_warmth_go_on_between_two_values_of_a_run(frame, tmp_path):
     assert read(frame, tmp_path)[0].time_s[8] == pytest.approx(0.5 * (whole.time_s[7] + whole.time_s[9]))
 
 
+def test_loads_of_joints_stay_while_a_reflector_is_read_and_are_no_guess_at_a_pose(frame, tmp_path):
+    row = np.arange(ROWS)
+    frame = frame.assign(**{f"tau{joint}": joint + 0.1 * row for joint in (1, 2, 3)}, role="pose")
+    frame.loc[[0, 7], "role"] = "base"
+    frame.loc[[0, 7], ["x_cmd", "y_cmd", "z_cmd"]] = np.nan
+    frame.loc[[0, 4, 7], ["tau1", "tau2", "tau3"]] = np.nan
+    table, lines = read(frame, tmp_path)
+    np.testing.assert_allclose(table.torque[[0, 4, 7], 0], 1.0 + 0.1 * np.array([1, 3, 6]))
+    assert np.flatnonzero(np.isnan(table.measured).any(axis=1)).tolist() == [4]
+    assert [line for line in lines if "tau1" in line] == [
+        "loads of joints (tau1, ...) are empty in 1 row with a reading: left aside"
+    ]
+
+
 @pytest.mark.parametrize("column", ["payload_kg", "feed_mm_s"])
 def test_a_reading_under_a_load_or_feed_that_nobody_wrote_down_is_left_aside(frame, tmp_path, column):
     frame[column] = np.where(np.arange(ROWS) < 8, 1.0, 4.0)

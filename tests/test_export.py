@@ -21,6 +21,7 @@ from ptt.effects.reversal import Backlash
 from ptt.errors import InputError
 from ptt.machine import MachineFile, save_machine
 from ptt.machine_schema import ControllerSpec
+from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 
 ZEROS = torch.tensor([0.2, -0.1, 0.05], dtype=torch.float64)
@@ -123,3 +124,13 @@ def test_a_model_is_not_written_over_by_the_command_nor_by_the_library(
     with pytest.raises(InputError, match="is the model itself; nothing was written"):
         ptt.export(path, "klipper", tmp_path / "." / "m.toml")
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(("frame", "free"), [("fitted", True), ("fitted-per-run", True), ("trusted", False)])
+def test_an_export_of_a_model_that_was_fitted_beside_a_free_frame_says_so(
+    bench: MachineFile, frame: str, free: bool, tmp_path: Path
+) -> None:
+    file = replace(bench, text="", tracker=bench.tracker.model_copy(update={"frame": frame}))
+    save_machine(write_model(_model(file).model), tmp_path / "m.toml")
+    told = ptt.export(tmp_path / "m.toml", "klipper", tmp_path / "printer.cfg").to_dict()["notes"]
+    assert any("beside the tracker's frame" in note for note in told) == free

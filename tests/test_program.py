@@ -180,6 +180,16 @@ def test_further_axes_are_shared_out() -> None:
     assert sum(relative[:-1]) == pytest.approx(8.0, abs=1e-4) and relative[-1] == -1.0
 
 
+def test_where_the_tool_is_that_nobody_says_is_said():
+    def notes(text: str, model: Compensator, **options) -> str:
+        return " ".join(correct_program(model, text, "part.ngc", **options).notes)
+
+    part, zero = "G21\nG0 X10 Y5 Z40\nG1 X20 F900\n", np.zeros(3)
+    assert "--start" in notes(part, WORN) and "--start" not in notes(part, WORN, start=zero)
+    assert "--start" not in notes(part, BARE)  # nothing of it turns over
+    assert "G28" in notes(f"{part}G28\nG0 X10 Y5 Z40\n", WORN) and "G28" not in notes(part, WORN)
+
+
 def test_only_axes_that_were_stated_are_written() -> None:
     lines = corrected("G0 Z40\nG0 X10\nY5\nG28\nG0 Z40\n", WORN).splitlines()
     letters = ["".join(re.findall(r"([XYZ])[-\d]", line)) for line in lines]

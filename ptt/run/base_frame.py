@@ -125,12 +125,12 @@ def refuse_untrue(table: Table, view: View, stated_in: Sequence[RunFrame], used:
 
 
 def from_poses(
-    view: View, table: Table, used: np.ndarray, frame: np.ndarray, count: int
+    view: View, table: Table, read: np.ndarray, frame: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Each frame's best rigid motion onto the drawing; of one or two readings one that does as well as others."""
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     for index in range(count):
-        rows = used & (frame == index)
+        rows = read & (frame == index)
         if rows.any():
             rotations[index], shifts[index] = align(view.p.numpy()[rows], table.measured[rows])
     return rotations, shifts

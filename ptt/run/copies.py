@@ -9,6 +9,8 @@ SAID = (
     "target", "command", "measured", "time_s", "payload_kg", "temp_c", "feed_mm_s", "direction", "torque", "std",
     "repeat",
 )  # fmt: skip
+"""Columns of numbers of all that was commanded, read and recorded."""
+
 PASTED = 12  # rows that no tracker reads a second time to the last digit, each in its turn
 
 

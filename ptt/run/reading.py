@@ -9,6 +9,7 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.files import sha256
+from ptt.run.copies import SAID
 from ptt.run.readers import Ask, Mapping, Request, load_mapping, pair_targets, read_any, save_mapping
 from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.export import Export
@@ -17,8 +18,6 @@ from ptt.run.readers.parts import read_parts
 from ptt.run.readers.required import joints_told, refuse_scale_log
 from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.table import Table, concat_tables
-
-CONTENT = ("target", "command", "measured", "time_s", "payload_kg", "temp_c", "feed_mm_s", "direction", "torque")
 
 
 def read_table(
@@ -107,7 +106,7 @@ def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
 
 def same_rows(one: Table, other: Table) -> bool:
     """Whether two runs are one to the last digit of all that was commanded, read and recorded."""
-    pairs = [(getattr(one, name), getattr(other, name)) for name in CONTENT]
+    pairs = [(getattr(one, name), getattr(other, name)) for name in SAID]
     return (
         one.rows == other.rows
         and np.array_equal(one.role, other.role)
