@@ -129,6 +129,18 @@ def test_readings_out_of_order_of_places_that_are_visited_again(tmp_path: Path) 
     assert pair(tmp_path, back, thrice)[1] == np.repeat(range(8), 3).tolist()
 
 
+def test_visits_of_one_place_with_other_loads_are_visits_of_their_own(tmp_path: Path) -> None:
+    """One place under one load is one pose, however often it is read; under three loads it is three."""
+    wanted = [(i, load) for i in range(8) for load in (0, 1, 2)]
+    mixed = [wanted[k] for k in np.random.default_rng(1).permutation(len(wanted))]
+    readings = "name,x,y,z\n" + "".join(f"p{i},{i + 0.01 * load},0,0\n" for i, load in mixed)
+    light = "name,x_cmd,y_cmd,z_cmd,payload_kg\n" + "".join(f"p{i},{i},0,0,0\n" for i, _ in wanted)
+    assert len(pair(tmp_path, readings, light)[0]) == len(wanted)
+    loaded = "name,x_cmd,y_cmd,z_cmd,payload_kg\n" + "".join(f"p{i},{i},0,0,{load}\n" for i, load in wanted)
+    with pytest.raises(TableError, match="listed more than once, and the readings are in another order"):
+        pair(tmp_path, readings, loaded)
+
+
 def test_pairing_in_order(tmp_path: Path) -> None:
     targets = "x_cmd,y_cmd,z_cmd\n1,0,0\n2,0,0\n3,0,0\n"
     x, measured, text = pair(tmp_path, "x,y,z\n1.1,0,0\n2.1,0,0\n3.1,0,0\n", targets)
