@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
+from ptt.diagnosis.telling.words import sentences
 from ptt.fitting import gauge
 from ptt.fitting.gauge import sparsest
 from ptt.fitting.solve import fit, residual_of
@@ -56,6 +57,16 @@ def test_what_is_turned_as_told_is_right(tmp_path, section, key, name, sign):
     turned = float(told[3]) * (1e-3 if told[4] == "um" else 1.0)
     left = size - turned if f"{told[1]} {told[2]}".strip() in less else size + turned
     assert abs(left) < 0.02 * abs(size)
+
+
+def test_an_error_in_words_is_no_wider_than_what_all_values_of_the_effect_may_be_off_by(tmp_path):
+    """Readings that hardly tell a gauge leave it anything at all; sizes that such machines have hold the values."""
+    problem = hide(tmp_path, fault("drive", "homing_mm", 2, -0.25))
+    terms = fit(Model(problem.file) + KNOWN["homing-offset"](), problem, noise=NOISE).model.terms
+    most = 1e3 * float(terms[0].std.norm())
+    (rough,), (blind,) = (sentences(terms, problem, NOISE, widen) for widen in (1e3, 1e5))
+    assert sized(rough, rf"give or take {N} um") < 0.5 * most
+    assert sized(blind, rf"give or take {N} um") == pytest.approx(most, rel=0.01)
 
 
 def test_two_towers_are_two_towers(tmp_path):
