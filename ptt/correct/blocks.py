@@ -1,7 +1,7 @@
 """A long list of targets block by block: each block goes on where the one before left the machine.
 
 Rows beside a block are looked at with it, so that its speeds are those of the whole travel, and its direction where a
-run has only begun; what came before is handed on (`ptt.correct.task.Behind`).
+run has only begun; what came before is handed on (`ptt.correct.task.Handover`).
 """
 
 from collections.abc import Iterator
@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from ptt.correct.settle import Solved, hand_on, settle
-from ptt.correct.task import Behind, CommandTask
+from ptt.correct.settle import Outcome, hand_on, settle
+from ptt.correct.task import CommandTask, Handover
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches
 from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.corners import driven_feed, shows_feed
@@ -29,18 +29,18 @@ class RowBlock:
         first: its first row.
         last: the row after its last.
         high: the row after those looked at with it.
-        behind: what the rows before hand on.
+        handover: what the rows before hand on.
     """
 
     first: int
     last: int
     high: int
-    behind: Behind | None
+    handover: Handover | None
 
     @property
     def low(self) -> int:
         """The first row looked at with it."""
-        return self.first - (0 if self.behind is None else len(self.behind.q))
+        return self.first - (0 if self.handover is None else len(self.handover.q))
 
     @property
     def own(self) -> slice:
@@ -48,7 +48,19 @@ class RowBlock:
         return slice(self.first - self.low, self.last - self.low)
 
 
-Settled = tuple[RowBlock, CommandTask, Solved, np.ndarray, np.ndarray]
+@dataclass(frozen=True)
+class Settled:
+    """A block whose inversion has settled.
+
+    Attributes:
+        block: its rows.
+        task: that of its rows and those beside.
+        outcome: what becomes of these.
+    """
+
+    block: RowBlock
+    task: CommandTask
+    outcome: Outcome
 
 
 def settle_blocks(task: CommandTask) -> Iterator[Settled]:
@@ -58,66 +70,62 @@ def settle_blocks(task: CommandTask) -> Iterator[Settled]:
         task: all targets.
 
     Yields:
-        Each block; its task, and commands, status and static correction of its rows and those beside.
+        Each block.
     """
-    behind, table = None, task.targets
+    handover, table = None, task.targets
     parts = stretches(table.rows, ROWS)
     if len(parts) > 1 and task.clock is not None:
         task = replace(task, clock=with_one_clock(task.clock, shows_feed(task.clock), task.wanted.numpy()))
     for first, last in parts:
-        settled = settle_block(task, first, last, behind)
+        settled = settle_block(task, first, last, handover)
         yield settled
-        behind = leave_block(settled) if last < table.rows else None
+        handover = leave_block(settled) if last < table.rows else None
 
 
-def settle_block(task: CommandTask, first: int, last: int, behind: Behind | None) -> Settled:
+def settle_block(task: CommandTask, first: int, last: int, handover: Handover | None) -> Settled:
     """Invert one block.
 
     Args:
         task: it, the rows before it that are handed on, and all behind it that it may look at.
         first: its first row.
         last: the row after its last.
-        behind: what the rows before hand on.
-
-    Returns:
-        As `settle_blocks`.
+        handover: what the rows before hand on.
     """
-    block = RowBlock(first, last, _seen_to(task, first, last, behind), behind)
+    block = RowBlock(first, last, _seen_to(task, first, last, handover), handover)
     part = cut(task, block)
-    return block, part, *settle(part)
+    return Settled(block, part, settle(part))
 
 
-def leave_block(settled: Settled) -> Behind | None:
+def leave_block(settled: Settled) -> Handover | None:
     """What a block hands on to the rows behind it."""
-    block, part, solved, _, _ = settled
-    return hand_on(part, solved, block.own.stop, BESIDE)
+    return hand_on(settled.task, settled.outcome.solved, settled.block.own.stop, BESIDE)
 
 
-def ahead(run: np.ndarray, first: int, last: int, behind: Behind | None) -> int:
+def rows_ahead(run: np.ndarray, first: int, last: int, handover: Handover | None) -> int:
     """How many rows behind a block it may look at: many only where a run begins in it.
 
     Args:
         run: run codes of the rows up to its last, (n,).
         first: its first row.
         last: the row after its last.
-        behind: what the rows before hand on.
+        handover: what the rows before hand on.
     """
-    return CHUNK if behind is None or first == 0 or (run[first:last] != run[first - 1]).any() else BESIDE
+    return CHUNK if handover is None or first == 0 or (run[first:last] != run[first - 1]).any() else BESIDE
 
 
 def cut(task: CommandTask, block: RowBlock) -> CommandTask:
     """The task of a block and the rows beside it."""
     rows = slice(block.low, block.high)
     if (block.low, block.high) == (0, task.targets.rows):
-        return replace(task, behind=block.behind)
+        return replace(task, handover=block.handover)
     names = ("wanted", "asked", "nominal", "start", "time")
     own = {name: getattr(task, name)[rows] for name in names}
     index = np.arange(block.low, block.high)
     clock = None if task.clock is None else take_rows(task.clock, index)
-    return replace(task, targets=take_rows(task.targets, index), clock=clock, behind=block.behind, **own)
+    return replace(task, targets=take_rows(task.targets, index), clock=clock, handover=block.handover, **own)
 
 
-def _seen_to(task: CommandTask, first: int, last: int, behind: Behind | None) -> int:
+def _seen_to(task: CommandTask, first: int, last: int, handover: Handover | None) -> int:
     """How far a block looks ahead: until each joint of a run that has begun in it was seen to move.
 
     A joint that stands longer than a chunk is taken to go on upward, as one that never moves.
@@ -126,7 +134,7 @@ def _seen_to(task: CommandTask, first: int, last: int, behind: Behind | None) ->
     high = min(last + BESIDE, rows)
     before = np.flatnonzero(run[first:last] != run[last - 1])
     start = first + (int(before[-1]) + 1 if len(before) else 0)
-    begun = behind is None or start > first or run[first] != run[first - 1]
+    begun = handover is None or start > first or run[first] != run[first - 1]
     after = np.flatnonzero(run[last:high] != run[last - 1])
     if not begun or len(after):
         return high

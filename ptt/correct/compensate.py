@@ -7,11 +7,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.blocks import settle_blocks
+from ptt.correct.blocks import Settled, settle_blocks
 from ptt.correct.commands import ROUNDING, UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, approach_doubt, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
-from ptt.correct.settle import Solved, first_order, nearest_commands
+from ptt.correct.settle import first_order, nearest_commands
 from ptt.correct.task import CommandTask
 from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
@@ -28,10 +28,9 @@ __all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "co
 
 LIMIT_MM = 5.0  # machines err by 0.1 to 2 mm; what goes beyond this is a mistake in drawing, frame or network
 
-Correction = Callable[
-    [np.ndarray], np.ndarray
-]  # wanted positions (n, 3) mm -> positions to ask the model for (n, 3) mm
-Inside = Callable[[np.ndarray], np.ndarray]  # wanted positions (n, 3) mm -> (n,) bool
+# From wanted positions, (n, 3) mm: positions to ask the model for, (n, 3) mm; and which a network knows, (n,) bool.
+Correction = Callable[[np.ndarray], np.ndarray]
+Inside = Callable[[np.ndarray], np.ndarray]
 
 
 def compensate(
@@ -78,10 +77,10 @@ def compensate(
     plan = plan_of(model, reversal, limit, network)
     task, rows = prepare(plan, targets, correction), targets.rows
     done = []
-    for block, part, solved, said, moved in settle_blocks(task):
-        done.append(finish(plan, part, block.own, (solved, said, moved), inside))
-        if block.last < rows:
-            tell("invert", block.last, rows)
+    for settled in settle_blocks(task):
+        done.append(finish(plan, settled, inside))
+        if settled.block.last < rows:
+            tell("invert", settled.block.last, rows)
     commands = joined(done)
     rest = np.flatnonzero(~commands.sent) if nearest else np.empty(0, dtype=int)
     near = nearest_of(task.wanted, task.nominal, commands.sent) if len(rest) else None
@@ -122,27 +121,19 @@ def plan_of(model: Model, reversal: Reversal | None, limit: float, network: Netw
     return InversionPlan(model, *split_terms(model, reversal), limit, network)
 
 
-def finish(
-    plan: InversionPlan,
-    part: CommandTask,
-    own: slice,
-    settled: tuple[Solved, np.ndarray, np.ndarray],
-    inside: Inside | None,
-) -> Commands:
+def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Commands:
     """The commands of a block whose inversion has settled, without the nearest ones of rows that are not sent.
 
     Args:
         plan: what was to be done.
-        part: the task of the block and the rows beside it.
-        own: its rows among them.
-        settled: as `ptt.correct.settle.settle` hands it back.
+        settled: the block.
         inside: which wanted positions lie in the network's training domain.
 
     Returns:
         The commands of its own rows.
     """
-    solved, status, shift = settled
-    sent = sent_rows(status)
+    part, own, solved = settled.task, settled.block.own, settled.outcome.solved
+    sent = sent_rows(settled.outcome.status)
     in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(part.wanted.numpy())
     sigma, approach, promised = np.full(len(sent), np.nan), np.zeros(len(sent)), None
     if sent[own].any():
@@ -150,8 +141,8 @@ def finish(
         sigma, promised = command_sigma(plan.model, paced, terms, solved.q, in_domain, plan.network)
         approach = approach_doubt(paced, terms, solved.q)
         sigma = np.hypot(sigma, approach)
-    q, height, sent, sigma, shift = solved.q[own].numpy(), solved.height[own], sent[own], sigma[own], shift[own]
-    status = status[own].copy()
+    q, height, sent, sigma = solved.q[own].numpy(), solved.height[own], sent[own], sigma[own]
+    status, shift = settled.outcome.status[own].copy(), settled.outcome.shift_mm[own]
     missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)
     in_all = np.where(missed > ROUNDING, np.hypot(np.nan_to_num(sigma, nan=0.0), missed), sigma)
     status[sent & doubtful(in_all, shift, promised)] = UNCERTAIN
@@ -222,10 +213,8 @@ def prepare(
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
     time = elapsed(targets) if time is None else time
-    clock, targets = (
-        targets if plan.follows_speed else None,
-        without_empty(targets).replace(time_s=None, feed_mm_s=None),
-    )
+    clock = targets if plan.follows_speed else None
+    targets = without_empty(targets).replace(time_s=None, feed_mm_s=None)
     ways = plan.steady, plan.turning
     return CommandTask(
         plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, clock=clock

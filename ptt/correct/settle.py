@@ -10,7 +10,7 @@ from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL,
 from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_ways
 from ptt.correct.newton import MISSED, gaps_of, holding, invert, invert_together, open_gaps
-from ptt.correct.task import Behind, CommandTask
+from ptt.correct.task import CommandTask, Handover
 from ptt.effects.memory import Passed
 from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.least_move import least_move
@@ -41,14 +41,26 @@ class Solved:
     reached: np.ndarray
 
 
-def settle(task: CommandTask) -> tuple[Solved, np.ndarray, np.ndarray]:
+@dataclass(frozen=True)
+class Outcome:
+    """What becomes of n targets.
+
+    Attributes:
+        solved: their commands.
+        status: (n,) str, as in `ptt.correct.commands`.
+        shift_mm: static correction, (n,); NaN where no command was found.
+    """
+
+    solved: Solved
+    status: np.ndarray
+    shift_mm: np.ndarray
+
+
+def settle(task: CommandTask) -> Outcome:
     """Invert what can be inverted, and say of every row what becomes of it.
 
     Args:
         task: the targets.
-
-    Returns:
-        Commands, status (n,), and static correction (n,) mm, NaN where no command was found.
     """
     status = _before(task)
     status[: task.given] = OUT_OF_REACH  # they are done with
@@ -64,10 +76,10 @@ def settle(task: CommandTask) -> tuple[Solved, np.ndarray, np.ndarray]:
         shift = np.where(solved.reached, task.shift(solved.height).numpy(), shift)
         if (sent_rows(status) == sent).all():
             break
-    return solved, status, shift
+    return Outcome(solved, status, shift)
 
 
-def hand_on(task: CommandTask, solved: Solved, rows: int, beside: int) -> Behind | None:
+def hand_on(task: CommandTask, solved: Solved, rows: int, beside: int) -> Handover | None:
     """What the rows behind must know of those before them.
 
     Args:
@@ -79,13 +91,13 @@ def hand_on(task: CommandTask, solved: Solved, rows: int, beside: int) -> Behind
     Returns:
         It; None where nothing was sent so far.
     """
-    if task.behind is None and not solved.reached[:rows].any():
+    if task.handover is None and not solved.reached[:rows].any():
         return None
     first = max(rows - beside, 0)
     view = task.see(solved.q)
     passed = Passed(enter(view, [first])[0], view.direction[first], view.turning[first] - view.q[first])
     sent = solved.reached & torch.isfinite(solved.missed).all(dim=1).numpy()
-    return Behind(passed, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
+    return Handover(passed, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
 
 
 def nearest_commands(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
@@ -118,9 +130,9 @@ def _nearest(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.
             task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=(), clock=None,
             time=task.time[rows],
         )  # fmt: skip
-        solved, status, _ = settle(part)
-        better = (status == OK) & solved.reached & np.isnan(distance)
-        q[better] = solved.q.numpy()[better]
+        found = settle(part)
+        better = (found.status == OK) & found.solved.reached & np.isnan(distance)
+        q[better] = found.solved.q.numpy()[better]
         distance[better] = (place - goal).norm(dim=1).numpy()[better]
         if np.isfinite(distance).all():
             break
@@ -161,10 +173,9 @@ def _before(task: CommandTask) -> np.ndarray:
 def _standing(task: CommandTask) -> Solved:
     """Before anything was sent: where the rows before left the machine, else where the search will begin."""
     height = q = task.start
-    if task.behind is not None:
-        height, q = (
-            held[torch.arange(len(q)).clamp(max=task.given - 1)] for held in (task.behind.height, task.behind.q)
-        )
+    if task.handover is not None:
+        last = torch.arange(len(q)).clamp(max=task.given - 1)
+        height, q = task.handover.height[last], task.handover.q[last]
     return Solved(height, q, torch.full_like(task.asked, torch.inf), np.zeros(len(q), dtype=bool))
 
 
@@ -173,8 +184,8 @@ def _solve(task: CommandTask, sent: np.ndarray) -> Solved:
 
     The search begins where the task says, whatever came before: an arm's posture follows its start.
     """
-    given, behind, task = np.arange(len(sent)) < task.given, task.behind, task.paced(sent)
-    near = task.start if behind is None else torch.cat([behind.height, task.start[task.given :]])
+    given, before, task = np.arange(len(sent)) < task.given, task.handover, task.paced(sent)
+    near = task.start if before is None else torch.cat([before.height, task.start[task.given :]])
     lead, goal = _lead(task, sent), (task.asked, sent, task.given)
     if lead is None:
         height, step = invert(task.steady, task.mechanism, task.see, near, *goal)
@@ -187,7 +198,7 @@ def _solve(task: CommandTask, sent: np.ndarray) -> Solved:
         return Solved(height, height, _missed(task, task.steady, height, step), reached)
     height = height[torch.as_tensor(holding(reached | given))]
     opened = _opened(height, task.turning, task.see(height))
-    opened = opened if behind is None else torch.cat([behind.q, opened[task.given :]])
+    opened = opened if before is None else torch.cat([before.q, opened[task.given :]])
     terms = [*task.steady, *task.turning]
     if task.pace is not None:  # a gap is crossed at once while the slider stands: no motion that anything lags behind
         task = replace(task, velocity=torch.as_tensor(task.pace.velocity(height.numpy())))

@@ -9,12 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.blocks import ROWS, ahead, leave_block, settle_block, with_one_clock
+from ptt.correct.blocks import ROWS, leave_block, rows_ahead, settle_block, with_one_clock
 from ptt.correct.commands import Commands
 from ptt.correct.compensate import Correction, Inside, InversionPlan, finish, prepare
 from ptt.correct.nearest import Nearest, nearest_of
 from ptt.correct.settle import nearest_commands
-from ptt.correct.task import Behind, CommandTask
+from ptt.correct.task import CommandTask, Handover
 from ptt.fitting.chunks import stretches
 from ptt.progress import Progress
 from ptt.run.spool import Spool
@@ -70,17 +70,16 @@ class Stream:
 
     def invert(self, tell: Progress) -> Iterator[Part]:
         """Work out block after block; rows that are not sent have no nearest command yet."""
-        behind, start = None, 0.0
+        handover, start = None, 0.0
         for index, (first, last) in enumerate(self.bounds):
-            low = first - (0 if behind is None else len(behind.q))
-            task = self._task(low, self._seen_to(first, last, behind), start)
+            low = first - (0 if handover is None else len(handover.q))
+            task = self._task(low, self._seen_to(first, last, handover), start)
             self.starts.append(float(task.time[first - low]))
-            settled = settle_block(task, first - low, last - low, behind)
-            block, cut, solved, said, moved = settled
-            commands = finish(self._plan, cut, block.own, (solved, said, moved), self._aid(cut.targets)[1])
-            behind = leave_block(settled)
+            settled = settle_block(task, first - low, last - low, handover)
+            commands = finish(self._plan, settled, self._aid(settled.task.targets)[1])
+            handover = leave_block(settled)
             if last < self._spool.rows:  # behind the last row there is none whose time could be told
-                start = float(task.time[last - (0 if behind is None else len(behind.q)) - low])
+                start = float(task.time[last - (0 if handover is None else len(handover.q)) - low])
             own = slice(first - low, last - low)
             part = Part(first, last, commands, task.wanted[own].clone(), task.nominal[own].clone())
             self.sent &= bool(commands.sent.all())
@@ -105,11 +104,11 @@ class Stream:
             return task
         return replace(task, clock=with_one_clock(task.clock, self._spool.feed, task.wanted.numpy()))
 
-    def _seen_to(self, first: int, last: int, behind: Behind | None) -> int:
+    def _seen_to(self, first: int, last: int, handover: Handover | None) -> int:
         """A block may look far ahead where a run begins in it: until each of its joints was seen to move."""
         low = max(first - 1, 0)
         run = self._spool.take(low, last).run
-        return min(last + ahead(run, first - low, last - low, behind), self._spool.rows)
+        return min(last + rows_ahead(run, first - low, last - low, handover), self._spool.rows)
 
     def _nearest(self) -> Nearest:
         """The nearest target that is sent, looked for part by part."""

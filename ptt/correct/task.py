@@ -37,7 +37,7 @@ class CommandTask:
         start: where Newton steps begin, (n, k).
         limit: largest correction that is sent, mm.
         time: seconds since the first row of the whole list, (n,) s.
-        behind: what rows before hand on; None where these are the first.
+        handover: what rows before hand on; None where these are the first.
         clock: the targets with what tells speeds; None where no effect follows them.
         pace: of the travel, where it is known.
         velocity: of the joints, (n, k), where it no longer depends on the commands.
@@ -54,7 +54,7 @@ class CommandTask:
     start: Tensor
     limit: float
     time: Tensor
-    behind: "Behind | None" = None
+    handover: "Handover | None" = None
     clock: Table | None = None
     pace: Pace | None = None
     velocity: Tensor | None = None
@@ -62,7 +62,7 @@ class CommandTask:
     @property
     def given(self) -> int:
         """How many rows at the start are those before, whose commands are known."""
-        return 0 if self.behind is None else len(self.behind.q)
+        return 0 if self.handover is None else len(self.handover.q)
 
     @property
     def late(self) -> list[tuple[FollowingError, Tensor]]:
@@ -88,7 +88,7 @@ class CommandTask:
             view = replace(view, velocity=self.velocity, paces=None)
         elif self.pace is not None:
             view = replace(view, velocity=torch.as_tensor(self.pace.velocity(q.numpy())), paces=None)
-        return view if self.behind is None else go_on(view, self.behind.passed)
+        return view if self.handover is None else go_on(view, self.handover.passed)
 
     def paced(self, sent: np.ndarray) -> "CommandTask":
         """The same with the pace of its travel: that of the targets, since a correction does not change a program's.
@@ -110,8 +110,8 @@ class CommandTask:
     def stands(self, sent: np.ndarray) -> Tensor:
         """Targets at which the machine is, (n, 3) mm: of a row that is not sent, that of the row before."""
         place, given = self.wanted, np.arange(len(sent)) < self.given
-        if self.behind is not None:
-            place = torch.cat([self.behind.place, place[self.given :]])
+        if self.handover is not None:
+            place = torch.cat([self.handover.place, place[self.given :]])
         return place[torch.as_tensor(holding(sent | given))]
 
     def shift(self, q: Tensor) -> Tensor:
@@ -120,7 +120,7 @@ class CommandTask:
 
 
 @dataclass(frozen=True)
-class Behind:
+class Handover:
     """What rows hand on to those behind them: their last commands, and the travel before these.
 
     Attributes:
