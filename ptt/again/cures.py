@@ -82,8 +82,8 @@ def _plain(before: Before, found: Weighed, problem: Problem) -> float:
     """Score of a machine on which nothing else has happened, nats."""
     rows = np.isin(np.arange(problem.table.rows), found.system.rows)
     at = stand_at(before, np.zeros(before.width), problem.masked(~rows), found.noise)
-    system = suppose(before, at, problem, (), (), found.noise, starting_noise(problem)[1], rows, {})[0]
-    return Scorer(system).score((), WHITE).total
+    supposed = suppose(before, at, problem, (), (), found.noise, starting_noise(problem)[1], rows, {})
+    return Scorer(supposed.system).score((), WHITE).total
 
 
 def _worth(found: Weighed) -> float:

@@ -128,9 +128,9 @@ def errors_of(found: Weighed) -> dict[str, float]:
         said to have changed.
     """
     system, state, before = found.system, found.state, found.before
-    own = found.own.reshape(3 * len(system.rows), -1)
+    own = found.supposed.own.reshape(3 * len(system.rows), -1)
     off = found.without_frame(system.values.ravel() - own @ (before.values - before.start) - _by_set_up(found))
-    unnamed = found.open_.reshape(len(own), -1)
+    unnamed = found.supposed.unnamed.reshape(len(own), -1)
     doubt = found.without_frame(np.hstack([own @ before.root, found.goes_on.reshape(-1, 1), unnamed]))
     spread = [system.in_mm(column.reshape(-1, 3)) for column in doubt.T]
     doubtful = 1e6 * sum(float(np.square(part).sum()) for part in spread) / max(len(system.rows), 1)
@@ -167,7 +167,7 @@ def made_by(found: Weighed, values: np.ndarray) -> dict[str, float]:
         Key of the effect -> root mean square; 'total' for all together.
     """
     layout, system = found.at.fitted.layout, found.system
-    flat = found.own.reshape(3 * len(system.rows), -1)
+    flat = found.supposed.own.reshape(3 * len(system.rows), -1)
     owner, made = layout.owner[: len(values)], {}
     for index, term in enumerate((*layout.terms, None)):
         mine = np.ones(len(values), dtype=bool) if term is None else owner == index

@@ -31,6 +31,23 @@ class At:
     moved: np.ndarray
 
 
+@dataclass(frozen=True)
+class Supposed:
+    """A run against a solved model as a linear problem, m rows that count.
+
+    Attributes:
+        system: of what was uncertain, may have changed and may be new; its values are what the model as it was leaves.
+        own: columns of the model's values, (m, 3, w) whitened, in usual sizes.
+        beyond: columns of how its curves go on beyond the heights that they were seen at, (m, 3, c).
+        unnamed: how far sizes of the drawing that it does not have may move the readings, (m, 3, r).
+    """
+
+    system: RowSystem
+    own: np.ndarray
+    beyond: np.ndarray
+    unnamed: np.ndarray
+
+
 def stand_at(before: Before, moved: np.ndarray, problem: Problem, noise: Noise) -> At:
     """Put a solved model at other values, and the new run's set-up where it belongs.
 
@@ -81,7 +98,7 @@ def suppose(
     freedom: float,
     rows: np.ndarray,
     shapes: Mapping[str, Sequence[Shape]],
-) -> tuple[RowSystem, np.ndarray, np.ndarray, np.ndarray]:
+) -> Supposed:
     """Linearise: y = frame + X (uncertain then + changed since) + what may be new + noise.
 
     What was uncertain then is part of every hypothesis, as the frame is; its prior enters as readings of zero with
@@ -97,11 +114,6 @@ def suppose(
         freedom: degrees of freedom behind it.
         rows: rows that count, (n,) bool.
         shapes: of candidates, by key.
-
-    Returns:
-        The system, whose values are what the model as it was leaves; the columns of the model's values, (m, 3, w);
-        those of how its curves go on beyond the heights that they were seen at, (m, 3, c); and of how far sizes of the
-        drawing that it does not have may move the readings, (m, 3, r).
     """
     system = build_row_system(at.fitted, problem, candidates, noise, freedom, rows, shapes=shapes)
     linear = linear_columns(at.fitted, problem, [], noise)
@@ -123,7 +135,7 @@ def suppose(
         still, on_base = np.zeros((before.width, beyond.shape[2])), linear.base_columns[:, :, : before.width]
         base[:, :, first : first + unsure + more] = on_base @ np.hstack([before.loose, still, ways])
         read = read + on_base @ (at.moved - at.fitted.unknowns[: before.width])
-    supposed = replace(
+    system = replace(
         system,
         frame=np.concatenate([system.frame, np.arange(first, first + unsure)]).astype(int),
         atoms=atoms | atoms_of_changes(changes, first + unsure) | atoms_then(before.rooms, first + unsure + more),
@@ -134,7 +146,7 @@ def suppose(
         base_values=np.concatenate([read, zero, said]),
         _sums={},
     )
-    return supposed, own, beyond, _open(before, linear)[rows]
+    return Supposed(system, own, beyond, _unnamed(before, linear)[rows])
 
 
 def ways_of(changes: Sequence[Change], width: int) -> np.ndarray:
@@ -155,7 +167,7 @@ def _readings_of_zero(count: int) -> tuple[np.ndarray, np.ndarray]:
     return columns.reshape(rows, 3, count), np.zeros((rows, 3))
 
 
-def _open(before: Before, linear: Linear) -> np.ndarray:
+def _unnamed(before: Before, linear: Linear) -> np.ndarray:
     """How far sizes of the drawing that a model does not have may move the readings, (n, 3, r) whitened."""
     own = linear.columns[:, :, : before.width]
     if before.unnamed is None or linear.at is None:

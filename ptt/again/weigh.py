@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.again.before import Before
 from ptt.again.changes import PREFIX, Change, changes_of
-from ptt.again.supposed import At, stand_at, suppose
+from ptt.again.supposed import At, Supposed, stand_at, suppose
 from ptt.again.then import THEN, Then
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.candidates import present_candidates
@@ -42,32 +42,31 @@ class Weighed:
     Attributes:
         before: the solved model.
         at: where it was linearised last.
-        system: linearised there.
+        supposed: the linear problem there.
         scorer: with all that was scored there.
         state: the best set.
         changes: what may have changed.
         noise: the noise floor as it ended.
         gross: rows left out as gross errors, (n,) bool.
         untestable: effect -> what the run lacks.
-        own: columns of the model's values, (m, 3, w) whitened, in usual sizes.
-        beyond: columns of how its curves go on where they were not seen, (m, 3, c).
-        open_: of how far sizes of the drawing that it does not have may move the readings, (m, 3, r).
         alike: effect that is gone -> other effects of the model that may be it as well.
     """
 
     before: Before
     at: At
-    system: RowSystem
+    supposed: Supposed
     scorer: Scorer
     state: State
     changes: tuple[Change, ...]
     noise: Noise
     gross: np.ndarray
     untestable: dict[str, str]
-    own: np.ndarray
-    beyond: np.ndarray
-    open_: np.ndarray
     alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def system(self) -> RowSystem:
+        """What the sets were scored on."""
+        return self.supposed.system
 
     @property
     def changed(self) -> tuple[Change, ...]:
@@ -99,13 +98,14 @@ class Weighed:
     @property
     def frame(self) -> np.ndarray:
         """Columns of the run's own frames and mounts in the system."""
-        return self.system.frame[: len(self.system.frame) - self.before.root.shape[1] - self.beyond.shape[2]]
+        unsure = self.before.root.shape[1] + self.supposed.beyond.shape[2]
+        return self.system.frame[: len(self.system.frame) - unsure]
 
     @property
     def goes_on(self) -> np.ndarray:
         """What the model's curves seem to do where they were not seen, (m, 3) whitened."""
-        own = np.flatnonzero(self.state.owner < 0)
-        return np.asarray(self.beyond @ self.state.posterior.values[own[len(own) - self.beyond.shape[2] :]])
+        own, beyond = np.flatnonzero(self.state.owner < 0), self.supposed.beyond
+        return np.asarray(beyond @ self.state.posterior.values[own[len(own) - beyond.shape[2] :]])
 
     @cached_property
     def _basis(self) -> np.ndarray:
@@ -150,27 +150,32 @@ def weigh(before: Before, problem: Problem, known: Library, tell: Tell, beside: 
             gross = _sift(at, problem, candidates, noise) if beside is None else beside.gross
         rows = problem.used & ~gross & np.isfinite(at.fitted.residual).all(axis=1)
         shapes = {effect.key: shapes_of(effect, problem.view, moments) for effect in candidates}
-        system, own, beyond, open_ = suppose(before, at, problem, changes, candidates, noise, freedom, rows, shapes)
+        supposed = suppose(before, at, problem, changes, candidates, noise, freedom, rows, shapes)
+        system = supposed.system
         system.atoms = _priced(system, before)
         scorer = Scorer(system, (), STEPS, {change.key for change in changes if change.effect.key in before.cured})
         if kept is None:
             state = search(scorer)
         else:
-            state = scorer.score([key for key in kept if key in system.atoms], memory)
-            state = improve(scorer, state)
+            state = improve(scorer, scorer.score([key for key in kept if key in system.atoms], memory))
         state = _fewest(scorer, _unfolded(scorer, _known_first(scorer, state), changes), changes)
-        found = Weighed(before, at, system, scorer, state, changes, noise, gross, untestable, own, beyond, open_)
+        found = Weighed(
+            before=before, at=at, supposed=supposed, scorer=scorer, state=state, changes=changes, noise=noise,
+            gross=gross, untestable=untestable,
+        )  # fmt: skip
         if turn == TURNS - 1:
             break
-        gross = gross_beside(system, state, gross) if beside is None else gross
+        if beside is None:
+            gross = gross_beside(system, state, gross)
         there = moved_by(found)
         still = np.abs(there - at.moved).max(initial=0.0) < SETTLED and (gross == found.gross).all()
         if turn > 0 and still and _same_names(kept, state):
             break
         new = [key for key in state.keys if not key.startswith((PREFIX, THEN))]
         moments = best_moments(scorer, state, new, candidates)
-        noise, moved = noise_again(problem, system, state) if beside is None else noise, there
-        kept, memory = state.keys, state.memory
+        if beside is None:
+            noise = noise_again(problem, system, state)
+        moved, kept, memory = there, state.keys, state.memory
     return found
 
 
@@ -202,7 +207,7 @@ def _known_first(scorer: Scorer, state: State) -> State:
     ends = [improve(scorer, one, lambda atom: known(atom.key)) for one in (start, scorer.score((), WHITE))]
     best = max(ends, key=lambda other: other.total)
     named = all(atoms[key].effect for key in state.keys)
-    instead = named and sum(map(_is_told, state.keys)) < sum(map(_is_told, best.keys))
+    instead = named and sum(map(_is_change_key, state.keys)) < sum(map(_is_change_key, best.keys))
     return best if state.total < best.total + (PLAIN if instead else BESIDE) else state
 
 
@@ -233,12 +238,12 @@ def _unfolded(scorer: Scorer, state: State, changes: Sequence[Change]) -> State:
     return state
 
 
-def _is_told(key: str) -> bool:
+def _is_change_key(key: str) -> bool:
     return key.startswith(PREFIX)
 
 
 def _is_change(atom: Atom) -> bool:
-    return _is_told(atom.key)
+    return _is_change_key(atom.key)
 
 
 def _of_set_up(effect: Effect | None) -> bool:
