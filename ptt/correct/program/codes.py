@@ -7,9 +7,26 @@ from ptt.correct.program.words import EXPAND, ProgramBlock, at_line
 from ptt.errors import InputError
 
 AXES, CARRIED = "XYZ", "ABCUVWE"
+# Codes are ten times their numbers, as G59.1 needs a tenth; M-codes that `own_words` looks at are plain numbers.
 MM = {200: 25.4, 210: 1.0}
 MOTIONS = (0, 10, 20, 30)
+NO_MOTION = -1
 SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)
+# What a G-code changes of the modal state (`ptt.correct.program.modal.ModalState`), and to what.
+MODES: dict[int, tuple[str, object]] = {
+    **{code: ("motion", code) for code in MOTIONS},
+    800: ("motion", NO_MOTION),
+    900: ("absolute", True),
+    910: ("absolute", False),
+    901: ("centre_absolute", True),
+    911: ("centre_absolute", False),
+    170: ("plane", 17),
+    180: ("plane", 18),
+    190: ("plane", 19),
+    **{code: ("unit", unit) for code, unit in MM.items()},
+    **{code: ("system", code) for code in SYSTEMS},
+}
+EXTRUDER_RELATIVE = {820: False, 830: True}  # M82, M83
 PROBES = (290, 320)  # of printers; with a place they are something else on other controllers
 HOME = (280, 300, *PROBES)  # where these end nobody can say
 OWN_AXES = (40, *HOME, 920)  # codes that use axis words for something else than a move to a place

@@ -10,13 +10,15 @@ import numpy as np
 from ptt.correct.program.codes import (
     AXES,
     CARRIED,
+    EXTRUDER_RELATIVE,
     HOME,
     LENGTHS,
     MM,
+    MODES,
     MOTIONS,
+    NO_MOTION,
     OWN_AXES,
     PROBES,
-    SYSTEMS,
     own_words,
     refuse,
 )
@@ -27,7 +29,6 @@ from ptt.errors import InputError
 Array = np.ndarray
 
 ARC = "IJKRP"
-NO_MOTION = -1
 
 
 @dataclass(frozen=True)
@@ -123,25 +124,11 @@ def read_moves(
 
 
 def _set_modes(state: ModalState, block: ProgramBlock, codes: list[int], source: str) -> ModalState:
-    changes: dict[str, object] = {}
-    for code in codes:
-        if code in MOTIONS:
-            changes["motion"] = code
-        elif code == 800:
-            changes["motion"] = NO_MOTION
-        elif code in (900, 910):
-            changes["absolute"] = code == 900
-        elif code in (901, 911):
-            changes["centre_absolute"] = code == 901
-        elif code in MM:
-            changes["unit"] = MM[code]
-        elif code in (170, 180, 190):
-            changes["plane"] = code // 10
-        elif code in SYSTEMS:
-            changes["system"] = code
+    """The state with what a block's G-codes, M82, M83 and feed word change of it."""
+    changes = dict(MODES[code] for code in codes if code in MODES)
     for word in block.words:
-        if word.letter == "M" and word.code in (820, 830):
-            changes["extruder_relative"] = word.code == 830
+        if word.letter == "M" and word.code in EXTRUDER_RELATIVE:
+            changes["extruder_relative"] = EXTRUDER_RELATIVE[word.code]
     state = replace(state, **changes)  # type: ignore[arg-type]
     feed = block.values("F", source).get("F")
     return state if feed is None else replace(state, feed=feed * state.unit / 60.0)
