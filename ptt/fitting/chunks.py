@@ -6,10 +6,10 @@ needs no parameter), send each with its entry to a worker, and add what comes ba
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import partial
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -30,7 +30,7 @@ EDGE = 5  # rows about each joint's lowest and highest place, so that the sample
 GOLDEN = 0.618034  # spreads stretches over a cycle that the run may repeat
 
 Part = TypeVar("Part")
-Total = TypeVar("Total")
+Own = TypeVar("Own")
 Stretch = tuple[int, int]  # first row, and the row after the last
 
 
@@ -167,41 +167,25 @@ def _made(work: Callable[[Problem], Part], make: Callable[[], Problem]) -> Part:
     return work(make())
 
 
-def map_sums(
-    work: Callable[[Problem, Any], tuple[Part, Total]], chunks: Sequence[Callable[[], Problem]], each: Sequence[Any],
-    add: Callable[[Total, Total], Total],
-) -> tuple[list[Part], Total]:  # fmt: skip
-    """Do the work on every chunk, keep what is its own, and add up what is everybody's.
+def map_beside(
+    work: Callable[[Problem, Own], Part], chunks: Sequence[Callable[[], Problem]], each: Sequence[Own]
+) -> Iterator[Part]:
+    """Do the work on every chunk and what belongs to it, as many at once as there are cores.
 
     Args:
-        work: from a chunk and what belongs to it to its own part and its share of the sum.
+        work: from a chunk and what belongs to it to what is wanted of them.
         chunks: their makers.
         each: what belongs to each of them.
-        add: two shares of a sum.
 
-    Returns:
-        The parts in order, and the sum.
+    Yields:
+        The results, in order.
     """
-    parts, total = list[Part](), None
-    for part, share in map_chunks(_Beside(work), [partial(_beside, *pair) for pair in zip(chunks, each, strict=True)]):
-        parts.append(part)
-        total = share if total is None else add(total, share)
-    assert total is not None
-    return parts, total
+    yield from map_cores(partial(_made_beside, work), list(zip(chunks, each, strict=True)))
 
 
-@dataclass(frozen=True)
-class _Beside:
-    """Work on a chunk beside which lies what belongs to it."""
-
-    work: Callable[..., Any]
-
-    def __call__(self, pair: Any) -> Any:
-        return self.work(*pair)
-
-
-def _beside(make: Callable[[], Problem], own: Any) -> Any:
-    return make(), own
+def _made_beside(work: Callable[[Problem, Own], Part], pair: tuple[Callable[[], Problem], Own]) -> Part:
+    make, own = pair
+    return work(make(), own)
 
 
 def take_entered(problem: Problem, kept: Sequence[Stretch], entries: Sequence[Entry | None]) -> Problem:

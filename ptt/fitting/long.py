@@ -11,7 +11,7 @@ from functools import partial, reduce
 import numpy as np
 import torch
 
-from ptt.fitting.chunks import CHUNK, cut, map_sums, stretches
+from ptt.fitting.chunks import CHUNK, cut, map_beside, stretches
 from ptt.fitting.gauss_newton import bounded_step
 from ptt.fitting.layout import Layout
 from ptt.fitting.result import FitResult
@@ -68,10 +68,10 @@ class LongEvaluator:
         self.calls += 1
         self.kept = kept  # the next points are asked for with the same rows
         work = partial(_sum_chunk, self.layout, self.noise.whitener, unknowns)
-        rows, total = map_sums(work, self._chunks, self._cut(kept), add_totals)
-        base = self._base(unknowns)
-        residual = np.concatenate([own for own, _ in rows])
-        return residual, _joined([own for _, own in rows]), total if base is None else add_totals(total, base)
+        parts = list(map_beside(work, self._chunks, self._cut(kept)))
+        residual, prediction = np.concatenate([own for own, _, _ in parts]), _joined([own for _, own, _ in parts])
+        total, base = reduce(add_totals, [own for _, _, own in parts]), self._base(unknowns)
+        return residual, prediction, total if base is None else add_totals(total, base)
 
     def _cut(self, values: np.ndarray) -> list[np.ndarray]:
         """What belongs to the rows of each chunk."""
@@ -88,7 +88,7 @@ class LongEvaluator:
         """
         work = partial(_sum_parts, self.layout, self.noise.whitener, unknowns, parts)
         pairs = list(zip(self._cut(kept), self._cut(part), strict=True))
-        _, found = map_sums(work, self._chunks, pairs, add_lists)
+        found = reduce(add_lists, map_beside(work, self._chunks, pairs))
         base = self._base(unknowns)
         return found if base is None else [*found[:-1], add_totals(found[-1], base)]
 
@@ -104,7 +104,7 @@ class LongEvaluator:
             (n, 3) in units of noise.
         """
         work = partial(_move_chunk, self.layout, self.noise.whitener, unknowns, steps)
-        return np.concatenate(map_sums(work, self._chunks, self._cut(part), max)[0])
+        return np.concatenate(list(map_beside(work, self._chunks, self._cut(part))))
 
     def _base(self, unknowns: np.ndarray) -> Total | None:
         if self.problem.base is None or not self.layout.frames:
@@ -125,25 +125,28 @@ def add_lists(one: list[Total], other: list[Total]) -> list[Total]:
 
 def _sum_chunk(
     layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, chunk: Problem, kept: np.ndarray
-) -> tuple[tuple[np.ndarray, Prediction], Total]:
+) -> tuple[np.ndarray, Prediction, Total]:
+    """Residual (m, 3), prediction and sums of a chunk of m rows, of which some are kept, (m,) bool."""
     system = build_whitened(layout, chunk, whitener, unknowns)
-    return (system.residual, system.prediction), _rows_alone(system).sums(kept)
+    return system.residual, system.prediction, _rows_alone(system).sums(kept)
 
 
 def _sum_parts(
     layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, parts: int, chunk: Problem,
     own: tuple[np.ndarray, np.ndarray],
-) -> tuple[None, list[Total]]:  # fmt: skip
+) -> list[Total]:  # fmt: skip
+    """Sums over each part of a chunk of m rows, then over those of none; `own` is kept (m,) bool and part (m,) int."""
     system, (kept, part) = _rows_alone(build_whitened(layout, chunk, whitener, unknowns)), own
-    return None, [system.sums(kept & (part == index)) for index in (*range(parts), -1)]
+    return [system.sums(kept & (part == index)) for index in (*range(parts), -1)]
 
 
 def _move_chunk(
     layout: Layout, whitener: np.ndarray, unknowns: np.ndarray, steps: np.ndarray, chunk: Problem, part: np.ndarray
-) -> tuple[np.ndarray, int]:
+) -> np.ndarray:
+    """Residual of a chunk of m rows, (m, 3), with the steps (parts, u) in usual sizes of their parts (m,) int taken."""
     system = build_whitened(layout, chunk, whitener, unknowns)
     change = np.einsum("ncu,nu->nc", system.jacobian, steps[part])
-    return np.where((part >= 0)[:, None], system.residual - change, system.residual), 0
+    return np.where((part >= 0)[:, None], system.residual - change, system.residual)
 
 
 def _rows_alone(system: WhitenedSystem) -> WhitenedSystem:
