@@ -93,6 +93,23 @@ class BaseReadings:
         return np.array([turn for turn, _ in found]), np.array([shift for _, shift in found])
 
 
+@dataclass(frozen=True)
+class BaseFrames:
+    """Where f tracker frames stand by the reflectors that they see in n rows.
+
+    Attributes:
+        rotations: (f, 3, 3), base axes in tracker coordinates.
+        shifts: (f, 3) mm, base origin in tracker coordinates.
+        sound: which rows are sound visits, (n,) bool.
+        apart: (n,) mm, how far rounds of the row's frame lie apart.
+    """
+
+    rotations: np.ndarray
+    shifts: np.ndarray
+    sound: np.ndarray
+    apart: np.ndarray
+
+
 def into_base(reading: np.ndarray, frame: np.ndarray, rotations: np.ndarray, shifts: np.ndarray) -> np.ndarray:
     """Bring readings into the base frame.
 
@@ -136,14 +153,18 @@ def from_poses(
     return rotations, shifts
 
 
-def from_base(
-    file: MachineFile, table: Table, frame: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def from_base(file: MachineFile, table: Table, frame: np.ndarray, count: int) -> BaseFrames:
     """Each frame's best rigid motion from the reflectors that it sees onto their places.
 
-    Returns:
-        R (f, 3, 3), t (f, 3) mm, which rows are sound visits, (n,) bool, and how far rounds of each row's frame lie
-        apart, (n,) mm.
+    Args:
+        file: the machine.
+        table: n rows.
+        frame: (n,) int, frame of each row.
+        count: number of frames.
+
+    Raises:
+        TableError: a reflector that the machine file lacks.
+        TooFewError: a frame that sees too few.
     """
     drawn = {point.name: point for point in file.tracker.base_point}
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
@@ -160,7 +181,7 @@ def from_base(
             np.array([drawn[name].xyz_mm for name in fit]), np.array([np.median(own, axis=0) for own in read])
         )
         apart[frame == index] = visits_apart(read)
-    return rotations, shifts, sound, apart
+    return BaseFrames(rotations, shifts, sound, apart)
 
 
 def untrue_base(file: MachineFile, table: Table) -> str:
@@ -210,9 +231,8 @@ def _sound(file: MachineFile, table: Table, when: Mapping[str, np.ndarray]) -> d
 
 
 def base_readings(
-    file: MachineFile, table: Table, view: View, near: np.ndarray, frame: np.ndarray, sound: np.ndarray,
-    apart: np.ndarray,
-) -> BaseReadings:  # fmt: skip
+    file: MachineFile, table: Table, view: View, near: np.ndarray, frame: np.ndarray, seen: BaseFrames
+) -> BaseReadings:
     """The visits to base reflectors as readings.
 
     Args:
@@ -221,12 +241,11 @@ def base_readings(
         view: the same rows.
         near: readings near the base frame, (n, 3) mm.
         frame: (n,) int, frame of each row.
-        sound: which rows are sound visits, (n,) bool.
-        apart: (n,) mm, how far rounds of the row's frame lie apart.
+        seen: which visits are sound, and how far rounds lie apart.
     """
     names = [point.name for point in file.tracker.base_point]
     place, drawn = (np.array([getattr(p, own) for p in file.tracker.base_point]) for own in ("xyz_mm", "sigma_mm"))
-    rows = np.flatnonzero(sound)
+    rows = np.flatnonzero(seen.sound)
     point = np.array([names.index(name) for name in table.name[rows]])
     apiece = number_rows(np.column_stack([frame[rows], np.cumsum(table.role != "base")[rows]]))
     some = -(-len(rows) // MOST_VISITS)  # rounds that are taken together
@@ -235,9 +254,9 @@ def base_readings(
     total = np.stack([np.bincount(which.ravel(), column) for column in near[rows].T], axis=1)
     kept, order = np.sort(first), np.argsort(first)
     mean, own = (total / np.bincount(which.ravel())[:, None])[order], rows[kept]
-    aside = (table.role == "base") & np.isfinite(table.measured).all(axis=1) & ~sound
-    seen = view.of_rows(torch.as_tensor(own)).at(p=torch.as_tensor(place[point[kept]]))
-    return BaseReadings(seen, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], apart[own], aside)
+    aside = (table.role == "base") & np.isfinite(table.measured).all(axis=1) & ~seen.sound
+    visits = view.of_rows(torch.as_tensor(own)).at(p=torch.as_tensor(place[point[kept]]))
+    return BaseReadings(visits, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], seen.apart[own], aside)
 
 
 def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> list[str]:

@@ -155,28 +155,24 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
         refuse_untrue(table, view, stated_in, used)
     if used.sum() < 4:
         raise TooFewError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
-    frame = (
-        np.asarray(table.run, dtype=int)
-        if policy in ("fitted-per-run", "measured")
-        else np.zeros(table.rows, dtype=int)
-    )
+    fitted, of_runs = policy in ("fitted", "fitted-per-run"), policy in ("fitted-per-run", "measured")
+    frame = np.asarray(table.run, dtype=int) if of_runs else np.zeros(table.rows, dtype=int)
     count = int(frame.max()) + 1
     mount = mount_of_rows(file, table)
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-    base = None
-    if policy == "measured":
-        rotations, shifts, sound, apart = from_base(file, table, frame, count)
+    seen = from_base(file, table, frame, count) if policy == "measured" else None
+    if seen is not None:
+        rotations, shifts = seen.rotations, seen.shifts
     if mount.max() >= 0:
         near = into_base(table.measured, frame, rotations, shifts)
-        view = find_mounts(view, near, used, mount, frame, free=policy not in ("trusted", "measured"))
-    if policy in ("fitted", "fitted-per-run"):
+        view = find_mounts(view, near, used, mount, frame, free=fitted)
+    if fitted:
         rotations, shifts = from_poses(view, table, read, frame, count)
     measured = into_base(table.measured, frame, rotations, shifts)
     # Encoders that report where an arm stands differ a little from repeat to repeat, and so does its place.
     scatter = measured - view.p.numpy() if file.machine.kind == "serial" else measured
     noise = given_noise(table, scatter, view.direction.numpy(), file.tracker.sigma_mm)
-    if policy == "measured":
-        base = base_readings(file, table, view, measured, frame, sound, apart)
+    base = None if seen is None else base_readings(file, table, view, measured, frame, seen)
     frames = 0 if policy == "trusted" else count
     mounts = int(mount.max()) + 1
     return Problem(
