@@ -119,42 +119,41 @@ def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
         The prediction and d reading / d theta.
     """
     links = terms if crossed else ()
-    slots = len(view.mechanism.slots)
-    drive = [differentiate(e, theta, view) if e.stage == "drive" else None for e, theta in terms]
-    q = view.q + sum((item[0] for item in drive if item), torch.zeros_like(view.q))
+    shift, drive = _differentiate_stage(terms, "drive", view, view.q)
+    q = view.q + shift
     at_joints = view.at(q=q)
-    geometry = view.q.new_zeros(1, slots)
-    shaped = [differentiate(e, theta, at_joints) if e.stage == "geometry" else None for e, theta in terms]
-    geometry = geometry + sum((item[0] for item in shaped if item), torch.zeros_like(geometry))
+    nominal = view.q.new_zeros(1, len(view.mechanism.slots))
+    geometry, shaped = _differentiate_stage(terms, "geometry", at_joints, nominal)
     p, joint, by_slot = sensitivity(view.mechanism, q, view.mounted(geometry))
-    by_joint = joint
-    moving = _by_input(links, "geometry", q, lambda x: view.at(q=x))
-    if moving is not None:
-        by_joint = by_joint + by_slot @ moving
+    slots_by_joint = _by_input(links, "geometry", q, lambda x: view.at(q=x))
+    by_joint = joint if slots_by_joint is None else joint + by_slot @ slots_by_joint
     at_tool = at_joints.at(p=p)
-    carried = [differentiate(e, theta, at_tool) if e.stage == "structure" else None for e, theta in terms]
-    after = _by_input(links, "structure", p, lambda x: at_joints.at(p=x))
-    raised = _by_input(links, "structure", q, lambda x: at_tool.at(q=x))
-    actual = p + sum((item[0] for item in carried if item), torch.zeros_like(p))
+    shift, carried = _differentiate_stage(terms, "structure", at_tool, p)
+    bent_by_tool = _by_input(links, "structure", p, lambda x: at_joints.at(p=x))
+    bent_by_joint = _by_input(links, "structure", q, lambda x: at_tool.at(q=x))
+    actual = p + shift
     at_target = at_joints.at(p=actual)
-    read = [differentiate(e, theta, at_target) if e.stage == "metrology" else None for e, theta in terms]
-    seen = _by_input(links, "metrology", actual, lambda x: at_joints.at(p=x))
-    reading = actual + sum((item[0] for item in read if item), torch.zeros_like(p))
-    blocks, chain = [], Chain(view, at_joints, at_target, joint, by_slot, reading)
-    for d, g, s, m in zip(drive, shaped, carried, read, strict=True):
-        block = by_joint @ d[1] if d else _through(by_slot, g[1]) if g else s[1] if s else m[1] if m else None
-        assert block is not None
-        if after is not None and (d or g):
-            block = block + after @ block
-        if raised is not None and d:
-            block = block + raised @ d[1]
-        if seen is not None and not m:
-            block = block + seen @ block
-        blocks.append(block)
-    jacobian = torch.cat(blocks, dim=-1) if blocks else reading.new_zeros(view.rows, 3, 0)
+    shift, read = _differentiate_stage(terms, "metrology", at_target, p)
+    read_by_tool = _by_input(links, "metrology", actual, lambda x: at_joints.at(p=x))
+    reading = actual + shift
+
+    # Each stage's own derivatives join those of the stages before, which it carries on.
+    blocks = {place: by_joint @ slope for place, slope in drive.items()}
+    blocks |= {place: _through(by_slot, slope) for place, slope in shaped.items()}
     by_mount = by_slot[..., -3:]
-    for further in (after, seen):
-        by_mount = by_mount if further is None else by_mount + further @ by_mount
+    if bent_by_tool is not None:
+        blocks = {place: block + bent_by_tool @ block for place, block in blocks.items()}
+        by_mount = by_mount + bent_by_tool @ by_mount
+    if bent_by_joint is not None:
+        blocks |= {place: blocks[place] + bent_by_joint @ slope for place, slope in drive.items()}
+    blocks |= carried
+    if read_by_tool is not None:
+        blocks = {place: block + read_by_tool @ block for place, block in blocks.items()}
+        by_mount = by_mount + read_by_tool @ by_mount
+    blocks |= read
+    columns = [blocks[place] for place in range(len(terms))]
+    jacobian = torch.cat(columns, dim=-1) if columns else reading.new_zeros(view.rows, 3, 0)
+    chain = Chain(view, at_joints, at_target, joint, by_slot, reading)
     return Linearised(Prediction(q, geometry, actual, reading), jacobian, by_mount, chain)
 
 
@@ -218,6 +217,13 @@ def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Te
             continue
         columns.append(effect.slope_by(parameter.stem, theta[:linear], view, shape))
     return weigh(basis, theta[:linear]), columns[0] if len(columns) == 1 else torch.cat(columns, dim=-1)
+
+
+def _differentiate_stage(terms: Shifts, stage: str, view: View, like: Tensor) -> tuple[Tensor, dict[int, Tensor]]:
+    """Total shift of a stage, (n, out); of each of its effects, by place among all, the own derivative (n, out, P)."""
+    here = {i: differentiate(e, theta, view) for i, (e, theta) in enumerate(terms) if e.stage == stage}
+    total = sum((shift for shift, _ in here.values()), torch.zeros_like(like))
+    return total, {place: slope for place, (_, slope) in here.items()}
 
 
 def _through(by_slot: Tensor, basis: Tensor) -> Tensor:
