@@ -1,7 +1,7 @@
 """Effects as atoms: what their values share, how large they may be, and what their name costs."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from torch import Tensor
@@ -9,6 +9,7 @@ from torch import Tensor
 from ptt.diagnosis.evidence.atoms import EFFECT_ODDS, SHAPE_POWER, Atom, causes, is_sudden
 from ptt.effects import Effect
 from ptt.effects.layout import shape_of
+from ptt.effects.parameter import Parameter
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem
@@ -104,23 +105,59 @@ def effect_atom(
         free: of all its values those that have a column, bool; None for as many of the first as there are columns.
     """
     chosen = slice(0, len(columns)) if free is None else free
-    group, bounded, held, joint, detail, within = _kinds_of_values(effect, problem, chosen)
-    group = np.unique(group, return_inverse=True)[1].reshape(-1)
+    kinds = _kinds_of_values(effect, problem.view.joints, chosen)
+    joint, within = kinds.joint, kinds.within
+    group = np.unique(kinds.group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
-    most[group[held]] = LARGEST_HELD
+    most[group[kinds.near_zero]] = LARGEST_HELD
     # Lengths and angles of a link are causes each of its own: one link off in all is no plainer than several in one.
     one_kind = len({parameter.unit for parameter in effect.parameters if parameter.role == "linear"}) == 1
     alike = one_kind and len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
-    fine = np.isin(np.arange(len(most)), group[detail])
+    fine = np.isin(np.arange(len(most)), group[kinds.fine])
     return Atom(
-        key, effect.key, columns, group, most, odds, bounded, effect, shape,
+        key, effect.key, columns, group, most, odds, kinds.non_negative, effect, shape,
         joint=joint if alike else None, leg=_legs(group, joint), fine=fine if fine.any() else None,
         reach=effect.reach(problem.view), within=within if np.isfinite(within).any() else None,
     )  # fmt: skip
 
 
-def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slice) -> tuple[np.ndarray, ...]:
-    """Of each value: variance, whether it cannot be negative, is near zero by definition, whose, if detail, how large.
+@dataclass(frozen=True)
+class ValueKinds:
+    """Of what kind each of w values of an effect is.
+
+    Attributes:
+        group: values of one number share a variance, (w,) int.
+        non_negative: whether it cannot be negative, (w,) bool.
+        near_zero: whether the effect is defined without it, so that it is near zero, (w,) bool.
+        joint: number of the joint that it belongs to, -1 for none, (w,) int.
+        fine: whether it is fine detail, (w,) bool.
+        within: sizes that its cause can have, lowest and highest, (w, 2) in usual sizes.
+    """
+
+    group: np.ndarray
+    non_negative: np.ndarray
+    near_zero: np.ndarray
+    joint: np.ndarray
+    fine: np.ndarray
+    within: np.ndarray
+
+
+def _kinds_of_values(effect: Effect, joints: int, chosen: np.ndarray | slice) -> ValueKinds:
+    """Kinds of the chosen ones among all values of an effect on a mechanism with k joints."""
+    each = effect.parameters
+    sizes = [parameter.size(joints) for parameter in each]
+    return ValueKinds(
+        group=_groups(effect, joints)[chosen],
+        non_negative=np.repeat([parameter.lower >= 0.0 for parameter in each], sizes)[chosen],
+        near_zero=np.repeat([parameter.held and not parameter.lent for parameter in each], sizes)[chosen],
+        joint=np.concatenate([_joint_of(parameter, joints) for parameter in each])[chosen],
+        fine=np.repeat([parameter.fine for parameter in each], sizes)[chosen],
+        within=np.repeat([parameter.within or (-np.inf, np.inf) for parameter in each], sizes, axis=0)[chosen],
+    )
+
+
+def _groups(effect: Effect, joints: int) -> np.ndarray:
+    """Number of each value's variance, (w,).
 
     Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
     superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
@@ -128,11 +165,9 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
     spot or a step of it a law tells. What is kept near zero has one a joint altogether: where zero lies divides cosines
     from sines, which nature does not; waves have one for each band of how often they come.
     """
-    joints, first, curves = problem.view.joints, 1, 0
+    group, first, curves = list[np.ndarray](), 1, 0
     bands = 1 + max((number for parameter in effect.parameters for number in parameter.bands), default=0)
-    group, bounded, held, joint, detail, within = list[np.ndarray](), [], [], [], [], []
     for parameter in effect.parameters:
-        size = parameter.size(joints)
         if parameter.role == "linear" and parameter.per_joint and parameter.count > 1 and not parameter.fine:
             curves = curves or first
             band = np.array(parameter.bands or (0,) * parameter.count)
@@ -143,15 +178,16 @@ def _kinds_of_values(effect: Effect, problem: Problem, chosen: np.ndarray | slic
             first += joints
         else:
             own = parameter.held or parameter.role != "linear"
-            group.append(np.full(size, first if own else 0))
+            group.append(np.full(parameter.size(joints), first if own else 0))
             first += 1
-        bounded.append(np.full(size, parameter.lower >= 0.0))
-        held.append(np.full(size, parameter.held and not parameter.lent))
-        own_joint = parameter.per_joint and size == joints * parameter.count
-        joint.append(np.repeat(np.arange(joints), parameter.count) if own_joint else np.full(size, -1))
-        detail.append(np.full(size, parameter.fine))
-        within.append(np.tile(parameter.within or (-np.inf, np.inf), (size, 1)))
-    return tuple(np.concatenate(each)[chosen] for each in (group, bounded, held, joint, detail, within))
+    return np.concatenate(group)
+
+
+def _joint_of(parameter: Parameter, joints: int) -> np.ndarray:
+    """Of each value of a parameter the joint that it belongs to; -1 for none."""
+    size = parameter.size(joints)
+    own = parameter.per_joint and size == joints * parameter.count
+    return np.repeat(np.arange(joints), parameter.count) if own else np.full(size, -1)
 
 
 def _legs(group: np.ndarray, joint: np.ndarray) -> np.ndarray | None:
