@@ -156,3 +156,12 @@ def test_bad_mapping_files(tmp_path: Path, text: str, message: str) -> None:
 def test_bad_meaning_in_a_mapping() -> None:
     with pytest.raises(TableError, match="unknown meaning 'colour'"):
         read_any(FIXTURES / "chinese.csv", Request(mapping=Mapping(columns={"备注": "colour"})))
+
+
+def test_a_column_that_is_set_aside_may_have_the_title_that_another_one_has_the_values_of(tmp_path: Path) -> None:
+    """What is ignored stays as it is written, and what is read in its place is not confused with it."""
+    path = tmp_path / "export.csv"
+    path.write_text("X2,x_meas,y_meas,z_meas\n1.5,-,2,3\n1.6,-,2,4\n")
+    found = read_any(path, Request(mapping=Mapping(columns={"x_meas": "ignore", "X2": "x_meas"}, units={"X2": "mm"})))
+    assert_allclose(found.columns["x_meas"], [1.5, 1.6])
+    assert_array_equal(found.extra["x_meas"], ["-", "-"])

@@ -1,5 +1,7 @@
 """What one run says of a model's parameters, in a form that adds up over runs."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ptt.effects.dated import is_dated
@@ -24,9 +26,9 @@ def told_by(fitted: FitResult) -> Testimony:
         Information and score of p values.
     """
     layout = fitted.layout
-    keep, names, labels, units = _own_values(fitted)
+    named = _own_values(fitted)
     shape = layout.searched
-    own, rest = np.flatnonzero(keep & ~shape), np.flatnonzero(~keep & ~shape)
+    own, rest = np.flatnonzero(named.own & ~shape), np.flatnonzero(~named.own & ~shape)
     gram, amplitudes = fitted.information, np.where(shape, 0.0, fitted.unknowns)
     # The rows' own gradient at the fit is what the prior holds against. What a curve's definition keeps near zero is in
     # the information as a reading of zero, which has no score.
@@ -36,8 +38,8 @@ def told_by(fitted: FitResult) -> Testimony:
     information = 0.5 * (information + information.T) / fitted.scatter
     usual = layout.scale[own]
     return Testimony(
-        names, labels, units, usual, information, (score[own] - follow.T @ score[rest]) / fitted.scatter,
-        fitted.values[own], _seen_std(information) * usual,
+        named.names, named.labels, named.units, usual, information,
+        (score[own] - follow.T @ score[rest]) / fitted.scatter, fitted.values[own], _seen_std(information) * usual,
     )  # fmt: skip
 
 
@@ -49,15 +51,31 @@ def _seen_std(information: np.ndarray) -> np.ndarray:
     return np.where(np.diag(seen) > 1e-6, np.sqrt(np.maximum(variance, 0.0)), np.nan)
 
 
-def _own_values(fitted: FitResult) -> tuple[np.ndarray, tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Which unknowns are the machine's, (u,) bool, and names, labels and units of those that are not searched."""
+@dataclass(frozen=True)
+class OwnValues:
+    """Which of a fit's unknowns are the machine's, and the names of those p among them that are not searched.
+
+    Attributes:
+        own: (u,) bool, which are.
+        names: 'effect parameter', p of them.
+        labels: the same for a person.
+        units: of each.
+    """
+
+    own: np.ndarray
+    names: tuple[str, ...]
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+def _own_values(fitted: FitResult) -> OwnValues:
     layout, kind, joints = fitted.layout, fitted.model.file.machine.kind, fitted.model.joints
-    keep = np.zeros(len(layout.owner), dtype=bool)
+    own = np.zeros(len(layout.owner), dtype=bool)
     names, labels, units = list[str](), list[str](), list[str]()
     for index, (term, free) in enumerate(zip(layout.terms, layout.free, strict=True)):
         if is_dated(term.effect):
             continue
-        keep |= layout.owner == index
+        own |= layout.owner == index
         noun = term.effect.arm_noun if kind == "serial" else term.effect.noun
         local = iter(zip(parameter_names(term.effect, kind, joints), free, strict=True))
         for parameter in (declared.on(kind) for declared in term.effect.parameters):
@@ -67,7 +85,7 @@ def _own_values(fitted: FitResult) -> tuple[np.ndarray, tuple[str, ...], tuple[s
                     names.append(f"{term.effect.key} {name}")
                     labels.append(f"{term.effect.key}: {_label(parameter, name, noun)}")
                     units.append(parameter.unit)
-    return keep, tuple(names), tuple(labels), tuple(units)
+    return OwnValues(own, tuple(names), tuple(labels), tuple(units))
 
 
 def _label(parameter: Parameter, name: str, noun: str) -> str:

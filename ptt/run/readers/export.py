@@ -86,13 +86,16 @@ def read_raw(raw: RawText, request: Request) -> Export:
         _refuse_unknown(raw, titles)
     if request.purpose == "run":
         _refuse_single(raw)
-    values, columns, dates, time_note = _values(raw, columns, request)
-    columns = [column for column in columns if not _is_nothing(column, values)]
-    copies = _copies(raw, values) if request.purpose == "run" else []
+    cells = read_cells(raw, columns)
+    every = [_read_column(raw, column, cells[column.index], request) for column in columns]
+    read = [one for one in every if not _is_nothing(one)]
+    known = {one.column.quantity: one.values for one in read if one.column.quantity}
+    extra = {one.column.title: one.values for one in read if not one.column.quantity}
+    notes += [note for one in read for note in one.notes]
+    notes += _copies(raw, known) if request.purpose == "run" else []
+    dates = next((one.dates for one in read if one.dates), None)
     raw = replace(raw, delimiter=delimiter)
-    understood = _understood(raw, columns, [*notes, *time_note, *copies], dates, request.mapping)
-    extra = {column.title: values[column.title] for column in columns if not column.quantity}
-    known = {column.quantity: values[column.quantity] for column in columns if column.quantity}
+    understood = _understood(raw, [one.column for one in read], notes, dates, request.mapping)
     return Export(raw.source, known, extra, raw.line, understood)
 
 
@@ -113,39 +116,46 @@ def read_titles(path: str | Path, request: Request) -> tuple[RawText, tuple[str,
     return titles_of(reshape(raw)[0] if is_spatial_analyzer(raw) else raw)
 
 
-def _values(
-    raw: RawText, columns: list[Column], request: Request
-) -> tuple[dict[str, np.ndarray], list[Column], str | None, list[str]]:
-    """Values by quantity, by title for columns kept aside; damaged time stamps join the latter."""
-    cells = read_cells(raw, columns)
-    values, kept, dates, notes = dict[str, np.ndarray](), list[Column](), None, list[str]()
-    for column in columns:
-        content = cells[column.index]
-        if not column.quantity:
-            values[column.title] = content
-        elif column.unit == "stamp":
-            asked = request.mapping.dates, request.ask, raw.source
-            seconds, note, dates = read_seconds(content, raw.line, raw.decimal, *asked)
-            if seconds is not None:
-                refuse_beyond(raw, column, seconds)
-            notes.append(f"{column.title}: {note}")
-            values |= {column.title: content} if seconds is None else {column.quantity: seconds}
-            column = replace(column, quantity="") if seconds is None else column
-        elif content.dtype.kind == "f":
-            values[column.quantity] = to_standard(content, column.quantity, column.unit)
-            if column.quantity == "time":
-                values[column.quantity], night = through_a_night(values[column.quantity])
-                notes += [f"{column.title}: seconds{night}"] if night else []
-            refuse_beyond(raw, column, values[column.quantity])
-        else:
-            values[column.quantity] = content
-        kept.append(column)
-    return values, kept, dates, notes
+@dataclass(frozen=True)
+class ReadColumn:
+    """A column of a file, read.
+
+    Attributes:
+        column: what it is; without a quantity where its values are kept aside as they are written.
+        values: (n,) in the program's unit, or str.
+        dates: order of day and month in its stamps, where that was needed.
+        notes: what is to be said of it.
+    """
+
+    column: Column
+    values: np.ndarray
+    dates: str | None = None
+    notes: tuple[str, ...] = ()
 
 
-def _is_nothing(column: Column, values: dict[str, np.ndarray]) -> bool:
+def _read_column(raw: RawText, column: Column, content: np.ndarray, request: Request) -> ReadColumn:
+    """A column from its cells, (n,) numbers or str; damaged time stamps are kept aside."""
+    if column.quantity and column.unit == "stamp":
+        asked = request.mapping.dates, request.ask, raw.source
+        seconds, note, dates = read_seconds(content, raw.line, raw.decimal, *asked)
+        notes = (f"{column.title}: {note}",)
+        if seconds is None:
+            return ReadColumn(replace(column, quantity=""), content, dates, notes)
+        refuse_beyond(raw, column, seconds)
+        return ReadColumn(column, seconds, dates, notes)
+    if not column.quantity or content.dtype.kind != "f":
+        return ReadColumn(column, content)
+    values, night = to_standard(content, column.quantity, column.unit), ""
+    if column.quantity == "time":
+        values, night = through_a_night(values)
+    refuse_beyond(raw, column, values)
+    return ReadColumn(column, values, notes=(f"{column.title}: seconds{night}",) if night else ())
+
+
+def _is_nothing(read: ReadColumn) -> bool:
     """Whether a column has neither a title nor a cell with something in it: a delimiter that ends every line."""
-    return column.title == untitled(column.index) and not column.quantity and not (values[column.title] != "").any()
+    column = read.column
+    return column.title == untitled(column.index) and not column.quantity and not (read.values != "").any()
 
 
 def _refuse_unknown(raw: RawText, titles: tuple[str, ...]) -> None:
