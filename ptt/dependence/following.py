@@ -21,6 +21,9 @@ PERMUTATIONS = 128
 MOST_ROWS = 3000  # more rows than this are thinned: the test is sharp enough
 FAR = 6.0  # robust standard deviations at which a residual is cut off
 NEAR = 0.9  # shares closer than this ratio are a tie
+KNOWN = 0.8  # share of the rows that know a variable, below which it is mostly gaps
+FLAT = 1e-9  # range, in whatever unit, below which a variable is constant but for rounding
+OTHERS = 3  # rows beside the commonest value, below which a variable hardly varies
 
 
 def dependence_of(problem: Problem, residual: np.ndarray, *, seed: int = 0) -> tuple[Dependence, ...]:
@@ -127,10 +130,11 @@ def _tidy(contexts: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.nda
     for name, column in contexts.items():
         values = np.asarray(column, dtype=float)[rows]
         known = np.isfinite(values)
-        if known.mean() < 0.8:
+        if known.mean() < KNOWN:
             continue
         values = np.interp(rows, rows[known], values[known])
-        if np.ptp(values) > 1e-9 and min(np.unique(values, return_counts=True)[1].max(), len(rows)) <= len(rows) - 3:
+        commonest = np.unique(values, return_counts=True)[1].max()
+        if np.ptp(values) > FLAT and len(rows) - commonest >= OTHERS:
             tidy[name] = values
     return tidy
 

@@ -26,6 +26,9 @@ from ptt.model.chain import Chain, signature
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
+LONG_SEARCH = 12  # shapes, from which some of them stand for all
+FEW_SHAPES = 6  # of these one stands for all
+
 Shape = Mapping[str, Tensor]
 Shapes = Sequence[Shape] | Mapping[str, Sequence[Shape]]
 
@@ -258,12 +261,12 @@ def held_values(effect: Effect, problem: Problem) -> np.ndarray:
 
 
 def few_shapes(trials: Sequence[ShapeTrial], simple: np.ndarray) -> np.ndarray:
-    """The present model's columns and every candidate's, of long searches only every sixth shape."""
+    """The present model's columns and every candidate's, of long searches only the middle one of every few shapes."""
     seen: dict[str, int] = {}
     chosen = [simple]
     for trial in trials:
         number = seen.get(trial.effect.key, 0)
         seen[trial.effect.key] = number + 1
-        if trial.trials < 12 or number % 6 == 3:
+        if trial.trials < LONG_SEARCH or number % FEW_SHAPES == FEW_SHAPES // 2:
             chosen.append(trial.columns)
     return np.concatenate(chosen).astype(int)

@@ -17,6 +17,8 @@ ALIKE = 0.95  # how far a pattern must lie in the confounded space to lend it it
 CORRELATED = 0.9
 SMALL = 0.1  # motions below this share of the largest are not named
 NEW = 0.5  # length of what a combination must add to those told already
+NO_PATTERN = 3.0  # cost of an effect that no pattern describes; that of one with a pattern is 1 to 1.5
+MOST_MEMBERS, MEMBER = 4, 0.3  # of a combination without a pattern; and their least share of the largest
 PULL = 1e-6  # prior on what imitates, in usual sizes, that keeps free directions finite
 
 
@@ -235,7 +237,7 @@ def _effect_words(whole: np.ndarray, owner: int, fitted: FitResult) -> tuple[str
     best = max(_patterns(fitted, owner, columns), key=lambda pattern: abs(float(pattern.vector @ part)))
     if abs(float(best.vector @ part)) > ALIKE * length:
         return f"{key} ({best.words})", 1.0 + best.cost
-    return key, 3.0
+    return key, NO_PATTERN
 
 
 def _complement(direction: np.ndarray) -> np.ndarray:
@@ -247,8 +249,8 @@ def _rest(layout: Layout, left: np.ndarray) -> list[Combination]:
     """Combinations that no pattern describes, by their largest members."""
     rest = []
     for direction in left.T:
-        order = np.argsort(-np.abs(direction))[:4]
-        big = [i for i in order if abs(direction[i]) > 0.3 * abs(direction[order[0]])]
+        order = np.argsort(-np.abs(direction))[:MOST_MEMBERS]
+        big = [i for i in order if abs(direction[i]) > MEMBER * abs(direction[order[0]])]
         lead = next((i for i in big if layout.owner[i] >= 0), None)
         if lead is None:
             continue

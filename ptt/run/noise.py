@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 NEAR_IN_TIME = 1800.0  # s: repeats further apart than this have seen drift and warmth come between
+ROUNDS = 6  # of leaving out repeats that are far off
+CHANCE = 1e-3  # that the farthest of all repeats is left out where all are sound
 ENOUGH = 30  # degrees of freedom below which repeats alone do not make a noise floor
 ROUNDING = 1e-9  # of the summed variances: what scatters by less in some direction than others' rounding
 NOTHING = 1e-18  # mm^2: no reading is better than a nanometre
@@ -139,13 +141,13 @@ def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
     """Scatter of readings (m, 3) about the means of their groups (m,); None with fewer than `ENOUGH` degrees."""
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     kept = np.ones(len(values), dtype=bool)
-    for _ in range(6):
+    for _ in range(ROUNDS):
         deviation, freedom = _deviations(values[kept], group[kept])
         if freedom < ENOUGH:
             return None
         covariance = deviation.T @ deviation / freedom
         scale = _spread_robustly(deviation, group[kept])
-        far = ((deviation / scale) ** 2).max(axis=1) > chi2_isf(1e-3 / len(values), 1)
+        far = ((deviation / scale) ** 2).max(axis=1) > chi2_isf(CHANCE / len(values), 1)
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False

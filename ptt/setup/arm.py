@@ -27,6 +27,7 @@ LEADERS = 4
 PLACES, MOST_PLACES = 12, 24  # rows at which a missed reading is tried, roughly and closely
 TURNS = {"90 deg": np.pi / 2.0, "-90 deg": -np.pi / 2.0, "180 deg": np.pi}
 TIE = 1.5
+TURN = 7.0  # a whole turn in radians and some more: angles in degrees are larger
 SAME = ("z negated", "y and z swapped")  # of the ways to mirror readings, all one where the frame is free
 LEAST_MM = 0.01  # agreement beyond this is no further proof
 Judged = tuple[float, list[Hypothesis], Setup]
@@ -126,7 +127,7 @@ def _mistakes(setup: Setup) -> Iterator[Hypothesis]:
     for words, factor in (("degrees", np.pi / 180.0), ("radians", 180.0 / np.pi)):
         fix = "rename the columns (q1_cmd_deg, ...)" if words == "degrees" else "rename the columns (q1_cmd_rad, ...)"
         yield Hypothesis("angle-unit", f"the joint columns taken as {words}", fix, _driven(np.eye(count) * factor))
-    if 0.0 < max(abs(joint.alpha_deg) for joint in spec.joint) < 7.0:
+    if 0.0 < max(abs(joint.alpha_deg) for joint in spec.joint) < TURN:
         fix = "turn alpha_deg and theta_offset_deg of the machine file into degrees"
         yield Hypothesis("angle-unit", "the machine file's angles taken as radians", fix, _in_degrees)
     yield from _orders(count)

@@ -16,6 +16,8 @@ STATED_TOO_LARGE, SCATTER_TOO_LARGE = 20.0, 10.0
 LARGE = 0.2  # mm: no noise below is called implausibly large
 BEYOND_ALL = 5.0  # times all that readings are off by, faults included: an accuracy stated at three sigma is within
 ROWS = 30  # readings that a rigid motion cannot follow
+FEWEST = 10  # repeats, below which they say nothing of the scatter
+SAME = 2e-3  # mm: places that round to neighbouring micrometres are one
 MEDIAN_3D = 1.538  # of the length of a vector of three coordinates with sigma 1
 
 
@@ -109,7 +111,7 @@ def repeat_scatter(setup: Setup, still: bool = False) -> tuple[float, int] | Non
 
     Returns:
         Scatter, by the median so that what changed between visits counts little, and how many repeats; None where
-        there are fewer than ten.
+        there are fewer than `FEWEST`.
     """
     place, reading = places(setup), setup.table.measured
     if still:
@@ -121,15 +123,15 @@ def repeat_scatter(setup: Setup, still: bool = False) -> tuple[float, int] | Non
     key = np.column_stack([np.round(place, 3), arrival, *beside])
     good = np.isfinite(key).all(axis=1) & np.isfinite(reading).all(axis=1)
     key, reading = key[good], reading[good]
-    if len(key) < 10:
+    if len(key) < FEWEST:
         return None
     order = np.lexsort(key.T)
-    same = (np.abs(np.diff(key[order], axis=0)) < 2e-3).all(axis=1)
+    same = (np.abs(np.diff(key[order], axis=0)) < SAME).all(axis=1)
     return _scatter(np.diff(reading[order], axis=0)[same])
 
 
 def _scatter(apart: np.ndarray) -> tuple[float, int] | None:
     """Standard deviation of one reading by differences between two."""
-    if len(apart) < 10:
+    if len(apart) < FEWEST:
         return None
     return float(median_sigma(apart) / np.sqrt(2.0)) + 1e-9, len(apart)

@@ -20,6 +20,8 @@ MOST_SLIPS, HELPS = 3, 0.9  # of the mean distance: what each further slip has t
 BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
 MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
 SEEN_GAP = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no reading stands beside another row
+BOTH = 0.8  # of the rows: where every second one has a reading, few have one before and after a slip
+MOST_OFF = 0.6  # of the rows: where more are off, none of them is a block
 AT_ONCE = 200_000  # rows of all starts that are aligned together: 100 MB
 ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
 
@@ -227,7 +229,7 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
         return 0.0, np.inf
     known[1] &= distances[1] <= TRIM * np.nanmedian(distances[1]) + 1e-9
     both = known.all(axis=0)
-    if both.sum() > 0.8 * known.sum(axis=1).min():  # where every second row has a reading, few have one in both
+    if both.sum() > BOTH * known.sum(axis=1).min():
         known[:] = both
     before, after = (float(np.sqrt(np.mean(of[rows] ** 2))) for of, rows in zip(distances, known, strict=True))
     return before, after
@@ -266,7 +268,7 @@ def _best_start(
 def _bad_blocks(left: np.ndarray) -> list[np.ndarray]:
     """Stretches of rows that are off, as index arrays; none where most rows are."""
     off = np.linalg.norm(left, axis=1) > BLOCK_SHIFT / 2.0
-    if off.mean() > 0.6:
+    if off.mean() > MOST_OFF:
         return []
     edges = np.flatnonzero(np.diff(np.r_[0, off.astype(int), 0]))
     blocks = [np.arange(start, end) for start, end in zip(edges[::2], edges[1::2], strict=True)]
