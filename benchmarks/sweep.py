@@ -20,7 +20,6 @@ import os
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 import pandas as pd
 import torch
-from sweep_judge import fitted_model, judge_names, leading, printed_heldout, pulls, reached, statements, verdict_right
+from sweep_judge import judge_names, leading, printed_heldout, pulls, reached, statements, verdict_right
 from sweep_report import NOISE_FREE, summary
 
 from ptt.challenge.cases import Case, draw, plan
@@ -49,7 +48,7 @@ BLANK: dict[str, Any] = {"rows": 0, "noise": "", "path": "", "hidden": {}, "coun
 
 def reach_again(result: Any, drawn: DrawnRig, truth: Truth, frame: pd.DataFrame) -> dict[str, Any]:
     """Close the loop with the model of a diagnosis, at the targets of its own run."""
-    return {"tool": reached(fitted_model(result), drawn, truth, printed_heldout(result.to_dict()))}
+    return {"tool": reached(result.model, drawn, truth, printed_heldout(result.to_dict()))}
 
 
 def run_case(case: Case, close: Closing = reach_again) -> dict[str, Any]:
@@ -161,7 +160,7 @@ def main() -> None:
     }
     cases = plan(args.level, args.count, args.start, kinds=args.kinds, noise=args.noise, **shared)
     if args.fault:
-        cases = [replace(case) for case in cases if args.fault in case.faults]
+        cases = [case for case in cases if args.fault in case.faults]
     follow(cases, args.level, args.out, args.jobs)
 
 

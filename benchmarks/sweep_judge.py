@@ -54,12 +54,6 @@ SAME_OF_ARM: dict[str, dict[str, tuple[str, float]]] = {
 }
 
 
-def fitted_model(result: Any) -> Model:
-    """The model of a diagnosis's steps."""
-    model = getattr(result, "model", None)
-    return model if model is not None else result.path.end.fitted.model
-
-
 def judge_names(named: Sequence[Sequence[str]], truth: Truth, drawn: DrawnRig) -> dict[str, Any]:
     """Names against what is hidden.
 

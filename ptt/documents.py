@@ -45,20 +45,19 @@ def parse_toml(text: str, where: str, error: type[InputError] = InputError, fix:
     return document
 
 
-def parse_json(text: str | bytes, where: str, error: type[InputError] = InputError, fix: str = "mend it") -> Any:
+def parse_json(text: str | bytes, where: str, *, fix: str = "mend it") -> Any:
     """Parse JSON that may have been damaged or edited.
 
     Args:
         text: JSON.
         where: name of the file for messages.
-        error: which error to raise.
         fix: the way out where it is no JSON.
 
     Returns:
         The value, at most `DEEPEST` levels, every number finite and no whole number beyond 64 bits.
 
     Raises:
-        InputError: it is not (as the given `error` type).
+        InputError: it is not.
     """
 
     def refuse(sign: str) -> None:
@@ -68,10 +67,10 @@ def parse_json(text: str | bytes, where: str, error: type[InputError] = InputErr
         value = json.loads(text, parse_constant=refuse)
     except (ValueError, RecursionError) as failed:
         why = "too many levels of brackets" if isinstance(failed, RecursionError) else str(failed)
-        raise error(f"not valid JSON ({why})", where=where, fix=fix) from None
-    for key, item in walk(value, where, error):
+        raise InputError(f"not valid JSON ({why})", where=where, fix=fix) from None
+    for key, item in walk(value, where, InputError):
         if isinstance(item, int | float) and not abs(item) < 2**1023:
-            raise error("a number beyond all bounds", where=f"{where} key {key}", fix=fix)
+            raise InputError("a number beyond all bounds", where=f"{where} key {key}", fix=fix)
     return value
 
 

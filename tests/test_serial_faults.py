@@ -11,6 +11,7 @@ from ptt.effects.registry import library, make_effect
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
+from ptt.plan import separation
 from ptt.plan.separation import plan_separation
 from ptt.rig.draw_arm import ARM_FAULTS, NAMES, ArmFault, draw_arm
 from ptt.rig.serial_arm import ArmFaults, ArmRig
@@ -92,7 +93,7 @@ def test_few_phases_of_the_gear_are_asked_for_in_words_of_an_arm() -> None:
     assert lack is not None and "gear_period_rad" in lack and "height" not in lack
 
 
-def test_next_poses_part_what_a_run_of_an_arm_confuses() -> None:
+def test_next_poses_part_what_a_run_of_an_arm_confuses(monkeypatch: pytest.MonkeyPatch) -> None:
     """A payload that never changes makes yielding joints and links that are off alike near one posture."""
     file = arm("ur10")
     run = draw_arm(file.machine, "compliance", 4, rows=60)
@@ -100,7 +101,8 @@ def test_next_poses_part_what_a_run_of_an_arm_confuses() -> None:
     load = np.full(60, 3.0)
     problem = build_problem(file, make_table(None, q, run.rig.measure(q, load, run.temp_c, 1), payload_kg=load))
     fitted = fit(Model(file) + make_effect(library(), "axis-compliance"), problem)
-    plan = plan_separation(fitted, problem, [("axis-compliance", "homing-offset")], library(), most_rows=24)
+    monkeypatch.setattr(separation, "MOST_ROWS", 24)
+    plan = plan_separation(fitted, problem, [("axis-compliance", "homing-offset")], library())
     assert plan is not None and plan.targets is not None and plan.targets.command is not None
     assert plan.targets.command.shape[1] == 6 and plan.targets.rows <= 24 + 4
     assert plan.after > plan.before or np.isnan(plan.before)

@@ -1,4 +1,4 @@
-"""Fresh poses of an arm in the range that its run measured."""
+"""Fresh poses of an arm in the range that its run measured: benchmarks judge a diagnosis by the commands there."""
 
 from dataclasses import replace
 

@@ -279,8 +279,8 @@ def _words(value: Value) -> str:
 def _outliers(report: FitReport) -> list[str]:
     if not report.outliers:
         return []
-    worst = sorted(report.outliers, key=lambda item: -item[1])[:SHOWN_LINES]
-    listed = ", ".join(f"line {line} ({distance:.3f} mm)" for line, distance in worst)
+    worst = sorted(report.outliers, key=lambda far: -far.distance_mm)[:SHOWN_LINES]
+    listed = ", ".join(f"line {far.line} ({far.distance_mm:.3f} mm)" for far in worst)
     more = f", and {len(report.outliers) - len(worst)} more" if len(report.outliers) > len(worst) else ""
     return [f"[[gross errors left out]]  {len(report.outliers)}", f"    {listed}{more}"]
 

@@ -46,7 +46,7 @@ def scaled_jacobian(arm: Serial, q: Tensor, part: Part = "pose") -> Tensor:
     return position if part == "position" else orientation
 
 
-def nearest_singular(arm: Serial, q: Tensor, part: Part = "pose") -> tuple[Tensor, Tensor]:
+def nearest_singular(arm: Serial, q: Tensor) -> tuple[Tensor, Tensor]:
     """Walk from joint values to singular ones nearby: Newton's method on the smallest singular value.
 
     Limits are kept, so a row may end at a limit without having found any.
@@ -54,7 +54,6 @@ def nearest_singular(arm: Serial, q: Tensor, part: Part = "pose") -> tuple[Tenso
     Args:
         arm: the arm.
         q: (n, k) where to start, rad.
-        part: which rows of the Jacobian.
 
     Returns:
         (n, k) joint values, rad, and (n,) smallest over largest singular value there, 0 where singular.
@@ -64,7 +63,7 @@ def nearest_singular(arm: Serial, q: Tensor, part: Part = "pose") -> tuple[Tenso
     here = best
     for _ in range(NEWTON_STEPS):
         leaf = here.clone().requires_grad_()
-        values = singular_values(scaled_jacobian(arm, leaf, part))
+        values = singular_values(scaled_jacobian(arm, leaf))
         (slope,) = torch.autograd.grad(values[:, -1].sum(), leaf)
         ratio = (values[:, -1] / values[:, 0]).detach()
         better = ratio < best_ratio

@@ -37,16 +37,13 @@ class Conditions:
     feeds: tuple[float, ...] = ()
 
 
-def conditions_for(
-    problem: Problem, known: Library, confused: Sequence[Sequence[str]], payloads: Sequence[float] | None
-) -> Conditions:
+def conditions_for(problem: Problem, known: Library, confused: Sequence[Sequence[str]]) -> Conditions:
     """Loads, temperatures and speeds that the confused effects depend on.
 
     Args:
         problem: the run.
         known: effects by name.
         confused: keys, step by step.
-        payloads: loads that can be put on, kg; None takes the usual ones and those of the run.
 
     Returns:
         The conditions.
@@ -58,7 +55,7 @@ def conditions_for(
     loads: tuple[float, ...] = ()
     if "payload" in requires or telling & LOADED:
         seen = () if table.payload_kg is None else np.unique(np.round(table.payload_kg[problem.used], 3))
-        loads = tuple(sorted({float(value) for value in (payloads or (*PAYLOADS, *_ends(seen)))}))
+        loads = tuple(sorted({float(value) for value in (*PAYLOADS, *_ends(seen))}))
     elif table.payload_kg is not None:
         loads = (float(table.payload_kg[problem.used][-1]),)
     temps: tuple[float, ...] = ()

@@ -21,8 +21,8 @@ from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 
-GOAL = 8.0  # sigma
-ROWS = 80
+GOAL = 8.0  # sigma, of the separation to reach
+MOST_ROWS = 80  # base reflectors left aside
 LEAST_ROWS = 24  # so that one bad reading, or a corner of the volume, does not decide
 RESERVE = 1.1  # what is aimed at beyond the goal, because the order of driving changes a little
 FLAT = 1.0  # sigma that all poses of the pool together must add, or nothing can be measured this way
@@ -101,27 +101,19 @@ def plan_separation(
     confused: Sequence[Sequence[str]],
     known: Library | None = None,
     *,
-    goal: float = GOAL,
-    most_rows: int = ROWS,
-    half_size: tuple[float, float, float] | None = None,
-    payloads: Sequence[float] | None = None,
     seed: int = 0,
 ) -> Separation | None:
     """Choose poses that tell apart what a run could not.
 
     Either effect is taken to be the truth in turn, with its fitted size; the other is fitted to its signature on old
     and new rows together, with everything else of the model and the tracker's frame. Visits are added one by one where
-    the misfit that remains grows most (T-optimal between rivals), until its root reaches the goal.
+    the misfit that remains grows most (T-optimal between rivals), until its root reaches `GOAL`.
 
     Args:
         fitted: the model with all picks in it.
         problem: the rows it was fitted on.
         confused: for each step the pick's key and those of effects that do as well; steps without others are skipped.
         known: effects by name; None for the library.
-        goal: separation to reach, in sigma.
-        most_rows: row limit, base reflectors left aside.
-        half_size: box about the middle of the reach to stay inside of, mm; None for all that can be reached.
-        payloads: loads that can be put on, kg; None takes 0, 2.5 and 5 and those of the run.
         seed: of the candidate poses.
 
     Returns:
@@ -130,16 +122,16 @@ def plan_separation(
     known = library() if known is None else known
     if not any(len(step) > 1 for step in confused):
         return None
-    palette, duels = find_duels(fitted, problem, confused, known, goal)
-    space = build_space(problem.file, half_size)
-    conditions = conditions_for(problem, known, confused, payloads)
+    palette, duels = find_duels(fitted, problem, confused, known, GOAL)
+    space = build_space(problem.file)
+    conditions = conditions_for(problem, known, confused)
     pool = make_pool(palette, space, conditions, np.random.default_rng([seed, 31]))
     groups = paint_ahead(palette, pool, space, still=True)
     everything = groups.reshape(-1, groups.shape[-1])
     ceilings = {id(contest): contest.add(everything).separation for contest in _contests(duels)}
     open_ = [_still_open(duel, ceilings) for duel in duels]
     hopeful = any(duel.named and duel.forward for duel in open_)
-    chosen = _choose(_contests(open_), groups, goal * RESERVE, most_rows) if hopeful else []
+    chosen = _choose(_contests(open_), groups) if hopeful else []
     visits = in_driving_order([pool[index] for index in chosen], space) if chosen else []
     visits = [visit.named(f"m{number + 1}") for number, visit in enumerate(visits)]
     rows = paint_ahead(palette, visits, space).reshape(-1, palette.width) if visits else np.zeros((0, palette.width))
@@ -148,7 +140,7 @@ def plan_separation(
         for duel, live in zip(duels, open_, strict=True)
         if duel.named
     )
-    return _report(pairs, visits, space, problem, goal, conditions)
+    return _report(pairs, visits, space, problem, conditions)
 
 
 def _contests(duels: Sequence[Duel]) -> list[Contest]:
@@ -166,12 +158,12 @@ def _still_open(duel: Duel, ceilings: dict[int, float]) -> Duel:
     return replace(duel, backward=tuple(contest for contest in duel.backward if alive(contest)))
 
 
-def _choose(contests: list[Contest], groups: np.ndarray, goal: float, most_rows: int) -> list[int]:
+def _choose(contests: list[Contest], groups: np.ndarray) -> list[int]:
     """Add the group of rows that helps most those contests that are not decided yet."""
     chosen: list[int] = []
-    free = np.ones(len(groups), dtype=bool)
+    free, goal = np.ones(len(groups), dtype=bool), GOAL * RESERVE
     rows = groups.shape[1] // 3
-    while contests and (len(chosen) + 1) * rows <= most_rows and free.any():
+    while contests and (len(chosen) + 1) * rows <= MOST_ROWS and free.any():
         waiting = [contest for contest in contests if contest.separation < goal]
         if not waiting and len(chosen) * rows >= LEAST_ROWS:
             break
@@ -213,26 +205,26 @@ def _grows(contest: Contest, rows: np.ndarray) -> bool:
 
 
 def _report(
-    pairs: tuple[Pair, ...], visits: list[Visit], space: Space, problem: Problem, goal: float, conditions: Conditions
+    pairs: tuple[Pair, ...], visits: list[Visit], space: Space, problem: Problem, conditions: Conditions
 ) -> Separation:
     solvable = [pair for pair in pairs if not pair.exact]
     before = min((pair.before for pair in solvable), default=float("nan"))
     after = min((pair.after for pair in solvable), default=float("nan"))
     straight = problem.file.machine.moves == "straight"
     targets = table_of(with_base(visits, problem.file), space, straight=straight) if visits else None
-    reached = bool(solvable) and after >= goal
-    words = "\n".join(_sentences(pairs, visits, space, problem, conditions, goal))
+    reached = bool(solvable) and after >= GOAL
+    words = "\n".join(_sentences(pairs, visits, space, problem, conditions))
     return Separation(targets, pairs, before, after, reached, words)
 
 
 def _sentences(
-    pairs: tuple[Pair, ...], visits: list[Visit], space: Space, problem: Problem, conditions: Conditions, goal: float
+    pairs: tuple[Pair, ...], visits: list[Visit], space: Space, problem: Problem, conditions: Conditions
 ) -> Iterator[str]:
     if visits:
         places = space.mechanism.forward(torch.cat([visit.q for visit in visits])).numpy()
         solvable = [pair for pair in pairs if not pair.exact]
         parted = [(pair.pick, pair.rival, pair.before, pair.after) for pair in solvable]
-        yield from say_separation(places, problem, parted, conditions, goal)
+        yield from say_separation(places, problem, parted, conditions, GOAL)
     for pair in pairs:
         if pair.exact:
             yield say_ambiguity(pair.pick, pair.rival, pair.instrument)

@@ -94,7 +94,7 @@ def draw_rig(
 
 
 def fault_names(level: Literal["single", "unknown"] = "single", protocol: Protocol | None = None) -> tuple[str, ...]:
-    """Names that can be drawn.
+    """Names that can be drawn, for sweeps over them.
 
     Args:
         level: library effects or odd faults.

@@ -19,6 +19,7 @@ from ptt.run.readers.titles import meaning_of
 COMMENT_MARKS = ("#", "//", "%")
 
 LONGEST = 100_000  # characters of a line: a row of a thousand columns of a hundred characters
+SAMPLE = 400  # lines from the start, and about as many of the rest, that tell signs and delimiter
 PREAMBLE = 12  # lines that an export may have above its titles
 _EXCEL_HINT = re.compile(r"sep=.\s*")
 
@@ -153,8 +154,8 @@ def _cut_lines(text: str) -> tuple[tuple[str, ...], list[str], np.ndarray]:
     return tuple(comments), [lines[index] for index in kept], np.asarray(kept, dtype=np.int64) + 1
 
 
-def _sample(body: Sequence[str], size: int = 400) -> list[str]:
-    return [*body[:size], *body[size :: max(1, len(body) // size)]]
+def _sample(body: Sequence[str]) -> list[str]:
+    return [*body[:SAMPLE], *body[SAMPLE :: max(1, len(body) // SAMPLE)]]
 
 
 def _given_delimiter(mapping: Mapping) -> str | None:

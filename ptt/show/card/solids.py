@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 SIDES = 10  # of a round part
+CONE_SIDES = 7  # of the head of an arrow
 HEAD, WIDTH = 0.38, 0.13  # of an arrow: share of its length that is head, half width of the head
 
 
@@ -140,11 +141,11 @@ def _squares_to(unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return across, np.cross(unit, across)
 
 
-def _cone(base: np.ndarray, tip: np.ndarray, radius: float, sides: int = 7) -> Solid:
+def _cone(base: np.ndarray, tip: np.ndarray, radius: float) -> Solid:
     across, other = _square_to(tip - base)
-    turn = 2.0 * np.pi * np.arange(sides) / sides
+    near, sides = np.arange(CONE_SIDES), CONE_SIDES
+    turn = 2.0 * np.pi * near / sides
     ring = base + radius * (np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * other)
-    near = np.arange(sides)
     after = (near + 1) % sides
     points = np.concatenate([ring, [tip], [base]])
     faces = [
