@@ -47,9 +47,9 @@ def serve(options: argparse.Namespace) -> None:
     """Diagnose one run after the other, as the lines on standard input ask for them."""
     import torch
 
+    from ptt.diagnosis.diagnose import diagnose
     from ptt.diagnosis.evidence.score import Scorer
     from ptt.diagnosis.evidence.screen import Screen
-    from ptt.diagnosis.telling.verdict import diagnose
     from ptt.model.model import Model
     from ptt.run.problem import build_problem
 

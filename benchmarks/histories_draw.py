@@ -16,8 +16,8 @@ from sweep_judge import SAME
 from ptt.challenge.cases import Case, draw, names_of, protocols_of
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
 from ptt.challenge.truth import READINGS, off_set_up, reading_noise, rms_length, table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.floor import noise_floor
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.registry import make_effect, parse_key
 from ptt.judge.history import record

@@ -99,7 +99,7 @@ def print_pulls(told: dict[str, Any]) -> None:
 
 def time_parts(run: Path) -> None:
     """Print when each part of the diagnosis begins."""
-    from ptt.diagnosis.telling.long import diagnose_long
+    from ptt.diagnosis.long import diagnose_long
     from ptt.door.opened import open_run
     from ptt.door.options import ReadOptions
 

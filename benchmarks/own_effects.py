@@ -24,7 +24,7 @@ from sweep_judge import leading
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects.prefilled import prefilled
 from ptt.effects.registry import load_effects
 from ptt.judge.ladder.climb import climb

@@ -30,7 +30,7 @@ import torch
 import ur10 as ur10_bench
 from real_data import ARCSEC, STAR_MM, here, humanoid, open_set, other_arm, plain_telescope, telescope, ur10
 
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.errors import PttError
 from ptt.fitting.result import FitResult

@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 import torch
 
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.plan.separation import Separation, plan_separation

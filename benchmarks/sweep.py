@@ -34,7 +34,7 @@ from sweep_report import NOISE_FREE, summary
 from ptt.challenge.cases import Case, draw, plan
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import MICRO, Truth, table_of
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.errors import PttError
 from ptt.model.model import Model
 from ptt.rig import simulate

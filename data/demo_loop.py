@@ -14,8 +14,9 @@ from ptt.challenge.truth import find_truth
 from ptt.correct.compensate import compensate
 from ptt.correct.training.rest import correction_of
 from ptt.correct.training.train import Training, train
+from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.floor import noise_floor
-from ptt.diagnosis.telling.verdict import Diagnosis, diagnose
 from ptt.effects.registry import library, make_effect, parse_key
 from ptt.judge.compare.comparison import Comparison, compare_run
 from ptt.judge.evaluate import errors_of

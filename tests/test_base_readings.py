@@ -10,8 +10,8 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench as bench_machine
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.system import clock_of
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting import chunks
 from ptt.fitting.drawn_sizes import sizes_beside

@@ -7,9 +7,9 @@ import pytest
 import torch
 from made_runs import empty_run, machine, term
 
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.search.fits import fit_less, stands
 from ptt.diagnosis.search.rest import Rest, with_objections
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.problem import build_problem

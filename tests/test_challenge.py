@@ -20,7 +20,7 @@ from ptt.challenge.challenge import (
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
 from ptt.challenge.score import judge, score
 from ptt.challenge.truth import find_truth, off_frame, rms_length, table_of
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import InputError

@@ -23,7 +23,7 @@ from ptt.challenge.remeasure import remeasure
 from ptt.challenge.score import judge, score
 from ptt.challenge.truth import MICRO, READINGS, find_truth, off_frame, rms_length, table_of
 from ptt.commands.challenge import app
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.door.simulating import simulate as simulated
 from ptt.effects import library
 from ptt.effects.registry import make_effect

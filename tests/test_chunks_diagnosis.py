@@ -9,8 +9,8 @@ import pytest
 from chunked_run import MODEL, ROWS, run_of
 from chunked_run import problem as problem
 
-from ptt.diagnosis.telling.long import STRETCH, diagnose_long
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.long import STRETCH, diagnose_long
 from ptt.fitting.chunks import sample_stretches, take
 from ptt.run.problem import Problem
 

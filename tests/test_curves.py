@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search import instead
 from ptt.diagnosis.search.find import find
@@ -14,7 +15,6 @@ from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.moves import LEAST_NATS
 from ptt.diagnosis.search.turn import still_missed
 from ptt.diagnosis.telling import steps
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine

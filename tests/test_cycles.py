@@ -5,7 +5,7 @@ import pytest
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate

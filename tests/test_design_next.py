@@ -8,8 +8,8 @@ import numpy as np
 from conftest import BENCH
 from test_design import BASE, inside, make_rig
 
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, parse_machine

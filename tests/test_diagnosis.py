@@ -10,12 +10,12 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence import noise_level as noise
 from ptt.diagnosis.search.rest import Rest, with_objections
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.enough import enough
 from ptt.diagnosis.telling.floor import noise_floor
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism

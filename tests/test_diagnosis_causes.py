@@ -12,12 +12,12 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.remeasure import as_left, remeasure
 from ptt.challenge.truth import Truth, table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence import noise_level as noises
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.noise.wander import Clock, Wander, innovations, kinds_of_wander
 from ptt.diagnosis.telling.depends import _followed
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.model.model import Model, Term

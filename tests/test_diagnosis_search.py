@@ -12,13 +12,13 @@ from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence import score
 from ptt.diagnosis.evidence.candidates import first_of
 from ptt.diagnosis.evidence.product import nats_of_none, nats_of_product
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search import exact
 from ptt.diagnosis.search.find import find
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.moment import place_own_moments
 from ptt.fitting.solve import fit

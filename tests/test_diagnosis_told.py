@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.commands.main import app
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.explanation import Candidate
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library
 from ptt.machine import format_machine

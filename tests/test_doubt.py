@@ -10,13 +10,12 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.hidden import held_out, lowers
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.find import find
-from ptt.diagnosis.telling import verdict
 from ptt.diagnosis.telling.doubt import tool_doubt
 from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library
 from ptt.effects.sudden import ALWAYS
@@ -43,9 +42,7 @@ def test_a_slip_that_may_be_a_knock_is_a_doubt_of_what_commands_of_it_reach(monk
     tracker = drawn.rig.machine.tracker.model_copy(update={"sigma_mm": 0.0038})  # half of what one reading scatters by
     file, seen = replace(drawn.rig.machine, tracker=tracker), {}
     problem = build_problem(file, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
-    conclude = verdict.conclude
-    monkeypatch.setattr(verdict, "conclude", lambda found, *more: seen.setdefault("is", conclude(found, *more)))
-    monkeypatch.setattr(verdict, "find", lambda *of: seen.setdefault("found", find(*of)))
+    monkeypatch.setattr("ptt.diagnosis.diagnose.find", lambda *of: seen.setdefault("found", find(*of)))
     result = diagnose(Model(file), problem)
     assert result.suggested == (("homing-slip", "setup-jump"),)
     found, last = seen["found"], result.candidates[0]

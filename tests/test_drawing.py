@@ -8,6 +8,7 @@ import torch
 
 from ptt.challenge.cases import LITTLE, SIZES_OF_DRAWING, draw, plan
 from ptt.challenge.challenge import bench
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.atoms import is_field
 from ptt.diagnosis.evidence.effect_atoms import atoms_of
 from ptt.diagnosis.evidence.row_system import build_row_system
@@ -16,7 +17,6 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search import drawing as drawing_module
 from ptt.diagnosis.search.drawing import by_drawing
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.fitting.linear import linear_columns

@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.candidates import first_of
 from ptt.diagnosis.evidence.row_system import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.turn import moments_of, unlike
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.fitting.solve import fit
 from ptt.mechanisms import build_mechanism

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ptt.challenge.challenge import new_challenge
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem

@@ -4,7 +4,7 @@ import numpy as np
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.unknown.smooth import reined
 from ptt.model.model import Model
 from ptt.rig.simulate import simulate

@@ -15,7 +15,7 @@ from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Options
 from ptt.correct.exports.onnx import write
 from ptt.correct.training.compensator import Compensator
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.mechanisms import build_mechanism

@@ -9,12 +9,12 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.harmonics import find_harmonics
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.screw import OncePerRev
 from ptt.machine import MachineFile, load_machine

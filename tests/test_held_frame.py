@@ -9,7 +9,7 @@ import torch
 
 from ptt.challenge.challenge import bench
 from ptt.correct.training.train import train
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.fitting.chunks import LONG
 from ptt.fitting.gauge import sparsest

@@ -8,12 +8,12 @@ import pytest
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.hidden import FAITHFUL, HiddenTrial, hold_back
 from ptt.diagnosis.evidence.row_sums import hide_rows
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.plainest import PLAIN
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.model.model import Model
 from ptt.rig import simulate

@@ -10,7 +10,7 @@ from test_stand_ins import stated
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.errors import ModelError
 from ptt.fitting.opening import remembering_rows
 from ptt.fitting.solve import fit

@@ -11,8 +11,8 @@ from conftest import BENCH as MACHINE
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.correct.compensate import compensate
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.errors import ModelError
 from ptt.machine import parse_machine
 from ptt.mechanisms import build_mechanism

@@ -8,7 +8,7 @@ import torch
 
 from ptt.again.recheck import recheck
 from ptt.challenge.challenge import bench
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.fitting.solve import fit
 from ptt.mechanisms import build_mechanism

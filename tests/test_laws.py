@@ -10,6 +10,7 @@ import torch
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.probability import near_sets, weigh_sets
 from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
@@ -17,7 +18,6 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.laws import _arrivals, by_laws, laws_of
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.diagnosis.unknown.jumps import passed_again
 from ptt.effects import library
 from ptt.fitting.linear import linear_columns

@@ -6,7 +6,7 @@ import torch
 from scipy.interpolate import CubicSpline
 
 from ptt.challenge.challenge import bench
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.problem import build_problem

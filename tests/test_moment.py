@@ -9,8 +9,8 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.explanation import UNNAMED
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.diagnosis.unknown.moment import MomentSums, best_row, joined
 from ptt.effects import HomingSlip
 from ptt.effects.sudden import EDGE

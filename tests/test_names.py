@@ -9,7 +9,7 @@ import torch
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.rig import simulate

@@ -8,10 +8,10 @@ import pytest
 from test_diagnosis_search import hidden
 
 from ptt.challenge.challenge import bench as bench_machine
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.hidden import HiddenTrial
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.telling import steps
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.model.model import Model
 
 MACHINE = bench_machine()

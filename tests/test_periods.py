@@ -10,12 +10,12 @@ import pytest
 from ptt.challenge.challenge import bench
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.periods import COARSEST, PHASES, find_period
 from ptt.diagnosis.search.spectrum import STEP, JointWave
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.model.model import Model
 from ptt.rig import format_rig, parse_rig

@@ -7,9 +7,9 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.search.rest import EXCESS, too_much_for_nothing
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.commands.main import app
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import Curve
 from ptt.effects.contract import check_effect
 from ptt.effects.prefilled import is_variable, prefilled

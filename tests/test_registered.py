@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ptt.challenge.challenge import bench
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.noise.wander import Clock
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.machine_schema import TrackerSpec
 from ptt.model.model import Model
 from ptt.run.problem import build_problem

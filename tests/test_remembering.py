@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench as bench_machine
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.fitting.opening import remembering_rows, without_opening
 from ptt.judge.ladder.climb import climb, descend

@@ -8,8 +8,8 @@ import torch
 from scipy.ndimage import gaussian_filter1d
 from test_diagnosis import MACHINE
 
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.problem import build_problem

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.errors import ModelError
 from ptt.fitting.solve import fit

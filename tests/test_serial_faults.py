@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.machine import load_machine
 from ptt.model.chain import predict

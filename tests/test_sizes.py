@@ -14,7 +14,7 @@ from ptt.challenge.truth import READINGS, table_of
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import between, middle, say_size
 from ptt.dependence.size import Size, estimate_of, size_of, size_of_side
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import format_rig, parse_rig, simulate

@@ -10,10 +10,10 @@ from conftest import BENCH as TEXT
 
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.effects import SMOOTH_WAY, parts_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.search import smooth_way
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.found import Found
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.effects.reversal import Backlash
 from ptt.judge.ladder.climb import climb

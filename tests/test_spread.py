@@ -9,6 +9,7 @@ import pytest
 from ptt.challenge.cases import Case, draw, plan
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.probability import TEMPER
 from ptt.diagnosis.evidence.screen import Gain
 from ptt.diagnosis.noise.memory import Memory
@@ -16,7 +17,6 @@ from ptt.diagnosis.search.find import find
 from ptt.diagnosis.telling.absent import absent_effects
 from ptt.diagnosis.telling.exchange import exchanged_errors, exchanges
 from ptt.diagnosis.telling.spread import spread_of, square_errors, values_of
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.model.model import Model
 from ptt.rig import simulate

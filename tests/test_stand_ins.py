@@ -9,13 +9,13 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
+from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.long import diagnose_long
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.telling import doubt
 from ptt.diagnosis.telling.absent import Absent
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.floor import noise_floor
-from ptt.diagnosis.telling.long import diagnose_long
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import Curve, library
 from ptt.fitting.solve import fit
 from ptt.judge.ladder.climb import climb

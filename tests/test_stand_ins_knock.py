@@ -7,7 +7,7 @@ import pytest
 from test_stand_ins import NOISE, run_of, stated, up_and_down
 
 from ptt.challenge.challenge import bench
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.errors import TableError
 from ptt.judge.ladder.climb import climb

@@ -10,8 +10,8 @@ from test_stand_ins import NOISE, run_of, stated, up_and_down
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling import said
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.reversal import LONGEST
 from ptt.judge.ladder.climb import climb

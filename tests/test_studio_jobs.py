@@ -3,7 +3,6 @@
 import io
 import zipfile
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,8 +18,7 @@ from studio_sample import folder as folder
 from studio_sample import here as here
 from studio_sample import look as look
 
-from ptt.diagnosis.telling.long import WHOLE, choose_diagnosis, diagnose_long
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.long import WHOLE, chunk_size
 from ptt.door.opened import Opened
 from ptt.errors import InputError
 from ptt.fitting.chunks import CHUNK
@@ -105,20 +103,19 @@ def test_the_diagnosis_is_chosen_by_rows_and_kind_of_machine(here: Path):
             table=SimpleNamespace(rows=rows), file=SimpleNamespace(machine=SimpleNamespace(kind=kind))
         )
 
-    assert choose_diagnosis(problem) is diagnose and table.rows <= WHOLE[file.machine.kind]
+    assert chunk_size(problem) is None and table.rows <= WHOLE[file.machine.kind]
     for kind in ("three-ptt", "serial"):
-        assert choose_diagnosis(of(WHOLE[kind], kind)) is diagnose
-        chosen = choose_diagnosis(of(WHOLE[kind] + 1, kind))
-        assert isinstance(chosen, partial) and chosen.func is diagnose_long and chosen.keywords == {"size": CHUNK}
+        assert chunk_size(of(WHOLE[kind], kind)) is None
+        assert chunk_size(of(WHOLE[kind] + 1, kind)) == CHUNK
     assert WHOLE["serial"] < WHOLE["three-ptt"]
-    assert choose_diagnosis(problem, 1000).keywords == {"size": 1000}
+    assert chunk_size(problem, 1000) == 1000
 
 
 def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: pytest.MonkeyPatch):
-    def in_chunks(*given: object, size: int, progress: object) -> None:
+    def in_chunks(*given: object, size: int, **more: object) -> None:
         raise InputError(f"chunks of {size}")
 
     monkeypatch.setitem(WHOLE, "three-ptt", 200)
-    monkeypatch.setattr("ptt.diagnosis.telling.long.diagnose_long", in_chunks)
+    monkeypatch.setattr("ptt.diagnosis.diagnose.diagnose_long", in_chunks)
     opened = opening.open_both(RUN, MACHINE)
     assert gather(opened.table, opened.model.file).drawing.why_not == f"chunks of {CHUNK}"

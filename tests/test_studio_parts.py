@@ -16,7 +16,7 @@ from studio_sample import folder as folder
 from studio_sample import here_with_verbs as here_with_verbs
 
 from ptt.challenge.challenge import open_challenge
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.errors import SetupError
 from ptt.machine import parse_machine
 from ptt.show.card.bar import bar_html, parts_of_bar
@@ -129,7 +129,7 @@ def test_a_report_from_the_page_diagnoses_nothing_anew(
     added = session.changed("add", ("backlash",), jobs.change(RUN, MACHINE, "add", ("backlash",), silent))
     assert added.lesson is None and added.lesson_of_drawing is learned
     anew = jobs.report(RUN, MACHINE, None, b"", b"", silent).decode()
-    monkeypatch.setattr("ptt.show.report.gather.choose_diagnosis", lambda problem: pytest.fail)
+    monkeypatch.setattr("ptt.show.report.gather.diagnose_run", lambda *of, **more: pytest.fail("diagnosed again"))
     handed = jobs.report(RUN, MACHINE, None, learned.whole, b"", silent).decode()
     clock = re.compile(r"\d\d:\d\d(:\d\d)?")
     assert clock.sub("", handed) == clock.sub("", anew)

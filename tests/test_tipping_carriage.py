@@ -6,7 +6,7 @@ import torch
 from conftest import BENCH
 from scipy.optimize import fsolve
 
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.machine import parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model

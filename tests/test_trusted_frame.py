@@ -9,7 +9,7 @@ from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from ptt.correct.compensate import compensate
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.layout import sizes

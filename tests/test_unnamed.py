@@ -10,7 +10,7 @@ from test_sigma import SIGMA, path_of, went
 
 from ptt.again.recheck import recheck
 from ptt.correct.compensate import NetworkError, compensate
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects.registry import library, make_effect
 from ptt.fitting import chunks, drawn_sizes
 from ptt.fitting.beside_unnamed import beside_unnamed

@@ -13,9 +13,9 @@ from built_c import Built, Context
 from ptt.challenge.challenge import bench
 from ptt.correct.compensate import compensate
 from ptt.correct.training.compensator import Compensator
+from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.long import diagnose_long
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.long import diagnose_long
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import library
 from ptt.effects.reversal import AT_ONCE, WAITS, Backlash
 from ptt.errors import ModelError

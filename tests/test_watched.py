@@ -11,8 +11,8 @@ import torch
 import ptt
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
-from ptt.diagnosis.telling.long import diagnose_long
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.long import diagnose_long
 from ptt.errors import TableError
 from ptt.machine import save_machine
 from ptt.mechanisms import build_mechanism

@@ -9,8 +9,8 @@ import pytest
 
 from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import REACHES, last_moves, ways_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate, write_run

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench as bench_machine
-from ptt.diagnosis.telling.verdict import diagnose
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.effects.base import Effect
 from ptt.effects.bench import sample_view

@@ -8,9 +8,9 @@ import torch
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.witness import ALIKE, WARM
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.machine_schema import BasePoint, ThreePttSpec, TrackerSpec
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.three_ptt import ThreePtt

@@ -7,10 +7,10 @@ import numpy as np
 from ptt.again.figures import errors_of
 from ptt.again.weigh import Weighed
 from ptt.again.words import on_date
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.noise_level import noise_left, wanders_beyond
 from ptt.diagnosis.search.rest import EXCESS, look_for_rest
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict import diagnose
 from ptt.effects import Library
 from ptt.effects.registry import parse_key
 from ptt.fitting.solve import hold, rms

@@ -1,1 +1,1 @@
-"""Which physics is missing: noise and unknown at the ground, then evidence, the search, and what is told of it."""
+"""Which physics is missing: `diagnose` goes through noise and unknown, evidence, the search, and what is told of it."""

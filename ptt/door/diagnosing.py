@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.dependence.said import between, by_chance
+from ptt.diagnosis.diagnose import diagnose_run
+from ptt.diagnosis.long import chunk_size
 from ptt.diagnosis.search.find import STEPS
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.long import choose_diagnosis
-from ptt.diagnosis.telling.verdict import diagnose as learn_whole
 from ptt.diagnosis.telling.words import doubt_in_words
 from ptt.door.given import require_number
 from ptt.door.handed import RowsLike
@@ -20,7 +20,6 @@ from ptt.door.words import as_run
 from ptt.effects.curve import COORDINATES, JOINT
 from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError
-from ptt.fitting.chunks import CHUNK
 from ptt.fitting.opening import told_aside
 from ptt.machine import MachineFile
 from ptt.progress import Progress, unwatched
@@ -160,13 +159,13 @@ def diagnose(
         return Diagnosed(None, None, error.check, machine.file, tuple(tell.lines))
     if opened.compensator.network is not None:
         tell("the compensator's network is left aside: the physics alone is diagnosed")
-    learn = choose_diagnosis(opened.problem, chunk_rows)
-    if learn is not learn_whole:
-        tell(f"{opened.table.rows} rows are summed up in chunks of {chunk_rows or CHUNK}")
-    result = learn(
-        opened.model, opened.problem, opened.library, steps=steps, progress=lambda what: progress(what, 0, 0)
-    )
-    result = result.with_unexplained(opened.check.unexplained)
+    size = chunk_size(opened.problem, chunk_rows)
+    if size is not None:
+        tell(f"{opened.table.rows} rows are summed up in chunks of {size}")
+    result = diagnose_run(
+        opened.model, opened.problem, opened.library,
+        steps=steps, chunk_rows=size, progress=lambda what: progress(what, 0, 0),
+    ).with_unexplained(opened.check.unexplained)  # fmt: skip
     return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptt.again.recheck import recheck
-from ptt.diagnosis.telling.long import choose_diagnosis
+from ptt.diagnosis.diagnose import diagnose_run
 from ptt.effects import Library
 from ptt.model.model import Model
 from ptt.progress import Tell
@@ -53,7 +53,7 @@ def hold_against(model: Model, problem: Problem, known: Library, tell: Tell) -> 
 
 def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: Tell) -> Again:
     """A machine on which nothing was found has no values that could change; whatever is found now is new."""
-    found = choose_diagnosis(problem)(model, problem, known, progress=tell)
+    found = diagnose_run(model, problem, known, progress=tell)
     verdict = "same" if found.verdict == "nothing-missing" else "new"
     added, now = [step[0] for step in found.suggested], float(found.rms_um["before"]["total"])
     expected = 1e3 * found.noise.total

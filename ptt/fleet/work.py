@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.diagnosis.telling.long import choose_diagnosis
+from ptt.diagnosis.diagnose import diagnose_run
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import PttError
 from ptt.fitting.solve import FitResult, fit, hold, residual_of, rms
@@ -75,7 +75,7 @@ def _work(task: Task, tell: Tell, effects: Sequence[str]) -> Outcome:
 def _first(task: Task, opened: Opened, tell: Tell) -> Outcome:
     """Diagnose, add what is suggested, and keep that as the model."""
     model, problem, known = opened.model, opened.problem, opened.known
-    found = choose_diagnosis(problem)(model, problem, known, progress=tell)
+    found = diagnose_run(model, problem, known, progress=tell)
     tell("add")
     solved, fitted, noise = _add(model, opened, [step[0] for step in found.suggested], task)
     return Outcome(

@@ -8,31 +8,19 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
-from ptt.diagnosis.evidence.noise_level import (
-    LEAST_FREEDOM,
-    noise_after,
-    noise_left,
-    stated_noise,
-    too_few,
-    visit_left,
-    wanders_beyond,
-)
+from ptt.diagnosis.evidence.noise_level import noise_after, stated_noise, visit_left, wanders_beyond
 from ptt.diagnosis.evidence.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.slow import SECONDS, Slow
-from ptt.diagnosis.search.find import STEPS, find
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.moves import loose
-from ptt.diagnosis.search.rest import Rest, look_for_rest, too_much_for_nothing, with_objections
-from ptt.diagnosis.search.smooth_way import on_smooth_way
+from ptt.diagnosis.search.rest import Rest, too_much_for_nothing, with_objections
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates
-from ptt.diagnosis.telling.given import as_free_as, taken_up
-from ptt.diagnosis.telling.other_setups import other_setups
 from ptt.diagnosis.telling.said import Said, said_of
 from ptt.diagnosis.telling.sizes import sized
 from ptt.diagnosis.telling.unknowns import Unnamed, unnamed_of
@@ -40,57 +28,14 @@ from ptt.diagnosis.telling.verdict_words import explain_verdict
 from ptt.effects import Library
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import numbers
-from ptt.fitting.opening import without_opening
 from ptt.fitting.solve import rms
 from ptt.model.model import Model
 from ptt.plan.elsewhere import elsewhere
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
 from ptt.run.problem import Problem
-from ptt.run.smooth import SMOOTHLY
 
 MICRO = 1e3  # um in a mm
-
-
-def diagnose(
-    model: Model,
-    problem: Problem,
-    known: Library | None = None,
-    *,
-    steps: int = STEPS,
-    progress: Tell | None = None,
-    seed: int = 0,
-) -> Diagnosis:
-    """Learn which physical effects are missing.
-
-    Args:
-        model: the model as given.
-        problem: the readings.
-        known: effects by name; None for the library.
-        steps: how many may be added.
-        progress: told what is being done.
-        seed: of the permutation tests.
-
-    Returns:
-        The diagnosis.
-
-    Raises:
-        TableError: nothing tells the noise floor, or too few readings for any verdict.
-    """
-    given, whole, tell = model, problem, progress or (lambda what: None)
-    model, problem, known, opening = taken_up(model, problem, known)
-    found = find(model, problem, known, tell, steps)
-    found, model, problem = on_smooth_way(found, model, problem, known, tell, steps)
-    if found.opening is not None:
-        opening, problem = opening | found.opening, without_opening(problem, found.opening)
-    if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
-        raise too_few(problem)
-    tell("rest")
-    rest = look_for_rest(found.system, found.state, problem, seed=seed)
-    result = conclude(found, rest, model, problem, known, tell, seed, steps)
-    turned = f" {SMOOTHLY[0].upper()}{SMOOTHLY[1:]}." if model.file.machine.moves != given.file.machine.moves else ""
-    words = result.words + turned + other_setups(given, whole)
-    return replace(result, model=as_free_as(given, result.model), opening=opening, words=words)
 
 
 def conclude(

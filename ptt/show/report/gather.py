@@ -10,9 +10,9 @@ from typing import TypeVar
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.heldout import evaluate_heldout
 from ptt.correct.training.protocols import PROTOCOLS
+from ptt.diagnosis.diagnose import diagnose_run
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.floor import noise_floor
-from ptt.diagnosis.telling.long import choose_diagnosis
 from ptt.effects.registry import Library, library
 from ptt.errors import InputError, ModelError
 from ptt.judge.before_after import compare_pair
@@ -154,9 +154,8 @@ def _look(
 ) -> ModelLook:
     why: dict[str, str] = {}
     noise = _unless("noise", why, lambda: noise_floor(model, problem, known), source)
-    diagnose = choose_diagnosis(problem)
     if found is None:
-        learned = _unless("diagnose", why, lambda: diagnose(model, problem, known, progress=tell), source)
+        learned = _unless("diagnose", why, lambda: diagnose_run(model, problem, known, progress=tell), source)
         found = learned and learned.with_unexplained(unexplained)
     tell("compare")
     return ModelLook(model, compare_run(model, problem, noise=noise), found, why.get("diagnose", ""))

@@ -51,7 +51,7 @@ __all__ = [
 
 def prepare() -> None:
     """Load what every job needs before the first one comes."""
-    import ptt.diagnosis.telling.verdict
+    import ptt.diagnosis.diagnose
     import ptt.door.opened
     import ptt.show.studio.looks  # noqa: F401
 
@@ -82,7 +82,7 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 
 def learn(source: Source, model: str, tell: Progress) -> Learned:
     """As `ptt diagnose`; long runs in chunks. Beside it the card, the data with the fits through it, and the ghosts."""
-    from ptt.diagnosis.telling.long import choose_diagnosis
+    from ptt.diagnosis.diagnose import diagnose_run
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
     from ptt.fitting.drawn_sizes import unnamed_sizes
@@ -93,8 +93,8 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
 
     tell("reading the run", 0, 0)
     opened = open_both(source, model)
-    problem, diagnose = opened.problem, choose_diagnosis(opened.problem)
-    result = diagnose(opened.model, problem, opened.library, progress=lambda what: tell(_stage(what), 0, 0))
+    problem = opened.problem
+    result = diagnose_run(opened.model, problem, opened.library, progress=lambda what: tell(_stage(what), 0, 0))
     result = result.with_unexplained(opened.check.unexplained)
     tell("drawing it", 0, 0)
     poses = None if result.separation is None else result.separation.targets

@@ -1,8 +1,6 @@
 """Diagnosis of a long run: it is explained on stretches, then fitted, searched on and tested on all rows."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 from ptt.diagnosis.evidence.ansatz import open_long_run
 from ptt.diagnosis.evidence.sampled import share_of_rows
@@ -16,7 +14,7 @@ from ptt.diagnosis.telling.bins import follow_in_all_rows
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.given import as_free_as, taken_up
 from ptt.diagnosis.telling.other_setups import other_setups
-from ptt.diagnosis.telling.verdict import conclude, diagnose
+from ptt.diagnosis.telling.verdict import conclude
 from ptt.diagnosis.unknown.span import Span, span_of
 from ptt.effects import Library
 from ptt.fitting.chunks import CHUNK, cut, numbers, sample_stretches, take
@@ -32,19 +30,19 @@ WHOLE = {"three-ptt": CHUNK, "serial": 2_000}
 STRETCH = {"three-ptt": 200, "serial": 50}  # rows of travel of which a sample has twenty
 
 
-def choose_diagnosis(problem: Problem, size: int | None = None) -> Callable[..., Diagnosis]:
-    """Which diagnosis suits a run: all rows at once, or summed up in chunks.
+def chunk_size(problem: Problem, asked: int | None = None) -> int | None:
+    """Rows that a run is summed up by at a time.
 
     Args:
         problem: the readings.
-        size: rows of a chunk; None leaves it to the run, which is then cut only beyond `WHOLE` rows.
+        asked: rows of a chunk; None leaves it to the run, which is then cut only beyond `WHOLE` rows.
 
     Returns:
-        `diagnose`, or `diagnose_long` with its chunks.
+        Rows of a chunk; None where all rows are looked at as a whole.
     """
-    if size is None and problem.table.rows <= WHOLE[problem.file.machine.kind]:
-        return diagnose
-    return partial(diagnose_long, size=size or CHUNK)
+    if asked is None and problem.table.rows <= WHOLE[problem.file.machine.kind]:
+        return None
+    return asked or CHUNK
 
 
 def diagnose_long(
