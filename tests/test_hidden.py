@@ -9,7 +9,8 @@ import pytest
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.evidence.hidden import FAITHFUL, HiddenTrial, hold_back
+from ptt.diagnosis.evidence.hidden import hold_back
+from ptt.diagnosis.evidence.hidden_trial import FAITHFUL, HiddenTrial
 from ptt.diagnosis.evidence.row_sums import hide_rows
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.plainest import PLAIN

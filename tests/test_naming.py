@@ -9,7 +9,7 @@ from test_diagnosis_search import hidden
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.evidence.hidden import HiddenTrial
+from ptt.diagnosis.evidence.hidden_trial import HiddenTrial
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.telling import steps
 from ptt.model.model import Model

@@ -1,90 +1,14 @@
 """Hidden: what an explanation says of blocks of travel that it was not shown."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.diagnosis.evidence.hidden_trial import HiddenTrial
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE, Hidden
 from ptt.fitting.posterior import Posterior
-
-FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them
-HARDLY = 0.25  # of what all rows show of an atom: where other blocks tell less of it, each shows a part of its own
-ELSEWHERE = 5.0  # nats below which readings along the travel ask for nothing, and beyond which base reflectors do
-
-
-@dataclass(frozen=True)
-class HiddenTrial:
-    """How atoms do on hidden blocks of travel with one of them and without it.
-
-    Each way that the readings may go is counted as far as the shown rows tell it.
-
-    Attributes:
-        with_it: sum of squares of each block, over the variance that the atoms claim, (k,).
-        without: of the same, the atom gone.
-        shown: what is left of all blocks without it less what is left with it, when nothing is hidden.
-        elsewhere: the same of each reading of base reflectors, (b,); of all together where rows are summed up.
-        count: coordinates of all blocks.
-        plainly: what the atom takes off each block where every way counts alike, (k,).
-        needed: whether the others alone would have values that physics does not let them have.
-        told: by how much the values of all rows fit all blocks better than without it, each way counted as far as the
-            other rows tell it.
-        spread: what is left of `shown` without the block that shows most.
-    """
-
-    with_it: np.ndarray
-    without: np.ndarray
-    shown: float
-    elsewhere: np.ndarray
-    count: int
-    plainly: np.ndarray
-    needed: bool = False
-    told: float = np.inf
-    spread: float = np.inf
-
-    @property
-    def faithful(self) -> bool:
-        """Whether the atoms foretell hidden rows about as well as they claim to."""
-        return bool(self.with_it.sum() <= FAITHFUL * max(self.count, 1))
-
-    def speaks(self, nats: float = 0.0, share: float = 0.0) -> bool:
-        """Whether hidden rows speak for the atom, and go on to do so without the block that does most.
-
-        What only one part of the run bears out may be that part's own. Of what base reflectors show, more than one of
-        their readings, and no reading along the travel asks for, these have nothing to say; nor of what only keeps
-        others from what cannot be.
-
-        Args:
-            nats: that they have to gain; plain squares may tell as well, where no share is asked for.
-            share: of what they leave without it that has to go.
-        """
-        least = 2.0 * ELSEWHERE
-        if self.needed or (self.shown < least and _at_base(self.elsewhere, least)):
-            return True
-        as_known = self.without - self.with_it
-        if share:
-            return _gains(as_known, max(2.0 * nats, share * float(self.without.sum())))
-        return _gains(as_known, 2.0 * nats) or _gains(self.plainly, 2.0 * nats)
-
-    @property
-    def is_silent(self) -> bool:
-        """Whether the others say little of what hidden rows show of the atom, so that these can hardly speak for it.
-
-        What one block alone shows is that one's own.
-        """
-        return self.told < HARDLY * self.shown and self.spread > 2.0 * ELSEWHERE
-
-
-def _at_base(gained: np.ndarray, least: float) -> bool:
-    """Whether base reflectors ask for an atom, and not one of their readings alone."""
-    return bool(gained.sum() > least) if len(gained) < 2 else _gains(gained, least)
-
-
-def _gains(gained: np.ndarray, least: float) -> bool:
-    others = gained.sum() - gained.max(initial=0.0)
-    return bool(others > 0.0 and gained.sum() > least)
 
 
 def hold_back(scorer: Scorer, keys: Sequence[str], key: str) -> HiddenTrial:
@@ -99,10 +23,10 @@ def hold_back(scorer: Scorer, keys: Sequence[str], key: str) -> HiddenTrial:
         The trial.
     """
     whole = scorer.score(keys, WHITE)
-    where = whole.keys, key
-    if where not in scorer.trials:
-        scorer.trials[where] = _hold_back(scorer, whole, scorer.score(without(whole, key), WHITE))
-    return scorer.trials[where]
+    memo, where = scorer.hidden_memo, (whole.keys, key)
+    if where not in memo.trials:
+        memo.trials[where] = _hold_back(scorer, whole, scorer.score(without(whole, key), WHITE))
+    return memo.trials[where]
 
 
 def _hold_back(scorer: Scorer, whole: State, fewer: State) -> HiddenTrial:
@@ -144,10 +68,11 @@ def _elsewhere(scorer: Scorer, whole: State, fewer: State, shown: float) -> np.n
 
 def _foretold(scorer: Scorer, state: State) -> list[tuple[Hidden, Posterior]]:
     """Each block of travel, and what a set would be without it; those of the last set, which is asked for again."""
-    if state.keys not in scorer.foretold:
+    memo = scorer.hidden_memo
+    if state.keys not in memo.foretold:
         blocks = list(scorer.system.hidden(state.columns))
-        scorer.foretold = {state.keys: list(zip(blocks, scorer.without_rows(state, blocks), strict=True))}
-    return scorer.foretold[state.keys]
+        memo.foretold = {state.keys: list(zip(blocks, scorer.without_rows(state, blocks), strict=True))}
+    return memo.foretold[state.keys]
 
 
 def left_of(scorer: Scorer, state: State) -> float:
@@ -173,12 +98,12 @@ def held_out(scorer: Scorer, keys: tuple[str, ...]) -> float:
 
 def hidden_squares(scorer: Scorer, keys: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     """The same block by block: sums of squares, (k,) mm^2, and numbers of rows, (k,)."""
-    state = scorer.score(keys, WHITE)
-    if state.keys not in scorer.held_out:
+    state, memo = scorer.score(keys, WHITE), scorer.hidden_memo
+    if state.keys not in memo.squares:
         blocks = _foretold(scorer, state)
         squares = np.array([hidden.square(told.values) for hidden, told in blocks])
-        scorer.held_out[state.keys] = squares, np.array([hidden.rows for hidden, _ in blocks], dtype=int)
-    return scorer.held_out[state.keys]
+        memo.squares[state.keys] = squares, np.array([hidden.rows for hidden, _ in blocks], dtype=int)
+    return memo.squares[state.keys]
 
 
 def lowers(scorer: Scorer, keys: tuple[str, ...], doubt: float = 0.0) -> bool:

@@ -4,11 +4,11 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, is_any, is_field
+from ptt.diagnosis.evidence.hidden_trial import HiddenMemo
 from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.memories import best_memory, prior_of
 from ptt.diagnosis.evidence.possible import is_impossible, nats_of_form
@@ -21,9 +21,6 @@ from ptt.effects.sudden import EDGE
 from ptt.fitting.evidence import WIDTH, learn
 from ptt.fitting.posterior import Posterior
 from ptt.model.model import rival
-
-if TYPE_CHECKING:
-    from ptt.diagnosis.evidence.hidden import HiddenTrial
 
 UNDONE = 0.25  # of the squares of what something did, less than which is left once something else has taken it back
 ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
@@ -54,10 +51,7 @@ class Scorer:
         self.begun: Begun = {}
         self.known: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
         self.suiting: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
-        # What hidden rows say of sets under white noise.
-        self.trials: dict[tuple[tuple[str, ...], str], HiddenTrial] = {}
-        self.foretold: dict[tuple[str, ...], list[tuple[Hidden, Posterior]]] = {}
-        self.held_out: dict[tuple[str, ...], tuple[np.ndarray, np.ndarray]] = {}
+        self.hidden_memo = HiddenMemo()
 
     def widened(self, system: System) -> "Scorer":
         """The same for a system with atoms beside those that it has: what was scored and screened stays known to both.

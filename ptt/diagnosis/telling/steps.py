@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_metrology, is_sudden
-from ptt.diagnosis.evidence.hidden import HiddenTrial, held_out, hold_back, left_of, lowers
+from ptt.diagnosis.evidence.hidden import held_out, hold_back, left_of, lowers
+from ptt.diagnosis.evidence.hidden_trial import HiddenTrial
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import holds_unknown
