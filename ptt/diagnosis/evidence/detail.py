@@ -6,21 +6,22 @@ import numpy as np
 
 from ptt.diagnosis.evidence.atoms import EFFECT_ODDS
 from ptt.diagnosis.evidence.effect_atoms import effect_atom, straight_sizes
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.system import System
 from ptt.fitting.linear import detailed_columns
 from ptt.run.problem import Problem
 
 
-def follows_travel(state: State, system: RowSystem, problem: Problem) -> bool:
+def follows_travel(state: State, system: System, problem: Problem) -> bool:
     """Whether an explanation has an unknown that follows the travel of the joint at which it acts."""
     blocks = [block for key in state.keys if (block := system.atoms[key].block) is not None]
     letter = problem.file.machine.letter
     return any(block.place.joint is not None and block.on == (f"{letter}{block.place.joint + 1}",) for block in blocks)
 
 
-def with_detail(scorer: Scorer, problem: Problem) -> tuple[Scorer, RowSystem]:
+def with_detail(scorer: Scorer, problem: Problem) -> Scorer:
     """The same problem with further forms of its effects that have fine detail, tried with all of it.
 
     That a curve is there and that it is rough are two statements, and cost as much: a spot or a step of one joint is no
@@ -31,10 +32,9 @@ def with_detail(scorer: Scorer, problem: Problem) -> tuple[Scorer, RowSystem]:
         problem: its readings.
 
     Returns:
-        A scorer that knows what was scored before, and its system.
+        A scorer that knows what was scored before.
     """
-    system = scorer.system
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     for atom in list(system.atoms.values()):
         if atom.effect is None or atom.shape is None or not any(p.fine for p in atom.effect.parameters):
             continue
@@ -44,4 +44,4 @@ def with_detail(scorer: Scorer, problem: Problem) -> tuple[Scorer, RowSystem]:
         rough = effect_atom(f"{atom.key} in detail", place, atom.effect, problem, atom.odds + EFFECT_ODDS, atom.shape)
         own = {rough.key: replace(rough, tested=atom.tested)}
         system = system.widened(own, (columns * straight)[system.rows], sizes * straight)
-    return scorer.widened(system), system
+    return scorer.widened(system)

@@ -229,6 +229,17 @@ class RowSystem(System):
         return np.concatenate([flat, base], axis=1), np.append(values.ravel(), self.base_values), log_noise
 
 
+def rows_of(system: System) -> RowSystem:
+    """A system as what it has to be where readings are looked at one by one.
+
+    Raises:
+        TypeError: it keeps sums alone, as that of a long run.
+    """
+    if not isinstance(system, RowSystem):
+        raise TypeError("this looks at readings one by one, and of a long run only their sums are kept")
+    return system
+
+
 def build_row_system(
     fitted: FitResult,
     problem: Problem,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import odds_of_block
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.search.periods import FINEST, LEAST_ROWS
@@ -32,12 +32,11 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
     Returns:
         None and the period in s; None where there is no clock, or no line.
     """
-    system = scorer.system
+    system = rows_of(scorer.system)
     time, seen = problem.view.clock.numpy()[system.rows], any(joint is None for joint, _ in offered)
     turns = np.arange(FEWEST, min(FINEST, len(time) / ROWS), STEP)
     if "time" not in problem.view.varies or seen or len(time) < LEAST_ROWS or np.ptp(time) == 0.0:
         return None
-    assert isinstance(system, RowSystem)
     bends = [key for key in state.keys if (block := system.atoms[key].block) is not None and block.on[0] == "time"]
     straight = scorer.score(without(state, *bends), state.memory, state.scales)
     white, ones = system.innovation(straight.columns, straight.posterior.values, straight.memory), np.ones(len(time))

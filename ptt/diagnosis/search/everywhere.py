@@ -89,7 +89,7 @@ def find_everywhere(told: Found, task: WholeSearch) -> Found:
         state = scorer.score(start, at.memory)
         if turn < TURNS - 1:
             scorer, state = _search(scorer, state, known_to_sample)
-        found = replace(told, fitted=at.fitted, system=system, scorer=scorer, state=state, gross=gross)
+        found = replace(told, fitted=at.fitted, scorer=scorer, state=state, gross=gross)
         if settled(state, system):
             break
     sample = task.sample.masked(gross[numbers(task.sample)])

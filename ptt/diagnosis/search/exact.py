@@ -164,9 +164,7 @@ def _at_names(asked: Asked, found: Found, named: State, problem: Problem) -> Fou
     if first.total < state.total - HOPEFUL:
         return None
     best = plainest(other, refilled(other, improve(other, first)))
-    return replace(
-        found, fitted=fitted, system=other.system, scorer=other, state=best, carried=nothing, untestable=untestable
-    )
+    return replace(found, fitted=fitted, scorer=other, state=best, carried=nothing, untestable=untestable)
 
 
 def _straightened(current: Model, found: Found, named: State) -> Model:

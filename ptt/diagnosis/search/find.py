@@ -149,7 +149,7 @@ def _more_than_nothing(found: Found, problem: Problem) -> Found:
 def _lawful(asked: Asked, found: Found, problem: Problem) -> Found:
     """The same with laws of one variable where readings prefer them; what they let in is linearised at."""
     scorer, state = by_laws(found.scorer, found.state)
-    lawful = replace(found, scorer=scorer, system=scorer.system, state=state)
+    lawful = replace(found, scorer=scorer, state=state)
     if is_told(scorer, state):
         return lawful
     return max(_told(asked, lawful, problem), found, key=_told_total)
@@ -171,6 +171,6 @@ def _told(asked: Asked, found: Found, problem: Problem) -> Found:
     improve(scorer, scorer.score(keys, found.state.memory))  # what comes near has a say in probabilities
     state = max((each for each in scorer.scored.values() if is_told(scorer, each)), key=lambda each: each.total)
     return replace(
-        found, fitted=fitted, system=scorer.system, scorer=scorer, state=scorer.score(state.keys, state.memory),
+        found, fitted=fitted, scorer=scorer, state=scorer.score(state.keys, state.memory),
         carried=carried, untestable=untestable,
     )  # fmt: skip

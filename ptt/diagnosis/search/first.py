@@ -7,7 +7,7 @@ import numpy as np
 from ptt.diagnosis.evidence.atoms import is_effect, is_sudden
 from ptt.diagnosis.evidence.memories import FAR_BEHIND
 from ptt.diagnosis.evidence.noise_level import stated_noise, visit_left, wanders_beyond
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import holds_unknown
@@ -53,7 +53,7 @@ def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) 
     if not np.array_equal(lone, gross):
         return lone
     named = climb(scorer, nothing, is_effect)
-    scorer, _, dates = dated(scorer, named, candidates)
+    scorer, dates = dated(scorer, named, candidates)
     if dates is not None:  # else rows between a moment that is tried and the true one would look like that
         named = climb(scorer, scorer.score(dates, WHITE), is_effect)
     return _lone_beside(scorer, named, gross)
@@ -61,15 +61,14 @@ def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) 
 
 def _lone_beside(scorer: Scorer, state: State, gross: np.ndarray, *, robust: bool = False) -> np.ndarray:
     """Rows left out so far, and those far from a set where all of these are alone, (n,) bool."""
-    system = scorer.system
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     white = scorer.score(state.keys, WHITE)
     far = gross_beside(system, white, gross, robust=robust) & ~gross
     company = (np.convolve(far, NEIGHBOURS, "same") > 0) | in_company(system, scorer.score((), WHITE))
     return gross if (far & company).any() else gross | far
 
 
-def search_first(scorer: Scorer, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, State]:
+def search_first(scorer: Scorer, candidates: Sequence[Effect]) -> tuple[Scorer, State]:
     """The best set from nothing, what is sudden in it placed to the row before any swap.
 
     Between the moments that are tried at first lie rows enough for curves that make good for them, and those would
@@ -80,14 +79,14 @@ def search_first(scorer: Scorer, candidates: Sequence[Effect]) -> tuple[Scorer, 
         candidates: effects that may be missing.
 
     Returns:
-        A scorer that knows the moments, its system and the set.
+        A scorer that knows the moments, and the set.
     """
     ends = ends_of(scorer)
     first = max(ends, key=lambda end: (_searches_moments(scorer, end), end.total))
-    scorer, system, lasting = dated(scorer, first, candidates)
+    scorer, lasting = dated(scorer, first, candidates)
     if lasting is not None:
         ends += ends_of(scorer, lasting)
-    return scorer, system, best_of(scorer, ends)
+    return scorer, best_of(scorer, ends)
 
 
 def beside_names(scorer: Scorer, state: State, problem: Problem) -> State:
@@ -127,15 +126,13 @@ def names_suffice(scorer: Scorer, state: State, problem: Problem) -> bool:
     return stated is None or visit_left(system, state).total <= EXCESS * stated.total
 
 
-def dated(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[Scorer, RowSystem, list[str] | None]:
+def dated(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[Scorer, list[str] | None]:
     """The same with moments to the row, and the lasting effects of a set; None where it has nothing to be dated."""
-    system = scorer.system
-    assert isinstance(system, RowSystem)
     if not _searches_moments(scorer, state):
-        return scorer, system, None
-    scorer, system = with_moments(scorer, best_moments(scorer, state, loose(scorer, state), candidates))
-    lasting = [key for key in state.keys if is_effect(system.atoms[key]) and not is_sudden(system.atoms[key])]
-    return scorer, system, lasting
+        return scorer, None
+    scorer = with_moments(scorer, best_moments(scorer, state, loose(scorer, state), candidates))
+    atoms = scorer.system.atoms
+    return scorer, [key for key in state.keys if is_effect(atoms[key]) and not is_sudden(atoms[key])]
 
 
 def _searches_moments(scorer: Scorer, state: State) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.detail import follows_travel, with_detail
 from ptt.diagnosis.evidence.noise_level import noise_again
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
@@ -65,15 +65,13 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         gross = still_missed(fitted, problem, noise, gross)
     scorer = open_turn(asked, turn, problem, fitted, candidates, gross)
     asked.tell(f"search {turn.number + 1}")
-    system = scorer.system
-    assert isinstance(system, RowSystem)
     if turn.kept is None:
-        scorer, system, state = search_first(scorer, candidates)
+        scorer, state = search_first(scorer, candidates)
     else:
-        state = scorer.score([key for key in turn.kept if key in system.atoms], turn.memory)
-        if follows_travel(state, system, problem):
-            scorer, system = with_detail(scorer, problem)
-        scorer, system = with_other_meanings(scorer, fitted, problem)
+        state = scorer.score([key for key in turn.kept if key in scorer.system.atoms], turn.memory)
+        if follows_travel(state, scorer.system, problem):
+            scorer = with_detail(scorer, problem)
+        scorer = with_other_meanings(scorer, fitted, problem)
         state = best_meanings(scorer, state)
         if turn.number == 0:
             state = beside_names(scorer, state, problem)
@@ -81,7 +79,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
             state = refilled(scorer, _improved(scorer, state))
     scorer, state = by_drawing(scorer, state)
     return Found(
-        fitted, system, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
+        fitted, scorer, plainest(scorer, state), noise, turn.carried, gross, untestable, turn.periods,
         opening=turn.opening, seen=turn.seen,
     ), candidates  # fmt: skip
 
@@ -101,9 +99,8 @@ def _turned(
     if turn.number == TURNS - 1:
         return found, None
     scorer, state, waves = with_harmonics(found.scorer, found.state, problem, turn.seen)
-    system = scorer.system
-    assert isinstance(system, RowSystem)
-    found = replace(found, scorer=scorer, system=system, state=state, seen=(*turn.seen, *waves))
+    system = rows_of(scorer.system)
+    found = replace(found, scorer=scorer, state=state, seen=(*turn.seen, *waves))
     line = period_left(scorer, state, problem, turn.periods, waves) or find_cycle(scorer, state, problem, turn.periods)
     gross = gross_beside(system, state, found.gross)
     blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
@@ -145,9 +142,9 @@ def _turned(
 def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
     """The same, searched on with moments to the row."""
     moments = best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
-    scorer, system = with_moments(found.scorer, moments)
+    scorer = with_moments(found.scorer, moments)
     state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
-    return replace(found, system=system, scorer=scorer, state=state)
+    return replace(found, scorer=scorer, state=state)
 
 
 def _fitted_beside(found: Found, problem: Problem) -> Found:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.candidates import first_of
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
@@ -33,8 +33,7 @@ class Found:
 
     Attributes:
         fitted: the model with the named effects, at which the system was linearised; residuals hold the blocks' share.
-        system: linearised there.
-        scorer: with all that was scored there.
+        scorer: of the system that was linearised there, with all that was scored.
         state: the best set.
         noise: the noise floor as it ended.
         carried: what the blocks put into the readings, (n, 3) mm.
@@ -47,7 +46,6 @@ class Found:
     """
 
     fitted: FitResult
-    system: System
     scorer: Scorer
     state: State
     noise: Noise
@@ -58,6 +56,11 @@ class Found:
     sample: Problem | None = None
     opening: np.ndarray | None = None
     seen: tuple[OncePerRev, ...] = ()
+
+    @property
+    def system(self) -> System:
+        """The linearised problem."""
+        return self.scorer.system
 
 
 def parts_of(state: State, system: System) -> dict[str, np.ndarray]:
@@ -159,9 +162,8 @@ def _finest(found: Found, atom: Atom, problem: Problem) -> Shape:
     shapes = meant or finer
     if len(shapes) < 2:
         return atom.shape
-    assert isinstance(found.system, RowSystem)
     state = found.state
-    scorer, _ = with_shapes(Scorer(found.system.only(state.keys), found.scorer.given), {atom.name: shapes})
+    scorer = with_shapes(Scorer(rows_of(found.system).only(state.keys), found.scorer.given), {atom.name: shapes})
     rest = scorer.score(without(state, atom.key), state.memory, state.scales)
     nats = {gain.key: gain.nats for gain in scorer.all_gains(rest, lambda other: other.name == atom.name)}
     gains = np.array([nats.get(shape_key(atom.name, shape), -np.inf) for shape in shapes])

@@ -6,7 +6,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.effect_atoms import effect_atom, odds_of_effect
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE
@@ -65,8 +65,7 @@ def with_harmonics(
 
 def _with_waves(scorer: Scorer, waves: Sequence[OncePerRev], problem: Problem) -> Scorer:
     """The same problem with further waves."""
-    system = scorer.system
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     names = {atom.effect.name for atom in system.atoms.values() if atom.effect is not None}
     atoms, columns, scale = dict[str, Atom](), list[np.ndarray](), system.scale
     for wave in waves:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, path_views
 from ptt.diagnosis.evidence.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import RowSystem, rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Allowed
 from ptt.diagnosis.evidence.state import State, without
@@ -77,10 +77,9 @@ def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tupl
 
     Detail of one joint can take the form of a spot or a step, which its own travel says with less.
     """
-    system = scorer.system
     if not rough:
         return scorer, state
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     known, own = sum(is_block(atom) for atom in system.atoms.values()), list[Block]()
     for blocks in laws_of(system.at.problem, system.at.chain):
         own += [block for block in blocks if block.is_curve and block.place.residual.startswith("slider")]
@@ -132,8 +131,7 @@ def _lasts(atom: Atom) -> bool:
 
 def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> Scorer:
     """The same problem with the laws of each place that say most beside some sets; all of them would fill gigabytes."""
-    system = scorer.system
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     places = list(laws_of(system.at.problem, system.at.chain, _moments(scorer, state)))
     known = sum(is_block(atom) for atom in system.atoms.values())
     odds = odds_of_block(known + sum(len({_name(block.name) for block in blocks}) for blocks in places))
@@ -164,10 +162,10 @@ def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
     Returns:
         A scorer that knows them as well.
     """
-    system, blocks = scorer.system, [law.block for law in laws if law.block is not None]
+    blocks = [law.block for law in laws if law.block is not None]
     if not blocks:
         return scorer
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     first, own = system.columns.shape[2], dict[str, Atom]()
     for law in laws:
         own[law.key] = replace(law, columns=np.arange(first, first + len(law.columns)))

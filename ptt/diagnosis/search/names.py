@@ -100,11 +100,11 @@ def _named(opened: _Round, problem: Problem, *, plain_first: bool) -> tuple[Foun
     curves = not plain_first or plain.keys == start.keys
     allowed, starts = (is_effect, [plain, start]) if curves else (is_plain, [plain])
     state = _best(scorer, starts, allowed)
-    scorer, system, lasting = dated(scorer, state, opened.candidates)
+    scorer, lasting = dated(scorer, state, opened.candidates)
     if lasting is not None:
         state = _best(scorer, [scorer.score(keys, WHITE) for keys in (lasting, state.keys)], allowed)
     return Found(
-        opened.fitted, system, scorer, state, turn.noise, turn.carried, turn.gross, opened.untestable, turn.periods,
+        opened.fitted, scorer, state, turn.noise, turn.carried, turn.gross, opened.untestable, turn.periods,
         opening=turn.opening, seen=(*turn.seen, *waves),
     ), curves  # fmt: skip
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import is_field, odds_of_block
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
@@ -39,9 +39,9 @@ def find_period(
     Returns:
         Joint and length of the period; None where none is significant.
     """
-    if len(scorer.system.rows) < LEAST_ROWS:
+    system = rows_of(scorer.system)
+    if len(system.rows) < LEAST_ROWS:
         return None
-    assert isinstance(scorer.system, RowSystem)
     best, found = 0.0, list[tuple[JointWave, float]]()
     joints = left_along(scorer, state, problem, detail=not offered and hides_waves(scorer, state))
     named = [wave.period(problem.view) for wave in waves]
@@ -55,8 +55,8 @@ def find_period(
         if nats.max() > best:
             best, found = float(nats.max()), [(along, float(turns[np.argmax(nats > nats.max() - ALIAS)]))]
     for along, first in found:
-        lever = scorer.system.levers[along.joint][:, :, None]
-        return along.joint, along.span / place_line(scorer.system, state, along.q, lever, first)
+        lever = system.levers[along.joint][:, :, None]
+        return along.joint, along.span / place_line(system, state, along.q, lever, first)
     return None
 
 

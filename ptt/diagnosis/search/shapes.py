@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ptt.diagnosis.evidence.atoms import Atom, is_sudden
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.effects.layout import shape_of
@@ -16,13 +16,13 @@ from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem
 
 
-def with_moments(scorer: Scorer, moments: Sequence[Shape]) -> tuple[Scorer, RowSystem]:
-    """The same problem with further moments for all that is sudden; returns as `with_shapes`."""
+def with_moments(scorer: Scorer, moments: Sequence[Shape]) -> Scorer:
+    """The same problem with further moments for all that is sudden."""
     sudden = {atom.name for atom in scorer.system.atoms.values() if is_sudden(atom)}
     return with_shapes(scorer, dict.fromkeys(sudden, moments) if moments else {})
 
 
-def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[Scorer, RowSystem]:
+def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> Scorer:
     """The same problem with further shapes of its effects, at the price of those that it has.
 
     Args:
@@ -30,11 +30,10 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[
         shapes: effect -> its further shapes.
 
     Returns:
-        A scorer that knows what was scored before, and its system.
+        A scorer that knows what was scored before.
     """
-    system, atoms = scorer.system, dict[str, Atom]()
+    system, atoms = rows_of(scorer.system), dict[str, Atom]()
     columns, base = list[np.ndarray](), list[np.ndarray]()
-    assert isinstance(system, RowSystem)
     like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in shapes}
     first = system.columns.shape[2]
     for name, atom in like.items():
@@ -52,10 +51,10 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> tuple[
     if atoms:
         rows, on_base = (np.concatenate(own, axis=2) for own in (columns, base))
         system = system.widened(atoms, rows, np.concatenate(size), on_base)
-    return scorer.widened(system), system
+    return scorer.widened(system)
 
 
-def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> tuple[Scorer, RowSystem]:
+def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> Scorer:
     """The same problem with the effects of the model in other given shapes too, each in the place of the one it has.
 
     A given shape is chosen before all else is named, and no fit moves it: what a row's speed means may look otherwise
@@ -67,10 +66,9 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
         problem: its readings.
 
     Returns:
-        A scorer that knows what was scored before, and its system.
+        A scorer that knows what was scored before.
     """
-    system = scorer.system
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     for term in fitted.model.terms:
         key, effect = term.effect.key, term.effect
         stems = {parameter.stem for parameter in effect.parameters if parameter.role == "given"}
@@ -97,7 +95,7 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
         }
         sizes = np.tile(system.scale[system.atoms[key].columns], len(others))
         system = system.widened(atoms, columns, sizes, system.at.on_base(effect, *others))
-    return scorer.widened(system), system
+    return scorer.widened(system)
 
 
 def best_meanings(scorer: Scorer, state: State) -> State:

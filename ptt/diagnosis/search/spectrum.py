@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.row_sums import flattened
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import RowSystem, rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.wander import filtered, innovations
@@ -87,8 +87,7 @@ def left_along(scorer: Scorer, state: State, problem: Problem, *, detail: bool) 
         problem: n rows.
         detail: leave the fine detail of its curves as well.
     """
-    system = scorer.system
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     shown = np.where(detail & _detail(scorer, state), 0.0, state.posterior.values)
     white = system.innovation(state.columns, shown, state.memory)
     telling = _telling(system, state.memory.pose)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, is_sudden
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import RowSystem, rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.gross import CHANCE, alone, are_exceptions, places_of, stand_out
@@ -198,8 +198,7 @@ def unlike(moments: Sequence[Shape]) -> tuple[Shape, ...]:
 
 def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:
     """Where a sudden effect does best beside a state less some of it."""
-    system = scorer.system
-    assert isinstance(system, RowSystem)
+    system = rows_of(scorer.system)
     still = scorer.score(without(state, *gone), WHITE, state.scales)
     left = np.zeros((system.at.problem.table.rows, 3))
     left[system.rows] = system.left(still.columns, still.posterior.values)
