@@ -172,7 +172,7 @@ def test_every_law_acts_one_way_at_one_place() -> None:
     fitted = fit(Model(MACHINE), problem, robust=False)
     chain = linear_columns(fitted, problem, [], fitted.noise).at.chain
     laws = [law for laws in laws_of(problem, chain) for law in laws]
-    assert len({law.name for law in laws}) == len(laws)
+    assert len({law.key for law in laws}) == len(laws)
     assert {law.place.residual for law in laws} >= {"x", "slider 1", "rail 2 sideways", "link 3"}
     assert all(law.place.slopes.shape[2] == 1 and np.isfinite(law.features).all() for law in laws)
 

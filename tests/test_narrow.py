@@ -54,7 +54,7 @@ def test_a_block_on_fewer_columns_puts_the_same_into_the_readings() -> None:
     """60 curves along a path of a twentieth of their travel are a handful of ways."""
     random = np.random.default_rng(5)
     along = np.linspace(0.0, 0.05, ROWS)
-    place = Place("tool", np.broadcast_to(np.eye(3), (ROWS, 3, 3)))
+    place = Place("tool", "tool", np.broadcast_to(np.eye(3), (ROWS, 3, 3)))
     block = Block("tool on x", place, ("x",), np.cos(np.pi * along[:, None] * np.arange(20)))
     atoms, scale = atoms_of_blocks([block], 0, 9.0), np.ones(60)
     columns = block.features / SIZE

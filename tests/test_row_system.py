@@ -100,7 +100,7 @@ def test_entries_of_a_matrix_are_the_same_however_many_are_asked_for_and_however
 def test_columns_of_blocks_are_their_features_in_units_of_noise() -> None:
     random = np.random.default_rng(6)
     noise = Noise(np.array([[4.0, 1.0, 0.0], [1.0, 9.0, 2.0], [0.0, 2.0, 1.0]]) * 1e-5, "machine file")
-    tool, rail = (Place(name, random.normal(size=(ROWS, 3, ways))) for name, ways in (("tool", 3), ("rail 1", 2)))
+    tool, rail = (Place(kind, kind, random.normal(size=(ROWS, 3, ways))) for kind, ways in (("tool", 3), ("rail", 2)))
     blocks = [
         Block(str(n), place, ("x",), random.normal(size=(ROWS, n))) for n, place in ((4, tool), (1, rail), (3, rail))
     ]

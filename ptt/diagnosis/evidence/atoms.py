@@ -165,14 +165,14 @@ def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[st
         odds: nats against one of them.
 
     Returns:
-        The atoms by name.
+        The atoms by key.
     """
     atoms = {}
     for block in blocks:
         width = block.width
         columns, group = np.arange(place, place + width), np.zeros(width, dtype=int)
-        atoms[block.name] = Atom(
-            block.name,
+        atoms[block.key] = Atom(
+            block.key,
             block.name,
             columns,
             group,

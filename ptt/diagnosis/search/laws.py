@@ -25,7 +25,7 @@ from ptt.diagnosis.search.instead import FEW
 from ptt.diagnosis.search.moves import LEAST_NATS, loose
 from ptt.diagnosis.search.plainest import plainest
 from ptt.diagnosis.unknown.blocks import STILL, Block, Place, one_way_each, places_of_chain, stand_of
-from ptt.diagnosis.unknown.jumps import AGAIN, HEIGHTS, heights_of, passed_again, spells_of
+from ptt.diagnosis.unknown.jumps import AGAIN, HEIGHTS, Jump, heights_of, passed_again, spells_of
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
@@ -34,7 +34,6 @@ OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear a
 # else that varies, and over what only fades or grows the way a joint came
 NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
 MOST_LAWS = 5  # of a place: it follows two or three things, and one may look like another at first
-SPELL = " jumps on time#"  # in the name of a law of what came at one moment and went at another
 SHORTEST = 1e-3  # of the longest move: shorter ones count as that
 
 
@@ -82,8 +81,8 @@ def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tupl
     system = rows_of(scorer.system)
     known, own = sum(is_block(atom) for atom in system.atoms.values()), list[Block]()
     for blocks in laws_of(system.at.problem, system.at.chain):
-        own += [block for block in blocks if block.is_curve and block.place.residual.startswith("slider")]
-    wider, best = _widened(scorer, own, odds_of_block(known + len({_name(block.name) for block in own}))), state
+        own += [block for block in blocks if block.is_curve and block.place.kind == "slider"]
+    wider, best = _widened(scorer, own, odds_of_block(known + len({block.name for block in own}))), state
     for key in rough:
         best = _instead(wider, best, (key,))
     return wider, best
@@ -101,12 +100,12 @@ def _is_timed(atom: Atom) -> bool:
 
 def is_law(atom: Atom) -> bool:
     """Whether an atom is a law of one variable."""
-    return atom.key.startswith("law ")
+    return atom.block is not None and atom.block.is_law
 
 
 def is_spell(atom: Atom) -> bool:
     """Whether an atom is a law of what came at one moment and went at another."""
-    return is_law(atom) and SPELL in atom.key
+    return atom.block is not None and atom.block.is_spell
 
 
 def is_broad(atom: Atom) -> bool:
@@ -134,15 +133,16 @@ def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> S
     system = rows_of(scorer.system)
     places = list(laws_of(system.at.problem, system.at.chain, _moments(scorer, state)))
     known = sum(is_block(atom) for atom in system.atoms.values())
-    odds = odds_of_block(known + sum(len({_name(block.name) for block in blocks}) for blocks in places))
+    odds = odds_of_block(known + sum(len({block.name for block in blocks}) for blocks in places))
     few = Scorer(system.only(state.keys), scorer.given)
     beside = [few.score(keys, state.memory, state.scales) for keys in dict.fromkeys(map(tuple, sets))]
     few.system.sums(state.memory)  # which the laws of every place are set beside
     kept = list[Block]()
     for blocks in places:
         wider = _widened(few, blocks, odds)
-        names = {_name(gain.key) for fewer in beside for gain in wider.screen(fewer, is_law)[:MOST_LAWS]}
-        kept += [block for block in blocks if _name(block.name) in names or SPELL in block.name]
+        gains = [gain for fewer in beside for gain in wider.screen(fewer, is_law)[:MOST_LAWS]]
+        names = {wider.system.atoms[gain.key].name for gain in gains}
+        kept += [block for block in blocks if block.name in names or block.is_spell]
     system.forget()  # to widen the sums of every memory that was ever tried takes longer than those few that are asked
     return _widened(scorer, kept, odds)
 
@@ -174,15 +174,10 @@ def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
     return scorer.widened(system.widened(own, columns, np.ones(columns.shape[2])))
 
 
-def _name(key: str) -> str:
-    """Of jumps at all heights one."""
-    return key.partition("#")[0]
-
-
 def _priced(atom: Atom, odds: float) -> Atom:
     """A jump costs what choosing among its heights costs, and as often as it has heights or moments."""
-    jumps = len(atom.key.partition("#")[2].split())
-    return replace(atom, name=_name(atom.key), odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
+    jumps = 0 if atom.block is None else len(atom.block.jumps)
+    return replace(atom, odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
 
 
 def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> Iterator[list[Block]]:
@@ -200,25 +195,27 @@ def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> It
     passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
     for place in _places(problem, chain):
-        name = place.residual
         if place.joint is None:
-            laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in varied.items()]
-            yield [*laws, *_jumps(place, spells)]
+            yield [*(_law(place, (on,), shapes) for on, shapes in varied.items()), *_jumps(place, spells)]
             continue
         own, heights = f"{letter}{place.joint + 1}", q[:, place.joint]
         here = varied | {on: finer[own] for on in varied if on == own}
-        laws = [Block(f"law {name} on {on}", place, (on,), shapes) for on, shapes in here.items()]
-        for ons, shapes in _arrivals(problem, place.joint):
-            laws.append(Block(f"law {name} on {' and '.join(ons)}", place, ons, shapes))
-        jumps = [(own, repr(float(height)), heights > height) for height in heights_of(heights[problem.used])]
+        laws = [_law(place, (on,), shapes) for on, shapes in here.items()]
+        laws += [_law(place, ons, shapes) for ons, shapes in _arrivals(problem, place.joint)]
+        jumps = [(own, (float(height),), heights > height) for height in heights_of(heights[problem.used])]
         yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
     yield _jumps(stand_of(problem), spells)
 
 
-def _jumps(place: Place, jumps: Sequence[tuple[str, str, np.ndarray]]) -> list[Block]:
+def _law(place: Place, on: tuple[str, ...], shapes: np.ndarray) -> Block:
+    return Block(f"law {place.residual} on {' and '.join(on)}", place, on, shapes, is_law=True)
+
+
+def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
     """Laws that are nothing here and one size there."""
+    name = f"law {place.residual} jumps on"
     return [
-        Block(f"law {place.residual} jumps on {on}#{where}", place, (on,), there.reshape(len(there), -1).astype(float))
+        Block(f"{name} {on}", place, (on,), there.reshape(len(there), -1).astype(float), is_law=True, jumps=where)
         for on, where, there in jumps
     ]
 
@@ -227,7 +224,7 @@ def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
     """Where a law may act: axes of the tool, joints, rails to either side, links; one way each."""
     tool, *joints = places_of_chain(problem, chain)
     for axis, unit in zip(COORDINATES, np.eye(3), strict=True):
-        yield Place(axis, tool.slopes @ unit[:, None])
+        yield Place("tool", axis, tool.slopes @ unit[:, None])
     for place in joints:
         yield from one_way_each(place)
     if problem.file.machine.kind == "three-ptt":
@@ -236,7 +233,7 @@ def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
             way = by_slot[:, :, 4 * leg + 3 : 4 * leg + 4]
             lever = float(np.sqrt(np.square(way).sum(axis=1).mean()))
             if lever > STILL:
-                yield Place(f"link {leg + 1}", way / lever, leg, lever)
+                yield Place("link", f"link {leg + 1}", way / lever, leg, lever)
 
 
 def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:

@@ -1,8 +1,9 @@
 """Blocks of unknown physics by construction: what varies, times smooth, times where it acts."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -21,27 +22,32 @@ STILL = 1e-6  # mm or less of the tool to a mm or a rad of a place: it moves not
 FIELD_DECAY, GENTLE = 0.6, 2  # and the degree of one that bends but once
 
 
+PlaceKind = Literal["tool", "slider", "joint", "rail", "link", "set-up"]
+
+
 @dataclass(frozen=True)
 class Place:
     """Where something unknown may act.
 
     Attributes:
-        residual: 'slider 2', 'joint 2', 'rail 2' (both ways across it), 'tool' or 'set-up'; of one way alone also
-            'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
+        kind: what it is: a slider, the joint of an arm, a rail across its slider's travel, the tool.
+        residual: its name: 'slider 2', 'joint 2', 'rail 2' (both ways across it), 'tool' or 'set-up'; of one way alone
+            also 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
         slopes: shift of the reading by each of its ways, (n, 3, w), of about unit size.
         joint: the joint it belongs to, None for the tool.
         lever: size of its slopes before they were made so.
     """
 
+    kind: PlaceKind
     residual: str
     slopes: np.ndarray
     joint: int | None = None
     lever: float = 1.0
 
     @property
-    def part(self) -> str:
-        """What it is a way of: 'rail 2' of 'rail 2 outward'."""
-        return " ".join(self.residual.split()[:2])
+    def part(self) -> tuple[PlaceKind, int | None]:
+        """What it is a way of: rail 2, of 'rail 2 outward'."""
+        return self.kind, self.joint
 
     def times(self, shapes: np.ndarray) -> np.ndarray:
         """Features (n, 3, w s) of shapes (n, s) that act here."""
@@ -58,23 +64,28 @@ class Block:
         place: where it acts.
         on: the variables it depends on, the leading one first.
         shapes: (n, s) of about unit size.
+        period: of a wave along the travel of a joint or over time, in its unit, as the name has it; None of any other.
+        is_law: whether it is a law of one variable.
+        jumps: of a law that jumps, the values of its variable at which it does.
     """
 
     name: str
     place: Place
     on: tuple[str, ...]
     shapes: np.ndarray
+    period: float | None = None
+    is_law: bool = False
+    jumps: tuple[float, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """Its own among all blocks: laws that jump elsewhere have one name."""
+        return f"{self.name}#{' '.join(map(repr, self.jumps))}" if self.jumps else self.name
 
     @property
     def features(self) -> np.ndarray:
         """(n, 3, m) mm, one learned variance for all of them."""
         return self.place.times(self.shapes)
-
-    @property
-    def period(self) -> float | None:
-        """Of a wave along the travel of a joint, in its unit; None of any other block."""
-        length = self.name.partition(PERIOD)[2]
-        return float(length) if length else None
 
     @property
     def is_curve(self) -> bool:
@@ -93,6 +104,11 @@ class Block:
         return self.place.residual == other.place.residual and self.on[0] == other.on[0]
 
     @property
+    def is_spell(self) -> bool:
+        """Whether it is a law of what came at one moment and went at another."""
+        return bool(self.jumps) and self.on == ("time",)
+
+    @property
     def reverses(self) -> bool:
         """Whether it changes sides with the way a joint came, as play does."""
         return self.on[0].rstrip("0123456789") == "direction"
@@ -103,8 +119,17 @@ class Block:
         return int(self.place.slopes.shape[2] * self.shapes.shape[1])
 
 
-PERIOD = " with period "  # in the name of a wave
-Recipe = tuple[str, Place, tuple[str, ...], Callable[[], np.ndarray]]  # name, where, on what, and its shapes
+@dataclass(frozen=True)
+class Recipe:
+    """A block whose shapes are still to be made; all else as `Block` has it."""
+
+    name: str
+    place: Place
+    on: tuple[str, ...]
+    make: Callable[[], np.ndarray]
+    period: float | None = None
+
+
 Period = tuple[int | None, float]  # joint, and length in its unit; of a cycle of the tool over time None, and s
 
 
@@ -131,36 +156,25 @@ def unknown_blocks(
         span = span_of(problem)
     elif problem.view.number is not None:
         span = span.of(problem.view.number.numpy().astype(int))
-    found = []
     places = places_of_chain(problem, chain, span.levers)
-    for name, place, on, make in (*_recipes(problem, places, span), *_periodic(problem, places, periods)):
-        if (names is None or name in names) and (shapes := make()).shape[1]:
-            found.append(Block(name, place, on, shapes))
-    return found
+    recipes = (*_recipes(problem, places, span), *_periodic(problem, places, periods))
+    wanted = (one for one in recipes if names is None or one.name in names)
+    blocks = (Block(one.name, one.place, one.on, one.make(), one.period) for one in wanted)
+    return [block for block in blocks if block.shapes.shape[1]]
 
 
-def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Recipe]:
-    tool, joints = places[0], [place for place in places if place.residual != "tool"]
-    serial = problem.file.machine.kind == "serial"
-    letter = problem.file.machine.letter
-    raw, q = problem.view.q.numpy(), scaled(problem.view.q.numpy(), span.q)
-    p = scaled(problem.view.p.numpy(), span.p)
+def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[Recipe]:
+    tool, *moving = places
+    raw, letter, serial = problem.view.q.numpy(), problem.file.machine.letter, problem.file.machine.kind == "serial"
+    q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
     yield _named(tool, COORDINATES, partial(_field, p, _degree(problem), 1))
-    yield "tool gently on x and y and z", tool, COORDINATES, partial(_field, p, GENTLE, 1)
-    for place in joints:
+    yield _named(tool, COORDINATES, partial(_field, p, GENTLE, 1), "gently ")
+    for place in moving:
         assert place.joint is not None
-        own = f"{letter}{place.joint + 1}"
+        own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])
         yield _named(place, (own,), partial(_own_travel, q[:, place.joint], raw[:, place.joint], serial))
-        low = modulation(q[:, place.joint])
-        if place.residual.startswith("rail"):  # a carriage tips over as its drive pulls it the other way
-            if span.two_sided[place.joint]:
-                yield from _reversal(problem, place, own, low, ())
-            if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
-                yield _waves(place, own, raw[:, place.joint], problem.view.lead)
-            for context in span.contexts:  # and gives way under load, or to the sun
-                changes = context.shapes - context.mean  # what it does throughout, towers and guides do
-                for way in one_way_each(place) if context.fields else ():
-                    yield _named(way, (context.name, own), partial(product, changes, low))
+        if place.kind == "rail":
+            yield from _of_rail(problem, place, own, low, span)
             continue
         yield _named(place, COORDINATES, partial(_field, p, _degree(problem)))
         for i in range(q.shape[1]):
@@ -172,23 +186,41 @@ def _recipes(problem: Problem, places: list[Place], span: Span) -> Iterator[Reci
         if span.two_sided[place.joint]:
             yield from _reversal(problem, place, own, low, span.contexts)
     for context in span.contexts:
-        if not context.joints:
-            yield _named(tool, (context.name,), partial(_shapes, context))
-        elif context.name != "time":
-            yield f"tool gently on {context.name}", tool, (context.name,), partial(_shapes, context)
-            degree = FIELD_OF_CONTEXT if context.fields else 1
-            yield _named(tool, (context.name,), partial(_modulated_field, context.shapes, p, degree))
+        yield from _of_context(tool, context, p)
     if span.two_sided.any():
         yield _named(tool, ("direction",), problem.view.direction.numpy)
     yield _named(_set_up(problem, span), ("time",), lambda: span.slow)
+
+
+def _of_rail(problem: Problem, place: Place, own: str, low: np.ndarray, span: Span) -> Iterator[Recipe]:
+    """What pushes a carriage aside besides the curve of its rail."""
+    assert place.joint is not None
+    if span.two_sided[place.joint]:  # it tips over as its drive pulls it the other way
+        yield from _reversal(problem, place, own, low, ())
+    if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
+        yield _waves(place, own, problem.view.q.numpy()[:, place.joint], problem.view.lead)
+    for context in span.contexts:  # and it gives way under load, or to the sun
+        changes = context.shapes - context.mean  # what it does throughout, towers and guides do
+        for way in one_way_each(place) if context.fields else ():
+            yield _named(way, (context.name, own), partial(product, changes, low))
+
+
+def _of_context(tool: Place, context: Context, p: np.ndarray) -> Iterator[Recipe]:
+    """What a context does at the tool: the same everywhere, or more here than there."""
+    if not context.joints:
+        yield _named(tool, (context.name,), partial(_shapes, context))
+    elif context.name != "time":
+        yield _named(tool, (context.name,), partial(_shapes, context), "gently ")
+        degree = FIELD_OF_CONTEXT if context.fields else 1
+        yield _named(tool, (context.name,), partial(_modulated_field, context.shapes, p, degree))
 
 
 def _degree(problem: Problem) -> int:
     return FIELD if problem.file.machine.kind == "three-ptt" else FIELD_OF_CONTEXT
 
 
-def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray]) -> Recipe:
-    return f"{place.residual} on {' and '.join(on)}", place, on, make
+def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray], how: str = "") -> Recipe:
+    return Recipe(f"{place.residual} {how}on {' and '.join(on)}", place, on, make)
 
 
 def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) -> Iterator[Recipe]:
@@ -202,8 +234,9 @@ def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) 
 
 
 def _waves(place: Place, on: str, raw: np.ndarray, length: float) -> Recipe:
-    phase = 2.0 * np.pi * raw / length
-    return f"{place.residual} on {on}{PERIOD}{length:.5g}", place, (on,), partial(harmonics, phase)
+    phase, called = 2.0 * np.pi * raw / length, f"{length:.5g}"
+    name = f"{place.residual} on {on} with period {called}"
+    return Recipe(name, place, (on,), partial(harmonics, phase), float(called))
 
 
 def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] | None = None) -> list[Place]:
@@ -215,18 +248,19 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
         levers: of each place, by its residual, where another part of the run has set them.
     """
     n, k = problem.view.rows, problem.view.joints
-    places = [Place("tool", np.broadcast_to(np.eye(3), (n, 3, 3)))]
-    word = problem.file.machine.noun
-    by_joint = chain.by_joint.numpy()
-    found = [(f"{word} {joint + 1}", by_joint[:, :, joint : joint + 1], joint) for joint in range(k)]
-    if problem.file.machine.kind == "three-ptt":
+    places = [Place("tool", "tool", np.broadcast_to(np.eye(3), (n, 3, 3)))]
+    by_joint, is_tripod = chain.by_joint.numpy(), problem.file.machine.kind == "three-ptt"
+    kind: PlaceKind = "slider" if is_tripod else "joint"
+    found = [(kind, by_joint[:, :, joint : joint + 1], joint) for joint in range(k)]
+    if is_tripod:
         by_slot = chain.by_slot.numpy()
         ways = np.stack([axis.numpy() for axis in across_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
-        found += [(f"rail {leg + 1}", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
-    for residual, slopes, joint in found:
+        found += [("rail", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
+    for kind, slopes, joint in found:
+        residual = f"{kind} {joint + 1}"
         lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
         if lever > STILL:
-            places.append(Place(residual, slopes / lever, joint, lever))
+            places.append(Place(kind, residual, slopes / lever, joint, lever))
     return places
 
 
@@ -234,7 +268,7 @@ def one_way_each(place: Place) -> list[Place]:
     """A joint's or a rail's place by its ways: a rail outward and sideways, a joint as it is."""
     ways = np.split(place.slopes, place.slopes.shape[2], axis=2)
     called = [f"{place.residual} {to}" for to in ACROSS] if len(ways) > 1 else [place.residual]
-    return [Place(name, way, place.joint, place.lever) for name, way in zip(called, ways, strict=True)]
+    return [replace(place, residual=name, slopes=way) for name, way in zip(called, ways, strict=True)]
 
 
 def _reversal(
@@ -253,7 +287,7 @@ def _set_up(problem: Problem, span: Span) -> Place:
     """Scale and turn of the readings; their shift is the tracker's wander."""
     p = problem.view.p
     turns = rigid_columns(p, length=span.radius)[..., 3:].numpy()
-    return Place("set-up", np.concatenate([p.numpy()[..., None] / span.radius, turns], axis=-1))
+    return Place("set-up", "set-up", np.concatenate([p.numpy()[..., None] / span.radius, turns], axis=-1))
 
 
 def stand_of(problem: Problem) -> Place:
@@ -261,7 +295,7 @@ def stand_of(problem: Problem) -> Place:
     p = problem.view.p
     middle = p.mean(dim=0)
     radius = max(float((p - middle).square().sum(dim=1).mean().sqrt()), 1e-9)
-    return Place("set-up", rigid_columns(p, middle, radius).numpy())
+    return Place("set-up", "set-up", rigid_columns(p, middle, radius).numpy())
 
 
 def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:

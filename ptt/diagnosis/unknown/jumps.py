@@ -13,6 +13,8 @@ ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and row
 BROKEN = 4  # rows in between, as many as beams may break in a row
 AGAIN = 3  # things that happen by themselves in one run, at most: what happens more often happens again and again
 
+Jump = tuple[str, tuple[float, ...], np.ndarray]  # on what, at which of its values, and the rows that are elsewhere
+
 
 def heights_of(visited: np.ndarray) -> np.ndarray:
     """Middles between neighbouring heights of a joint, some rows on either side of each.
@@ -30,7 +32,7 @@ def heights_of(visited: np.ndarray) -> np.ndarray:
     return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
 
 
-def passed_again(problem: Problem) -> Iterator[tuple[str, str, np.ndarray]]:
+def passed_again(problem: Problem) -> Iterator[Jump]:
     """Warmth, and columns of a person's own, at which something may let go.
 
     Args:
@@ -44,10 +46,10 @@ def passed_again(problem: Problem) -> Iterator[tuple[str, str, np.ndarray]]:
             for value in heights_of(values[problem.used]):
                 above = values > value
                 if _is_passed_again(above[problem.used]):
-                    yield on, repr(float(value)), above
+                    yield on, (float(value),), above
 
 
-def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str, str, np.ndarray]]:
+def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[Jump]:
     """What came at one moment and went at another.
 
     That a knock takes back just what another did is no accident: whatever it was came and went, and may come again. And
@@ -65,14 +67,14 @@ def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[tuple[str,
     for first, last in combinations(moments, 2):
         between = (clock > first) & (clock <= last)
         if (between & read).sum() > BROKEN:
-            yield "time", f"{first!r} {last!r}", between
+            yield "time", (first, last), between
     after = (clock[read, None] > np.array(moments)).sum(axis=0)
     close, beside = -np.diff(after) <= BROKEN, np.zeros(len(moments), dtype=bool)
     beside[1:] |= close
     beside[:-1] |= close
     apart = [moment for moment, near in zip(moments, beside, strict=True) if not near]
     if len(apart) > AGAIN:
-        yield "time", " ".join(map(repr, apart)), clock[:, None] > np.array(apart)
+        yield "time", tuple(apart), clock[:, None] > np.array(apart)
 
 
 def _is_passed_again(passed: np.ndarray) -> bool:
