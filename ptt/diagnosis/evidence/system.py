@@ -11,7 +11,8 @@ from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.effect_atoms import straight_sizes
 from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums
 from ptt.diagnosis.noise.wander import Clock, innovations
-from ptt.diagnosis.unknown.blocks import SIZE, Block
+from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.places import SIZE
 from ptt.fitting.alike import times_of
 from ptt.fitting.evidence import noise_of
 from ptt.fitting.linear import Linear

@@ -24,8 +24,9 @@ from ptt.diagnosis.search.improve import HOPEFUL, improve
 from ptt.diagnosis.search.instead import FEW
 from ptt.diagnosis.search.moves import LEAST_NATS, loose
 from ptt.diagnosis.search.plainest import plainest
-from ptt.diagnosis.unknown.blocks import STILL, Block, Place, one_way_each, places_of_chain, stand_of
+from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.jumps import AGAIN, HEIGHTS, Jump, heights_of, passed_again, spells_of
+from ptt.diagnosis.unknown.places import STILL, Place, one_way_each, places_of_chain, stand_of
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem

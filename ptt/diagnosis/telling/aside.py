@@ -7,7 +7,7 @@ import numpy as np
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.noise.gross import has_a_place
 from ptt.diagnosis.search.found import Found
-from ptt.diagnosis.unknown.blocks import places_of_chain
+from ptt.diagnosis.unknown.places import places_of_chain
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf, f_sf
 

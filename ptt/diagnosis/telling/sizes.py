@@ -10,7 +10,8 @@ from ptt.dependence.curves import bins_of
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side
 from ptt.diagnosis.telling.unknowns import LARGER, Unknown
-from ptt.diagnosis.unknown.blocks import SIZE, Block
+from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.places import SIZE
 from ptt.run.problem import Problem
 
 Contexts = dict[str, np.ndarray]

@@ -1,0 +1,87 @@
+"""Places where unknown physics may act: the tool, joints, rails sideways, links, the tracker's set-up."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from ptt.effects.geometry import ACROSS, across_axes
+from ptt.model.chain import Chain
+from ptt.run.frames import rigid_columns
+from ptt.run.problem import Problem
+
+SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance makes it what it is
+STILL = 1e-6  # mm or less of the tool to a mm or a rad of a place: it moves nothing
+
+PlaceKind = Literal["tool", "slider", "joint", "rail", "link", "set-up"]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something unknown may act.
+
+    Attributes:
+        kind: what it is: a slider, the joint of an arm, a rail across its slider's travel, the tool.
+        residual: its name: 'slider 2', 'joint 2', 'rail 2' (both ways across it), 'tool' or 'set-up'; of one way alone
+            also 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
+        slopes: shift of the reading by each of its ways, (n, 3, w), of about unit size.
+        joint: the joint it belongs to, None for the tool.
+        lever: size of its slopes before they were made so.
+    """
+
+    kind: PlaceKind
+    residual: str
+    slopes: np.ndarray
+    joint: int | None = None
+    lever: float = 1.0
+
+    @property
+    def part(self) -> tuple[PlaceKind, int | None]:
+        """What it is a way of: rail 2, of 'rail 2 outward'."""
+        return self.kind, self.joint
+
+    def times(self, shapes: np.ndarray) -> np.ndarray:
+        """Features (n, 3, w s) of shapes (n, s) that act here."""
+        joined = SIZE * self.slopes[:, :, :, None] * shapes[:, None, None, :]
+        return joined.reshape(*self.slopes.shape[:2], -1)
+
+
+def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] | None = None) -> list[Place]:
+    """Where something unknown may act: the tool first, then joints that move it, then rails sideways.
+
+    Args:
+        problem: n rows.
+        chain: of the present model, for how joints and rails move the reading.
+        levers: of each place, by its residual, where another part of the run has set them.
+    """
+    n, k = problem.view.rows, problem.view.joints
+    places = [Place("tool", "tool", np.broadcast_to(np.eye(3), (n, 3, 3)))]
+    by_joint, is_tripod = chain.by_joint.numpy(), problem.file.machine.kind == "three-ptt"
+    kind: PlaceKind = "slider" if is_tripod else "joint"
+    found = [(kind, by_joint[:, :, joint : joint + 1], joint) for joint in range(k)]
+    if is_tripod:
+        by_slot = chain.by_slot.numpy()
+        ways = np.stack([axis.numpy() for axis in across_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
+        found += [("rail", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
+    for kind, slopes, joint in found:
+        residual = f"{kind} {joint + 1}"
+        lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
+        if lever > STILL:
+            places.append(Place(kind, residual, slopes / lever, joint, lever))
+    return places
+
+
+def one_way_each(place: Place) -> list[Place]:
+    """A joint's or a rail's place by its ways: a rail outward and sideways, a joint as it is."""
+    ways = np.split(place.slopes, place.slopes.shape[2], axis=2)
+    called = [f"{place.residual} {to}" for to in ACROSS] if len(ways) > 1 else [place.residual]
+    return [replace(place, residual=name, slopes=way) for name, way in zip(called, ways, strict=True)]
+
+
+def stand_of(problem: Problem) -> Place:
+    """Where a tracker stands: shift and turn of the readings, turns at the root mean square of the coordinates."""
+    p = problem.view.p
+    middle = p.mean(dim=0)
+    radius = max(float((p - middle).square().sum(dim=1).mean().sqrt()), 1e-9)
+    return Place("set-up", "set-up", rigid_columns(p, middle, radius).numpy())
