@@ -1,6 +1,6 @@
 """Steps: the named effects in the order that hidden readings ask for, what each is worth, what would do as well."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,24 +80,17 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     Returns:
         What it names; of a set that does not foretell what it claims to only what is most of the truth by itself.
     """
-    atoms = scorer.system.atoms
+    atoms, every = scorer.system.atoms, loose(scorer, state)
     odd = holds_unknown(scorer.system, state.keys, state.memory)
-    worth = {key: state.total - _less(scorer, state, key).total for key in loose(scorer, state) if atoms[key].effect}
+    worth = {key: state.total - _less(scorer, state, key).total for key in every if atoms[key].effect}
     clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
-    ahead = {key: state.total - _with_unknown(scorer, state, key) for key in clear}
+    ahead = _ahead_of_unknowns(scorer, state, clear)
     likely = [key for key in clear if not odd or ahead[key] > TIE]
     if odd:
         leading = [key for key in worth if key not in likely and worth[key] > 0.0 and _leads(scorer, key)]
-        ahead |= {key: state.total - _with_unknown(scorer, state, key) for key in leading if key not in ahead}
+        ahead |= _ahead_of_unknowns(scorer, state, [key for key in leading if key not in ahead])
         likely += [key for key in leading if ahead[key] > 0.0]
-    every = loose(scorer, state)
-    beside = {key: _beside(scorer, every, key) for key in likely}
-    trials = {key: hold_back(scorer, beside[key], key) for key in likely}
-    whole = [key for key in likely if len(beside[key]) == len(every)]  # nothing stands aside
-    faithful = all(trials[key].faithful for key in whole or likely)
-    speaking = [
-        key for key in likely if trials[key].speaks(PLAIN) or (faithful and _is_silent(atoms[key], trials[key]))
-    ]
+    speaking, faithful = _borne_out(scorer, every, likely)
     named = _delivered(scorer, speaking, 0.0 if faithful else HALF)
     if len(named) < len(speaking):  # they may want for one that is somewhat likelier than any unknown
         doubtful = [key for key in clear if key not in likely and ahead[key] > 0.0]
@@ -107,17 +100,53 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         named = _without_stages(scorer, every, named)
     order, others = _in_order(scorer, named), {key: ties(scorer, state, key) for key in named}
     doubt = tool_doubt(scorer, state)  # what is tied is scored by now
-    if odd and not lowers(scorer, tuple(order), doubt):
-        order = [key for key in order if is_metrology(atoms[key])]  # commands of the others may do as much harm as good
-        order = order if lowers(scorer, tuple(order)) else []  # a drift and a knock that undo each other, say
-    steps, before = [], held_out(scorer, ())
+    if odd:
+        order = _harmless(scorer, order, doubt)
+    sure = {key: float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE))) if odd else 1.0 for key in order}
+    unproven = tuple(key for key in clear if key not in named and worth[key] > BESIDE)
+    return Named(_steps(scorer, order, worth, others, sure), unproven, faithful, doubt)
+
+
+def _ahead_of_unknowns(scorer: Scorer, state: State, keys: Sequence[str]) -> dict[str, float]:
+    """Nats by which a state is ahead of itself with the best unknown in the place of each of some effects."""
+    return {key: state.total - _with_unknown(scorer, state, key) for key in keys}
+
+
+def _borne_out(scorer: Scorer, every: Sequence[str], likely: Sequence[str]) -> tuple[list[str], bool]:
+    """The likely effects that hidden readings speak for, and whether the whole set foretells these."""
+    beside = {key: _beside(scorer, every, key) for key in likely}
+    trials = {key: hold_back(scorer, beside[key], key) for key in likely}
+    whole = [key for key in likely if len(beside[key]) == len(every)]  # nothing stands aside
+    faithful = all(trials[key].faithful for key in whole or likely)
+    atoms = scorer.system.atoms
+    speaking = [
+        key for key in likely if trials[key].speaks(PLAIN) or (faithful and _is_silent(atoms[key], trials[key]))
+    ]
+    return speaking, faithful
+
+
+def _harmless(scorer: Scorer, order: list[str], doubt: float) -> list[str]:
+    """Of steps beside an unknown those whose commands do no harm: all, those of the tracker alone, or none."""
+    if lowers(scorer, tuple(order), doubt):
+        return order
+    order = [key for key in order if is_metrology(scorer.system.atoms[key])]
+    return order if lowers(scorer, tuple(order)) else []  # a drift and a knock that undo each other, say
+
+
+def _steps(
+    scorer: Scorer,
+    order: Sequence[str],
+    worth: Mapping[str, float],
+    others: Mapping[str, tuple[str, ...]],
+    sure: Mapping[str, float],
+) -> tuple[Step, ...]:
+    """The steps with what each does to the error on hidden blocks."""
+    steps, before = list[Step](), held_out(scorer, ())
     for index, key in enumerate(order):
         after = held_out(scorer, tuple(order[: index + 1]))
-        sure = float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE))) if odd else 1.0
-        steps.append(Step(key, worth[key], others[key], share_of(scorer, key), before, after, sure))
+        steps.append(Step(key, worth[key], others[key], share_of(scorer, key), before, after, sure[key]))
         before = after
-    unproven = tuple(key for key in clear if key not in named and worth[key] > BESIDE)
-    return Named(tuple(steps), unproven, faithful, doubt)
+    return tuple(steps)
 
 
 def _leads(scorer: Scorer, key: str) -> bool:
