@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.detail import follows_travel, with_detail
 from ptt.diagnosis.evidence.noise_level import noise_again
@@ -27,6 +29,8 @@ from ptt.diagnosis.search.shapes import best_meanings, with_moments, with_other_
 from ptt.diagnosis.search.turn import Turn, best_moments, gross_beside, moments_of, still_missed, unlike
 from ptt.effects import Effect
 from ptt.fitting.opening import untold_rows, without_opening
+from ptt.model.model import Model
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 TURNS = 5  # of linearising and searching
@@ -103,40 +107,72 @@ def _turned(
     found = replace(found, scorer=scorer, state=state, seen=(*turn.seen, *waves))
     line = period_left(scorer, state, problem, turn.periods, waves) or find_cycle(scorer, state, problem, turn.periods)
     gross = gross_beside(system, state, found.gross)
-    blocks = tuple(key for key in state.keys if system.atoms[key].block is not None)
-    stays = settled(state, system) and set(blocks) == set(turn.held)
-    same = line is None and stays
+    stays = settled(state, system) and set(_blocks(found)) == set(turn.held)
     noise = noise_again(problem, system, state, settled=turn.number > 0 and stays)
-    wide = noise.total > NARROWER * found.noise.total
-    steady = turn.number > 0 and same and wide and bool((found.gross == gross).all())
-    still = turn.number == 0 and same and not gross.any()
-    if still and noise is found.noise:  # the next would be this one, but for moments
-        again = _with_moments(found, candidates)
-        steady = again.state.keys == state.keys
-        found = again if steady else found
-    seen = (*turn.seen, *waves)
-    following = replace(turn, number=turn.number + 1, gross=gross, memory=state.memory, before=None, seen=seen)
+    steady = False
+    if line is None and stays:
+        found, steady = _is_steady(turn, found, gross, noise, candidates)
+    following = replace(turn, number=turn.number + 1, gross=gross, memory=state.memory, before=None, seen=found.seen)
     if steady or turn.number == TURNS - 2:
-        current = without_needless(found if steady else _fitted_beside(found, problem), problem)
-        needless = set(found.fitted.model.keys) - set(current.keys)
-        if needless:
-            kept, barred = (*current.keys, *blocks), turn.barred | needless
+        fewer = _without_needless(following, found, problem, steady=steady)
+        if fewer is not None:
             system.forget()
-            return found, replace(following, model=current, kept=kept, barred=barred, before=found)
+            return found, fewer
     if steady:
         return found, None
-    moments, periods = best_moments(scorer, state, loose(scorer, state), candidates), turn.periods
-    carried = carried_by(state, system, problem)
-    current = moved(found, asked.model, problem)
-    opening = turn.opening | untold_rows(current.terms, problem, noise)
+    periods = turn.periods if line is None else (*turn.periods, line)
+    following = _moved_on(asked.model, replace(following, noise=noise, periods=periods), found, problem, candidates)
     system.forget()
-    return found, replace(
-        following, model=current, noise=noise, carried=carried, held=blocks,
+    return found, following
+
+
+def _is_steady(
+    turn: Turn, found: Found, gross: np.ndarray, noise: Noise, candidates: Sequence[Effect]
+) -> tuple[Found, bool]:
+    """What was found, in a first turn with moments to the row, and whether another turn would say the same.
+
+    Args:
+        turn: this one; its model and its unknowns are what was found.
+        found: in it.
+        gross: rows that are to be left out beside it, (n,) bool.
+        noise: what it leaves.
+        candidates: effects that may be missing.
+    """
+    if turn.number > 0:
+        return found, noise.total > NARROWER * found.noise.total and bool((found.gross == gross).all())
+    if gross.any() or noise is not found.noise:
+        return found, False
+    again = _with_moments(found, candidates)  # the next turn would be this one, but for moments
+    return (again, True) if again.state.keys == found.state.keys else (found, False)
+
+
+def _without_needless(following: Turn, found: Found, problem: Problem, *, steady: bool) -> Turn | None:
+    """The following turn without effects of the model that an exact fit does without; None where there are none."""
+    current = without_needless(found if steady else _fitted_beside(found, problem), problem)
+    needless = set(found.fitted.model.keys) - set(current.keys)
+    if not needless:
+        return None
+    kept, barred = (*current.keys, *_blocks(found)), following.barred | needless
+    return replace(following, model=current, kept=kept, barred=barred, before=found)
+
+
+def _moved_on(model: Model, following: Turn, found: Found, problem: Problem, candidates: Sequence[Effect]) -> Turn:
+    """The following turn at what was found, from the model as given."""
+    scorer, state, blocks = found.scorer, found.state, _blocks(found)
+    moments = best_moments(scorer, state, loose(scorer, state), candidates)
+    carried = carried_by(state, found.system, problem)
+    current = moved(found, model, problem)
+    return replace(
+        following, model=current, carried=carried, held=blocks,
         kept=(*current.keys, *blocks),
         moments=unlike([*moments, *moments_of(current)]),
-        periods=periods if line is None else (*periods, line),
-        opening=opening,
+        opening=following.opening | untold_rows(current.terms, problem, following.noise),
     )  # fmt: skip
+
+
+def _blocks(found: Found) -> tuple[str, ...]:
+    """The unknowns of what was found."""
+    return tuple(key for key in found.state.keys if found.system.atoms[key].block is not None)
 
 
 def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
