@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import is_effect
-from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.gross import stand_out
@@ -32,9 +32,7 @@ def broken_beams(found: Found) -> np.ndarray:
     Returns:
         (n,) bool; none where names and white noise say all, where many are far off, or where they were set aside.
     """
-    system, state, rows = found.system, found.state, np.zeros_like(found.gross)
-    if not isinstance(system, RowSystem):
-        return rows
+    system, state, rows = rows_of(found.system), found.state, np.zeros_like(found.gross)
     crowd = crowded_moments(found)
     if not crowd and state.memory.wander is None and not holds_unknown(system, state.keys, state.memory):
         return rows

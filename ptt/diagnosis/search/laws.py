@@ -14,7 +14,7 @@ import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, path_views
 from ptt.diagnosis.evidence.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
-from ptt.diagnosis.evidence.row_system import RowSystem, rows_of
+from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Allowed
 from ptt.diagnosis.evidence.state import State, without
@@ -48,20 +48,15 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     Returns:
         A scorer that knows the laws where any were tried, and the better set, as given where there is none.
     """
-    system, atoms = scorer.system, scorer.system.atoms
-    free = loose(scorer, state)
+    atoms, free = scorer.system.atoms, loose(scorer, state)
     blocks = tuple(key for key in free if is_block(atoms[key]))
     sudden = tuple(key for key in free if is_sudden(atoms[key]))
     curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
     drifting = tuple(key for key in free if (effect := atoms[key].effect) is not None and drifts(effect))
-    if not isinstance(system, RowSystem):
-        return scorer, state
-    if not (blocks or sudden or drifting or system.errs_by_pose(state.memory)):
+    if not (blocks or sudden or drifting or scorer.system.errs_by_pose(state.memory)):
         return _of_rough_curves(scorer, state, tuple(key for key in curves if atoms[key].fine is not None))
-    wider, best = (
-        _with_laws(scorer, state, [without(state, *blocks), without(state, *blocks, *sudden, *drifting)]),
-        state,
-    )
+    fewer = [without(state, *blocks), without(state, *blocks, *sudden, *drifting)]
+    wider, best = _with_laws(scorer, state, fewer), state
     for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *drifting, *curves))]):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone)
