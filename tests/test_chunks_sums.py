@@ -11,7 +11,7 @@ from chunked_run import problem as problem
 from ptt.diagnosis.evidence.ansatz import Ansatz, open_long_run
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.hidden import held_out
-from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
+from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system, rows_of
 from ptt.diagnosis.evidence.sampled import spread
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.summed import sum_up
@@ -89,6 +89,9 @@ def test_sums_over_chunks_are_those_of_the_whole(
     assert np.abs((mine.side - theirs.side) / scale).max() < 1e-10 * np.sqrt(theirs.square)
     assert mine.square == pytest.approx(theirs.square, rel=1e-10)
     assert summed.count == whole.count and summed.repeats == whole.repeats
+    assert rows_of(whole) is whole
+    with pytest.raises(TypeError, match="only their sums"):
+        rows_of(summed)
     keys = ("backlash", "windup", "slider 2 on b2")
     states = [Scorer(system).score(keys, WHITE) for system in (summed, whole)]
     assert states[0].total == pytest.approx(states[1].total, abs=1e-3)
