@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from ptt.fitting.evidence import WIDTH, learn
+from ptt.fitting.evidence import WIDTH, maximise
 from ptt.fitting.posterior import Posterior
 
 ROWS = 40
@@ -24,7 +24,7 @@ def problem(seed: int, sizes: list[float], each: int = 3, frame: int = 2, rows: 
 
 def solve(columns: np.ndarray, values: np.ndarray, owner: np.ndarray, **options: object) -> Posterior:
     options = {"freedom": 12.0, "wide": FREE, **options}
-    return learn(columns.T @ columns, columns.T @ values, float(values @ values), len(values), owner, **options)
+    return maximise(columns.T @ columns, columns.T @ values, float(values @ values), len(values), owner, **options)
 
 
 def marginal(
@@ -205,7 +205,7 @@ def test_evidence_of_unknowns_that_are_zero_is_that_of_a_problem_without_them() 
 
     def known(chosen: np.ndarray) -> Posterior:
         some = rows[:, chosen]
-        return learn(
+        return maximise(
             some.T @ some, some.T @ values, float(values @ values), 40.0, group[chosen],
             freedom=np.inf, start=held, floor=held, ceiling=held,
         )  # fmt: skip

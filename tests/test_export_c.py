@@ -151,7 +151,7 @@ def test_arms_keep_the_posture_of_nominal_joint_values(name: str, tmp_path: Path
     context = Context(1.3, 26.0, 0.0, 0.0)
     state = built.start()
     # The first row arrives as the second moves: dir follows last in the state.
-    from ptt.run.backlash.reversal import travel_direction
+    from ptt.run.direction import travel_direction
 
     ctypes.memmove(
         ctypes.byref(state, 8 * built.joints), travel_direction(found.q)[0].astype(float).tobytes(), 8 * built.joints

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ptt.diagnosis.evidence.idle import idle_joints
-from ptt.fitting.evidence import learn
+from ptt.fitting.evidence import maximise
 from ptt.fitting.posterior import Posterior
 
 JOINTS, ROWS = 5, 60
@@ -21,7 +21,9 @@ def learned(seed: int, busy: int, each: int, alike: float) -> Posterior:
     truth = np.repeat(random.permutation(JOINTS) < busy, each) * random.normal(0.0, 2.0, JOINTS * each)
     readings = columns @ truth + random.normal(size=ROWS)
     owner = np.zeros(JOINTS * each, dtype=int)
-    return learn(columns.T @ columns, columns.T @ readings, float(readings @ readings), float(ROWS), owner, freedom=1e6)
+    return maximise(
+        columns.T @ columns, columns.T @ readings, float(readings @ readings), float(ROWS), owner, freedom=1e6
+    )
 
 
 def nats_of(known: Posterior, joint: np.ndarray, sound: tuple[int, ...]) -> float:
@@ -56,7 +58,7 @@ def test_either_of_two_joints_that_look_alike_may_be_sound_but_not_both() -> Non
     columns = random.normal(size=(ROWS, 4))
     columns[:, 1] = columns[:, 0] + 1e-3 * random.normal(size=ROWS)
     readings = 3.0 * columns[:, 0] + random.normal(size=ROWS)
-    known = learn(
+    known = maximise(
         columns.T @ columns,
         columns.T @ readings,
         float(readings @ readings),

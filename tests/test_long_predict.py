@@ -21,7 +21,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model, Term
 from ptt.rig import simulate
 from ptt.run import written
-from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.direction import STANDSTILL
 from ptt.run.pace import PACES, SMOOTH
 from ptt.run.readers import numbers
 from ptt.run.reading import read_table

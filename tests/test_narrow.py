@@ -12,7 +12,7 @@ from ptt.diagnosis.noise.wander import Clock
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import SIZE, Place
 from ptt.effects.registry import library, make_effect
-from ptt.fitting.evidence import learn
+from ptt.fitting.evidence import maximise
 
 ROWS, WIDTH, KNOWN = 440, 160, 3
 
@@ -41,7 +41,7 @@ def test_fewer_columns_have_the_evidence_and_the_values_of_all() -> None:
     told = []
     for atom, all_ in ((atoms["map"], columns), (narrowed.atoms["map"], turned)):
         own = all_[:, :, atom.columns].reshape(3 * ROWS, -1)
-        found = learn(own.T @ own, own.T @ values.ravel(), values.ravel() @ values.ravel(), values.size, atom.group,
+        found = maximise(own.T @ own, own.T @ values.ravel(), values.ravel() @ values.ravel(), values.size, atom.group,
                       freedom=50.0, ceiling=atom.most)  # fmt: skip
         told.append((found, atom.amplitudes(found.values, scale if atom.turned is None else narrowed.scale(scale))))
     (whole, plain), (few, mapped) = told

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_backlash import play
 
-from ptt.run.backlash.reversal import travel_direction
+from ptt.run.direction import travel_direction
 
 walks = st.lists(st.sampled_from([-2.5, -0.3, -0.01, 0.0, 0.02, 0.4, 3.0]), min_size=1, max_size=40)
 

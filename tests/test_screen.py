@@ -16,7 +16,7 @@ from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock
 from ptt.diagnosis.search.spectrum import STEP, JointWave, _telling
-from ptt.fitting.evidence import learn, noise_of
+from ptt.fitting.evidence import maximise, noise_of
 from ptt.run.noise import Noise
 
 ROWS, FREEDOM = 40, 60.0
@@ -52,8 +52,8 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int
     sums = sums_of_rows(columns.T, values, 0.0)
     part = sums.of(own)
     fixed = np.array([0.3, 5.0])
-    posterior = learn(part.gram, part.side, part.square, len(values), group, freedom=FREEDOM, start=fixed, floor=fixed,
-                      ceiling=fixed)  # fmt: skip
+    posterior = maximise(part.gram, part.side, part.square, len(values), group, freedom=FREEDOM, start=fixed,
+                         floor=fixed, ceiling=fixed)  # fmt: skip
     atoms = tuple(
         SimpleNamespace(
             key=str(i), name=str(i), groups=1, effect=None, odds=0.0, columns=np.arange(i, i + width), joint=None
@@ -79,7 +79,7 @@ def test_an_effect_of_one_joint_of_seven_adds_no_less_than_that_joint_alone(busy
     values = columns[:, :busy] @ np.full(busy, 0.03) + random.normal(size=3 * ROWS)
     sums = sums_of_rows(columns.T, values, 0.0)
     none = np.zeros(0, dtype=int)
-    posterior = learn(np.zeros((0, 0)), np.zeros(0), float(values @ values), len(values), none, freedom=FREEDOM)
+    posterior = maximise(np.zeros((0, 0)), np.zeros(0), float(values @ values), len(values), none, freedom=FREEDOM)
     part = {"groups": 1, "effect": object(), "odds": 0.0}
     every, few = np.arange(7), np.arange(busy)
     kinds = [("all", every, None), ("joints", every, every), ("few", few, None)]
@@ -140,8 +140,8 @@ def test_no_atom_does_more_in_the_place_of_another_than_it_is_foretold() -> None
         own = np.concatenate([atoms[other].columns for other in chosen])
         sums = system.sums_of(own, WHITE)
         fixed = np.concatenate([prior[other] for other in chosen])
-        posterior = learn(sums.gram, sums.side, sums.square, system.spare, np.repeat(np.arange(2), 3), freedom=FREEDOM,
-                          start=fixed, floor=fixed, ceiling=fixed)  # fmt: skip
+        posterior = maximise(sums.gram, sums.side, sums.square, system.spare, np.repeat(np.arange(2), 3),
+                             freedom=FREEDOM, start=fixed, floor=fixed, ceiling=fixed)  # fmt: skip
         screen = Screen(system, Basis(own, posterior, WHITE), scorer.opens(chosen), {})
         gains = {gain.key: gain.nats for gain in screen.best(lambda atom: True)}
         for other in ("3", "4"):
@@ -160,7 +160,7 @@ def test_what_a_set_spans_already_has_nothing_left_but_rounding_of_either_sign()
         sums = sums_of_rows(columns.T, values, 0.0)
         part = sums.of(own)
         given = {"freedom": FREEDOM, "start": fixed, "floor": fixed, "ceiling": fixed}
-        posterior = learn(part.gram, part.side, part.square, len(values), group, **given)
+        posterior = maximise(part.gram, part.side, part.square, len(values), group, **given)
         atom = SimpleNamespace(key="a", name="a", groups=2, effect=None, odds=0.0, columns=np.arange(6, 14),
                                group=np.arange(8) // 4, most=np.full(2, 1e5), joint=None)  # fmt: skip
         system = SimpleNamespace(**white(len(values)), families=[((atom,), atom.columns[None])],

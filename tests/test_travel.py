@@ -13,7 +13,7 @@ from ptt.machine import MachineFile, load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term
-from ptt.run.backlash.reversal import travel_direction
+from ptt.run.direction import travel_direction
 from ptt.run.table import make_table
 from ptt.run.travel import OVERTRAVEL, arrival_direction, run_starts
 from ptt.run.view import PER_ROW, View

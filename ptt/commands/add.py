@@ -38,11 +38,11 @@ def add(
 ) -> None:
     """Add effects to a model, refit everything jointly, and show the error fall step by step."""
     from ptt.commands.common import load_both, note, progress
-    from ptt.door.changing import add as climb
+    from ptt.door import changing
 
     loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
-        result = climb(loaded, rows, *effect, sizes=sizes, anyway=anyway, progress=tell, note=note)
+        result = changing.add(loaded, rows, *effect, sizes=sizes, anyway=anyway, progress=tell, note=note)
     finish(result, out, plots, json)
 
 

@@ -54,12 +54,14 @@ def diagnose(
     json: Json = False,
 ) -> None:
     """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
-    from ptt.door.diagnosing import diagnose as learn
+    from ptt.door import diagnosing
 
     reading = ReadOptions(also, targets, set_, map_, effects, json, anyway, context)
     loaded, rows = load_both(run, model, reading)
     with progress() as tell:
-        result = learn(loaded, rows, steps=steps, chunk_rows=chunk_rows, anyway=anyway, progress=tell, note=note)
+        result = diagnosing.diagnose(
+            loaded, rows, steps=steps, chunk_rows=chunk_rows, anyway=anyway, progress=tell, note=note
+        )
     if measure_next is not None:
         _write_poses(result, measure_next)
     show(result.to_dict(), str(result), json)

@@ -27,9 +27,9 @@ def fit(
     """Refit the effects of a model to a run, and say what the run can and cannot tell of them."""
     from ptt.commands.add import finish
     from ptt.commands.common import load_both, note, progress
-    from ptt.door.changing import fit as refit
+    from ptt.door import changing
 
     loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
-        result = refit(loaded, rows, anyway=anyway, progress=tell, note=note)
+        result = changing.fit(loaded, rows, anyway=anyway, progress=tell, note=note)
     finish(result, out, plots, json)

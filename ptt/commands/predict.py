@@ -55,8 +55,8 @@ def predict(
 
     Rows that cannot be sent have a status, no command, and the nearest command that works; then the exit code is 3.
     """
+    from ptt.door import predicting
     from ptt.door.model import load
-    from ptt.door.predicting import predict as invert
     from ptt.door.run import targets_path
 
     reading = ReadOptions(set_=set_, map_=map_, effects=effects, json=json, anyway=anyway)
@@ -67,7 +67,7 @@ def predict(
     if done is None:
         rows = targets_path(targets, loaded, reading, ask=asker(reading), note=note)
         with progress() as tell:
-            done = invert(loaded, rows, progress=tell, **asked)
+            done = predicting.predict(loaded, rows, progress=tell, **asked)
         done.to_csv(out)
     for line in done.warnings:
         note(f"warning: {line}")

@@ -38,11 +38,11 @@ def recheck(
     json: Json = False,
 ) -> None:
     """Hold a new run against a solved model: the same, what has changed, or what is new."""
-    from ptt.door.rechecking import recheck as hold_against
+    from ptt.door import rechecking
 
     loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
-        result = hold_against(loaded, rows, anyway=anyway, progress=tell, note=note)
+        result = rechecking.recheck(loaded, rows, anyway=anyway, progress=tell, note=note)
     if plots is not None:
         from ptt.show.plots.common import save
 

@@ -21,9 +21,9 @@ def remove(
     """Take effects out of a model, refit the others jointly, and show what that does to the error."""
     from ptt.commands.add import finish
     from ptt.commands.common import load_both, note, progress
-    from ptt.door.changing import remove as descend
+    from ptt.door import changing
 
     loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))
     with progress() as tell:
-        result = descend(loaded, rows, *effect, anyway=anyway, progress=tell, note=note)
+        result = changing.remove(loaded, rows, *effect, anyway=anyway, progress=tell, note=note)
     finish(result, out, plots, json)

@@ -13,8 +13,8 @@ import torch
 from ptt.correct.settle import Outcome, hand_on, settle
 from ptt.correct.task import CommandTask, Handover
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches
-from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.corners import driven_feed, shows_feed
+from ptt.run.direction import STANDSTILL
 from ptt.run.table import Table, take_rows
 from ptt.run.travel import run_starts
 

@@ -11,7 +11,7 @@ from ptt.fitting.kept import kept_covariance
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.model.chain import Shifts
 from ptt.model.model import Model
-from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.direction import STANDSTILL
 from ptt.run.travel import OVERTRAVEL
 from ptt.run.view import View
 

@@ -1,4 +1,10 @@
-"""The exact inverse of the whole chain, row by row: a row that cannot get there never stops the others."""
+"""The exact inverse of the whole chain, row by row: a row that cannot get there never stops the others.
+
+A joint with play of width e follows the play operator y = clip(y_before, x - e/2, x + e/2) of its command x. Its exact
+inverse is x = q + (e/2) dir, dir the direction of travel: the flank that pushes stays in contact, so that y = q at
+every row, and at a reversal the step grows by e in the new direction. (Tao & Kokotovic, Adaptive Control of Systems
+with Actuator and Sensor Nonlinearities, 1996: the backlash inverse.)
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +19,7 @@ from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import tool_ways
 from ptt.model.chain import Shifts, predict
-from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.direction import STANDSTILL
 from ptt.run.travel import arrival_direction
 from ptt.run.view import View
 

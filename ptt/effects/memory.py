@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.layout import family
-from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.direction import STANDSTILL
 from ptt.run.turns import REACH, REACH_RAD, Entry, remember
 from ptt.run.view import View
 

@@ -15,7 +15,7 @@ from ptt.effects.layout import family, per_joint
 from ptt.effects.memory import gradual_reversal, gradual_slope, keep_reversals, play, play_slope
 from ptt.effects.phrases import SMALL, Phrase
 from ptt.mechanisms.serial import Serial
-from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.direction import STANDSTILL
 from ptt.run.view import View
 
 LONGEST = 64.0  # mm of travel, six times what friction takes: over more than lies between reversals it is but a step

@@ -8,7 +8,7 @@ import numpy as np
 from ptt.effects import Effect, library
 from ptt.effects.registry import parse_key
 from ptt.fitting.chunks import few_enough
-from ptt.fitting.evidence import NARROWEST, WIDEST, learn
+from ptt.fitting.evidence import NARROWEST, WIDEST, maximise
 from ptt.fitting.linear import ShapeTrial, linear_columns
 from ptt.fitting.posterior import Posterior
 from ptt.fitting.prior import FRAME_VARIANCE
@@ -122,7 +122,7 @@ def learn_beside(
         begun = np.where(fixed, begun, np.maximum(begun, 1.0))
         begun[small] = SMALL
     wide = prior.crowding * fitted.scatter
-    return learn(
+    return maximise(
         gram[np.ix_(every, every)] / wide, side[every] / wide, square / wide, count / prior.crowding,
         np.concatenate(owner).astype(int), freedom=np.inf, start=begun, wide=FRAME_VARIANCE,
         floor=np.where(fixed, scales, NARROWEST), ceiling=np.where(fixed, scales, WIDEST),

@@ -24,7 +24,7 @@ ROUNDING = 1e-13  # share of the sum of squares that is rounding
 TINY = 1e-12  # nothing scatters by a millionth of its noise
 
 
-def learn(
+def maximise(
     gram: np.ndarray,
     side: np.ndarray,
     square: float,

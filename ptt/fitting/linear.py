@@ -3,7 +3,7 @@
     linear = linear_columns(fitted, problem, candidates, noise)      # at a fit, candidates at zero beside it
     linear = assemble(layout, unknowns, problem, noise, candidates)  # the same at any point
     gram, side, square, count = linear.total()                       # normal equations, base reflectors included
-    posterior = learn(gram[np.ix_(own, own)], side[own], square, count, owner, freedom=...)
+    posterior = maximise(gram[np.ix_(own, own)], side[own], square, count, owner, freedom=...)
 
 Any choice of columns together with `linear.frame` is a model of `linear.values` to first order.
 """

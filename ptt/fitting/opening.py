@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from ptt.model.model import Term
-from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.direction import STANDSTILL
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 

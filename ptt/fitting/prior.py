@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.fitting.evidence import NARROWEST, WIDEST, learn
+from ptt.fitting.evidence import NARROWEST, WIDEST, maximise
 from ptt.fitting.layout import Layout
 from ptt.fitting.whitened import Total
 from ptt.run.noise import Noise
@@ -144,7 +144,7 @@ def learn_prior(
     fixed = np.array([kind != "free" for kind in layout.kinds])
     scales, wider = start.scales, start.widening
     for _ in range(TURNS):
-        found = learn(
+        found = maximise(
             gram / (wider * crowding), side / (wider * crowding), square / (wider * crowding), count / crowding,
             layout.group,
             freedom=min(3.0 * noise.freedom, PLENTY), start=scales, wide=FRAME_VARIANCE,

@@ -11,8 +11,8 @@ from ptt.errors import TableError, TooFewError
 from ptt.judge.gross import gross_rows
 from ptt.judge.match import match_rows, targets_of
 from ptt.machine import MachineFile
-from ptt.run.backlash.reversal import travel_direction
 from ptt.run.base_frame import into_base
+from ptt.run.direction import travel_direction
 from ptt.run.frames import align
 from ptt.run.mounts import mount_of_rows, mount_slopes, mounts_beside
 from ptt.run.noise import Noise, given_noise

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ptt.run.backlash.reversal import STANDSTILL
 from ptt.run.corners import TURN
+from ptt.run.direction import STANDSTILL
 from ptt.run.view import View
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from ptt.mechanisms.protocol import Mechanism
-from ptt.run.backlash.reversal import STANDSTILL, hold_direction
 from ptt.run.corners import TURN
+from ptt.run.direction import STANDSTILL, hold_direction
 
 if TYPE_CHECKING:
     from ptt.run.table import Table

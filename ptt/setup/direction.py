@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from ptt.run.backlash.reversal import STANDSTILL
+from ptt.run.direction import STANDSTILL
 from ptt.setup.columns import said
 from ptt.setup.result import Finding
 from ptt.setup.rigid import TRIM, align_many

@@ -18,7 +18,7 @@ from ptt.diagnosis.evidence.swap import replacements
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums
 from ptt.effects.sudden import EDGE
-from ptt.fitting.evidence import WIDTH, learn
+from ptt.fitting.evidence import WIDTH, maximise
 from ptt.fitting.posterior import Posterior
 from ptt.model.model import rival
 
@@ -163,7 +163,7 @@ class Scorer:
         group = np.concatenate([frame, *(a.group + first[i] for i, a in enumerate(atoms))])
         width = np.concatenate([np.zeros(0), *(np.full(a.groups, WIDTH if a.effect else np.inf) for a in atoms)])
         ceiling = np.concatenate([np.zeros(0), *(a.most for a in atoms)])
-        return learn(
+        return maximise(
             sums.gram, sums.side, sums.square, count, group.astype(int),
             freedom=self.system.freedom, start=begin, width=width, ceiling=ceiling, done=ENDED,
             least=least, finest=self.system.finest,

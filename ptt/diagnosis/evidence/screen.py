@@ -19,7 +19,7 @@ from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import Memory, run_of
-from ptt.fitting.evidence import WIDTH, learn
+from ptt.fitting.evidence import WIDTH, maximise
 from ptt.fitting.factor import inverse
 from ptt.fitting.posterior import Posterior
 
@@ -183,7 +183,7 @@ class Screen:
         """The same where an atom has several variances."""
         left, system = self.basis.posterior.left, self.system
         work_out = partial(
-            learn, square=left, count=system.spare, owner=atom.group, freedom=system.freedom, finest=system.finest,
+            maximise, square=left, count=system.spare, owner=atom.group, freedom=system.freedom, finest=system.finest,
             done=ROUGH, start=self.begun.get((atom.name, atom.groups)), width=WIDTH if atom.effect else np.inf,
             ceiling=atom.most,
         )  # fmt: skip

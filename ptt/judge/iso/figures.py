@@ -19,7 +19,7 @@ from ptt.judge.iso.pose_figures import PoseReport
 from ptt.machine import MachineFile
 from ptt.mechanisms.protocol import Mechanism
 from ptt.record import Record
-from ptt.run.backlash.reversal import travel_direction
+from ptt.run.direction import travel_direction
 from ptt.run.frames import align, kabsch
 from ptt.run.readers.columns import UNITS as UNITS_OF
 from ptt.run.readers.plain import numbers_of, read_plain

@@ -199,14 +199,14 @@ def train(source: Source, model: str, tell: Progress) -> Trained:
 
 def predict(source: Source, model: str | bytes, targets: str, tell: Progress) -> Predicted:
     """As `ptt predict`, on a model or on a zipped compensator."""
+    from ptt.door import predicting
     from ptt.door.model import load
     from ptt.door.options import ReadOptions
-    from ptt.door.predicting import predict as invert
     from ptt.door.run import targets_path
 
     tell("corrected commands", 0, 0)
     loaded, out = load(place_of(model), effects=source.effect_files), Path("sliders.csv")
-    result = invert(loaded, targets_path(Path(targets), loaded, ReadOptions(json=True)))
+    result = predicting.predict(loaded, targets_path(Path(targets), loaded, ReadOptions(json=True)))
     result.to_csv(out)
     return Predicted(result.to_dict(), tuple(f"warning: {line}" for line in result.warnings), out.read_bytes())
 

@@ -18,7 +18,7 @@ from ptt.correct.terms import split_terms
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
-from ptt.run.backlash.reversal import travel_direction
+from ptt.run.direction import travel_direction
 from ptt.run.table import Table, make_table, take_rows
 from ptt.run.target_frame import target_frames
 from ptt.run.viewing import build_view

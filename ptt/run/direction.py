@@ -1,10 +1,4 @@
-"""What a command must carry so that a joint with play ends where it was told: direction of travel and reversal.
-
-A joint with play of width e follows the play operator y = clip(y_before, x - e/2, x + e/2) of its command x. Sending
-x = q + (e/2) dir, dir the direction of travel, keeps the flank in contact that pushes, so y = q at every row. With that
-the commands stay in the order of q: at a reversal the step grows by e in the new direction. (Tao & Kokotovic, Adaptive
-Control of Systems with Actuator and Sensor Nonlinearities, 1996: the backlash inverse.)
-"""
+"""The direction in which each joint arrives at each row of its travel."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
