@@ -47,7 +47,9 @@ def test_gross_errors_are_to_every_side_or_to_one(seed: int, err: Literal["to ev
 def test_what_one_joint_does_now_and_then_is_no_gross_error(seed: int, reach: float) -> None:
     found = told_of(seed, "by slider 2", reach)
     assert found.verdict == "unknown"
-    assert "along the way of slider 2" in found.words or any("slider 2" in each.residual for each in found.depends_on)
+    assert "in which slider 2 moves the tool" in found.words or any(
+        "slider 2" in each.residual for each in found.depends_on
+    )
 
 
 @pytest.mark.parametrize("seed", [pytest.param(2, marks=pytest.mark.long), 3])

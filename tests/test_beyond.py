@@ -9,7 +9,7 @@ from made_runs import empty_run, machine, term
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.search.fits import fit_less, stands
-from ptt.diagnosis.search.rest import Rest, with_objections
+from ptt.diagnosis.search.rest import Objections, Rest
 from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
@@ -54,10 +54,10 @@ def test_a_fit_begins_within_reach_and_stays_there() -> None:
 
 def test_names_with_which_the_machine_could_not_stand_speak_against_an_explanation() -> None:
     sound = Rest((), ())
-    assert not with_objections(sound, True, (), NOISE, NOISE).significant
-    said = with_objections(sound, True, (), NOISE, NOISE, ("tower-position", "backlash"))
+    assert not sound.objected(Objections(), NOISE, NOISE).significant
+    said = sound.objected(Objections(impossible=("tower-position", "backlash")), NOISE, NOISE)
     assert said.significant
-    assert "tower-position and backlash with which the machine could not stand" in said.reasons[0]
+    assert "the fitted values of tower-position and backlash are impossible" in said.reasons[0]
 
 
 def test_a_clock_that_goes_back_within_a_run_was_set_anew() -> None:

@@ -12,7 +12,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence import noise_level as noise
-from ptt.diagnosis.search.rest import Rest, with_objections
+from ptt.diagnosis.search.rest import Objections, Rest
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.enough import enough
 from ptt.diagnosis.telling.floor import noise_floor
@@ -91,7 +91,7 @@ def test_noise_that_is_stated_too_small_follows_nothing_and_it_is_said(tmp_path,
     found = diagnose(Model(MACHINE), build_problem(MACHINE, table.replace(std=np.tile(sigma, (table.rows, 1)))))
     assert found.suggested == () and found.depends_on == ()
     assert found.verdict == ("nothing-missing" if understated < 2.0 else "unknown")
-    assert ("understates the scatter" in found.words) == (understated > 2.0)
+    assert ("times the noise (from the std columns)" in found.words) == (understated > 2.0)
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_scatter_from_visit_to_visit_is_no_fault_unless_it_comes_back(readings, 
     if not comes_back:
         assert found.noise.total == pytest.approx(np.hypot(0.008, 0.003) * np.sqrt(3.0), rel=0.1)
         assert found.noise.source == ("repeats" if readings == 1 else VISITED)
-        assert ("come back to some poses" in found.words) == (readings > 1)
+        assert ("revisit some poses" in found.words) == (readings > 1)
     if readings > 1:  # what a tracker states of a held pose says nothing of visits either
         stated = make_table(place, measured=read, std=np.full(place.shape, 0.0035))
         found = diagnose(Model(MACHINE), build_problem(MACHINE, stated))
@@ -122,16 +122,17 @@ def test_scatter_from_visit_to_visit_is_no_fault_unless_it_comes_back(readings, 
 def test_what_speaks_against_an_explanation_is_said_whichever_it_is():
     left, stated = (Noise(np.eye(3) * size**2, "std columns") for size in (0.03, 0.01))
     sound = Rest((), ())
-    assert with_objections(sound, True, (), left, None) == sound == with_objections(sound, True, (), stated, stated)
-    reasons = with_objections(sound, False, ("backlash", "windup"), left, stated).reasons
-    assert reasons[0].startswith("the readings ask for backlash and windup") and reasons[1].startswith(
-        "3.0 x the noise"
-    )
-    assert (
-        with_objections(sound, False, (), stated, stated)
-        .reasons[0]
-        .startswith("hidden readings are foretold far worse")
-    )
+    assert sound.objected(Objections(), left, None) == sound == sound.objected(Objections(), stated, stated)
+    reasons = sound.objected(Objections(faithful=False, unproven=("backlash", "windup")), left, stated).reasons
+    assert reasons[0].startswith("backlash and windup fit these readings but do not improve predictions")
+    assert reasons[1].startswith("the remaining error is 3.0 times the noise (from the std columns)")
+    (astray,) = sound.objected(Objections(faithful=False), stated, stated).reasons
+    assert astray.startswith("held-out readings are predicted far worse")
+    wrong = Objections(idle=("windup",), backward=("axis-compliance",), set_aside="lie next to each other in space")
+    idle, backward, aside = sound.objected(replace(wrong, unexplained_error="never said"), stated, stated).reasons
+    assert idle == "the fitted values of windup have no visible effect" and "wrong sign" in backward
+    assert aside.endswith("lie next to each other in space, unlike real gross errors")
+    assert sound.objected(Objections(unexplained_error="said"), stated, stated).reasons == ("said",)
 
 
 def test_readings_that_their_frames_take_are_too_few(tmp_path):
@@ -282,4 +283,7 @@ def test_a_path_cut_short_says_that_more_is_missing(tmp_path):
     assert found.verdict == "unknown"
     # The tangent asked for a wind-up over less than no travel: no law has that, and one over no travel is no name.
     assert found.suggested == () and found.model.keys == ()
-    assert any("the readings ask for windup" in reason for reason in found.rest.reasons)
+    assert any(
+        "the fitted values of windup" in reason or "windup fits these readings" in reason
+        for reason in found.rest.reasons
+    )

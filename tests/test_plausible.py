@@ -71,7 +71,7 @@ def test_poses_that_come_back_far_worse_than_the_noise_are_not_nothing() -> None
     error = random.normal(0.0, NOISE, (rows, 3)) + sway
     found = told_of(stated(), np.tile(five, (12, 1)), error, np.zeros((rows, 3)), time_s=5.0 * np.arange(rows))
     assert found.verdict == "unknown"
-    assert "x the noise by the machine file" in found.words
+    assert "times the noise (from the machine file)" in found.words
 
 
 def test_an_error_is_held_against_what_is_stated() -> None:
@@ -81,7 +81,7 @@ def test_an_error_is_held_against_what_is_stated() -> None:
     assert too_much_for_nothing(1.1 * EXCESS * file.total, file, wanders=False) is not None
     assert too_much_for_nothing(1.1 * EXCESS * file.total, file, wanders=True) is None
     assert "tracker wanders" in str(too_much_for_nothing(4.0 * file.total, file, wanders=True))
-    assert "poses come back" in str(too_much_for_nothing(5.0 * file.total, repeats, wanders=False))
+    assert "poses repeat no better" in str(too_much_for_nothing(5.0 * file.total, repeats, wanders=False))
     assert too_much_for_nothing(5.0 * file.total, None, wanders=False) is None
 
 

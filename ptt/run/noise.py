@@ -26,6 +26,7 @@ SAME_WARMTH = 0.5  # K
 SAME_LOAD = 0.01  # kg
 SAME_FEED = 1e-3  # mm/s
 SATURATED = "saturated model"  # source of a noise that nothing tells but what everything at once leaves
+REPEATS = "repeats"  # source of a noise that repeats tell
 GUESSED = "first guess"  # source of one that nothing tells: used to weigh by, never told
 VISITED = f"{SATURATED}; readings of one visit scatter by less"  # where no pose was visited again to tell it
 COARSEST = 0.01  # mm, of a tracker's last digit: readings that all lie on coarser steps are targets
@@ -80,6 +81,11 @@ class Noise(Record):
         with different noise and rows compare.
         """
         return rows * float(np.linalg.slogdet(self.whitener)[1])
+
+
+def source_in_words(source: str) -> str:
+    """Where a noise comes from, within a sentence: 'repeats', but 'the machine file', 'the std columns'."""
+    return source if source == REPEATS else f"the {source}"
 
 
 def guessed_noise() -> Noise:
@@ -151,7 +157,7 @@ def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False
-    return Noise(covariance, "repeats", float(freedom))
+    return Noise(covariance, REPEATS, float(freedom))
 
 
 def at_least(covariance: np.ndarray, variance: float) -> np.ndarray:

@@ -1,11 +1,11 @@
 """Is there a rest? What the best explanation leaves must be noise: the last step, which no verdict skips."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from nets import RbfSettings, train_rbf
+from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.dependence.said import by_chance
@@ -16,7 +16,7 @@ from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.run.holdout import BLOCKS, blocks
-from ptt.run.noise import Noise
+from ptt.run.noise import Noise, source_in_words
 from ptt.run.problem import Problem
 
 SILENT = 1.5  # times a stated noise up to which nothing is said rather than what is little likelier
@@ -29,6 +29,52 @@ LIGHT = RbfSettings(centre_counts=(12,), spreads=(1.0, 2.0), ridges=(1e-4, 1e-2)
 FIELD_ROWS = 3000  # a field that 3,000 rows do not show is no field worth naming
 LEAST_ROWS = 30  # of fewer the twelve nodes of a network have hardly two each
 LEAST_PARTS = 5  # of a run, held out in turn: over fewer, gains must be alike to some percent to pass `CHANCE_FIELD`
+UNREPEATED = "either poses repeat no better than that, or something that no column records changes between visits"
+
+
+@dataclass(frozen=True)
+class Objections:
+    """What speaks against an explanation beside tests of what it leaves.
+
+    Attributes:
+        faithful: whether held-out readings are predicted as well as the explanation claims.
+        unproven: names of effects that fit the readings and do not improve predictions of held-out ones.
+        impossible: names of effects with whose values the machine could not stand where it was commanded to.
+        idle: names of effects that do nothing at their fitted values.
+        backward: names of effects with values that no cause of theirs makes.
+        set_aside: what the readings that were set aside have in common, in words; None for nothing.
+        unexplained_error: why the error is not nothing though no effect is named, in words; None where it may be.
+    """
+
+    faithful: bool = True
+    unproven: tuple[str, ...] = ()
+    impossible: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
+    backward: tuple[str, ...] = ()
+    set_aside: str | None = None
+    unexplained_error: str | None = None
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Those to what is named and what is set aside, in words."""
+        fits, does = ("fits", "does") if len(self.unproven) == 1 else ("fit", "do")
+        vain = f"{listed(self.unproven)} {fits} these readings but {does} not improve predictions of held-out ones"
+        astray = "held-out readings are predicted far worse than the fit itself claims"
+        values = "the fitted values of"
+        unreached = "are impossible: with them the machine could not reach the measured poses"
+        signs = "have the wrong sign, which no physical cause gives them"
+        return tuple(
+            words
+            for holds, words in (
+                (self.unproven, vain),
+                (not (self.faithful or self.unproven), astray),
+                (self.impossible, f"{values} {listed(self.impossible)} {unreached}"),
+                (self.idle, f"{values} {listed(self.idle)} have no visible effect"),
+                (self.backward, f"{values} {listed(self.backward)} {signs}"),
+                (self.set_aside, f"the readings set aside as gross errors {self.set_aside}, unlike real gross errors"),
+            )
+            if holds
+        )
 
 
 @dataclass(frozen=True)
@@ -47,6 +93,24 @@ class Rest:
     def significant(self) -> bool:
         """Whether any test objects."""
         return bool(self.reasons)
+
+    def objected(self, objections: Objections, left: Noise, stated: Noise | None) -> "Rest":
+        """The rest with what else speaks against the explanation, and far more left than is stated.
+
+        Args:
+            objections: to what is named and set aside.
+            left: what the explanation leaves.
+            stated: the noise as stated; None where nobody did.
+
+        Returns:
+            The rest with those reasons.
+        """
+        reasons = [*self.reasons, *objections.reasons]
+        if stated is not None and left.total > EXCESS * stated.total:
+            reasons.append(beyond_noise("the remaining error", left.total / stated.total, stated.source))
+        if objections.unexplained_error and not reasons:
+            reasons.append(objections.unexplained_error)
+        return replace(self, reasons=tuple(reasons))
 
 
 def look_for_rest(system: System, state: State, problem: Problem, *, seed: int = 0) -> Rest:
@@ -78,9 +142,9 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     """
     if problem.noise is not None and np.nanmean(np.square(residual)) < problem.noise.least:
         return Rest((), ())  # less than the last digit of a reading
-    against, lack = "repeats scatter", lack_of_fit_of(problem, residual, round(state.decided)).p_value
+    against, lack = "repeats", lack_of_fit_of(problem, residual, round(state.decided)).p_value
     if lack is None:
-        against = "visits of a pose from any side scatter"
+        against = "visits to a pose from any side"
         lack = lack_of_fit_of(problem, residual, round(state.decided), from_any_side=True).p_value
     field = _field(problem, residual)
     place, where = off_alike(problem, residual)
@@ -89,59 +153,19 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
         depends = tuple(item for item in depends if item.on not in ("time", "run"))
     reasons = []
     if lack is not None and lack < CHANCE_LACK:
-        reasons.append(f"the rest is larger than {against} ({by_chance(lack)})")
+        reasons.append(f"the remaining error exceeds the scatter of {against} ({by_chance(lack)})")
     if field < CHANCE_FIELD:
-        reasons.append(f"a network over position predicts held-out rests ({by_chance(field)})")
+        reasons.append(
+            f"a network over position predicts the remaining error of held-out readings ({by_chance(field)})"
+        )
     if place < CHANCE_PLACE:
-        about = listed([f"{axis} = {value:.0f}" for axis, value in zip("xyz", where, strict=True)])
-        reasons.append(f"poses next to each other in space are off alike, most about {about} mm ({by_chance(place)})")
+        near = listed([f"{axis} = {value:.0f}" for axis, value in zip("xyz", where, strict=True)])
+        reasons.append(f"neighbouring poses have similar errors, the largest near {near} mm ({by_chance(place)})")
     strong = [item for item in depends if item.p_value < CHANCE_DEPENDS]
     reasons += [
-        f"what is left of {item.residual} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]
+        f"{remaining_error(item.residual)} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]
     ]
     return Rest(depends, tuple(reasons))
-
-
-def with_objections(
-    rest: Rest, faithful: bool, unproven: Sequence[str], left: Noise, stated: Noise | None, beyond: Sequence[str] = (),
-    aside: str | None = None, unsaid: str | None = None, idle: Sequence[str] = (), backward: Sequence[str] = (),
-) -> Rest:  # fmt: skip
-    """The rest with what else speaks against an explanation: hidden readings, and far more left than is stated.
-
-    Args:
-        rest: tests of what the explanation leaves.
-        faithful: whether hidden readings are foretold as well as it claims to.
-        unproven: names of effects that the readings ask for, though hidden ones do not bear them out.
-        left: what the explanation leaves.
-        stated: the noise as stated; None where nobody did.
-        beyond: names of effects with whose values the machine could not stand where it was commanded to.
-        aside: what the readings that were set aside have in common, in words; None for nothing.
-        idle: names of effects that the readings ask for and that do nothing at their fitted values.
-        backward: names of effects that the readings ask for with values that no cause of theirs makes.
-        unsaid: why the error is not nothing though no effect is named, in words; None where it may be.
-
-    Returns:
-        The rest with those reasons.
-    """
-    reasons = list(rest.reasons)
-    if unproven:
-        reasons.append(f"the readings ask for {listed(unproven)}, with which hidden ones are foretold no better")
-    elif not faithful:
-        reasons.append("hidden readings are foretold far worse than the explanation claims to")
-    if beyond:
-        reasons.append(f"the readings ask for values of {listed(beyond)} with which the machine could not stand there")
-    if idle:
-        reasons.append(f"the readings ask for {listed(idle)}, and not for values at which that does anything")
-    if backward:
-        reasons.append(f"the readings ask for {listed(backward)} of the wrong sign, which no cause of it has")
-    if aside:
-        reasons.append(f"the readings set aside {aside}: no gross errors do that")
-    if stated is not None and left.total > EXCESS * stated.total:
-        times = f"{left.total / stated.total:.1f} x the noise by the {stated.source} is left"
-        reasons.append(f"{times}: it understates the scatter of a reading, or the rest follows nothing recorded here")
-    if unsaid and not reasons:
-        reasons.append(unsaid)
-    return replace(rest, reasons=tuple(reasons))
 
 
 def too_much_for_nothing(
@@ -168,10 +192,32 @@ def too_much_for_nothing(
     visits = by_visit or noise.stated is not None
     if error <= (np.sqrt(1.0 + FAULT) if wanders or visits else EXCESS) * total:
         return None
-    times = f"the error is {error / total:.1f} x the noise by the {source}"
+    times = f"the error is {error / total:.1f} times the noise (from {source_in_words(source)})"
     if visits:
-        return f"{times}; poses come back that badly, or something differs from visit to visit that no column tells"
-    return f"{times}, further than a tracker wanders" if wanders else f"{times}, and follows nothing recorded here"
+        return f"{times}: {UNREPEATED}"
+    return f"{times}, more than a tracker wanders" if wanders else f"{times} and depends on nothing recorded here"
+
+
+def beyond_noise(what: str, times: float, source: str) -> str:
+    """Say that more is left than the noise is said to be, though it depends on nothing that was recorded.
+
+    Args:
+        what: subject of the sentence.
+        times: its size over the noise.
+        source: where the noise comes from.
+
+    Returns:
+        The sentence, without its stop.
+    """
+    return (
+        f"{what} is {times:.1f} times the noise (from {source_in_words(source)}): either that figure is too small, or "
+        "something is missing that depends on nothing recorded here"
+    )
+
+
+def remaining_error(residual: str) -> str:
+    """What is left of a residual, as a subject: 'the remaining error of slider 2', but 'in x' of the tool."""
+    return f"the remaining error {'in' if residual in COORDINATES else 'of'} {residual}"
 
 
 def stated_of(noise: Noise) -> tuple[str, float]:

@@ -31,9 +31,9 @@ def against_gross(found: Found, problem: Problem) -> str | None:
         None where they have nothing, where they are few, or of a long run.
     """
     if (place := way_in_common(found, problem)) is not None:
-        return f"are all off along the way of {place}"
+        return f"are all displaced in the direction in which {place} moves the tool"
     if follow_direction(found, problem):
-        return "change sides with the directions in which the joints arrive"
+        return "change sign with the direction of arrival"
     if isinstance(found.system, RowSystem) and has_a_place(found.gross, found.fitted.residual, problem):
         return "lie next to each other in space"
     return None

@@ -27,7 +27,7 @@ class Said:
         others: the explanation with moments of unlike sudden effects exchanged.
         terms: effects of the model as given and those that are named, at their values.
         sent: the same at the values that are sent to a machine.
-        beyond: names of effects with whose values the machine could not stand; then no step is named.
+        impossible: names of effects with whose values the machine could not stand; then no step is named.
         idle: names of effects that do nothing at their fitted values, and are no steps.
         backward: names of effects that have values of the sign that they cannot have, and are no steps.
     """
@@ -36,7 +36,7 @@ class Said:
     others: tuple[Exchange, ...]
     terms: tuple[Term, ...]
     sent: tuple[Term, ...]
-    beyond: tuple[str, ...] = ()
+    impossible: tuple[str, ...] = ()
     idle: tuple[str, ...] = ()
     backward: tuple[str, ...] = ()
 
@@ -63,14 +63,14 @@ def said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> Sai
         not_named = {"idle": tuple(names[key] for key in idle), "backward": tuple(names[key] for key in backward)}
         return Said(told, others, terms, sent, **not_named)
     given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
-    beyond = tuple(names[key] for key in keys)
-    return Said(replace(told, steps=()), others, given, given, beyond)
+    impossible = tuple(names[key] for key in keys)
+    return Said(replace(told, steps=()), others, given, given, impossible)
 
 
 def _idle(
     found: Found, keys: tuple[str, ...], terms: tuple[Term, ...], shown: Problem, problem: Problem
 ) -> tuple[str, ...]:
-    """Effects that at their fitted values do nothing to be seen: the readings asked for something else than these."""
+    """Effects that at their fitted values have no visible effect: the readings called for something else."""
     atoms, white = found.system.atoms, noise_after(problem, found.system, found.state).whitener
     values = {term.effect.key: term for term in terms}
     named = [(key, values[atoms[key].name]) for key in keys if atoms[key].name in values]
@@ -81,7 +81,7 @@ def _idle(
 
 
 def _backward(found: Found, keys: tuple[str, ...], terms: tuple[Term, ...]) -> tuple[str, ...]:
-    """Effects of values that no cause of theirs makes: something else does what they are asked for."""
+    """Effects of values that no cause of theirs makes: something else does what they are fitted to."""
     values = {term.effect.key: term for term in terms}
     named = [(key, values[name]) for key in keys if (name := found.system.atoms[key].name) in values]
     return tuple(

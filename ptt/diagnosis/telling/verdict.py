@@ -16,7 +16,7 @@ from ptt.diagnosis.noise.slow import SECONDS, Slow
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.moves import loose
-from ptt.diagnosis.search.rest import Rest, too_much_for_nothing, with_objections
+from ptt.diagnosis.search.rest import Objections, Rest, too_much_for_nothing
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
@@ -120,11 +120,17 @@ def _objected(rest: Rest, found: Found, said: Said, problem: Problem, error: flo
     wanders = state.memory.wander is not None and system.clock.is_slow(state.memory.wander)
     by_visit = bool(system.by_visit and state.memory.pose)
     silent = _verdict(found, bool(said.told.steps), rest) == "nothing-missing"
-    unsaid = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
-    aside = against_gross(found, problem)
-    return with_objections(
-        rest, said.told.faithful, unproven, left, stated, said.beyond, aside, unsaid, said.idle, said.backward
+    much = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
+    objections = Objections(
+        faithful=said.told.faithful,
+        unproven=unproven,
+        impossible=said.impossible,
+        idle=said.idle,
+        backward=said.backward,
+        set_aside=against_gross(found, problem),
+        unexplained_error=much,
     )
+    return rest.objected(objections, left, stated)
 
 
 def _depends_on(
