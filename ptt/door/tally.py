@@ -28,7 +28,7 @@ class Tally:
         reversal: largest reversal compensation, mm or rad.
         words: who compensates what at a reversal.
         arm: whether joints turn.
-        approached: rows that are uncertain mostly because nobody knows from which side the joints came to the first.
+        approached: rows that are uncertain mostly because the joints' direction of arrival at the first row is unknown.
     """
 
     rows: int
@@ -115,8 +115,8 @@ class Tally:
             self.status[UNCERTAIN] == self.sent and not self.approached and self.missed <= ROUNDING
         ):  # of a model that helped not all are so
             return (
-                "no command is sure: the model foretells hidden readings no better than the drawing does, or its values"
-                " are less sure than its held-out error says"
+                "no command is sure: the model predicts held-out readings no better than the drawing does, or its "
+                "values are less sure than its held-out error says"
             )
         less = "the fit leaves more open there than its held-out error says; measure near them and as soon after turns"
         return less if self.missed <= ROUNDING else "less sure there than the held-out error says"

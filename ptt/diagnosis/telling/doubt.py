@@ -14,10 +14,10 @@ UNSEEN = 1e-12  # share of the largest sum below which frames do not tell each o
 def tool_doubt(scorer: Scorer, state: State) -> float:
     """Root mean square by which the machine may move the tool otherwise than a set of atoms says, mm.
 
-    Hidden rows only show what readings show. Whether the machine or the tracker is off they leave open where sets that
+    Held-out rows only show what readings do. Whether the machine or the tracker is off they leave open where sets that
     do as well, or values of one set that fit as well, share it out otherwise; commands are right for one of them. They
     are of the machine as the run has left it: what slipped late, and few rows saw, is all along from then on. What a
-    rigid motion takes does not count, and neither does what readings of the hidden rows would show. What the tracker
+    rigid motion takes does not count, and neither does what readings of the held-out rows would show. What the tracker
     may have done, though no reading asks for it, counts as far as the machine's values would make good for it.
 
     Args:

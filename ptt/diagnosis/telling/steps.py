@@ -1,4 +1,4 @@
-"""Steps: the named effects in the order that hidden readings ask for, what each is worth, what would do as well."""
+"""Steps: the named effects in the order that held-out readings call for, what each is worth, what would do as well."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from ptt.diagnosis.telling.doubt import tool_doubt
 
 BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
 ODDS_BESIDE = 9.0  # to one, that so many nats make against an unknown in its place, whose form is as approximate
-LEADING = 2.0 / 3.0  # of what hidden readings show, that an effect alone has to take: no leftovers of a block do
-HALF = 0.5  # of what hidden readings show that a name has to take where the whole set does not foretell them
+LEADING = 2.0 / 3.0  # of what held-out readings show, that an effect alone has to take: no leftovers of a block do
+HALF = 0.5  # of what held-out readings show that a name has to take where the whole set does not predict them
 TIE = 7.0  # nats within which an effect does as well in another place: a thousand to one, were the forms exact
 LOOSELY = 4.0  # nats by which the screen may misjudge an exact score
 OFTEN = 3  # events of one kind that may be the stages of one change
@@ -37,7 +37,7 @@ class Step:
         nats: that the explanation loses without it.
         others: names of effects that would do as well in its place.
         share: of the residual's variance after the frame that it takes by itself.
-        before: root mean square error on hidden blocks with the steps before it, mm.
+        before: root mean square error on held-out blocks with the steps before it, mm.
         after: with it.
         sure: probability beside an unknown that it is the effect rather than a part of the unknown; else 1.
     """
@@ -56,12 +56,12 @@ class Named:
     """What a set of atoms names.
 
     Attributes:
-        steps: the one after which hidden readings are foretold best first.
-        unproven: effects that the readings ask for clearly though hidden ones do not bear them out, so that they
+        steps: the one after which held-out readings are predicted best first.
+        unproven: effects that the readings clearly call for though held-out ones do not bear them out, so that they
             cannot be what is there.
-        faithful: whether the whole set foretells hidden readings as well as it claims to.
+        faithful: whether the whole set predicts held-out readings as well as it claims to.
         doubt: how far the machine may have the tool elsewhere while the readings stay, mm; beside an unknown, effects
-            of the machine are named only if with that the error on hidden blocks is less than without them.
+            of the machine are named only if with that the error on held-out blocks is less than without them.
     """
 
     steps: tuple[Step, ...]
@@ -78,7 +78,7 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         state: the best set.
 
     Returns:
-        What it names; of a set that does not foretell what it claims to only what is most of the truth by itself.
+        What it names; of a set that does not predict what it claims to only what is most of the truth by itself.
     """
     atoms, every = scorer.system.atoms, loose(scorer, state)
     odd = holds_unknown(scorer.system, state.keys, state.memory)
@@ -150,7 +150,7 @@ def _steps(
 
 
 def _leads(scorer: Scorer, key: str) -> bool:
-    """Whether an effect alone foretells most of what hidden readings show.
+    """Whether an effect alone predicts most of what held-out readings show.
 
     Blocks that bend to anything can do the work of such a one within a few nats, once it is out. No form of theirs that
     is only approximate leaves as much over.
@@ -211,7 +211,7 @@ def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
 
 
 def _is_silent(atom: Atom, trial: HiddenTrial) -> bool:
-    """Whether an effect is a size of the drawing of which hidden rows tell nothing: a few poses show but all together.
+    """Whether an effect is a size of the drawing of which held-out rows tell nothing: few poses show but all together.
 
     Nothing contradicts it then, and that a size is off asks for no more proof than what is read.
     """
@@ -252,7 +252,7 @@ def _less(scorer: Scorer, state: State, key: str) -> State:
 
 
 def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
-    """Each step is the one after which hidden readings are foretold best, so that their error falls as far as it can.
+    """Each step is the one that predicts held-out readings best, so that their error falls as far as it can.
 
     What explains most of those that are read may do so by values that are far off until others stand beside it; what
     would need values that cannot be waits until they do.
