@@ -97,7 +97,7 @@ def test_what_only_a_few_stretches_of_the_run_have_is_not_missed(tmp_path: Path)
     assert not any(start < last and stop > first for start, stop in kept if stop - start > 50)
     found = diagnose_long(MODEL, problem, size=1000, sample_rows=800)
     assert found.verdict == "unknown"
-    assert any("over all rows the rest follows time" in reason for reason in found.rest.reasons)
+    assert any("over all rows the remaining error depends on time" in reason for reason in found.rest.reasons)
 
 
 def test_stretches_cover_both_ends_and_every_range(problem: Problem) -> None:

@@ -205,7 +205,7 @@ def test_no_verdict_on_a_handful_of_readings(run_frame, tmp_path):
         tmp_path / "again.csv", pd.concat([base[:8], *(poses[:2].assign(time_s=900.0 + 2.0 * k) for k in range(10))])
     )
     line = error_line(invoke("diagnose", again, "--model", MACHINE), code=3)
-    assert "readings are of 2 poses, too few for a verdict" in line
+    assert "readings of 2 poses are too few for a verdict" in line
 
 
 def test_simulate_writes_run_and_truth(target_frame, tmp_path):

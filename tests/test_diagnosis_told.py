@@ -101,7 +101,7 @@ def test_every_reading_is_accounted_for(tmp_path):
     found = diagnose(Model(MACHINE), problem)
     assert found.opening.sum() == 1 and found.to_dict()["rows_aside"] == np.flatnonzero(found.opening).tolist()
     assert found.rows + found.outliers.sum() + found.opening.sum() == problem.used.sum()
-    assert "one row left aside" in format_diagnosis(found)
+    assert "one row set aside" in format_diagnosis(found)
 
 
 def test_the_text_says_no_chance_of_zero_and_what_a_shell_takes_as_one_word(tmp_path):

@@ -49,7 +49,7 @@ def test_a_slip_that_may_be_a_knock_is_a_doubt_of_what_commands_of_it_reach(monk
     plain, doubt = held_out(found.scorer, found.state.keys), tool_doubt(found.scorer, found.state)
     assert last.heldout_after == pytest.approx(1e3 * plain) and last.tool_doubt == pytest.approx(1e3 * doubt)
     assert last.to_dict()["heldout_rms_um"]["after"] == pytest.approx(1e3 * plain)
-    words = f"what the readings cannot show of the tool may add up to {1e3 * doubt:.1f} um"
+    words = f"the readings leave the tool position uncertain by up to {1e3 * doubt:.1f} um"
     assert doubt > plain and words in last.words and words in format_diagnosis(result)
     assert words[1:].replace("um", "\N{MICRO SIGN}m") in card_of_diagnosis(result, problem).words.replace("\xa0", " ")
     assert remeasure(result.model, drawn).to_dict()["after"]["total"] < 1.5e3 * np.hypot(plain, doubt)

@@ -52,12 +52,12 @@ def found(tmp_path_factory):
 
 def test_a_frame_that_reflectors_hold_elsewhere_is_said_with_the_error_that_they_leave(found):
     compared, diagnosed = found
-    said = re.search(r"Held to the base reflectors, as compare and add hold it, .* is ([\d.]+) um", diagnosed.words)
+    said = re.search(r"In the frame of the base reflectors, which .* use, .* is ([\d.]+) um", diagnosed.words)
     assert said is not None
     held, free = compared.to_dict()["rms_um"]["total"], diagnosed.to_dict()["rms_um"]["before"]["total"]
     assert float(said[1]) == pytest.approx(held, abs=0.06)
     assert held > 1.2 * free  # else there was nothing to say
-    assert "`ptt add` fits each\nstep anew" in str(diagnosed)
+    assert "`ptt add` refits\nat each step" in str(diagnosed)
 
 
 def test_gross_errors_are_named_by_their_lines(found):

@@ -42,5 +42,5 @@ def test_a_trusted_reflector_is_asked_for_where_its_place_would_explain_the_erro
     tool: tuple[float, float, float], zeros: float, trusted: str, told: bool
 ) -> None:
     words = other_setups(*read(tool, zeros, trusted))
-    assert ('tool = "fitted", it leaves 3' in words) is told
+    assert ('tool = "fitted" the error of the model as given is only 3' in words) is told
     assert (words == "") is not told

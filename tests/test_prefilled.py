@@ -111,7 +111,7 @@ def test_a_written_effect_acts_where_the_unknown_does(
     found = diagnose(Model(MACHINE), problem).to_dict()
     first = found["depends_on"][0]
     said = {"rail 2 outward": "as if rail 2 moved outward", "link 3": "as if link 3 changed its length"}
-    assert said.get(place, "follows") in found["words"]
+    assert said.get(place, "depends on") in found["words"]
     assert (first["acts_on"], first["on"]) == (place, follows)
     assert first["share"] > 0.7  # of its variance: its level, which a frame may take as well, is no part of that
     path = tmp_path / "own.py"

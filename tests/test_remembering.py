@@ -52,7 +52,7 @@ def test_what_is_added_leaves_them_aside_as_well():
     problem = fine_path()
     ladder = climb(Model(problem.file), problem, [library()["windup"]()])
     assert ladder.steps[-1].heldout_rms_um["total"] < 1.15e3 * np.sqrt(3.0) * SIGMA
-    assert [note for note in ladder.notes if "left aside, at which nobody knows from which side" in note]
+    assert [note for note in ladder.notes if "set aside: their direction of arrival" in note]
     np.testing.assert_allclose(ladder.model.terms[0].theta[:3], HEIGHT, rtol=0.1)
 
 
@@ -61,7 +61,7 @@ def test_what_is_removed_is_held_to_the_rows_that_stay_without_it():
     problem = fine_path()
     without = descend(Model(problem.file) + wound_up(), problem, ["windup"])
     added = climb(Model(problem.file), problem, [library()["windup"]()])
-    assert [note for note in without.notes if "left aside" in note]
+    assert [note for note in without.notes if "set aside" in note]
     refitted, last = without.steps[-2].heldout_rms_um["total"], added.steps[-1].heldout_rms_um["total"]
     assert without.steps[-2].kind == "refit" and refitted == pytest.approx(last, rel=0.02)
 

@@ -6,6 +6,10 @@ from itertools import groupby
 import pytest
 import torch
 
+from ptt.dependence.said import say_size
+from ptt.dependence.size import Size
+from ptt.diagnosis.search.rest import Objections, beyond_noise
+from ptt.diagnosis.telling.verdict_words import MISSING
 from ptt.diagnosis.telling.words import headline
 from ptt.effects import library
 from ptt.effects.cards import card_of
@@ -31,6 +35,7 @@ TOLD = {  # every side and every cure of the file, as said of one and of several
 CASES = [(name, kind) for name, make in library().items() for kind in make().mechanisms]
 # Units, signs of quantities, names of columns and of keys of a machine file, words of figures.
 PLAIN = re.compile(r"[A-Za-z]\d?|[numkµ]?(m|rad|g|s|N)|deg|DH|[a-z]+\d?(_\w+)+|tau\d|frame|measured")
+OBJECTIONS = ("unproven", "impossible", "idle", "backward")
 CURVES = (  # what is said of curves, beside the phrases of the effects
     ("run{s} up to {what} high", "run{s} up to {what} low"),
     ("run{s} up to {what} ahead", "run{s} up to {what} behind"),
@@ -158,7 +163,7 @@ def test_no_side_is_without_its_opposite():
 @pytest.mark.parametrize(("name", "kind"), CASES)
 def test_what_a_card_tells_is_said_whole(name, kind):
     card = card_of(library()[name]()).on(kind)
-    told = [f"Its sign: {card.fingerprint.rstrip('.')}.", card.cause, f"{pretty(card.remedy.rstrip('.'))}."]
+    told = [f"Its signature: {card.fingerprint.rstrip('.')}.", card.cause, f"{pretty(card.remedy.rstrip('.'))}."]
     assert [words for words in told if latin(SAY(words))] == []
 
 
@@ -167,11 +172,10 @@ def test_what_is_said_beside_a_finding():
     ties = [headline("backlash", keys[:2], keys), headline("backlash", keys[:1], ()), headline("backlash", (), keys)]
     assert [latin(SAY(tie)) for tie in ties] == [[], [], []]
     assert SAY(ties[1]) == "反向间隙 或 回零偏差：这些数据无法区分。"
-    fall = "the held-out error after backlash and link-length falls from 45.1 to 6.8 um, noise is 6.9 um"
-    beside = (
-        "at the tool it makes 44 um rms, most of which the other effects take back; what the readings cannot show of "
-    )
-    assert latin(SAY(f"Nothing else explains it as well; {fall}; {beside}the tool may add up to 8.4 um.")) == []
+    fall = "the held-out error after backlash and link-length falls from 45.1 to 6.8 um (noise 6.9 um)"
+    size = "the effect amounts to 44 um rms at the tool, mostly cancelled by the other effects"
+    open_yet = "the readings leave the tool position uncertain by up to 8.4 um"
+    assert latin(SAY(f"Nothing else explains it as well; {fall}; {size}; {open_yet}.")) == []
 
 
 def test_what_to_measure_next_is_said():
@@ -183,6 +187,28 @@ def test_what_to_measure_next_is_said():
         say_ambiguity("homing-offset", "tower-tilt", BASE),
     )
     assert [latin(SAY(line)) for line in lines] == [[]] * len(lines)
+
+
+def test_what_speaks_against_an_explanation_is_said():
+    two = ("backlash", "windup")
+    against = [Objections(**{kind: names}) for kind in OBJECTIONS for names in (two, two[:1])]
+    against += [Objections(faithful=False), Objections(set_aside="change sign with the direction of arrival")]
+    reasons = [*(reason for each in against for reason in each.reasons), beyond_noise("this", 3.0, "machine file")]
+    assert len(reasons) == 2 * len(OBJECTIONS) + 3
+    assert [latin(SAY(f"{MISSING}: {reason}.")) for reason in reasons] == [[]] * len(reasons)
+
+
+@pytest.mark.parametrize("rms", [None, 0.2])
+@pytest.mark.parametrize("value", [0.06, -0.001])
+@pytest.mark.parametrize("kind", ["side", "varying", "step", "bump", "period", "law"])
+def test_how_large_an_unknown_is_is_said(kind, value, rms):
+    ends = {"low": 20.4, "high": 26.7, "unit": "C", "along": "temperature", "rms": rms}
+    for of, on in (("slider 1", "direction1"), ("rail 1 outward", "direction1"), ("x", "direction2")):
+        size = Size(of, kind, value, 0.001, other=0.0, other_std=1e-6, on=on, **ends)
+        more = Size(of, kind, value, 0.001, other=0.004, other_std=0.001, on=on, **ends)
+        bound = Size(of, kind, value, 0.001, other=0.001, other_std=0.001, on=on, **ends)
+        told = [SAY(say_size(one)) for one in (size, more, bound)]
+        assert [re.findall(r"[a-z]{4,}", re.sub(r"direction\d", "", text)) for text in told] == [[]] * 3
 
 
 def test_what_is_not_known_whole_stays_whole():

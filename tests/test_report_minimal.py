@@ -37,7 +37,7 @@ def test_minimal_model_says_what_is_not_there(minimal: Contents, mild: Page) -> 
     assert "too few for a verdict" in minimal.given.why_not
     assert "The noise floor is unknown" in page.text and "No verdict" in page.text
     assert "The model has no history" in page.text and "No compensator was given" in page.text
-    assert "Not worked out: the model has no effects and no network" in page.text
+    assert "Not computed: the model has no effects and no network" in page.text
     assert "no pose was measured twice" in page.text
     assert "The readings did not come from files" in page.text
     assert minimal.to_dict()["diagnose"] == {"drawing": None, "model": None}
@@ -70,7 +70,7 @@ def test_serial_arm() -> None:
     assert page.faults == [] and "serial arm" in page.text and "\N{MICRO SIGN}rad" in page.text
     assert contents.given.comparison.rows == 40
     # An arm has no sliders and legs: its effects are told in an arm's words.
-    assert "Its sign: " in page.text
+    assert "Its signature: " in page.text
     told = page.text.rpartition("What is missing")[2].partition("The ladder")[0].replace("the sliders or joints", "")
     assert not re.findall("slider|the leg that|screw", told)
 

@@ -27,11 +27,11 @@ HIDDEN = {  # kind of run, fault -> what is off, kind, um, and what the sentence
     "scale": ("volume", {"kind": "splice", "leg": 1, "height_mm": 280.0, "step_um": -30.0}, "slider 1", "step",
                    -30.0, "um lower above b1 = 279.9 mm than below it"),
     "play": ("warmup", {"kind": "warm-backlash", "leg": 1, "gap_um_per_k": 6.0, "opens_at_c": 20.0}, "slider 1",
-             "varying", -40.0, "um lower when it arrives upward than downward at temperature = 26.7 C"),
+             "varying", -40.0, "um lower after moving up than after moving down at temperature = 26.7 C"),
     "roller": ("volume", {"kind": "periodic", "leg": 3, "size_um": 15.0, "period_mm": 17.0, "phase_rad": 0.4},
                "slider 3", "period", 15.0, "um to either side, highest at b3 = 205 mm and every 16.9"),
     "tip": ("volume", {"kind": "carriage-tip", "leg": 1, "size_um": 30.0, "direction": "radial"}, "rail 1 outward",
-            "side", 30.0, "um further outward when slider 1 arrives upward than downward"),
+            "side", 30.0, "um further outward after slider 1 moves up than after it moves down"),
     "neighbour": ("volume", {"kind": "cross-coupling", "leg": 1, "other": 2, "height_mm": 290.0, "span_mm": 60.0,
                              "size_um": 40.0}, "slider 1", "law", 47.0, "um higher at b2 = 285 mm than at 225 mm"),
 }  # fmt: skip
@@ -94,7 +94,7 @@ def test_a_joint_of_an_arm_is_said_the_way_that_it_turns(sign) -> None:
     assert (first.size.of, first.on, first.unit) == ("joint 4", "direction3", "")
     assert sign * first.size.value == pytest.approx(3e-4, abs=max(4.0 * first.size.std, 2e-5))
     way = "forward" if sign > 0 else "back"
-    assert f"urad further {way} when joint 3 arrives forward than back" in first.words
+    assert f"urad further {way} after joint 3 moves forward than after it moves back" in first.words
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -133,11 +133,11 @@ def test_a_joint_that_turns_is_told_in_microradians() -> None:
     assert found["curve"]["mean_um"] == pytest.approx([20.0, -20.0])
 
 
-def test_what_goes_one_way_here_and_the_other_there_is_said_to_be_alike_on_the_whole():
+def test_what_goes_one_way_here_and_the_other_there_is_said_to_be_the_same_on_average():
     saddle = Size("y", "law", 0.001, 0.002, 2.6, 5.2, on="payload", along="payload", unit="kg", rms=0.1)
     assert say_size(saddle) == (
-        "The tool comes out alike on the whole at payload = 5.2 kg and 2.6 kg, within 5.0 um, and unlike that from "
-        "place to place; 100 um rms at the tool."
+        "On average the tool has the same y at payload = 5.2 kg and 2.6 kg, within 5.0 um, though single places "
+        "differ; 100 um rms at the tool."
     )
     assert "does not tell which" in say_size(replace(saddle, rms=0.004))
 
@@ -145,7 +145,7 @@ def test_what_goes_one_way_here_and_the_other_there_is_said_to_be_alike_on_the_w
 def test_what_the_readings_do_not_show_is_said_to_be_so() -> None:
     unsure = Size("slider 2", "law", 0.004, 0.01, 100.0, 300.0, on="b2", along="b2", unit="mm")
     said = say_size(unsure)
-    assert "no more than 24 um lower or higher at b2 = 300 mm than at 100 mm: this run does not tell which." in said
+    assert "at most 24 um lower or higher at b2 = 300 mm than at 100 mm: this run does not tell which." in said
     one_way = size_of_side("slider 2", estimate_of(np.zeros(30), 1e-3), np.ones(30))
     assert one_way is None
 
@@ -154,17 +154,17 @@ def test_what_the_readings_do_not_show_is_said_to_be_so() -> None:
     ("size", "words"),
     [
         (Size("joint 3", "side", -4e-5, 2e-6, -1.0, 1.0, on="direction3", along="direction3", noun="joint"),
-         "Joint 3 comes out 40.0 +- 2.0 urad further back when it arrives forward than back."),
+         "Joint 3 is 40.0 +- 2.0 urad further back after moving forward than after moving back."),
         (Size("x", "law", 0.06, 0.003, 0.0, 5.0, on="payload", along="payload", unit="kg"),
-         "The tool comes out 60 +- 3 um further toward +x at payload = 5.0 kg than at 0.0 kg."),
+         "The tool is 60 +- 3 um further toward +x at payload = 5.0 kg than at 0.0 kg."),
         (Size("link 2", "step", -0.0351, 0.0009, -373.914, -373.912, on="b2", along="b2", unit="mm"),
-         "Link 2 comes out 35.1 +- 0.9 um shorter above b2 = -373.91 mm than below it."),
+         "Link 2 is 35.1 +- 0.9 um shorter above b2 = -373.91 mm than below it."),
         (Size("joint 4", "period", 1.9e-4, 1.9e-5, -4.195, -4.0991, on="q4", along="q4", unit="rad", noun="joint"),
-         "Joint 4 swings by 190 +- 19 urad to either side, furthest forward at q4 = -4.195 rad and every 0.0959 rad "
-         "on, 65.52 times a turn."),
+         "Joint 4 varies by 190 +- 19 urad to either side, furthest forward at q4 = -4.195 rad and every 0.0959 rad "
+         "from there, 65.52 times a turn."),
         (Size("rail 1 sideways", "bump", 0.05, 0.001, 200.0, 220.0, on="b1", along="b1", unit="mm", rms=0.012),
-         "Rail 1 comes out 50.0 +- 1.0 um further counter-clockwise (seen from above) about b1 = 210 mm than beside "
-         "it; 12 um rms at the tool."),
+         "Rail 1 is 50.0 +- 1.0 um further counter-clockwise (seen from above) near b1 = 210 mm than on either "
+         "side of it; 12 um rms at the tool."),
     ],
 )  # fmt: skip
 def test_every_place_has_its_own_words(size, words) -> None:

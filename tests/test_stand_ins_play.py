@@ -68,7 +68,7 @@ def test_a_play_that_dies_away_is_no_constant_play_beside_an_unknown(left: float
     found = diagnose(Model(file), problem)
     assert found.verdict == "unknown" and found.suggested == ()
     assert {item.on for item in found.depends_on} == {"direction1", "direction2", "direction3"}
-    assert all("lower when it arrives upward" in item.words for item in found.depends_on)
+    assert all("lower after moving up" in item.words for item in found.depends_on)
 
 
 @pytest.mark.long

@@ -117,7 +117,7 @@ def test_the_card_says_that_an_unknown_may_do_a_part_of_what_is_named(here: Path
     sure = card_of_diagnosis(found, opened.problem).words
     chances = {"missing": 0.78, "unknown": 0.22, "nothing-missing": 0.0}
     doubtful = card_of_diagnosis(replace(found, verdict_probability=chances), opened.problem).words
-    said = "With a probability of 22% a part of this is something that no known effect describes."
+    said = "There is a 22% probability that part of this is something that no known effect describes."
     assert said in doubtful and doubtful.replace(f" {said}", "") == sure
 
 

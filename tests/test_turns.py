@@ -180,7 +180,7 @@ def test_a_diagnosis_says_what_play_may_be_as_well(tmp_path) -> None:
         found = diagnose(Model(FILE), build_problem(FILE, read_table(run)))
         assert found.suggested[0][0] == "backlash"
         words.append(found.candidates[0].words)
-    assert "but for wind-up over less than 2 mm, nearer to a reversal than any reading" in words[0]
+    assert "except wind-up that is complete within 2 mm of a reversal, where no reading was taken" in words[0]
     assert "wind-up" not in words[1]
 
 

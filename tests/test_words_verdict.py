@@ -51,7 +51,7 @@ def test_a_tie_comes_first_and_nothing_else_does_not_stand_beside_it(tmp_path):
     term = fit(Model(problem.file) + KNOWN["backlash"](), problem, noise=NOISE).model.terms[0]
     tied = explain_step(term, ("windup", "joint-clearance"), (), (62.0, 9.0), NOISE, problem)
     assert tied.startswith(
-        "Either backlash, windup or joint-clearance: this data cannot tell them apart. As backlash: s"
+        "Either backlash, windup or joint-clearance: this data cannot tell them apart. Taken as backlash: s"
     )
     assert "Nothing else" not in tied
     summed = explain_step(term, (), ("lead-scale", "link-length"), (62.0, 9.0), NOISE, problem)
@@ -69,17 +69,17 @@ def test_values_beyond_the_error_come_with_what_they_do_at_the_tool(tmp_path):
     assert 10.0 < makes < 50.0
     assert "at the tool" not in explain_step(term, (), (), (62.0, 9.0), NOISE, problem)
     told = explain_step(term, (), (), (40.0, 9.0), NOISE, problem)
-    assert f"; at the tool it makes {makes:.0f} um rms." in told
+    assert f"; the effect amounts to {makes:.0f} um rms at the tool." in told
     part, most = (explain_step(term, (), (), (makes / far, 0.0), NOISE, problem) for far in (2.0, 9.0))
-    assert "um rms, a part of which the other effects take back" in part
-    assert "um rms, most of which the other effects take back" in most
+    assert "um rms at the tool, partly cancelled by the other effects" in part
+    assert "um rms at the tool, mostly cancelled by the other effects" in most
 
 
 def test_what_changes_readings_alone_is_not_said_of_the_tool(tmp_path):
     problem = hide(tmp_path, {"tracker": {"scale_ppm": 300.0}})
     term = fit(Model(problem.file) + KNOWN["tracker-scale"](), problem, noise=NOISE).model.terms[0]
     told = explain_step(term, (), (), (4.0, 0.5), NOISE, problem)
-    assert "; in the readings it makes " in told and "at the tool" not in told
+    assert "um rms in the readings" in told and "at the tool" not in told
 
 
 def test_an_error_that_rises_or_stays_is_not_said_to_fall(tmp_path):
@@ -103,14 +103,14 @@ def test_an_unknown_takes_five_lines_at_the_most(steps, depends):
     words = explain_verdict(diagnosis("unknown", steps=steps, depends=depends)).splitlines()
     assert len(words) <= 5 and len(set(words)) == len(words)
     assert words[0].startswith("Something is missing that no known effect describes")
-    assert any("follows b2" in line for line in words) == (depends > 0)
+    assert any("depends on b2" in line for line in words) == (depends > 0)
     assert (f"effect-{steps - 1}" in " ".join(words) or f"Words of {steps - 1}." in " ".join(words)) or steps == 0
 
 
 def test_what_the_readings_ask_for_beside_an_unknown_is_said_not_to_be_named():
     words = explain_verdict(diagnosis("unknown", depends=1, steps=1, perhaps=("dh-offsets",))).splitlines()
-    assert "ask for dh-offsets as well" in words[-1] and "is not named" in words[-1]
-    assert "as well" not in explain_verdict(diagnosis("unknown", depends=1, steps=1))
+    assert "The readings also suggest dh-offsets, which" in words[-1] and "is therefore not named" in words[-1]
+    assert "also suggest" not in explain_verdict(diagnosis("unknown", depends=1, steps=1))
 
 
 def test_a_verdict_that_tests_of_the_rest_gave_says_which():
@@ -122,37 +122,40 @@ def test_a_verdict_that_tests_of_the_rest_gave_says_which():
 def test_a_law_that_follows_what_the_unknown_follows_may_be_bent():
     soft, zero = (SimpleNamespace(effect=KNOWN[name]()) for name in ("axis-compliance", "homing-offset"))
     words = explain_verdict(diagnosis("unknown", depends=1, terms=(soft, zero), on="payload"))
-    assert "As axis-compliance follows payload too, its law may be bent rather than another cause missing" in words
-    assert "bent" not in explain_verdict(diagnosis("unknown", depends=1, terms=(soft, zero), on="temperature"))
-    assert "bent" not in explain_verdict(diagnosis("unknown", depends=1, terms=(zero,), on="payload"))
+    assert (
+        "As axis-compliance also depends on payload, this may be a nonlinearity of it rather than another cause"
+        in words
+    )
+    assert "nonlinear" not in explain_verdict(diagnosis("unknown", depends=1, terms=(soft, zero), on="temperature"))
+    assert "nonlinear" not in explain_verdict(diagnosis("unknown", depends=1, terms=(zero,), on="payload"))
 
 
 def test_a_jump_is_said_by_its_place_and_a_slow_rest_by_its_wander():
     """A range 'between 16 and 16' tells nobody anything; that noise is understated is no news where it wanders."""
     jump = explain_verdict(diagnosis("unknown", depends=1, period_mm=None, shape="step", place=(15.98, 16.02)))
-    assert "What is left of slider 2 jumps where b2 passes 16.00 mm (40% of its variance). It is large." in jump
+    assert "The remaining error of slider 2 jumps where b2 passes 16.00 mm (40 % of its variance). It is large." in jump
     bump = explain_verdict(diagnosis("unknown", depends=1, period_mm=None, shape="local", place=(41.0, 62.0)))
-    assert "follows b2 near 52 mm (40%" in bump
+    assert "depends on b2 near 52 mm (40 %" in bump
     floor = NOISE.total * 1e3
     for span, unit, lasts in ((900.0, "s", "about 320 s"), (40.0, "readings", "longer than the run")):
         wander, r = Slow(Wander(4.0, 317.0), span, unit), 317.0 / span
         within = 2.0 * np.sqrt(1.0 - 2.0 * r + 2.0 * r**2 * (1.0 - np.exp(-1.0 / r)))  # about its mean in the run
         slow = explain_verdict(diagnosis("nothing-missing", after=3.0 * floor, wander=wander))
-        assert f"the readings wander by {within * floor:.1f} um, over {lasts}." in slow and "understate" not in slow
+        assert f"the readings wander by {within * floor:.1f} um over {lasts}." in slow and "too small" not in slow
     assert wander.to_dict() == {"share": 4.0, "constant_s": None, "constant_rows": 317.0}
-    assert "understate" in explain_verdict(diagnosis("nothing-missing", after=3.0 * floor))
+    assert "either that figure is too small" in explain_verdict(diagnosis("nothing-missing", after=3.0 * floor))
 
 
 def test_a_noise_that_only_the_rest_tells_is_said_to_hide_what_is_rough():
     told = diagnosis("nothing-missing")
     told.noise = replace(NOISE, source="saturated model")
-    assert "would hide in it; repeats of some poses" in explain_verdict(told)
-    assert "hide" not in explain_verdict(diagnosis("nothing-missing"))
+    assert "would be counted as noise; repeated poses" in explain_verdict(told)
+    assert "counted as noise" not in explain_verdict(diagnosis("nothing-missing"))
 
 
 def test_other_verdicts_say_what_they_have_and_how_well():
     words = explain_verdict(diagnosis("missing", steps=2))
-    assert words.startswith("Words of 0.\nWords of 1.\nWith that the error is 0.3 um, down from 90.0 um")
+    assert words.startswith("Words of 0.\nWords of 1.\nWith these effects the error is 0.3 um, down from 90.0 um")
     late = explain_verdict(diagnosis("missing", steps=1, ties=("other",)))
     assert "Words of 0." in late
     assert explain_verdict(diagnosis("nothing-missing")).startswith("Nothing is missing that these 110 readings")
@@ -162,14 +165,16 @@ def test_repeats_that_scatter_by_far_more_than_is_stated_are_said_to():
     told = diagnosis("nothing-missing")
     told.noise = replace(NOISE, source="repeats", stated=("std columns", NOISE.total / 2.5))
     words = explain_verdict(told)
-    assert "(repeats, 2.5 x what the std columns state). Poses come back that badly, or something differs" in words
+    assert (
+        "(from repeats, 2.5 times the value in the std columns). Either poses repeat no better than that, or" in words
+    )
     told.noise = replace(told.noise, stated=("machine file", NOISE.total / 1.2))
-    assert "state" not in explain_verdict(told)
+    assert "times" not in explain_verdict(told)
 
 
 def test_names_that_an_unknown_may_do_as_well_are_said_to_be_that():
     sure, open_ = (explain_verdict(diagnosis("missing", steps=2, probability=chance)) for chance in (0.95, 0.6))
     assert "probability" not in sure
     assert open_.splitlines() == [
-        "With a probability of 40% a part of this is something that no known effect describes.", *sure.splitlines()
+        "There is a 40% probability that part of this is something that no known effect describes.", *sure.splitlines()
     ]  # fmt: skip

@@ -12,9 +12,12 @@ ELSEWHERE = 2.0  # times a size along one axis that its unknown makes in all, fr
 NOTHING = 0.01  # of a size: what beside it is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
 UNLIKE = 9  # digits that tell any two values of a table apart
-WAYS = {"way": "the way along {} that the tool came", "turn": "how the tool turns along {}"}
+WAYS = {
+    "way": "the {} component of the tool's direction of travel",
+    "turn": "the {} component of the tool's change of direction",
+}
 MOVES = {f"{word} {axis}": text.format(axis) for word, text in WAYS.items() for axis in "xyz"} | {
-    "step": "how far the tool came",
+    "step": "the length of the tool's last move",
     "pause": "the time since the tool set off",
 }  # variables that are no columns of a table, by what they are
 SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero, where it is largest
@@ -77,33 +80,33 @@ def say_size(size: Size) -> str:
         size: the size.
 
     Returns:
-        One sentence, for example 'Slider 1 comes out 38 +- 2 um higher when slider 1 arrives upward than downward.'
+        One sentence, for example 'Slider 1 is 38 +- 2 um higher after moving up than after moving down.'
     """
     who, (more, less, most) = who_is_off(size.of), SIDES[size.of.split()[-1 if size.of[-1].isalpha() else 0]]
     side = more if size.value >= 0.0 or not size.known else less
-    at_most = f"no more than {_amount(size, _bound(size), 0.0)}"
+    at_most = f"at most {_amount(size, _bound(size), 0.0)}"
     what = _amount(size, size.value, size.std) if size.known else f"{at_most} {less} or"
     low, high = (f"{size.along} = {value}" for value in _values(size.low, size.high, size.unit))
     scattered = size.kind == "law" and not size.known and _is_elsewhere(size, _bound(size))
-    far, ways = f"{who} comes out {what} {side}", _arrival(size)
+    far, ways = f"{who} is {what} {side}", _arrival(size)
     match size.kind:
         case "side":
             told = f"{far} {ways}"
         case "varying":
-            told = f"{far} {ways} at {high}, and {_then(size, more, less)} at {low.partition(' = ')[2]}"
+            told = f"{far} {ways} at {high}, {_then(size, more, less)} at {low.partition(' = ')[2]}"
         case "step":
             told = f"{far} above {size.on} = {middle(size.low, size.high, size.unit)} than below it"
         case "bump":
-            told = f"{far} about {size.on} = {middle(size.low, size.high, size.unit)} than beside it"
+            told = f"{far} near {size.on} = {middle(size.low, size.high, size.unit)} than on either side of it"
         case "period" if size.known:
             each = f"{size.high - size.low:.4g} {size.unit}".strip()
             turn = f", {2.0 * np.pi / (size.high - size.low):.4g} times a turn" if size.unit == "rad" else ""
-            told = f"{who} swings by {what} to either side, {most} at {low} and every {each} on{turn}"
+            told = f"{who} varies by {what} to either side, {most} at {low} and every {each} from there{turn}"
         case "period":
-            told = f"{who} swings by {at_most} to either side"
+            told = f"{who} varies by {at_most} to either side"
         case _ if scattered:
             both = f"at {high} and {low.partition(' = ')[2]}, within {_amount(size, _bound(size), 0.0)}"
-            told = f"{who} comes out alike on the whole {both}, and unlike that from place to place"
+            told = f"on average {who} has the same {size.of} {both}, though single places differ"
         case _:
             told = f"{far} at {high} than at {low.partition(' = ')[2]}"
     open_ended = "" if size.known or size.kind == "period" or scattered else ": this run does not tell which"
@@ -111,7 +114,7 @@ def say_size(size: Size) -> str:
     if size.rms is None:
         return f"{told}."
     elsewhere = size.known and _is_elsewhere(size, abs(size.value))
-    mean = " on the whole, and unlike that from place to place" if elsewhere else ""
+    mean = " on average, though single places differ" if elsewhere else ""
     return f"{told}{mean}; {_in_um(1e3 * size.rms)} rms at the tool."
 
 
@@ -125,8 +128,9 @@ def _then(size: Size, more: str, less: str) -> str:
     value, std = size.other or 0.0, size.other_std or 0.0
     if abs(value) <= SIGNIFICANT * std or abs(value) < NOTHING * abs(size.value):
         bound = abs(value) + 2.0 * std
-        return "alike" if bound < NOTHING * abs(size.value) else f"no more than {_amount(size, bound, 0.0)} either way"
-    return f"{_amount(size, value, std)} {more if value > 0.0 else less}"
+        within = f"and at most {_amount(size, bound, 0.0)} either way"
+        return "with no difference" if bound < NOTHING * abs(size.value) else within
+    return f"and {_amount(size, value, std)} {more if value > 0.0 else less}"
 
 
 def _bound(size: Size) -> float:
@@ -140,10 +144,12 @@ def who_is_off(of: str) -> str:
 
 
 def _arrival(size: Size) -> str:
-    """The two ways of a joint's arrival."""
+    """The two directions in which a joint may have moved to a pose."""
     who = f"{size.noun} {size.on.removeprefix('direction')}"
-    ways = "forward than back" if size.noun == "joint" else "upward than downward"
-    return f"when {'it' if who == size.of else who} arrives {ways}"
+    one, other = ("forward", "back") if size.noun == "joint" else ("up", "down")
+    if who == size.of:
+        return f"after moving {one} than after moving {other}"
+    return f"after {who} moves {one} than after it moves {other}"
 
 
 def _values(low: float, high: float, unit: str) -> tuple[str, str]:

@@ -95,13 +95,13 @@ def diagnose_long(
         rest = _rest(found, problem, seed)
     result = conclude(found, rest, model, problem, known, tell, seed, steps)
     how = (
-        f"Shapes, the unknown, the noise and the tests of the rest against repeats and position are of "
-        f"{sample.table.rows} rows in stretches of travel; parameters, the search beside them, held-out errors, gross "
-        f"rows and what the rest follows are of all rows, summed up in chunks of {size}."
+        f"Shapes, the unknown, the noise and the tests of the remaining error against repeats and position come from "
+        f"{sample.table.rows} rows in stretches of travel; parameters, the search around them, held-out errors, gross "
+        f"errors and what the remaining error depends on come from all rows, processed in chunks of {size}."
     )
     times = share_of_rows(problem.table.rows)
     if times > 1 and found.state.memory == WHITE:
-        how += f" What else may be missing is told by one row in {times}."
+        how += f" What else may be missing was searched for in one row in {times}."
     words = f"{result.words}{other_setups(given, whole)} {how}"
     return replace(result, model=as_free_as(given, result.model), words=words, opening=opening)
 
@@ -130,5 +130,7 @@ def _rest(found: Found, problem: Problem, seed: int) -> Rest:
     more = follow_in_all_rows(problem, residual, found.system.noise, rows)
     if found.state.memory.wander is not None:  # as in the sample's tests
         more = [(name, share) for name, share in more if name not in ("time", "run")]
-    reasons = [f"over all rows the rest follows {name} ({share:.1%} of its variance)" for name, share in more]
+    reasons = [
+        f"over all rows the remaining error depends on {name} ({share:.1%} of its variance)" for name, share in more
+    ]
     return replace(rest, reasons=(*rest.reasons, *reasons))

@@ -18,12 +18,14 @@ from ptt.door.opened import Opened, meet
 from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.words import as_run
 from ptt.effects.curve import COORDINATES, JOINT
+from ptt.effects.phrases import capital
 from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError
 from ptt.fitting.opening import told_aside
 from ptt.machine import MachineFile
 from ptt.progress import Progress, unwatched
 from ptt.run.named import named_rows
+from ptt.run.noise import source_in_words
 from ptt.run.problem import Problem
 from ptt.run.table import write_table
 from ptt.run.taken import frames_said, set_up
@@ -36,6 +38,13 @@ if TYPE_CHECKING:
 DOUBT_SHARE = 0.1  # of a held-out error: with less the sum of both squares is the same
 LEAST_CHUNK = 1000  # rows: sums over fewer at a time cost more than they save
 USAGE = "diagnose(model, run)"
+# Of the table of candidates.
+TO_ADD = "+ marks the effects to add; each of the others explains part of the same error, on the model as given."
+NONE_TO_ADD = "Each of these effects explains part of the error by itself, on the model as given; none is to be added."
+HELD_OUT = (
+    "Held out: each block of travel predicted from a fit without it, linearised at the final model. `ptt add` refits",
+    "at each step, so its held-out figures differ slightly.",
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,13 +115,13 @@ class Diagnosed(Result):
         return draw_candidates(self.result)
 
     def write_poses(self, out: str | Path) -> int:
-        """Write poses that part what is confused.
+        """Write poses that would tell tied effects apart.
 
         Args:
             out: CSV to write.
 
         Returns:
-            How many; 0, and nothing written, where nothing is confused that poses could part.
+            How many; 0, and nothing written, where no effects are tied that poses could tell apart.
         """
         separation = None if self.result is None else self.result.separation
         if separation is None or separation.targets is None:
@@ -137,7 +146,7 @@ def diagnose(
         model: the model; a network is left aside.
         run: the run.
         steps: how many effects the path may add, from 1 on.
-        chunk_rows: rows summed up at a time, from 1,000 on; None: by itself beyond 20,000 rows, of an arm 2,000.
+        chunk_rows: rows per chunk, from 1,000 on; None: no chunks up to 20,000 rows, of an arm 2,000.
         anyway: whether to go on although the set-up looks mistaken.
         progress: told what is done, how much of how much.
         note: told what is left aside.
@@ -161,7 +170,7 @@ def diagnose(
         tell("the compensator's network is left aside: the physics alone is diagnosed")
     size = chunk_size(opened.problem, chunk_rows)
     if size is not None:
-        tell(f"{opened.table.rows} rows are summed up in chunks of {size}")
+        tell(f"{opened.table.rows} rows are processed in chunks of {size}")
     result = diagnose_run(
         opened.model, opened.problem, opened.library,
         steps=steps, chunk_rows=size, progress=lambda what: progress(what, 0, 0),
@@ -195,7 +204,7 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
     aside = f"; {told_aside(opens)}" if opens else ""
     lines += [] if problem is None else frames_said(set_up(problem)["frame_taken"])
     lines.append(
-        f"noise floor {noise['total']:.2f} um from {noise['source']}; {result.rows} readings, "
+        f"noise floor {noise['total']:.2f} um from {source_in_words(noise['source'])}; {result.rows} readings, "
         f"{left} left out as gross errors{where}{aside}"
     )
     return "\n".join(lines)
@@ -208,16 +217,17 @@ def _next(result: Diagnosis) -> list[str]:
         sizes = result.names_size
         lines.append(f"next: ptt add RUN.csv {names}{' --sizes' if sizes else ''} --model M.toml --out M2.toml")
         if sizes:
-            lines.append("--sizes then fits all other sizes of the drawing too, which makes commands elsewhere better")
+            lines.append("--sizes also fits all other sizes of the drawing, which improves commands at other poses")
     if result.verdict == "unknown" and result.depends_on:
         first = result.depends_on[0]
-        sides = ", each from both sides" if JOINT.fullmatch(first.on) or first.on in COORDINATES else ""
-        poses = f"more poses over the range of {first.on}{sides} show"
-        more = "a longer run, or another, shows" if first.on == "time" else poses
-        lines.append(f"look for the cause at {first.acts_on or first.residual}; {more} it better")
+        sides = ", each approached from both sides," if JOINT.fullmatch(first.on) or first.on in COORDINATES else ""
+        over = "" if first.on.startswith("direction") else f" over the range of {first.on}"
+        poses = f"more poses{over}{sides}"
+        more = "a longer run, or another one," if first.on == "time" else poses
+        lines.append(f"look for the cause in {first.acts_on or first.residual}; {more} would show it better")
         if is_variable(first.on):
             lines.append(
-                "to describe it yourself, keep what --json prints in D.json, then: ptt effects new NAME --like D.json"
+                "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"
             )
     return lines
 
@@ -238,12 +248,10 @@ def _candidates(result: Diagnosis) -> list[str]:
         chance = by_chance(candidate.p_value).removeprefix("p ").removeprefix("= ")
         figures = f"{chance:>9} {candidate.explained_share:>7.1%} {fall:>18}"
         lines.append(f"{mark} {candidate.effect:<{width}} {figures}  {ties}".rstrip())
-    lines += ["", "+ is a step of the path; the others explain a part of the same, on the model as given"]
-    lines += ["held out: blocks of travel hidden in turn, all linearised where the path ended; `ptt add` fits each"]
-    lines += ["step anew, so that its held-out figures differ somewhat"]
+    lines += ["", TO_ADD if result.suggested else NONE_TO_ADD, *HELD_OUT]
     last = result.candidates[len(result.suggested) - 1] if result.suggested else None
     if last is not None and (doubt := doubt_in_words(last.heldout_after, last.tool_doubt, DOUBT_SHARE)):
-        lines += [f"{doubt}: others that fit as well have the machine stand elsewhere"]
+        lines += [f"{capital(doubt)}: other models that fit equally well place it elsewhere."]
     return lines
 
 
@@ -256,8 +264,8 @@ def _meanings(result: Diagnosis) -> list[str]:
 
 
 def _dependences(result: Diagnosis) -> list[str]:
-    """What is left follows this, a line or two each."""
-    lines = ["what is left depends on:"]
+    """What the remaining error depends on, a line or two each."""
+    lines = ["the remaining error depends on:"]
     for item in result.depends_on:
         period = f", period {item.period_mm:.3g} {item.unit}".rstrip() if item.period_mm else ""
         place = f", {item.shape} at {between(*item.place, item.unit)}" if item.place else ""

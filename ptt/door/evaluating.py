@@ -22,6 +22,7 @@ from ptt.judge.alike import hints_on
 from ptt.judge.evaluate import GOALS, Datum, Evaluation, compare_errors, evaluate_pair
 from ptt.progress import Progress, unwatched
 from ptt.record import plain
+from ptt.run.noise import source_in_words
 from ptt.run.readers import Ask
 from ptt.run.table import Table
 from ptt.run.taken import frames_said
@@ -279,7 +280,7 @@ def _text(data: dict[str, Any], judged: bool) -> str:
     if data["noise_um"]:
         noise = data["noise_um"]
         figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z", "total"))
-        lines += ["", f"noise floor, one standard deviation in um: {figures} (from {noise['source']})"]
+        lines += ["", f"noise floor, one standard deviation in um: {figures} (from {source_in_words(noise['source'])})"]
     for side, rows in data["unmatched"].items():
         if rows:
             more = f" and {len(rows) - SHOWN_ROWS} more" if len(rows) > SHOWN_ROWS else ""

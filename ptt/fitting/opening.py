@@ -1,4 +1,4 @@
-"""Rows at which nobody knows on which side a joint lies: they open a run, or nothing pushes it there."""
+"""Rows at which the side on which a joint lies is unknown: they open a run, or nothing pushes it there."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ AT_STAKE = 10.0  # nats that a wrong guess of it may hand to whatever begins ear
 
 
 def opening_rows(problem: Problem) -> np.ndarray:
-    """The rows of a run before it first moves: from where they came, on which side of any play, nobody knows.
+    """The rows of a run before it first moves: their direction of arrival, and so the side of any play, is unknown.
 
     Args:
         problem: n rows.
@@ -80,7 +80,7 @@ def undecided_rows(terms: Sequence[Term], problem: Problem) -> np.ndarray:
 
 
 def untold_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:
-    """Rows at which nobody knows on which side what was found has a joint lie, (n,) bool; arguments as above."""
+    """Rows at which the side on which what was found has a joint lie is unknown, (n,) bool; arguments as above."""
     return remembering_rows(terms, problem, noise) | undecided_rows(terms, problem)
 
 
@@ -90,12 +90,12 @@ def told_aside(rows: int) -> str:
     Args:
         rows: that are left aside, one at the least.
     """
-    which = "one row" if rows == 1 else f"{rows} rows"
-    return f"{which} left aside, at which nobody knows from which side the machine came or on which side a pin lies"
+    which, their = ("one row", "its") if rows == 1 else (f"{rows} rows", "their")
+    return f"{which} set aside: {their} direction of arrival, or the side on which a pin lies, is unknown"
 
 
 def without_opening(problem: Problem, rows: np.ndarray) -> Problem:
-    """The problem without rows of which nobody knows a side, which date nothing either: no reading is left there.
+    """The problem without rows of which a side is unknown, which date nothing either: no reading is left there.
 
     Args:
         problem: n rows.

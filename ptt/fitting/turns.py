@@ -116,20 +116,22 @@ def open_turns(fitted: FitResult) -> tuple[Combination, ...]:
     for term in fitted.model.terms:
         if joints := _unseen(fitted, term):
             which = f"joint{'s' * (len(joints) > 1)} {listed([str(joint) for joint in joints])}"
-            partner = f"a wind-up over {_windup(fitted, joints)} (short moves back and forth tell)"
+            partner = f"a wind-up over {_windup(fitted, joints)} (short moves back and forth would tell)"
             found.append(Combination(term.effect.key, f"whether play of {which} is taken up at once", (partner,), {}))
     return tuple(found)
 
 
 def like_windup(fitted: FitResult, term: Term) -> str:
-    """What a play may be as well, since no reading lies near a reversal; '' where one tells, and for what is no play.
+    """What a play may be instead, as no reading lies near a reversal; '' where one tells, and for what is no play.
 
     Args:
         fitted: the fit, with its turns.
         term: one of its effects.
     """
     joints = _unseen(fitted, term)
-    return f"wind-up over less than {_windup(fitted, joints)}, nearer to a reversal than any reading" if joints else ""
+    if not joints:
+        return ""
+    return f"wind-up that is complete within {_windup(fitted, joints)} of a reversal, where no reading was taken"
 
 
 def _unseen(fitted: FitResult, term: Term) -> list[int]:

@@ -11,8 +11,8 @@ LEAST_READINGS = 3  # at which a joint arrives otherwise: fewer could be gross e
 MOSTLY = 0.5  # of the readings that are passed without a corner: of poses at random it is one in ten
 LIKELIER = 5.0  # nats by which a smooth way has to do better than what the machine file says, for names and for fits
 SMOOTHLY = (
-    'joints turn between these rows where a smooth way through them does, as on a circle: `moves = "smooth"` in the '
-    "machine file"
+    "joints are taken to reverse between these rows where a smooth path through them does, as on a circle: "
+    '`moves = "smooth"` in the machine file'
 )
 
 

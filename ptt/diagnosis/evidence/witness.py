@@ -15,9 +15,10 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 HALF = 0.5  # of a frame's time that visits to base reflectors have to span; and the odds of either, for both are usual
-ALIKE = "No base reflector was read over half of the run: a machine that drifts as a whole would look the same."
+UNREAD = "Base reflectors were not read over at least half of the run, so"
+ALIKE = f"{UNREAD} a machine that drifts as a whole would look the same."
 
-WARM = "No base reflector was read over half of the run: a tracker that moves with the warmth would look the same."
+WARM = f"{UNREAD} a tracker that moves with temperature would look the same."
 CLEAR = 30.0  # chi-squared from which readings show that a growth is no shift of all of them
 
 

@@ -34,7 +34,7 @@ def coincidences(term: Term, problem: Problem) -> list[str]:
         place = parting(after, views[name][problem.used], slack) if name in views else None
         if place is not None:
             what, where = f"{name[:1].upper()}{name[1:]}", middle(*place, unit_of(problem, name))
-            alike = "a step that follows it would look the same, until it is passed again"
+            alike = "a step that depends on it would look the same until that value is passed again"
             found.append(f"{what} passes {where} at that moment and at no other: {alike}.")
     return found
 

@@ -27,7 +27,7 @@ class Diagnosis:
         verdict: 'missing', 'nothing-missing' or 'unknown'.
         verdict_probability: of each of these.
         suggested: for each step the effects that fit equally well, the pick first.
-        candidates: the steps, then what else the data would ask for on the model as given, best first.
+        candidates: the steps, then what else the data would call for on the model as given, best first.
         not_testable: effect -> what the data lack.
         depends_on: what the unknown depends on, largest share first.
         rest: tests of what the whole explanation leaves.
@@ -39,12 +39,12 @@ class Diagnosis:
         outliers: rows left out as gross errors, (n,) bool.
         elsewhere: how far commands may be off at the poses of the run and all over the workspace; None where nothing is
             named, or in runs that are diagnosed in chunks.
-        opening: rows not looked at: nobody knows from which side the machine came or where a pin lies, (n,) bool.
+        opening: rows set aside: their direction of arrival, or the side on which a pin lies, is unknown, (n,) bool.
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
         unexplained: what nothing explains in the set-up, where that comes before any effect; '' where nothing does.
-        perhaps: effects that the readings ask for beside an unknown, too little sure to be suggested.
+        perhaps: effects that the readings call for beside an unknown, not sure enough to be suggested.
     """
 
     verdict: Verdict

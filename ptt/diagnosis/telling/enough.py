@@ -28,10 +28,10 @@ def enough(problem: Problem) -> None:
     poses = len(np.unique(pose_groups(problem.table)[problem.used]))
     if poses < (LEAST_POSES if problem.frames else 2):
         raise TooFewError(
-            f"{count} readings are of {poses} {'pose' if poses == 1 else 'poses'}, too few for a verdict",
+            f"{count} readings of {poses} {'pose' if poses == 1 else 'poses'} are too few for a verdict",
             where=problem.table.source,
             fix=f"measure at least {LEAST_READINGS} poses, better 100 or more;"
-            " `ptt compare` says what the error there follows",
+            " `ptt compare` says what the error there depends on",
         )  # fmt: skip
     each = np.bincount(problem.frame[problem.used])
     if (
@@ -39,7 +39,7 @@ def enough(problem: Problem) -> None:
         and problem.base is None
         and 3 * count - np.minimum(3 * each, MOTION).sum() < FREE
     ):
-        what = f"{count} readings in {len(each)} frames are too few for a verdict: each frame takes two of them"
+        what = f"{count} readings in {len(each)} frames are too few for a verdict: each frame takes up two of them"
         raise TooFewError(
             what, where=problem.table.source, fix=f"measure more poses without moving the tracker, or {fix}"
         )

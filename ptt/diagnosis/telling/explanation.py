@@ -1,4 +1,4 @@
-"""Candidates: one line for each effect of an explanation, then for what else the readings would ask for."""
+"""Candidates: one line for each effect of an explanation, then for what else the readings would call for."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
@@ -34,7 +34,7 @@ from ptt.run.problem import Problem
 
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
 MEASURED = 0.5  # share of its prior's variance below which a value is measured
-UNNAMED = 0.5  # most probability of what is found and not named: hidden readings or an unknown speak against it
+UNNAMED = 0.5  # most probability of what is found and not named: held-out readings or an unknown speak against it
 
 
 class Estimate(NamedTuple):
@@ -53,17 +53,17 @@ class Candidate(Record):
     Attributes:
         effect: key of the effect.
         probability: that it is part of what is missing.
-        p_value: chance that the data would ask for it as much without it: at most the inverse of its Bayes factor
+        p_value: chance that the data would call for it as much without it: at most the inverse of its Bayes factor
             (Ville's inequality), every candidate and shape counted.
         explained_share: of the residual's variance after the frame that it takes by itself.
-        heldout_before: error on hidden blocks without it, um.
-        heldout_after: error on hidden blocks with it, um.
+        heldout_before: error on held-out blocks without it, um.
+        heldout_after: error on held-out blocks with it, um.
         parameters: its values; of what is no step, only those that the data tell.
         indistinguishable_from: effects that would do as well.
         sum_of: two or more effects that would do as well together.
         words: why, for a machinist.
         tool_doubt: of the last step, root mean square by which the machine may have the tool elsewhere while the
-            readings stay, um, which hidden blocks cannot show; None of the others.
+            readings stay, um, which held-out blocks cannot show; None of the others.
     """
 
     keys: ClassVar[str] = (
@@ -129,7 +129,7 @@ def posterior_terms(
 
 
 def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> tuple[Term, ...]:
-    """The same with the values that the readings ask for where nothing unknown stands beside them.
+    """The same with the values that the readings call for where nothing unknown stands beside them.
 
     Only effects are sent to a machine: of these values is the held-out error, and `ptt add` fits them. Beside a block
     an effect has the share that is its own, and what the block has for itself would stay.
@@ -158,7 +158,7 @@ def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> 
 
 
 def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
-    """Values with lengths where their law holds: far from where it was linearised a tangent may ask for any."""
+    """Values with lengths where their law holds: far from where it was linearised a tangent may give any."""
     bounds, place = list[tuple[float, float]](), 0
     for parameter in (each.on(model.file.machine.kind) for each in term.effect.parameters):
         size = parameter.size(model.joints)
@@ -215,8 +215,10 @@ def candidates_of_steps(
         errors = step.before * 1e3, step.after * 1e3
         loose = found.fitted.loose_of
         alike = [words for words in (like_windup(turned, term), _beside_size(found.fitted, term)) if words]
-        unless = f", but for {' and '.join(alike)}" if alike else ""
-        words = explain_step(term, step.others, together, errors, noise, problem, before, own, beside, loose, unless)
+        exceptions = f", except {' and '.join(alike)}" if alike else ""
+        words = explain_step(
+            term, step.others, together, errors, noise, problem, before, own, beside, loose, exceptions
+        )
         result.append(
             Candidate(
                 name,
@@ -235,7 +237,7 @@ def candidates_of_steps(
 
 
 def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability, problem: Problem) -> list[Candidate]:
-    """What else the data would ask for if nothing had been added.
+    """What else the data would call for if nothing had been added.
 
     Args:
         found: the best explanation.
@@ -305,4 +307,4 @@ def _beside_size(fitted: FitResult, term: Term) -> str:
     """Sizes of the drawing beside which other values of an effect would do as well, in words; '' for none."""
     pairs = () if fitted.unnamed is None else fitted.unnamed.otherwise
     sizes = [size for effect, size in pairs if effect == term.effect.key]
-    return f"other values of it beside {listed(sizes, ' or ')}" if sizes else ""
+    return f"other values of it together with {listed(sizes, ' or ')}" if sizes else ""

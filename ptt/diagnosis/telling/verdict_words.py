@@ -1,23 +1,24 @@
 """The verdict of a diagnosis in words, and what an unknown follows."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import MOVES, middle
 from ptt.diagnosis.noise.slow import Slow
+from ptt.diagnosis.search.rest import UNREPEATED, beyond_noise, remaining_error
 from ptt.diagnosis.telling.words import headline
 from ptt.effects.cards import card_of
-from ptt.effects.phrases import listed
-from ptt.run.noise import SATURATED, VISITED, Noise
+from ptt.effects.phrases import capital, listed
+from ptt.run.noise import SATURATED, VISITED, Noise, source_in_words
 
 MISSING = "Something is missing that no known effect describes"
-UNLIKE = "which can hardly be told from what is unknown and is not named"
 NOTED = 1.5  # times the noise that are worth a word
 EVEN = 0.5  # probability of a verdict that tests of the rest gave, and not the sets of effects
-SURE = 0.9  # probability of a verdict that needs no word on the others: of such statements 95 % and more are right
+SURE = 0.9  # probability from which a verdict is right in at least 95 % of cases, so that no other need be mentioned
 LINES = 5  # that anybody reads
-# What an effect's own variable is called among the columns of a run; joints and places vary with too many effects.
+# Column of a run that an effect's law has as its variable. Joints and places are no such columns: most effects vary
+# with them, so that an unknown that does so too says nothing of their laws.
 COLUMN = {"payload": "payload", "load": "payload", "link force": "payload", "temperature": "temperature"}
 
 
@@ -34,23 +35,40 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
     before, after = (result.rms_um[stage]["total"] for stage in ("before", "after"))
     noise, excess = result.noise, _excess(after, result.noise, result.wander)
     beyond = _beyond_stated(noise)
-    floor = f"the noise {noise.total * 1e3:.1f} um ({noise.source}{beyond})"
-    same, way = f"{after:.1f}" == f"{before:.1f}", "down" if after < before else "up"
-    fall = f"the error is {after:.1f} um, {'as it was' if same else f'{way} from {before:.1f} um'}; {floor}."
+    floor = f"the noise is {noise.total * 1e3:.1f} um (from {source_in_words(noise.source)}{beyond})"
     told = [candidate.words for candidate in result.candidates[: len(result.suggested)]]
     if result.verdict == "nothing-missing":
         sound = f"Nothing is missing that these {result.rows} readings could show"
-        varies = " Poses come back that badly, or something differs from visit to visit that no column tells."
-        lines = [f"{sound}: the error is {after:.1f} um, {floor}.{varies if beyond else ''}{excess}{_unstated(noise)}"]
+        varies = f" {capital(UNREPEATED)}." if beyond else ""
+        lines = [f"{sound}: the error is {after:.1f} um; {floor}.{varies}{excess}{_unstated(noise)}"]
     elif result.verdict == "missing":
-        lines = [*_open_below(result), *doubted(result), *told, f"With that {fall}{excess}"]
+        these = "this effect" if len(told) == 1 else "these effects"
+        fall = f"With {these} {_fall(before, after)}; {floor}.{excess}"
+        lines = [*_open_below(result), *doubted(result), *told, fall]
     else:
         lines = _unknown(result, told, cut_short=steps == len(told))
-        more = f" The readings ask for {listed(result.perhaps)} as well, {UNLIKE}." if result.perhaps else ""
-        lines += [f"{f'With what is named {fall}' if told else f'The error is {after:.1f} um, {floor}.'}{more}"]
+        named = "the named effect" if len(told) == 1 else "the named effects"
+        fall = f"With {named} {_fall(before, after)}" if told else f"The error is {after:.1f} um"
+        lines += [f"{fall}; {floor}.{_suggested_too(result.perhaps)}"]
     if result.elsewhere is not None and (far := result.elsewhere.words(after)):
         lines.append(far)
     return "\n".join(lines)
+
+
+def _fall(before: float, after: float) -> str:
+    """What an error has become, um."""
+    if f"{after:.1f}" == f"{before:.1f}":
+        return f"the error is unchanged at {after:.1f} um"
+    return f"the error is {after:.1f} um, {'down' if after < before else 'up'} from {before:.1f} um"
+
+
+def _suggested_too(names: Sequence[str]) -> str:
+    """A word on effects that are not sure enough to be named beside an unknown."""
+    if not names:
+        return ""
+    are = "is" if len(names) == 1 else "are"
+    hardly = f"which can hardly be separated from the unknown part and {are} therefore not named"
+    return f" The readings also suggest {listed(list(names))}, {hardly}."
 
 
 def _open_below(result: Any) -> list[str]:
@@ -59,7 +77,9 @@ def _open_below(result: Any) -> list[str]:
     ties = [step[0] if headline(step[0], step[1:], one.sum_of) else "" for step, one in steps]
     if not any(ties) or ties[0]:
         return []
-    return [f"What is called {listed([name for name in ties if name])} below could as well be another effect."]
+    tied = [name for name in ties if name]
+    each = "is" if len(tied) == 1 else "are each"
+    return [f"Below, {listed(tied)} {each} one of several explanations that fit equally well."]
 
 
 def doubted(result: Any) -> list[str]:
@@ -74,7 +94,7 @@ def doubted(result: Any) -> list[str]:
     chance = result.verdict_probability["unknown"]
     if chance <= 1.0 - SURE:
         return []
-    return [f"With a probability of {chance:.0%} a part of this is something that no known effect describes."]
+    return [f"There is a {chance:.0%} probability that part of this is something that no known effect describes."]
 
 
 def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
@@ -87,10 +107,10 @@ def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
     lines = [f"{what}: {reasons[0]}." if reasons and (overruled or not strongest) else f"{what}."]
     lines += [f"{depends(strongest)}{_bent(result, strongest.on)}"] if strongest else []
     if 0 < len(told) <= LINES - 1 - len(lines):
-        lines += [f"Named beside it: {step}" for step in told]
+        lines += [f"Also identified: {step}" for step in told]
     elif told:
         names = listed([step[0] for step in result.suggested])
-        lines.append(f"Named beside it: {names}; what each means is said with the candidates.")
+        lines.append(f"Also identified: {names}; the candidates say what each means.")
     return lines
 
 
@@ -101,8 +121,8 @@ def held_to_base(error_um: float) -> str:
         error_um: of the model as given, as `ptt compare` and `ptt add` print it.
     """
     return (
-        " (Here the tracker's frame is free, as it stands beside all that explains the readings. Held to the base "
-        f"reflectors, as compare and add hold it, the error of the model as given is {error_um:.1f} um.)"
+        " (Here the tracker's frame is fitted together with everything that explains the readings. In the frame of the "
+        f"base reflectors, which `compare` and `add` use, the error of the model as given is {error_um:.1f} um.)"
     )
 
 
@@ -113,8 +133,8 @@ def with_free_mount(error_um: float) -> str:
         error_um: of the model as given, the reflector free to sit elsewhere.
     """
     return (
-        ' (The machine file trusts the reflector to sit at the tool point, tool = "trusted". Free to sit elsewhere, '
-        f'tool = "fitted", it leaves {error_um:.1f} um of the model as given: measure where it sits.)'
+        ' (With tool = "trusted" the machine file says that the reflector sits exactly at the tool point; with '
+        f'tool = "fitted" the error of the model as given is only {error_um:.1f} um: measure where the reflector sits.)'
     )
 
 
@@ -122,24 +142,44 @@ def _bent(result: Any, followed: str) -> str:
     """A word where an effect that is named and the unknown beside it follow the same column: one cause may be both."""
     named = {step[0] for step in result.suggested}
     columns = {term.effect.key: COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
-    each = [f"{key} follows {on}" for key, on in columns.items() if key in named and on == followed]
+    each = [key for key, on in columns.items() if key in named and on == followed]
     if not each:
         return ""
-    law = "its law may be bent" if len(each) == 1 else "their laws may be bent"
-    return f" As {listed(each)} too, {law} rather than another cause missing, and the value said of it holds here only."
+    depends_too, it = ("depends", "it") if len(each) == 1 else ("depend", "them")
+    bent = f"this may be a nonlinearity of {it} rather than another cause"
+    return (
+        f" As {listed(each)} also {depends_too} on {followed}, {bent}; the fitted values then hold for this run only."
+    )
 
 
-def depends(strongest: Dependence) -> str:
-    """What the leading unknown follows, how large it is and which way it goes, in one line."""
+def _spoken(on: str) -> str:
+    """A variable; the tool's moves are no columns of a table, so it is said what they are."""
+    return f"{MOVES[on]} ({on})" if on in MOVES else on
+
+
+def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> str:
+    """What the leading unknown depends on, how large it is and which way it goes, in one line.
+
+    Args:
+        strongest: the dependence.
+        name_of: what a variable is called in a sentence; by its column unless given.
+
+    Returns:
+        One or two sentences.
+    """
     period = f" with a period of {strongest.period_mm:.4g} {strongest.unit}".rstrip() if strongest.period_mm else ""
-    share = f"({strongest.share:.0%} of its variance){acting(strongest.acts_on, strongest.residual)}"
+    share = f"({100.0 * strongest.share:.0f} % of its variance){acting(strongest.acts_on, strongest.residual)}"
     size = f" {strongest.words}" if strongest.words else ""
+    rest = capital(remaining_error(strongest.residual))
     if strongest.place and strongest.shape == "step" and not strongest.with_:
         where = middle(*strongest.place, strongest.unit)
-        return f"What is left of {strongest.residual} jumps where {strongest.on} passes {where} {share}.{size}"
+        return f"{rest} jumps where {name_of(strongest.on)} passes {where} {share}.{size}"
     place = f" near {middle(*strongest.place, strongest.unit)}" if strongest.place else ""
-    place = f", in a measure that varies with {strongest.with_}" if strongest.with_ else place
-    return f"What is left of {strongest.residual} follows {_spoken(strongest.on)}{period}{place} {share}.{size}"
+    place = f", by an amount that varies with {name_of(strongest.with_)}" if strongest.with_ else place
+    on = name_of(strongest.on)
+    if strongest.on == f"direction{strongest.residual.split()[-1]}":
+        on = f"its direction of arrival{f' ({on})' if on == strongest.on else ''}"
+    return f"{rest} depends on {on}{period}{place} {share}.{size}"
 
 
 def acting(place: str | None, residual: str) -> str:
@@ -159,23 +199,18 @@ def acting(place: str | None, residual: str) -> str:
     return f", as if {place.rsplit(' ', 1)[0]} moved {place.rsplit(' ', 1)[1]}"
 
 
-def _spoken(on: str) -> str:
-    """A variable; the tool's moves are no columns of a table, so it is said what they are."""
-    return f"{MOVES[on]} ({on})" if on in MOVES else on
-
-
 def _unstated(noise: Noise) -> str:
     """A word where only the rest tells the noise: what changes from reading to reading counts as noise then."""
     if noise.source == VISITED:
         return (
-            " Readings of one visit to a pose scatter by less: whether the rest belongs to the pose or to the visit no "
-            "reading tells; come back to some poses from elsewhere."
+            " Readings within one visit to a pose scatter less. Whether the difference belongs to the pose or to the "
+            "visit these readings cannot tell; revisit some poses from elsewhere."
         )
     if noise.source != SATURATED:
         return ""
     return (
-        " Only what is left tells the noise: an error that changes from each reading to the next would hide in it; "
-        "repeats of some poses, or sigma_mm in the machine file, would show it."
+        " The noise is known only from the residuals, so an error that changes from each reading to the next would be "
+        "counted as noise; repeated poses, or sigma_mm in the machine file, would reveal it."
     )
 
 
@@ -184,7 +219,7 @@ def _beyond_stated(noise: Noise) -> str:
     if noise.stated is None or noise.total < NOTED * noise.stated[1]:
         return ""
     source, total = noise.stated
-    return f", {noise.total / total:.1f} x what the {source} state{'' if source.endswith('s') else 's'}"
+    return f", {noise.total / total:.1f} times the value in {source_in_words(source)}"
 
 
 def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:
@@ -194,8 +229,5 @@ def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:
         return ""
     if wander is not None:
         size = wander.size * noise.total * 1e3
-        return f" The rest is slow: the readings wander by {size:.1f} um, {wander.lasts}."
-    return (
-        f" That is {times:.1f} x the noise by the {noise.source}: they understate the scatter of a reading, or "
-        "something is missing that follows nothing recorded here."
-    )
+        return f" What remains varies slowly: the readings wander by {size:.1f} um {wander.lasts}."
+    return f" {beyond_noise('This', times, noise.source)}."

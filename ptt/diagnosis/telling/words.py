@@ -16,7 +16,7 @@ from ptt.run.problem import Problem
 from ptt.run.view import View
 
 DOUBTED = 0.5  # of an error from which it is worth a word what no reading shows
-PART, MOST_BACK = 1.5, 3.0  # times what an effect can take off, from which others take a part, most of it, back
+PART, MOST_BACK = 1.5, 3.0  # times what an effect can take off, from which others cancel it partly, mostly
 
 
 def sentence(told: Told, view: View) -> str:
@@ -109,7 +109,7 @@ def explain_step(
     doubt_um: float | None = None,
     beside: Sequence[Term] = (),
     loose: Loose | None = None,
-    unless: str = "",
+    exceptions: str = "",
 ) -> str:
     """One step in two or three sentences; what cannot be told apart comes first.
 
@@ -124,24 +124,24 @@ def explain_step(
         doubt_um: how far the machine may have the tool elsewhere beside the error after it; None where nobody asks.
         beside: the other terms of the fit, from whose values the readings have to tell its own.
         loose: how far what no term stands for may move values, as of `ptt.fitting.gauge.sparsest`.
-        unless: what else would look the same that was not tested, with its reason; '' for nothing.
+        exceptions: what else would look the same that was not tested, with its reason; '' for nothing.
 
     Returns:
         For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well; the
-        held-out error falls from 62 to 9 um, noise is 7 um.'
+        held-out error falls from 62 to 9 um (noise 7 um).'
     """
     told = sparsest([term], problem, noise, beside=beside, loose=loose)[0]
     tie, head = headline(term.effect.key, others, together), sentence(told, problem.view)
     before, now = heldout_um
     on_top = f"after {listed(list(after))} " if after else ""
-    fall = f"the held-out error {on_top}{_moved(before, now)}, noise is {noise.total * 1e3:.1f} um"
+    fall = f"the held-out error {on_top}{_moved(before, now)} (noise {noise.total * 1e3:.1f} um)"
     if size := _size_in_all(told, before + now, before, problem):
         fall += f"; {size}"
     if doubt := doubt_in_words(now, doubt_um):
         fall += f"; {doubt}"
     if tie:
-        return f"{tie} As {term.effect.key}: {head}; {fall}."
-    alone = f"Nothing else explains it as well{unless}; " if not told.alike and now < before else ""
+        return f"{tie} Taken as {term.effect.key}: {head}; {fall}."
+    alone = f"Nothing else explains it as well{exceptions}; " if not told.alike and now < before else ""
     return f"{capital(head)}. {capital(alone + fall)}."
 
 
@@ -167,17 +167,17 @@ def _size_in_all(told: Told, apart: float, before: float, problem: Problem) -> s
     makes = at_tool_um(told.term, problem)
     if largest <= before and makes <= PART * apart:
         return ""
-    back = "most" if makes > MOST_BACK * apart else "a part"
-    taken = f", {back} of which the other effects take back" if makes > PART * apart else ""
+    share = "mostly" if makes > MOST_BACK * apart else "partly"
+    cancelled = f", {share} cancelled by the other effects" if makes > PART * apart else ""
     where = "in the readings" if told.term.effect.stage == "metrology" else "at the tool"
-    return f"{where} it makes {makes:.{0 if makes >= 10.0 else 1}f} um rms{taken}"
+    return f"the effect amounts to {makes:.{0 if makes >= 10.0 else 1}f} um rms {where}{cancelled}"
 
 
 def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBTED) -> str:
     """What readings cannot show of the tool, beside the error that they show.
 
     Args:
-        error_um: on hidden blocks.
+        error_um: on held-out blocks.
         doubt_um: how far the machine may have the tool elsewhere while the readings stay; None where nobody asks.
         least: share of the error from which it is worth a word.
 
@@ -186,7 +186,7 @@ def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBT
     """
     if doubt_um is None or not doubt_um > least * error_um:
         return ""
-    return f"what the readings cannot show of the tool may add up to {doubt_um:.1f} um"
+    return f"the readings leave the tool position uncertain by up to {doubt_um:.1f} um"
 
 
 def headline(key: str, others: Sequence[str], together: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ import torch
 
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.explanation import Candidate
-from ptt.diagnosis.telling.verdict_words import acting, doubted
+from ptt.diagnosis.telling.verdict_words import MISSING, depends, doubted
 from ptt.diagnosis.telling.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.cards import card_of
 from ptt.effects.layout import family
@@ -15,7 +15,7 @@ from ptt.effects.phrases import ONE, Said, capital, sizes_in_words, worth_saying
 from ptt.fitting.gauge import Told, sparsest
 from ptt.record import Record
 from ptt.run.problem import Problem
-from ptt.show.card.words import in_prose, length, percent, pretty
+from ptt.show.card.words import in_prose, length, pretty
 
 VALUES = 6  # of one finding
 OFF_SCALE = 10.0  # usual sizes from which a value is worth a second look: the drawing or a unit may be wrong
@@ -134,7 +134,7 @@ def _title(found: Diagnosis, findings: Sequence[Cause]) -> str:
     if found.verdict == "nothing-missing":
         return "Nothing is missing"
     if found.verdict == "unknown":
-        return "Something is missing that no known effect describes"
+        return MISSING
     ties = sum(bool(one.tie) for one in findings)
     count = {1: "One cause", 2: "Two causes", 3: "Three causes"}.get(len(findings), f"{len(findings)} causes")
     if ties == len(findings) == 1:
@@ -151,19 +151,14 @@ def _words(found: Diagnosis, problem: Problem) -> str:
     before, after = (float(found.rms_um[when]["total"]) for when in ("before", "after"))
     noise = found.noise.total * 1e3
     if found.verdict == "nothing-missing":
-        return f"The error of {length(after)} is what readings scatter by ({length(noise)})."
+        return f"The error of {length(after)} is no more than the scatter of the readings ({length(noise)})."
     if found.verdict == "missing":
         them = "it" if len(found.suggested) == 1 else "them"
         fall = f"the error falls from {length(before)} to {length(after)}"
-        return " ".join([f"With {them} {fall}; readings scatter by {length(noise)}.", *doubted(found)])
+        return " ".join([f"With {them} {fall}; the readings scatter by {length(noise)}.", *doubted(found)])
     if found.depends_on:
-        first = found.depends_on[0]
         serial = family(problem.view) == "serial"
-        with_ = f", in a measure that varies with {in_prose(first.with_, serial)}" if first.with_ else ""
-        own = first.on == f"direction{first.residual.split()[-1]}"
-        on = "the way from which it comes" if own else in_prose(first.on, serial)
-        share = f"{percent(first.share)} of its variance{acting(first.acts_on, first.residual)}"
-        return f"What is left of {first.residual} follows {on}{with_}: {share}. {first.words}".rstrip()
+        return depends(found.depends_on[0], lambda on: in_prose(on, serial))
     reasons = found.rest.reasons
     return f"{capital(reasons[0])}." if reasons else ""
 
@@ -177,7 +172,7 @@ def _far(found: Diagnosis) -> str:
 def _doubt(steps: Sequence[Candidate]) -> str:
     """What no reading shows beside the error of the last step, as a sentence more."""
     words = doubt_in_words(steps[-1].heldout_after, steps[-1].tool_doubt) if steps else ""
-    return f" W{words[1:]}." if words else ""
+    return f" {capital(words)}." if words else ""
 
 
 def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Problem) -> Cause:

@@ -44,5 +44,5 @@ def draw_candidates(result: Diagnosis) -> Figure:
     panel.invert_yaxis()
     panel.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside lower center", ncols=3, frameon=False)
-    panel.set_title(f"verdict: {result.verdict}; + is a step of the path")
+    panel.set_title(f"verdict: {result.verdict}; + marks the effects to add")
     return figure

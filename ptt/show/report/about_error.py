@@ -18,7 +18,7 @@ def error_section(contents: Contents) -> Section:
     blocks: list[Block] = [
         figures_grid(result),
         Words(meaning(result)),
-        Picture("field-drawing", "Where the tool is against where the drawing puts it, after frame alignment."),
+        Picture("field-drawing", "Where the tool is compared with where the drawing puts it, after frame alignment."),
         *_where(result),
         *_depends(result, contents.problem),
     ]
@@ -143,7 +143,7 @@ def _worst(result: Comparison) -> Grid:
 def _depends(result: Comparison, problem: Problem) -> list[Block]:
     found = result.depends_on
     if not found:
-        return [Words("The error depends on nothing that the run tells of.")]
+        return [Words("The error depends on no recorded variable.")]
     shown = f", the first {DEPENDENCES} of {len(found)}" if len(found) > DEPENDENCES else ""
     return [depends_grid(found[:DEPENDENCES], f"What the error depends on, each by itself{shown}", problem)]
 

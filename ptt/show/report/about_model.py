@@ -30,7 +30,7 @@ def ladder_section(contents: Contents) -> Section:
     if "history" in contents.why_not:
         blocks.append(Words(f"No ladder: {contents.why_not['history']}.", "lack"))
     elif not contents.ladders:
-        words = "The model has no history: nothing was added to it, removed from it or refitted with this program."
+        words = "The model has no history: this program has not added, removed or refitted anything."
         blocks.append(Words(words, "lack"))
     for number, ladder in enumerate(contents.ladders):
         files = ", ".join(f"{item['file']} (SHA-256 {item['sha256'][:12]}...)" for item in ladder[0].files)
@@ -64,12 +64,12 @@ def parameter_section(contents: Contents) -> Section:
     )
     blocks += [Words(f"{note}.") for note in contents.refit.notes]
     if report.unobservable:
-        blocks += [Words("What this run cannot tell:"), Lines(tuple(item.text for item in report.unobservable))]
+        blocks += [Words("What this run cannot determine:"), Lines(tuple(item.text for item in report.unobservable))]
     else:
         blocks.append(Words("Every parameter that was fitted is measured by this run."))
     if report.correlations:
         pairs = [(one.first, one.second, f"{one.value:+.3f}") for one in report.correlations[:MOST_PAIRS]]
-        title = f"Parameters that the run hardly parts: correlations above 0.9, {len(report.correlations)} in all"
+        title = f"Parameters that the run hardly separates: correlations above 0.9, {len(report.correlations)} in all"
         blocks.append(grid(title, ("one", "other", "correlation"), pairs, left=2))
     return Section("parameters", "Parameters of the model", tuple(blocks))
 
@@ -78,16 +78,17 @@ def network_section(contents: Contents) -> Section:
     """What the network learned of the rest, and its share."""
     facts = contents.network
     if facts is None:
-        words = "No compensator was given: nothing but physics is in this report."
+        words = "No compensator was given: this report covers the physics alone."
         return Section("network", "The network's share", (Words(words, "lack"),))
     learned = ", ".join(facts.learned)
     words = f"{facts.nodes} Gaussians, for {learned}." if learned else "Nothing was left that the network could learn."
+    removed = f"It removed {percent(facts.share)} of the held-out variance that the physics left."
     blocks = (
-        Words(f"{words} It took {percent(facts.share)} of the held-out variance that physics left. {_origin(facts)}"),
+        Words(f"{words} {removed} {_origin(facts)}"),
         grid("Held-out error when it was trained, RMS in um", ("", *AXES), _stages(facts)),
         Words(
             f"Held out: {facts.protocol}. {facts.inside} of {facts.readings} readings of this run lie in its training "
-            f"domain; the largest correction it asks for there is {um(facts.largest_um)} um. Outside the domain it "
+            f"domain, where its largest correction is {um(facts.largest_um)} um. Outside the domain it "
             "changes nothing.",
         ),
     )

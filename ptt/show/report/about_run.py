@@ -1,6 +1,7 @@
 """What the report says of the run, and of what it was worked out with."""
 
 from ptt.machine import MachineFile
+from ptt.run.noise import source_in_words
 from ptt.show.report.blocks import Block, Lines, Section, Words, grid, side_by_side
 from ptt.show.report.contents import Contents
 from ptt.show.report.facts import RunFacts
@@ -15,14 +16,14 @@ def run_section(contents: Contents) -> Section:
     blocks: list[Block] = [
         grid("Machine and readings", ("", ""), [("machine", _drawing(contents.file)), *_counts(facts)], wordy=True),
         grid(
-            "What may matter beside the pose",
+            "What may matter besides the pose",
             ("variable", "values", "effects of it"),
             [(one.name, one.values, "can be tested" if one.varies else "cannot be tested") for one in facts.covariates],
             left=3,
         ),
         *_noise(contents),
         grid(
-            f"Columns{'' if len(facts.runs) == 1 else ' of the first file'}, as they were understood",
+            f"Columns{'' if len(facts.runs) == 1 else ' of the first file'}, as understood",
             ("column", "taken for", "unit") * 2,
             side_by_side([(one.title, one.meaning, one.unit) for one in facts.columns]),
             left=6,
@@ -41,7 +42,7 @@ def origin_section(contents: Contents) -> Section:
         grid("Input files", ("as", "file", "SHA-256"), files, left=3, code=True)
         if files
         else Words("The readings did not come from files that could be named.", "lack"),
-        Words(f"Worked out with {', '.join(f'{name} {number}' for name, number in contents.versions)}."),
+        Words(f"Computed with {', '.join(f'{name} {number}' for name, number in contents.versions)}."),
         Words("These commands give the same figures, in a folder that holds the input files:"),
         Lines(tuple(f"{command.line}\n    # {command.tells}" for command in contents.commands), code=True),
     ]
@@ -71,7 +72,7 @@ def _counts(facts: RunFacts) -> list[tuple[str, str]]:
     return [
         ("rows", f"{facts.rows} ({roles}), {facts.observed} of them with a whole reading"),
         ("runs", ", ".join(runs[:SHOWN_RUNS]) + more),
-        ("poses", f"{facts.poses} different targets, {facts.repeats} readings repeat another one"),
+        ("poses", f"{facts.poses} different targets, {facts.repeats} readings that repeat another one"),
         ("volume", f"{', '.join(spans)} mm"),
     ]
 
@@ -81,9 +82,9 @@ def _noise(contents: Contents) -> list[Block]:
     if noise is None:
         return [Words(f"The noise floor is unknown: {contents.given.why_not}.", "lack")]
     figures = noise.to_dict()
-    row = (f"from {figures['source']}", *axes(figures))
+    row = (f"from {source_in_words(figures['source'])}", *axes(figures))
     blocks: list[Block] = [grid("Noise floor: one standard deviation of a reading, um", ("", *AXES), [row])]
     if found is not None and found.wander is not None:
         size = 1e3 * found.wander.size * found.noise.total
-        blocks.append(Words(f"The readings wander by {size:.1f} um, {found.wander.lasts}."))
+        blocks.append(Words(f"The readings wander by {size:.1f} um {found.wander.lasts}."))
     return blocks

@@ -40,7 +40,7 @@ def pair_section(contents: Contents) -> Section:
 def reduction_section(contents: Contents) -> Section:
     """Mean absolute error per axis before and after, on held-out readings."""
     if not contents.evaluation:
-        words = f"Not worked out: {contents.why_not['evaluate']}."
+        words = f"Not computed: {contents.why_not['evaluate']}."
         return Section("reduction", "Before and after, per axis", (Words(words, "lack"),))
     blocks: list[Block] = []
     for name, result in contents.evaluation.items():
@@ -74,7 +74,7 @@ def reduction_section(contents: Contents) -> Section:
 def iso_section(contents: Contents) -> Section:
     """ISO 9283 figures where poses were repeated, else why not."""
     if contents.iso is None:
-        words = f"Not worked out: {contents.why_not['iso']}."
+        words = f"Not computed: {contents.why_not['iso']}."
         return Section("iso", "ISO 9283 figures", (Words(words, "lack"),))
     figures = contents.iso.to_dict()
     after = figures["aligned"]
@@ -83,10 +83,10 @@ def iso_section(contents: Contents) -> Section:
         for name, pair in named_figures(figures)
     ]
     words = (
-        f"The machine as it was measured, without the model: {len(after['poses'])} poses at least twice the same way; "
-        f"{after['single_poses']} measured once are left out."
+        f"The machine as it was measured, without the model: {len(after['poses'])} poses measured at least twice in "
+        f"the same way; {after['single_poses']} measured once are left out."
     )
-    cycles = f" The standard asks for 30 cycles, here there are {after['cycles']}: in its manner, not by it."
+    cycles = f" The standard requires 30 cycles and here there are {after['cycles']}: its method, not its conditions."
     less = "" if after["standard"].startswith("ISO 9283") else cycles
     table = grid(f"{figures['standard']}, um", ("", "mean", "worst"), cells)
     return Section("iso", "ISO 9283 figures", (Words(words + less), table))

@@ -12,8 +12,8 @@ from ptt.show.report.contents import Contents, ModelLook
 from ptt.show.report.numbers import chance, percent, plus_minus, um
 
 NOTE = (
-    "Share: of the residual's variance that an effect takes by itself; p-value: after multiplicity; J e: the error as "
-    "errors of the sliders or joints that would cause it."
+    "Share: part of the residual's variance that an effect explains by itself; p-value: corrected for the number of "
+    "tests; J e: the error expressed as errors of the sliders or joints that would cause it."
 )
 
 
@@ -34,7 +34,7 @@ def _of(look: ModelLook, what: str, contents: Contents) -> list[Block]:
     if found.candidates:
         blocks += [*_steps(found, known), *_others(found, known)]
     if found.depends_on:
-        blocks.append(depends_grid(found.depends_on, "What is left depends on", contents.problem))
+        blocks.append(depends_grid(found.depends_on, "The remaining error depends on", contents.problem))
         if said := tuple(one.words for one in found.depends_on if one.words):
             blocks.append(Lines(said))
     if found.measure_next:
@@ -73,10 +73,10 @@ def _steps(found: Diagnosis, known: Library) -> list[Block]:
     for one in steps:
         cells = side_by_side([_value(*parameter) for parameter in one.parameters])
         blocks += [
-            Words(f"{one.words} Its sign: {_card(one, found, known).fingerprint.rstrip('.')}."),
+            Words(f"{one.words} Its signature: {_card(one, found, known).fingerprint.rstrip('.')}."),
             grid(f"{one.effect}: parameters with one standard error", ("",) * 6, cells, left=6),
         ]
-    note = "A value without an error was searched, or is held near zero because the run does not tell it."
+    note = "A value without an error was found by search, or is held near zero as the run does not determine it."
     return [*blocks, Words(note, "note")]
 
 
@@ -87,7 +87,7 @@ def _others(found: Diagnosis, known: Library) -> list[Block]:
     rows = [(one.effect, *_figures(one), _card(one, found, known).cause.rstrip(".")) for one in others]
     head = ("effect", "p-value", "share", "held-out um", "which would be")
     return [
-        grid("What else would explain a part, each by itself", head, rows, wordy=True),
+        grid("What else would explain part of it, each by itself", head, rows, wordy=True),
         Words(NOTE, "note"),
     ]
 

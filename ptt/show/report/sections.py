@@ -1,6 +1,7 @@
 """The sections of a report, in order."""
 
 from ptt.effects.phrases import capital
+from ptt.run.noise import source_in_words
 from ptt.show.report.about_error import error_section, left_section
 from ptt.show.report.about_model import ladder_section, network_section, parameter_section
 from ptt.show.report.about_run import origin_section, run_section
@@ -47,7 +48,7 @@ def summary_section(contents: Contents) -> Section:
     noise = contents.given.comparison.noise
     if noise is not None:
         figures = noise.to_dict()
-        rows.append((f"noise floor, from {figures['source']}", *axes(figures)))
+        rows.append((f"noise floor, from {source_in_words(figures['source'])}", *axes(figures)))
     blocks: list[Block] = [Words(_verdict(contents), "verdict"), grid("Error, RMS in um", ("", *AXES), rows)]
     return Section("summary", "In short", tuple(blocks))
 

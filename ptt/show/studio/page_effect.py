@@ -136,10 +136,9 @@ def _show_finding(finding: Mapping[str, Any], fit: Mapping[str, Any] | None) -> 
 def _show_card(card: Mapping[str, Any], own: bool) -> None:
     if not own:
         plot = Picture(sign_figure(card["sign"])).style("width: 100%; height: 250px")
-        plot.props("role=img").props["aria-label"] = f"sign of {card['effect']}"
-        ui.label("Its sign at usual size on the sample machine, no noise: the run was not fitted with it.").classes(
-            "st-note"
-        )
+        plot.props("role=img").props["aria-label"] = f"signature of {card['effect']}"
+        words = "Its signature at usual size on the sample machine, without noise: the run was not fitted with it."
+        ui.label(words).classes("st-note")
     for title, key in PARTS:
         if card[key] not in ("-", ""):
             ui.label(title).classes("font-medium").style("font-size: 13px; margin-top: 4px")

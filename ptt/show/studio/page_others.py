@@ -5,6 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
+from ptt.run.noise import source_in_words
 from ptt.show.card.words import length, percent, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_effect import EffectCards
@@ -67,10 +68,11 @@ class OthersView:
         noise, left = data["noise_um"], len(data["outlier_rows"])
         gross = f", {left} left out as gross errors" if left else ""
         rows = data.get("rows_aside", ())  # sessions kept from before know of none
-        aside = f", {len(rows)} left aside at the beginning of runs" if rows else ""
-        ui.label(
-            f"Noise {length(noise['total'])} from {noise['source']}; {data['rows']} readings{gross}{aside}."
-        ).classes("st-note")
+        aside = f", {len(rows)} set aside at the beginning of runs" if rows else ""
+        source = source_in_words(noise["source"])
+        ui.label(f"Noise {length(noise['total'])} from {source}; {data['rows']} readings{gross}{aside}.").classes(
+            "st-note"
+        )
         with ui.expansion("The same as the command line says it").classes("w-full").props("dense"):
             ui.label(pretty(lesson.text)).classes("st-mono")
 

@@ -7,6 +7,7 @@ from nicegui import ui
 
 from ptt.effects.phrases import capital
 from ptt.fitting.chunks import LONG
+from ptt.run.noise import source_in_words
 from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
@@ -129,4 +130,4 @@ def _noise(noise: object) -> str:
     if not isinstance(noise, dict):
         return "not told by this run alone; the diagnosis works it out"
     figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z"))
-    return f"{length(noise['total'])} ({figures}), from {noise['source']}"
+    return f"{length(noise['total'])} ({figures}), from {source_in_words(noise['source'])}"

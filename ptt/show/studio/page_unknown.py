@@ -8,6 +8,7 @@ from typing import Any
 from nicegui import ui
 
 from ptt.dependence.said import who_is_off
+from ptt.diagnosis.search.rest import remaining_error
 from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
 from ptt.show.studio.controller import Studio
@@ -51,8 +52,8 @@ class UnknownView:
         self.shown = lesson
         self.plot.show(unknown_figure(lesson.unknown, self.studio.session.kind == "serial"))
         unknown = lesson.unknown
-        rivals = f"; {', '.join(unknown['rivals'])} would tell it about as well" if unknown["rivals"] else ""
-        follows = f"{percent(unknown['share'])} of what is left of {unknown['residual']} follows it"
+        rivals = f"; {', '.join(unknown['rivals'])} would explain it about as well" if unknown["rivals"] else ""
+        follows = f"{percent(unknown['share'])} of the variance of {remaining_error(unknown['residual'])} depends on it"
         self.how.set_text(f"{follows} ({HOW[unknown['shape']]}){rivals}.{_seen_as(unknown)}")
         self.code.set_visibility(False)
         self.add.set_visibility(False)
