@@ -89,7 +89,7 @@ class CovarianceSpec(Frozen):
         root: square root of the covariance, packed.
         values: digest of the parameter values that it belongs to.
         heldout_mm: error of rows that the fit had not seen.
-        helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
+        helped: whether these were predicted better than by the drawing, beyond chance; None where nobody knows.
         masked: effects that the model does not have, and what its run says of them.
         unnamed: sizes of the drawing among them, and how far they leave the model open.
         turns: travel of a wind-up of each joint that the run cannot tell from play, mm or rad.

@@ -22,7 +22,7 @@ class Kept:
         names: one for each row, (u,); parameters as 'backlash gap_mm 2', then mount and frame.
         root: (u, r), in the parameters' own units.
         heldout: error of rows that the fit had not seen, root mean square in total, mm; None where not known.
-        helped: whether these were foretold better than by the drawing, beyond chance; None where nobody knows.
+        helped: whether these were predicted better than by the drawing, beyond chance; None where nobody knows.
         masked: what its run says of effects that the model does not have (`ptt.fitting.masked`).
         unnamed: sizes of the drawing that it does not have; None where nobody asked.
         turns: travel of a wind-up of each joint that its run cannot tell from play, (k,) mm or rad; () for none.
@@ -38,7 +38,7 @@ class Kept:
 
     @property
     def promised(self) -> float | None:
-        """How sure a command should be, mm: nothing is where the drawing foretold as well what the fit had not seen."""
+        """How sure a command should be, mm: zero where the drawing predicted held-out rows as well."""
         return 0.0 if self.helped is False else self.heldout
 
     def rows(self, names: Sequence[str]) -> np.ndarray:
@@ -79,7 +79,7 @@ def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = 
     Args:
         fitted: the fit.
         heldout: error of rows that it had not seen, mm; None where not known.
-        helped: whether these were foretold better than by the drawing; None where nobody knows.
+        helped: whether these were predicted better than by the drawing; None where nobody knows.
     """
     lasting = fitted.layout.lasting
     names, first = tuple(lasting), list(lasting.values())

@@ -174,7 +174,7 @@ def hidden_residual(fitted: FitResult, problem: Problem, parts: Sequence[np.ndar
     Args:
         fitted: the fit of all rows.
         problem: n rows.
-        parts: (n,) bool, rows that are hidden in turn.
+        parts: (n,) bool, rows that are held out in turn.
 
     Returns:
         (n, 3) mm; rows of no part as fitted.

@@ -78,7 +78,7 @@ def record(
 
 
 def helped(ladder: Ladder) -> bool | None:
-    """Whether a ladder that began at the drawing foretells hidden readings better than that, beyond chance.
+    """Whether a ladder that began at the drawing predicts held-out readings better than that, beyond chance.
 
     Args:
         ladder: the ladder.

@@ -110,7 +110,7 @@ def blocks_beside(frames: int) -> int:
 
 
 def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:
-    """Deal the blocks of a table into parts that are hidden in turn.
+    """Deal the blocks of a table into parts that are held out in turn.
 
     Neighbouring blocks go to different parts, so that a part hides some of every stretch of travel and no run whole.
 

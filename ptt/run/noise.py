@@ -75,7 +75,7 @@ class Noise(Record):
         return np.asarray(ways.T / np.sqrt(squares)[:, None])
 
     def log_density(self, rows: int) -> float:
-        """Logarithm of the density of so many readings that meet what is foretold, 1/mm each coordinate.
+        """Logarithm of the density of so many readings that meet what is predicted, 1/mm each coordinate.
 
         Less half of chi-squared, and apart from what no noise changes, it is that of any readings, so that explanations
         with different noise and rows compare.

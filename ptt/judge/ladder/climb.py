@@ -233,7 +233,7 @@ def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: S
 
 
 def _judged(residual: np.ndarray, problem: Problem, hidden: Sequence[np.ndarray]) -> np.ndarray:
-    """Residuals of hidden rows, NaN where their frame was hidden with them."""
+    """Residuals of held-out rows, NaN where their frame was held out with them."""
     judged = np.any([_seen_beside(part, problem) for part in hidden], axis=0)
     return np.where(judged[:, None], residual, np.nan)
 
