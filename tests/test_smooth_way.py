@@ -149,7 +149,7 @@ def test_play_that_is_added_says_in_the_file_how_the_sliders_went(smooth: bool) 
     written = format_machine(write_model(ladder.model))
     assert ('moves = "smooth"' in written) is smooth and "# ours" in written
     assert parse_machine(written).machine.moves == ("smooth" if smooth else "sliders")
-    assert any("smooth way" in note for note in ladder.notes) is smooth
+    assert any("smooth path" in note for note in ladder.notes) is smooth
     assert ladder.steps[-1].heldout_rms_um["total"] < 7.0
 
 
