@@ -136,8 +136,7 @@ def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     shift, read = _differentiate_stage(terms, "metrology", at_target, p)
     read_by_tool = _by_input(links, "metrology", actual, lambda x: at_joints.at(p=x))
     reading = actual + shift
-
-    # Each stage's own derivatives join those of the stages before, which it carries on.
+    # Columns of each stage join those of the stages before, which it carries on.
     blocks = {place: by_joint @ slope for place, slope in drive.items()}
     blocks |= {place: _through(by_slot, slope) for place, slope in shaped.items()}
     by_mount = by_slot[..., -3:]
