@@ -172,7 +172,7 @@ def _unknown(walk: Walk) -> list[str]:
 def _poses(walk: Walk) -> str:
     """A tie is said as one, and the poses that part it are downloaded."""
     expect(walk.page.get_by_text("cannot tell them apart").first).to_be_visible()
-    saved = walk.saved(walk.press("Poses that part them"))
+    saved = walk.saved(walk.press("Poses that tell them apart"))
     assert len(saved.read_text().splitlines()) > 3
     return "poses"
 

@@ -61,7 +61,7 @@ def parse_json(text: str | bytes, where: str, *, fix: str = "mend it") -> Any:
     """
 
     def refuse(sign: str) -> None:
-        raise ValueError(f"{sign} is no number")
+        raise ValueError(f"{sign} is not a number")
 
     try:
         value = json.loads(text, parse_constant=refuse)

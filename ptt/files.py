@@ -48,7 +48,7 @@ def require_file(path: str | Path, error: type[InputError] = InputError, largest
         if stat.S_ISDIR(about.st_mode):
             raise error("is a folder, not a file", where=where, fix="name a file in it")
         if not stat.S_ISREG(about.st_mode):
-            raise error("is no plain file", where=where, fix="save it to a file first")
+            raise error("is not a plain file", where=where, fix="save it to a file first")
         if about.st_size > largest:
             what = f"{about.st_size / 1e6:.0f} MB, more than the {largest / 1e6:.0f} MB that are read at once"
             raise error(what, where=where, fix="cut it into several files")
@@ -59,7 +59,7 @@ def require_file(path: str | Path, error: type[InputError] = InputError, largest
     except OSError as failed:
         raise error(f"cannot be read ({failed.strerror})", where=where, fix="check the path") from None
     except ValueError as failed:  # a zero byte or half a character in the name
-        raise error(f"is no name of a file ({failed})", where=shown(where), fix="check the path") from None
+        raise error(f"is not a file name ({failed})", where=shown(where), fix="check the path") from None
 
 
 def read_text(path: str | Path, error: type[InputError] = InputError) -> str:

@@ -245,4 +245,4 @@ def test_half_a_compensator_is_no_machine(tmp_path):
 def test_a_size_that_is_none_is_refused_by_its_option(words, why, capsys):
     option, value = words.split()
     assert run(["backlash", str(DATA / "scale.csv"), option, value]) == 2
-    assert f"error: {option}: {value} is no {why}; give a number" in capsys.readouterr().err
+    assert f"error: {option}: {value} is not a {why}; give a number" in capsys.readouterr().err

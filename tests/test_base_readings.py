@@ -220,9 +220,9 @@ def test_a_reflector_that_is_left_out_or_not_drawn_is_no_sound_set_up() -> None:
     problem = measured_run(KNOCK)
     wrong = problem.table.measured + np.array([40.0, 0.0, 0.0]) * (problem.table.name == "base 2")[:, None]
     (found,) = check_setup(problem.file, problem.table.replace(measured=wrong)).findings
-    assert not found.sure and "not where [[tracker.base_point]] has them: base 2" in found.words
+    assert not found.sure and "contradict [[tracker.base_point]]: base 2" in found.words
     (found,) = check_setup(problem.file, renamed(problem, {"base 3": "post"})).findings
-    assert not found.sure and "the run reads post at the base, which the machine file does not have" in found.words
+    assert not found.sure and "base reflectors that the machine file lacks: post" in found.words
 
 
 def test_reflectors_that_disagree_and_nobody_knows_which_are_named() -> None:
@@ -230,7 +230,7 @@ def test_reflectors_that_disagree_and_nobody_knows_which_are_named() -> None:
     wrong = problem.table.measured + np.array([4.0, -3.0, 0.0]) * np.isin(problem.table.name, ["base 2"])[:, None]
     wrong += np.array([0.0, -3.0, 4.0]) * (problem.table.name == "base 3")[:, None]
     (found,) = check_setup(problem.file, problem.table.replace(measured=wrong)).findings
-    assert re.search(r"do not lie to each other .*'base \d' by 2.3 mm, 'base", found.words)
+    assert re.search(r"are not arranged as .*'base \d' by 2.3 mm, 'base", found.words)
 
 
 @pytest.mark.parametrize("scale", [0.0, 5e-4])

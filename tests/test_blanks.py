@@ -45,7 +45,7 @@ def test_clock_and_warmth_go_on_between_two_values_of_a_run(frame, tmp_path):
     np.testing.assert_allclose(table.temp_c[2:4], whole.temp_c[2:4])
     np.testing.assert_allclose(table.temp_c[5:7], whole.temp_c[[4, 7]])
     assert np.isfinite(table.measured).all()
-    assert "temp_c is empty in 4 rows: taken between the values beside, by the clock" in lines
+    assert "temp_c is empty in 4 rows: interpolated, by the clock" in lines
     frame.loc[8, "time_s"] = np.nan
     assert read(frame, tmp_path)[0].time_s[8] == pytest.approx(0.5 * (whole.time_s[7] + whole.time_s[9]))
 
@@ -90,19 +90,18 @@ def test_a_run_without_any_value_of_what_another_has_keeps_its_readings_and_it_i
     table, lines = read(frame, tmp_path)
     assert np.isfinite(table.measured).all() and np.isnan(table.payload_kg[6:]).all()
     assert lines == [
-        f"{name} is empty in all of run 'b': nothing that depends on it is looked at"
-        for name in ("temp_c", "payload_kg")
+        f"{name} is empty in all of run 'b': what depends on it is not examined" for name in ("temp_c", "payload_kg")
     ]
 
 
 def test_a_row_that_does_not_say_its_run_is_refused_and_one_that_comes_back_is_told(frame, tmp_path):
     frame.loc[4, "run"] = None
-    with pytest.raises(TableError, match="row 6, column run: no run, while other rows say theirs"):
+    with pytest.raises(TableError, match="row 6, column run: no run, although other rows have one"):
         written(frame, tmp_path)
     frame["run"] = None
     assert written(frame, tmp_path).run_label == ("",)
     frame["run"] = list("aaaabbaabbbb")
-    told = "run 'a' goes on after rows of another; 2 times in all travel begins anew where a run goes on"
+    told = "run 'a' resumes after rows of another run; travel begins anew there, 2 times in all"
     assert told in written(frame, tmp_path).understood.lines
 
 
@@ -115,4 +114,4 @@ def test_targets_are_filled_as_a_run_is_and_a_column_without_a_value_is_as_none(
     targets = read_targets(tmp_path / "t.csv", MODEL)
     np.testing.assert_allclose(targets.table.temp_c, whole.temp_c)
     assert has_blanks(targets.table) and not has_blanks(without_empty(targets.table))
-    assert "temp_c is empty in 2 rows: taken between the values beside, by the clock" in targets.notes
+    assert "temp_c is empty in 2 rows: interpolated, by the clock" in targets.notes

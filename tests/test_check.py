@@ -142,7 +142,7 @@ def test_a_file_in_which_nothing_was_undone_is_said_to_be_as_it_was(
     write_table(sound[1].replace(measured=sound[1].measured * [1.0, 1.0, -1.0]), flipped)
     drawing = (DATA / "machine.toml").read_text()
     turned.write_text(drawing.replace("200.0", "R").replace("100.0", "200.0").replace("R", "100.0"))
-    as_it_was, undone = "as it was: nothing sure to undo", "with what was sure undone"
+    as_it_was, undone = "unchanged: no certain mistake to correct", "with its certain mistakes corrected"
     for run, machine, of_run, of_machine in (
         (asked, DATA / "machine.toml", as_it_was, as_it_was),
         (flipped, DATA / "machine.toml", undone, as_it_was),
@@ -240,7 +240,7 @@ def test_too_little_to_judge_is_said(sound: tuple[MachineFile, Table], rows: int
     found = check_setup(file, few)
     assert found.ok and "too little to judge" in str(found)
     assert found.to_dict()["too_little"] == f"{1 if rows == 60 else 3} different pose{'' if rows == 60 else 's'} " + (
-        "with a reading, and it takes 5"
+        "with a reading, but 5 are needed"
     )
     assert check_setup(file, table).to_dict()["too_little"] is None
 
@@ -255,7 +255,7 @@ def test_a_small_path_shows_its_mistake_by_a_steep_fall() -> None:
 def test_without_readings_only_what_is_asked_holds_together(sound: tuple[MachineFile, Table]) -> None:
     file, table = sound
     said = str(check_setup(file, table.replace(measured=np.full((table.rows, 3), np.nan))))
-    assert said == f"there are no readings; what is asked of the machine holds together ({table.rows} rows)"
+    assert said == f"no mistakes found in targets and commands; there are no readings ({table.rows} rows)"
 
 
 def test_what_nothing_explains_does_not_hold_together(sound: tuple[MachineFile, Table]) -> None:
@@ -263,8 +263,8 @@ def test_what_nothing_explains_does_not_hold_together(sound: tuple[MachineFile, 
     file, table = sound
     other = np.random.default_rng(4).uniform(-80.0, 80.0, table.measured.shape)
     found = check_setup(file, table.replace(measured=other))
-    assert found.ok and "no machine is built so far off" in str(found)
-    assert "holds together" not in str(found)
+    assert found.ok and "no machine is built that far off" in str(found)
+    assert "no mistakes found" not in str(found)
     assert check_setup(file, table).to_dict()["unexplained"] is None
 
 
@@ -294,7 +294,9 @@ def test_poses_that_match_in_two_ways_are_named_and_left_alone() -> None:
     cube = take_rows(table, np.arange(len(grid))).replace(target=grid, command=None, std=None)
     mixed = cube.replace(measured=np.random.default_rng(1).permutation(grid) + 500.0)
     found = check_setup(file, mixed)
-    assert [item.mistake for item in found.sure] == ["row-order"] and "several ways alike" in found.sure[0].words
+    assert [item.mistake for item in found.sure] == [
+        "row-order"
+    ] and "several pairings match equally well" in found.sure[0].words
     np.testing.assert_array_equal(found.table.measured, mixed.measured)  # type: ignore[union-attr]
 
 

@@ -111,7 +111,7 @@ def test_a_zero_is_cured_in_the_text_of_the_machine_file() -> None:
 
 def test_the_drawing_of_another_arm_does_not_hold_together() -> None:
     _, table = arm("ur10")
-    for name, left in (("kuka_iiwa", "no arm is built so far off"), ("ur10", "")):
+    for name, left in (("kuka_iiwa", "no arm is built that far off"), ("ur10", "")):
         file = load_machine(MACHINES / f"{name}.toml")
         joints = file.machine.joints
         q = np.column_stack([table.command, np.zeros((table.rows, 1))])[:, :joints]  # type: ignore[list-item]

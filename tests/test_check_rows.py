@@ -79,7 +79,7 @@ def test_a_missed_reading_in_a_left_handed_frame(sound: tuple[MachineFile, Table
 def test_readings_from_the_last_row_to_the_first() -> None:
     file, table = draw_run(9003, rows=60)
     (only,) = check_setup(file, table.replace(measured=table.measured[::-1])).findings
-    assert only.mistake == "row-order" and "from the last row to the first" in only.words
+    assert only.mistake == "row-order" and "in reverse order" in only.words
 
 
 def test_readings_of_every_second_row_may_be_late(sound: tuple[MachineFile, Table]) -> None:

@@ -25,7 +25,7 @@ def test_readings_a_constant_aside_are_no_two_units_at_once(sound: tuple[Machine
     moved = replace(table, measured=table.target + np.array([-15.5, 6.6, 8.5]), command=None)
     found = check_setup(trusted, moved)
     assert "unit-scale" not in [finding.mistake for finding in found.findings]
-    assert "no machine is built so far off" in found.unexplained
+    assert "no machine is built that far off" in found.unexplained
 
 
 def test_a_length_that_the_controller_has_is_named_by_its_digits() -> None:
@@ -66,7 +66,7 @@ def test_a_run_in_one_wrong_unit_agrees_with_itself_and_not_with_the_travel(
     (only,) = check_setup(file, small).findings
     assert only.mistake == "unit-scale"
     assert "every length of the run" in only.words and "travel" in only.words
-    assert only.words.endswith(" all lie in it"), "and not 'all but 5%'"
+    assert only.words.endswith(" all are within it"), "and not 'all but 5%'"
 
 
 def test_sliders_out_of_travel_are_not_taken_as_micrometres(sound: tuple[MachineFile, Table]) -> None:
@@ -132,4 +132,4 @@ def test_std_columns_of_zeros_are_said_to_say_nothing(sound: tuple[MachineFile, 
     file, table = sound
     found = check_setup(file, table.replace(std=np.zeros((table.rows, 3))))
     (said,) = found.findings
-    assert said.mistake == "noise-implausible" and "taken as not stated" in said.words and found.ok
+    assert said.mistake == "noise-implausible" and "treated as not stated" in said.words and found.ok

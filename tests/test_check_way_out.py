@@ -89,7 +89,7 @@ HANDS: dict[str, Hand] = {
     r"write (b\d_cmd = .*)": compute,
     r"write (.*)": draw,
     r"move (the readings from row (\d+) on|all readings) (up|down) by (\d), and leave the row .* empty": move,
-    r"take \((.*)\) mm off x_meas, y_meas, z_meas of rows (\d+) to (\d+), or empty those": take_off,
+    r"subtract \((.*)\) mm from x_meas, y_meas, z_meas of rows (\d+) to (\d+), or empty those cells": take_off,
     r"sort the rows by time": lambda found, run, machine: run.sort_values("time_s", kind="stable"),
     r"sort the rows by the number in their name": by_number,
     r"turn the column into deg C: .*": celsius,

@@ -138,13 +138,13 @@ def test_a_file_that_is_no_machine_is_asked_about():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("evaluate run.csv run.csv --goal nan", "--goal: cannot read 'nan'; write it as 90,90,80"),
-        ("evaluate run.csv run.csv --goal 90,inf,80", "--goal: cannot read '90,inf,80'"),
+        ("evaluate run.csv run.csv --goal nan", "--goal: nan is not a finite number; give percent, as 90,90,80"),
+        ("evaluate run.csv run.csv --goal 90,inf,80", "--goal: inf is not a finite number"),
         ("simulate rig.toml t.csv --out o.csv --seed -1", "'--seed'"),
         ("plan m.toml --out o.csv --seed -3", "'--seed'"),
-        ("program i.ngc --model m.toml --out o.ngc --start nan 0 0", "--start: nan is no finite number"),
+        ("program i.ngc --model m.toml --out o.ngc --start nan 0 0", "--start: nan is not a finite number"),
         ("program i.ngc --model m.toml --out o.ngc --offset 1e300 0 0", "--offset: 1e+300 is beyond any machine"),
-        ("program i.ngc --model m.toml --out o.ngc --chord-um inf", "--chord-um: inf is no finite number"),
+        ("program i.ngc --model m.toml --out o.ngc --chord-um inf", "--chord-um: inf is not a finite number"),
         ("challenge new o.csv --rows 1000000000", "'--rows'"),
     ],
 )
@@ -185,5 +185,5 @@ def test_a_library_that_counts_its_objects_has_nothing_to_say_at_the_end(tmp_pat
 
 def test_a_limit_may_be_none() -> None:
     require_numbers({"limit_mm": math.inf, "size": 3.0}, {})
-    with pytest.raises(InputError, match=r"--limit-mm: nan is no finite number"):
+    with pytest.raises(InputError, match=r"--limit-mm: nan is not a finite number"):
         require_numbers({"limit_mm": math.nan}, {})

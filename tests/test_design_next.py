@@ -53,7 +53,7 @@ def test_links_and_skew_joints_are_told_apart_by_the_poses_chosen(bench: Machine
     assert plan is not None and plan.targets is not None
     assert plan.before < 3.0 and plan.after > 8.0 and plan.reached
     assert plan.targets.rows <= 80
-    assert f"Drive {plan.targets.rows} rows far out in x and y" in plan.words
+    assert f"Measure {plan.targets.rows} rows further out in x and y" in plan.words
     inside(bench, plan.targets.target)
     assert drive_next(rig, plan, path, tmp_path).suggested == (("link-length",),)
 

@@ -117,8 +117,8 @@ def test_the_text_says_no_chance_of_zero_and_what_a_shell_takes_as_one_word(tmp_
     assert len({line.index("<") for line in table}) == 1 and all("< 1e-12" in line for line in table)
     assert 'next: ptt add RUN.csv backlash "once-per-rev[harmonic 2]" --model' in "\n".join(lines)
     assert [line.strip() for line in lines if line.startswith("  What ")] == [one.words for one in rows]
-    # what no machine is built so far off comes first, and no effect is to be added to that
-    off = "the readings are off the commands by 30,647 um: is it the machine file of this run?"
+    # what no machine is built that far off comes first, and no effect is to be added to that
+    off = "the readings differ from the commands by 30,647 um: is it the machine file of this run?"
     first = told.with_unexplained(off)
     assert first.words == f"T{off[1:]}\nUnknown." and "next:" not in format_diagnosis(first)
     assert first.to_dict()["unexplained"] == off and first.measure_next == () and told.with_unexplained("") is told

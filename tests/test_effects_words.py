@@ -308,4 +308,4 @@ def test_values_that_are_chance_are_said_to_be_no_more():
     arm = hide_in_arm().view
     theta = torch.tensor([1e-6, -2e-6] + [0.0] * (arm.joints - 2), dtype=torch.float64)
     words = compose(KNOWN["lead-scale"]().say(theta, torch.full_like(theta, 3e-6), arm), "joint")
-    assert "urad/rad not far enough" in words and "none of these is beyond chance by itself" in words
+    assert "urad/rad not far enough" in words and "none of these alone is beyond chance" in words

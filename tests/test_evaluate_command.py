@@ -43,7 +43,7 @@ def test_a_goal_is_judged_where_one_was_set_and_noise_is_no_miss(tmp_path):
 
 def test_a_tracker_set_up_anew_is_not_silently_counted_as_error(tmp_path):
     text = words_of(tmp_path, run(0.05), turned(run(0.005), 0.0, (0.1, 0.2, 0.0)))
-    assert "where the tracker was set up anew, its place counts as error" in text
+    assert "if the tracker was set up anew, its position counts as error" in text
 
 
 def test_one_run_needs_a_model(tmp_path):

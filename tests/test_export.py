@@ -109,7 +109,7 @@ def test_how_a_run_is_read_is_refused_where_none_is_named(
     save_machine(bench, tmp_path / "m.toml")
     words = ["export", "--model", str(tmp_path / "m.toml"), "--to", "klipper", "--out", str(tmp_path / "printer.cfg")]
     assert run([*words, "--set", "payload_kg=2"]) == 2
-    assert "--set: says how a run is read, and no run is named; add --run RUN.csv" in capsys.readouterr().err
+    assert "--set: says how to read a run, but no run is named; add --run RUN.csv" in capsys.readouterr().err
     assert not (tmp_path / "printer.cfg").exists()
 
 
@@ -133,4 +133,4 @@ def test_an_export_of_a_model_that_was_fitted_beside_a_free_frame_says_so(
     file = replace(bench, text="", tracker=bench.tracker.model_copy(update={"frame": frame}))
     save_machine(write_model(_model(file).model), tmp_path / "m.toml")
     told = ptt.export(tmp_path / "m.toml", "klipper", tmp_path / "printer.cfg").to_dict()["notes"]
-    assert any("beside the tracker's frame" in note for note in told) == free
+    assert any("together with the tracker's frame" in note for note in told) == free

@@ -122,9 +122,9 @@ def test_what_a_delta_holds_is_gone_on_the_machine(name: str, tmp_path: Path) ->
 
 def test_figures_that_take_a_part_are_no_drawing() -> None:
     unknown = ErrorLeft.told({"drawing": 5.0, "format": None, "model": 1.0})
-    assert said_held((), ("lead-scale",), unknown) == "no effect whole"
+    assert said_held((), ("lead-scale",), unknown) == "no effect completely"
     assert said_held((), (), ErrorLeft(5.0, 5.0, 5.0)) == "the drawing, for the model has no effects"
-    assert said_held((), ("lead-scale",), ErrorLeft(90.0, 9.0, 1.0)).startswith("no effect whole")
+    assert said_held((), ("lead-scale",), ErrorLeft(90.0, 9.0, 1.0)).startswith("no effect completely")
     assert said_held(("backlash",), ("lead-scale",), ErrorLeft(90.0, 9.0, 1.0)) == "backlash"
 
 
@@ -183,7 +183,7 @@ def test_machines_that_are_no_such_delta_are_refused(name: str, tmp_path: Path) 
     out = tmp_path / "no"
     with pytest.raises(InputError, match="below the platform"):
         export(name, compensator(drawn(sliders="below")), out)
-    with pytest.raises(InputError, match="cannot say this drawing"):
+    with pytest.raises(InputError, match="cannot express this drawing"):
         export(name, compensator(drawn(slider_lean_deg=[6.0, 6.0, 6.0])), out)
     assert not list(tmp_path.iterdir())
 

@@ -46,7 +46,7 @@ def test_a_file_says_what_it_holds_and_what_to_do_with_it(name: str, word: str, 
     (scale,) = (item.why for item in result.cannot_hold if item.effect == "lead-scale")
     assert word in scale and scale.index("1.000100, 0.999940, 1.000030") < scale.index("measure again")
     assert scale.endswith("instead of loading this file")
-    assert any(word in note and "stays" in note for note in result.notes)
+    assert any(word in note and "everything else" in note for note in result.notes)
     assert any(note.startswith("or, instead of this file, ") and "ptt program" in note for note in result.notes)
 
 
@@ -55,12 +55,12 @@ def test_a_file_that_corrects_nothing_says_so(name: str, tmp_path: Path) -> None
     """It does not say how to load it then; play is taken up by the controller or by programs, never by both."""
     result = export(name, compensator(FILE, backlash={"gap_mm": GAPS}), tmp_path / "out")
     words = said_held(result.holds, [item.effect for item in result.cannot_hold], result.error_um)
-    assert words == "no effect whole; it moves the machine hardly better than the drawing does"
+    assert words == "no effect completely; it is hardly better than the drawing"
     *asked, note = result.notes
     assert len(asked) == (name == "siemens") and not any("load" in line for line in result.notes)
     (play,) = (item.why for item in result.cannot_hold)
     assert ("MD32450" in play) == ("instead of what `ptt program`" in play) == (name == "siemens")
-    assert note.startswith("this file puts next to nothing right") and "ptt program" in note
+    assert note.startswith("this file corrects almost nothing") and "ptt program" in note
     assert note in (tmp_path / "out").read_text()
 
 
@@ -77,7 +77,7 @@ def test_each_file_is_told_one_thing_or_two_that_exclude_each_other() -> None:
     load, instead = what_to_do("load it", ErrorLeft(90.0, 9.0, 1.0))
     assert load == "load it" and instead.startswith("or, instead of this file, keep the drawing's figures")
     (leave,) = what_to_do("load it", ErrorLeft(90.0, 89.0, 1.0))
-    assert leave.startswith("this file puts next to nothing right, so leave it; keep") and "or, instead" not in leave
+    assert leave.startswith("this file corrects almost nothing, so do not use it; keep") and "or, instead" not in leave
     assert (
         "ptt program" in instead and "ptt program" not in what_to_do("load it", ErrorLeft(90.0, 9.0, 1.0), arm=True)[1]
     )
@@ -91,7 +91,7 @@ def test_what_a_drawing_itself_leaves_is_said_and_its_programs_are_not_corrected
     for file, said in ((leaning, True), (FILE, False)):
         result = export("klipper", compensator(file, **moved, backlash={"gap_mm": GAPS}), tmp_path / f"{said}")
         text = " ".join(result.notes)
-        assert ("of a machine just as drawn it would leave" in text) == said
+        assert ("for a machine exactly as drawn it would leave" in text) == said
         assert ("correct each program with `ptt program`" in text) != said
         assert not said or result.error_um.format > 100.0
 
@@ -106,7 +106,7 @@ def test_a_network_without_effects_is_named_where_the_file_holds_it(name: str, t
     assert said_held(found.holds, (), found.error_um, network=found.network) == "the network"
     assert name != "c" or "holds the network" in (tmp_path / "out" / "ptt_selftest.c").read_text()
     taken = said_held((), (), ErrorLeft(90.0, 9.0, 1.0))
-    assert taken == "no effect whole; its figures take over what they can of the network"
+    assert taken == "no effect completely; its figures include what they can of the network"
     assert what_to_do("load it", ErrorLeft(5.0, 4.9, 4.8)) == (NOTHING_TO_GAIN,)
 
 
@@ -118,9 +118,9 @@ def test_an_error_too_small_to_show_is_explained_by_what_no_run_told(tmp_path: P
     for table in (None, told):
         result = export("klipper", compensator(FILE, **effects), tmp_path / "out", table=table)
         why = {item.effect: item.why for item in result.cannot_hold}
-        assert why["lead-scale"].split("; first")[0].endswith("(all that it makes is less than 0.05 um)")
+        assert why["lead-scale"].split("; first")[0].endswith("(its whole error is less than 0.05 um)")
         assert ("unless --run names a run" in why["frame-growth"]) == (table is None)
-    assert said_left(9.0, 9.0, untold=True) == "all of its 9.0 um are left"
+    assert said_left(9.0, 9.0, untold=True) == "all of its 9.0 um remain"
 
 
 def test_a_bare_drawing_is_said_exactly(tmp_path: Path) -> None:

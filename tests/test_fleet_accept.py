@@ -132,7 +132,7 @@ def test_a_run_is_taken_out_with_all_that_came_of_it_and_may_be_added_again(plan
     first_run = invoke(
         "remove", plant.folder, "mill", "mill-2026-03-05.csv"
     )  # whose model the others were held against
-    assert "1 run held against its model to be worked on once more: ptt fleet run" in first_run.stdout
+    assert "1 run rechecked against its model to be processed again: ptt fleet run" in first_run.stdout
     assert [past.verdict for past in overview(plant).machines[0].past] == [None, None]
     gone = invoke("remove", plant.folder, "mill", "mill-2026-03-05.csv")
     assert gone.exit_code == 2 and "no run of 'mill' is called" in gone.stderr
@@ -167,13 +167,13 @@ def test_the_same_accept_twice_is_one(plant: Store, quick: None) -> None:
 def test_a_run_that_cannot_be_meant_is_refused_and_changes_nothing(plant: Store, tmp_path: Path) -> None:
     put(plant, measure(tmp_path, "2026-06-05", GAPS))
     waits = invoke("accept", plant.folder, "mill")
-    assert waits.exit_code == 2 and "was not worked on yet; `ptt fleet run` first" in waits.stderr
+    assert waits.exit_code == 2 and "has not been processed yet; `ptt fleet run` first" in waits.stderr
     assert "no machine 'press'" in invoke("accept", plant.folder, "press").stderr
     assert "name one by its file: mill-2026-03-05.csv" in invoke("accept", plant.folder, "mill", "may").stderr
     with alone_with(plant, "mill", ""):
         for verb in ("accept", "remove"):
             busy = invoke(verb, plant.folder, "mill", "2026-05-05")
-            assert busy.exit_code == 2 and "another `ptt fleet run` works on 'mill'" in busy.stderr
+            assert busy.exit_code == 2 and "another `ptt fleet run` is working on 'mill'" in busy.stderr
             assert f"{verb} when it is done" in busy.stderr
     assert not plant.ask("SELECT 1 FROM models WHERE made = 'accepted'")
 
@@ -184,7 +184,7 @@ def test_show_and_report_tell_what_was_accepted(plant: Store, quick: None) -> No
     (after,) = overview(plant).machines
     assert after.verdict == after.to_dict()["verdict"] == "accepted"
     assert after.to_dict()["history"][-1]["verdict"] == "changed" and after.to_dict()["history"][-1]["accepted"]
-    assert "its model holds from here on" in invoke("show", plant.folder, "mill").stdout
+    assert "its model is used from here on" in invoke("show", plant.folder, "mill").stdout
     assert "is accepted: " in render(overview(plant))
 
 

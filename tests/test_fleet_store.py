@@ -87,7 +87,7 @@ def test_the_same_run_twice_is_one_run_and_its_file_is_kept_unchanged(tmp_path):
     assert sha256(store.folder / rows[0]["kept"]) == sha256(path) == rows[0]["run"]
     assert rows[0]["machine"] == NASTY and rows[0]["date"].date().isoformat() == "2026-03-15"
     add_machine(store, "other", MACHINE)
-    with pytest.raises(InputError, match="is a run of 'mill"):
+    with pytest.raises(InputError, match="is already a run of 'mill"):
         add_run(store, "other", path, read_table(path), None, ordered=False, units_said=False)
 
 
@@ -101,7 +101,7 @@ def test_a_machine_needs_a_drawing_once_and_keeps_it(tmp_path):
     assert add_machine(store, "a", None).machine == add_machine(store, "a", MACHINE).machine
     other = tmp_path / "other.toml"
     other.write_text(MACHINE.read_text().replace("300.0", "301.0"))
-    with pytest.raises(InputError, match="is not the drawing"):
+    with pytest.raises(InputError, match="differs from the stored drawing"):
         add_machine(store, "a", other)
 
 
@@ -119,7 +119,7 @@ def test_a_broken_file_among_the_runs_keeps_no_other_out_and_makes_no_machine(tm
     told = capsys.readouterr()
     assert [line.partition(":")[0] for line in told.out.splitlines()] == [paths[0].name, paths[2].name]
     error = next(line for line in told.err.splitlines() if line.startswith("error"))
-    assert "2 of 4 files are not added, the others are" in error
+    assert "2 of 4 files were not added; the others were" in error
     assert f"{paths[1].name} row 22" in error and "nowhere.csv" in error
     assert {row["file"] for row in store.ask("SELECT file FROM runs")} == {paths[0].name, paths[2].name}
     assert run([*call[:3], "press", "--model", str(MACHINE), str(paths[0])]) == 2  # another machine's run
@@ -128,11 +128,11 @@ def test_a_broken_file_among_the_runs_keeps_no_other_out_and_makes_no_machine(tm
 
 def test_a_name_that_is_no_text_is_refused_and_nothing_kept(tmp_path):
     store = create_store(tmp_path / "store")
-    with pytest.raises(InputError, match="is no UTF-8"):
+    with pytest.raises(InputError, match="is not UTF-8"):
         add_machine(store, "mill \udcff", MACHINE)
     with transaction(store.file) as connection:
         assert not rows(connection, "SELECT 1 FROM machines")
-        with pytest.raises(InputError, match="is no UTF-8"):
+        with pytest.raises(InputError, match="is not UTF-8"):
             rows(connection, "SELECT 1 FROM machines WHERE machine = ?", "mill \udcff")
 
 

@@ -107,7 +107,7 @@ EYE = "torch.eye(3, 2, dtype=torch.float64)"
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('"pull"', "3", "name 3 is no name"),
+        ('"pull"', "3", "name 3 is not a name"),
         ("count=2", "count=0", "count = 0, not a whole number"),
         ("count=2", "count=10**9", "not a whole number from 1 to"),
         ("1e-4", 'float("nan")', "usual size nan"),

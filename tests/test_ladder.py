@@ -49,19 +49,19 @@ def test_an_addition_that_does_not_help_is_told_plainly() -> None:
     assert ladder.to_dict()["steps"][2]["helped"] is False
 
 
-@pytest.mark.parametrize(("name", "said"), [("once-per-rev", ["what is left is"]), ("backlash", [])])
+@pytest.mark.parametrize(("name", "said"), [("once-per-rev", ["the remaining error is"]), ("backlash", [])])
 def test_what_a_model_leaves_beyond_a_stated_noise_is_said(name: str, said: list[str]) -> None:
     problem, _ = hidden_backlash()
     assert problem.noise is not None and problem.noise.source == "machine file"
     lines = left_over(climb(Model(problem.file), problem, effects(name)))
-    assert [line[: len("what is left is")] for line in lines] == said
+    assert [line[: len("the remaining error is")] for line in lines] == said
 
 
 @pytest.mark.parametrize(
     ("error", "fall", "words"),
     [
         (12.0, 5.0, "backlash helped: held-out error falls from 20.00 to 12.00 um"),
-        (18.0, 0.9, "not sure to help: held-out error falls from 20.00 to 18.00 um, by 0.9 standard errors"),
+        (18.0, 0.9, "may not help: held-out error falls from 20.00 to 18.00 um, by 0.9 standard errors"),
         (21.0, -3.0, "backlash did not help: the held-out error did not fall (20.00 to 21.00 um)"),
     ],
 )

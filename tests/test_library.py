@@ -209,7 +209,7 @@ def test_wrong_arguments_get_words(here, done):
         (lambda: ptt.predict(model, run), "got a Run where targets belong"),
         (lambda: ptt.add(model, run), "no effect named"),
         (lambda: ptt.add(model, run, "backlahs"), "did you mean 'backlash'"),
-        (lambda: ptt.add(model, run, 7), "7 is no effect"),
+        (lambda: ptt.add(model, run, 7), "7 is not an effect"),
         (lambda: ptt.predict(model, [[1.0, 2.0]]), r"an array \(n, 3\) in mm"),
         (lambda: ptt.load(7), "takes the path"),
         (lambda: ptt.evaluate(run, model), "exchange them"),
@@ -217,15 +217,15 @@ def test_wrong_arguments_get_words(here, done):
         (lambda: ptt.train(model, run, hold_out="none"), "hold_out: 'none' is not one of 'blocks', 'random'"),
         (lambda: ptt.evaluate(run, run, frame="foo"), "frame: 'foo' is not one of 'fitted', 'fitted-per-run', 'tr"),
         (lambda: ptt.evaluate(run, run, z_datum="foo"), "z_datum: 'foo' is not one of 'absolute', 'first'"),
-        (lambda: ptt.evaluate(run, run, goal=("a", 1, 2)), "goal: .* are no goals; give finite figures"),
+        (lambda: ptt.evaluate(run, run, goal=("a", 1, 2)), "goal: 'a' is not a finite number; give percent"),
         (lambda: ptt.predict(model, targets, reversal="hard"), "reversal: 'hard' is not one of 'software', 'none'"),
         (lambda: ptt.predict(model, targets, limit_mm=-1), "limit_mm: -1 is below 0"),
-        (lambda: ptt.predict(model, targets, limit_mm=math.nan), "limit_mm: nan is no finite number"),
+        (lambda: ptt.predict(model, targets, limit_mm=math.nan), "limit_mm: nan is not a finite number"),
         (lambda: ptt.diagnose(model, run, steps=0), "steps: 0 is below 1"),
-        (lambda: ptt.diagnose(model, run, steps=2.5), r"steps: 2\.5 is no whole number"),
+        (lambda: ptt.diagnose(model, run, steps=2.5), r"steps: 2\.5 is not a whole number"),
         (lambda: ptt.diagnose(model, run, chunk_rows=5), "chunk_rows: 5 is below 1000"),
         (lambda: ptt.export(model, "siemens", here / "s.spf", step=-3), "step: -3 is below 1e-06"),
-        (lambda: ptt.simulate(_some_rig(), DATA / "targets.csv", seed=1.5), "seed: 1.5 is no whole"),
+        (lambda: ptt.simulate(_some_rig(), DATA / "targets.csv", seed=1.5), "seed: 1.5 is not a whole"),
     ):
         with pytest.raises(PttError, match=words) as refused:
             call()

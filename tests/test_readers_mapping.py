@@ -23,8 +23,12 @@ AMBIGUOUS = {
     "dates": ("x,y,z,time\n1,2,3,01/02/25 10:00\n1,2,4,02/02/25 10:00\n", "written day first or month first", "dates"),
     "payload in newtons": ("x,y,z,payload [N]\n1,2,3,4\n1,2,4,5\n", "which unit is it in", '[units] "payload [N]"'),
     "unknown unit": ("x [furlong],y,z\n1,2,3\n1,2,4\n", "unit 'furlong' does not fit x_meas", "[units]"),
-    "payload in no known unit": ("x,y,z,payload_st\n1,2,3,4\n1,2,4,5\n", "'st' is no known unit of payload", "[units]"),
-    "feed in feet": ("x,y,z,feed_ft_min\n1,2,3,4\n1,2,4,5\n", "'ft_min' is no known unit of feed", "[units]"),
+    "payload in no known unit": (
+        "x,y,z,payload_st\n1,2,3,4\n1,2,4,5\n",
+        "'st' is not a known unit of payload",
+        "[units]",
+    ),
+    "feed in feet": ("x,y,z,feed_ft_min\n1,2,3,4\n1,2,4,5\n", "'ft_min' is not a known unit of feed", "[units]"),
     "feed": ("x,y,z,feed\n1,2,3,4\n1,2,4,5\n", "which unit is feed in", "[units]"),
     "epoch": (
         "x,y,z,time\n1,2,3,1600000000000\n1,2,4,1600000000100\n",
@@ -60,7 +64,9 @@ def test_ambiguity_is_asked(tmp_path: Path, text: str, question: str, key: str) 
 def test_a_weight_in_newtons_is_told_how_to_become_a_mass(tmp_path: Path, title: str) -> None:
     path = tmp_path / "run.csv"
     path.write_text(f"x,y,z,{title}\n1,2,3,4\n1,2,4,5\n", encoding="utf-8")
-    with pytest.raises(TableError, match="unit 'N' does not fit payload; a weight in newtons is no mass: divide it by"):
+    with pytest.raises(
+        TableError, match="unit 'N' does not fit payload; a weight in newtons is not a mass: divide it by"
+    ):
         read_any(path)
     path.write_text("x,y,z,Load [N]\n1,2,3,4\n1,2,4,5\n", encoding="utf-8")
     assert read_any(path).understood.ignored == ("Load [N]",)  # a motor's, perhaps
@@ -122,7 +128,7 @@ def test_a_mapping_path_that_does_not_exist_is_written(tmp_path: Path) -> None:
     again = read_table(FIXTURES / "spatial_analyzer.txt", targets=FIXTURES / "targets.csv", mapping=saved, ask=never)
     assert_array_equal(again.measured, first.measured)
     assert_array_equal(again.time_s, first.time_s)
-    said = f"{saved}: was not there; written with what was understood of columns and units"
+    said = f"{saved}: did not exist; written with the columns and units as understood"
     assert said in first.understood.lines and said not in again.understood.lines
 
 

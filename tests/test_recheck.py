@@ -139,7 +139,7 @@ def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -
     assert {item.moved.effect for item in found.changed} == {"backlash"}
     assert all(item.repaired for item in found.changed) and "Repaired" in found.words
     assert found.made_um["now"]["backlash"] < 0.1 * found.made_um["before"]["backlash"]
-    assert " on reversal by the model of " in found.words or "as a whole" in found.words
+    assert " on reversal in the model of " in found.words or "as a whole" in found.words
     assert set(found.made_um["now"]) == {"total", *(term.effect.key for term in found.model.terms)}
     assert all(found.to_dict()["made_um"]["before"])  # no key without a name
     assert "The repair helped" in found.words and "link-length" in found.words.partition("The repair helped")[2]
@@ -249,7 +249,7 @@ def test_cosine_and_sine_of_a_wave_are_one_sentence_with_its_height_and_phase() 
 
 def test_a_value_that_chance_had_below_zero_was_no_fault_of_the_other_side() -> None:
     view, then = run_of(2, 20).view, torch.tensor([0.0, -0.00018, 0.0, 1.0], dtype=torch.float64)
-    for error, words in ((5e-4, "which it did not on 15 March 2026"), (5e-5, "compensates 0.18 um too much")):
+    for error, words in ((5e-4, "but not in the model of 15 March 2026"), (5e-5, "compensates 0.18 um too much")):
         one = replace(moved("gap_mm 2", -0.00018, 0.05), std=error)
         values = values_of(Term(library()["backlash"](), then), [(1, one)])
         assert words in say_change(values.effect, values.told(1, view), one, view, DATE, repaired=False)
@@ -283,7 +283,7 @@ def test_warmth_is_new_physics_and_no_changed_drawing(solved: SimpleNamespace) -
     found = look(solved, run_of(7, 30, thermal=warm, conditions=room))
     assert found.verdict == "new" and not found.changed
     assert found.to_dict()["suggested"][0][0] == "frame-growth"
-    assert "changes named" not in str(found)  # none is
+    assert "named changes" not in str(found)  # none is
 
 
 def test_what_belongs_to_the_set_up_of_the_first_run_is_not_carried(solved: SimpleNamespace) -> None:
@@ -300,7 +300,7 @@ def test_what_belongs_to_the_set_up_of_the_first_run_is_not_carried(solved: Simp
 
 def test_a_knock_of_the_tracker_that_is_taken_off_counts_in_no_error(solved: SimpleNamespace) -> None:
     found = look(solved, run_of(2, tracker={"knock_row": 40, "knock_um": (300.0, 0.0, 0.0)}))
-    assert found.verdict == "same" and any("setup-jump" in note and "taken off" in note for note in found.notes)
+    assert found.verdict == "same" and any("setup-jump" in note and "subtracted" in note for note in found.notes)
     assert found.error_um["left"] <= found.error_um["now"] < 1.2 * found.error_um["expected"]
 
 

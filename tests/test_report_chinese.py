@@ -180,9 +180,10 @@ def test_what_is_said_beside_a_finding():
 
 def test_what_to_measure_next_is_said():
     lines = (
-        "Drive 80 rows far out in x and y (to 181 mm, where the run went to 107), and over 200 mm of height, where the "
-        "run had 90, each pose from both sides of every joint, under payloads as in the column payload_kg (0, 5 kg).",
-        "Drive 8 rows over the same volume, each pose from both sides of every joint.",
+        "Measure 80 rows further out in x and y (to 181 mm, where the run went to 107), and over 200 mm of height, "
+        "where the run had 90, each pose from both sides of every joint, with the payloads of the column payload_kg "
+        "(0, 5 kg).",
+        "Measure 8 rows over the same volume, each pose from both sides of every joint.",
         "The separation of lead-scale from screw-error-map rises from 5.7 to 6.7 sigma; 8 sigma would need more rows.",
         say_ambiguity("homing-offset", "tower-tilt", BASE),
     )

@@ -255,7 +255,7 @@ def test_rigs_with_faults_of_arms_read_back() -> None:
     [
         (
             {"kind": "splice", "leg": 1, "height_mm": 3, "step_um": 5},
-            "'splice' is no fault of a machine of kind 'serial'",
+            "'splice' is not a fault of a machine of kind 'serial'",
         ),
         ({"kind": "rounding-controller", "joint": 4, "step_urad": 5.0}, "joint 4 of an arm of 3 joints"),
         ({"kind": "coupled-joints", "joint": 1, "other": 5, "angle_rad": 0, "span_rad": 1, "size_urad": 1}, "other 5"),
@@ -272,5 +272,5 @@ def test_faults_that_an_arm_cannot_have_are_refused(fault: dict, words: str) -> 
 def test_a_slider_machine_takes_no_fault_of_an_arm() -> None:
     machine = {"kind": "three-ptt", "base_radius_mm": 200.0, "platform_radius_mm": 100.0, "link_length_mm": 300.0}
     machine["slider_travel_mm"] = [150.0, 420.0]
-    with pytest.raises(InputError, match="'belt-resonance' is no fault of a machine of kind 'three-ptt'"):
+    with pytest.raises(InputError, match="'belt-resonance' is not a fault of a machine of kind 'three-ptt'"):
         parse_rig({"machine": machine, **odd("belt-resonance", size_urad=1.0, period_rad=0.1)})

@@ -228,9 +228,9 @@ def test_a_model_that_foretells_no_better_than_the_drawing_is_sure_of_no_command
 @pytest.mark.parametrize(
     ("unsure", "missed", "why"),
     [
-        (10, 0.0, "no command is sure: the model predicts held-out readings no better than the drawing does"),
+        (10, 0.0, "no command is certain: the model predicts held-out readings no better than the drawing does"),
         (3, 0.0, "measure near them"),
-        (10, 0.02, "less sure there than the held-out error says"),
+        (10, 0.02, "less certain there than the held-out error says"),
     ],
 )
 def test_why_commands_are_uncertain_is_said_as_far_as_it_is_known(unsure, missed, why):

@@ -265,7 +265,7 @@ def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: S
         last = now
         page.wait_for_timeout(1000)
     assert now - least < 5.0  # of some twelve that it would have taken
-    expect(page.get_by_text("Not looked yet")).to_be_visible()
+    expect(page.get_by_text("Not diagnosed yet")).to_be_visible()
     show(page, "Look")
     page.get_by_label("go to line").fill("40")
     expect(page.get_by_text(re.compile(r"^\d+ picked readings?"))).to_be_visible(timeout=WAIT)
@@ -296,12 +296,12 @@ def test_a_mistaken_set_up_is_shown_and_put_right(page: Page, tmp_path: Path):
     frame["z_meas"] = (-frame["z_meas"].astype(float)).astype(str)
     frame.to_csv(tmp_path / "mirrored.csv", index=False)
     open_files(page, tmp_path / "mirrored.csv", DATA / "machine.toml")
-    expect(page.get_by_text("First the set-up: something looks mistaken")).to_be_visible(timeout=WAIT)
+    expect(page.get_by_text("First the set-up: something looks wrong")).to_be_visible(timeout=WAIT)
     expect(page.get_by_text("axis sign")).to_be_visible()
     expect(page.get_by_role("button", name="Go on anyway")).to_be_visible()
     check_layout(page, "set-up")
     expect(page.get_by_role("heading", name="What was understood")).to_be_visible()
-    page.get_by_role("button", name="Put it right and open").click()
+    page.get_by_role("button", name="Correct it and open").click()
     expect(page.get_by_text(re.compile(r"mended.csv .* error 70.[5-9]\s.m rms"))).to_be_visible(timeout=WAIT)
     show(page, "Load")
     expect(page.get_by_role("heading", name="What was understood of mended.csv")).to_be_visible()
@@ -329,7 +329,7 @@ def test_what_a_later_run_leaves_open_is_answered_where_it_was_dropped(page: Pag
     page.get_by_label("date of run.csv").fill("2020-01-01")
     expect(page.get_by_text("was measured before")).to_be_hidden(timeout=WAIT)
     expect(page.get_by_text("date as you said")).to_be_visible()
-    page.get_by_role("button", name="Hold them beside each other").click()
+    page.get_by_role("button", name="Compare the runs").click()
     expect(page.get_by_text(re.compile("after: dates 2020-01-02.csv"))).to_be_visible(timeout=WAIT)
     expect(page.get_by_text(re.compile("Left out. empty.csv: the file is empty"))).to_be_visible()
 

@@ -101,7 +101,7 @@ def test_a_switched_off_effect_leaves_no_held_out_figure(here: Path, added: Chan
 
     off = with_it.switched("backlash", False)
     waiting = words_of(off, ladder_of(in_tab(off))[0][-1], noise, "total")
-    assert waiting == "backlash off: the figures of that are being worked out"
+    assert waiting == "backlash off: the figures for that are being computed"
     off = off.remembering(compared=jobs.compare(RUN, off.text, silent))
     rungs, noise = ladder_of(in_tab(off))
     assert [rung.words for rung in rungs] == ["as given", "+ backlash", "backlash off"]
@@ -115,7 +115,7 @@ def test_a_switched_off_effect_leaves_no_held_out_figure(here: Path, added: Chan
     ("step", "held_out", "helped", "words"),
     [
         ("+ windup", 4.0, True, ""),
-        ("+ windup", 4.9, False, "this step is not sure to have helped"),
+        ("+ windup", 4.9, False, "this step may not have helped"),
         ("+ windup", 5.1, False, "this step did not help: the held-out error did not fall"),
         ("\N{MINUS SIGN} backlash", 9.0, False, "what this step removed is needed"),
         ("\N{MINUS SIGN} backlash", 5.0, True, ""),

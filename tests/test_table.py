@@ -99,9 +99,10 @@ def test_comments_blank_lines_and_quotes(tmp_path: Path) -> None:
 
 def test_rows_with_a_part_of_a_reading_are_told(tmp_path: Path) -> None:
     lines = str(read_table(write(tmp_path, csv("1,2,3,,5,6", "1,2,4,4,5,6", "1,2,5,4,,6", "1,2,6,,,"))).understood)
-    assert "warning: 2 rows, first row 2, have no x_meas or y_meas beside the other axes: taken as no reading" in lines
+    told = "have no x_meas or y_meas although the other axes are filled: treated as no reading"
+    assert f"warning: 2 rows, first row 2, {told}" in lines
     assert "no x_meas" not in str(read_table(write(tmp_path, csv("1,2,3,4,5,6", "1,2,6,,,"))).understood)
-    assert "warning: row 3 has no z_meas beside" in str(
+    assert "warning: row 3 has no z_meas although" in str(
         read_table(write(tmp_path, csv("1,2,3,4,5,6", "1,2,6,4,5,"))).understood
     )
 
@@ -179,7 +180,7 @@ BAD = {
         csv(ROWS[0] + ",-1", ROWS[1] + ",1", header=HEADER + ",x_std"),
         "column x_std: negative standard deviation (-1)",
     ),
-    "twice": (csv(ROWS[0] + ",1", ROWS[1] + ",1", header=HEADER + ",x_meas"), "column x_meas is there twice"),
+    "twice": (csv(ROWS[0] + ",1", ROWS[1] + ",1", header=HEADER + ",x_meas"), "column x_meas appears twice"),
     "metres": (
         csv("0,0,300,0,0,.3", "99,0,300,.1,0,.3", "0,99,300,0,.1,.3"),
         "this looks like metres; rename the columns",

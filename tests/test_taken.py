@@ -13,7 +13,7 @@ from ptt.commands.main import run as command
 from ptt.run.taken import frames_said
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
-BLAME = "the drawing or the commands are off"
+BLAME = "the drawing or the commands are wrong"
 
 
 def told(verb: str, run: Path, drawing: Path, *more: str) -> tuple[dict, str]:
@@ -36,10 +36,10 @@ def redrawn(folder: Path, key: str, value: float) -> Path:
 def test_a_wrong_drawing_is_not_taken_up_by_the_frame_in_silence(verb: str, tmp_path: Path) -> None:
     more = () if verb == "compare" else ("backlash", "--out", str(tmp_path / "out.toml"), "--anyway")
     taken, words = told(verb, DATA / "run.csv", redrawn(tmp_path, "link_length_mm", 312.0), *more)
-    assert "the tracker's frame took a shift of" in words and BLAME in words
+    assert "frame alignment shifted the readings by" in words and BLAME in words
     assert taken["before_mm"] > 5.0 and taken["as_read_mm"] < 0.7
     assert f"lay {taken['before_mm']:.3f} mm (rms) from where the drawing puts them" in words
-    assert f"after it {taken['after_mm']:.3f} mm" in words
+    assert f"{taken['after_mm']:.3f} mm after it" in words
 
 
 def test_a_tracker_that_stands_elsewhere_is_no_fault_of_the_drawing(tmp_path: Path) -> None:
@@ -47,14 +47,14 @@ def test_a_tracker_that_stands_elsewhere_is_no_fault_of_the_drawing(tmp_path: Pa
     frame["x_meas"], frame["y_meas"] = 2500.0 - frame["y_meas"], frame["x_meas"] - 800.0  # a quarter turn
     frame.to_csv(tmp_path / "run.csv", index=False)
     taken, words = told("compare", tmp_path / "run.csv", DATA / "machine.toml")
-    assert "the tracker's frame took a shift of" in words and BLAME not in words
+    assert "frame alignment shifted the readings by" in words and BLAME not in words
     np.testing.assert_allclose(np.abs(taken["turn_deg"]), [0.0, 0.0, 90.0], atol=0.1)
     assert taken["before_mm"] > 2000.0 and taken["after_mm"] < 0.2
 
 
 def test_what_any_set_up_takes_is_not_mentioned() -> None:
     taken, words = told("compare", DATA / "run.csv", DATA / "machine.toml")
-    assert "tracker's frame" not in words and taken["rms_mm"] < 1.0
+    assert "frame alignment" not in words and taken["rms_mm"] < 1.0
 
 
 @pytest.mark.parametrize(("verb", "option"), [("diagnose", "--model"), ("train", "--machine"), ("evaluate", "--model")])

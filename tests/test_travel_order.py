@@ -87,9 +87,7 @@ def test_rows_that_are_not_in_travel_order_are_refused_until_said(tmp_path: Path
 def test_rows_that_nobody_said_the_order_of_are_not_put_down_to_a_set(tmp_path: Path) -> None:
     path = file(tmp_path, [0.0, 10.0, 30.0, 20.0, 40.0], name=list("abdce"))
     checked = read_table(path, judge_order=False)
-    assert "".join(checked.name) == "abdce" and "time goes back; the rows are looked at as they" in str(
-        checked.understood
-    )
+    assert "".join(checked.name) == "abdce" and "time goes back; the rows are used in their" in str(checked.understood)
     assert "--set" not in str(checked.understood)
     assert "as --set order=rows says" in str(read_table(path, set_values={"order": "rows"}).understood)
 

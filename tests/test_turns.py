@@ -164,8 +164,8 @@ def test_what_hangs_on_the_way_to_the_first_row_is_said() -> None:
     table = make_table(SMALL)
     counted = tally(table, compensate(wound_up(8.0), table))
     (line,) = (line for line in counted.warnings("t.csv", network=False) if "uncertain" in line)
-    assert "from which side the joints come to the first row" in line and "dir1.." in line
-    assert "matters and is not said" in line
+    assert "the side from which joints come to the first row" in line and "dir1.." in line
+    assert "matters and is not stated" in line
     assert (
         counted.approached == counted.status["uncertain"] and (counted + counted).approached == 2 * counted.approached
     )

@@ -205,7 +205,7 @@ def test_a_diagnosis_says_where_its_readings_tell_less() -> None:
     rig = parse_rig({"machine": FILE.machine.model_dump(), "seed": 2, **machine(2)})
     five = diagnose(Model(FILE), read(rig, np.tile(CUBE, (20, 1)), 2))
     assert five.elsewhere is not None and five.elsewhere.workspace > 5.0 * five.elsewhere.run
-    assert "in half of the workspace the machine would miss by" in five.words
+    assert "over half of the workspace the expected error is" in five.words
     assert five.to_dict()["elsewhere_um"] == {"run": five.elsewhere.run, "workspace": five.elsewhere.workspace}
     place = np.random.default_rng(3).uniform(-75.0, 75.0, (200, 3)).round(3)
     many = diagnose(Model(FILE), read(rig, place, 2))

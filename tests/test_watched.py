@@ -79,8 +79,8 @@ def test_what_cannot_be_watched_is_refused_with_the_way_out(folder, tmp_path):
     machine = ptt.load(folder / "machine.toml")
     for given, said in (
         ("coolant flow", f"did you mean '{TITLE[:10]}"),
-        ("x", "looked at in any case"),
-        (IDLE, "row 2, column shift: 'early' is no number"),
+        ("x", "examined in any case"),
+        (IDLE, "row 2, column shift: 'early' is not a number"),
     ):
         with pytest.raises(TableError) as refused:
             ptt.read(folder / "run.csv", machine, context=given)
@@ -98,5 +98,5 @@ def test_values_stay_beside_their_rows(folder):
 
 def test_what_is_watched_is_said_once_and_not_as_unused(folder):
     lines = ptt.read(folder / "run.csv", folder / "machine.toml", context=TITLE).table.understood.lines
-    assert [line for line in lines if TITLE in line] == [f"looked at as well: {TITLE}"]
+    assert [line for line in lines if TITLE in line] == [f"also examined: {TITLE}"]
     assert f"not used: {IDLE}" in lines

@@ -98,7 +98,7 @@ def look_back(model: Model, problem: Problem) -> Before:
     carried = tuple(replace(t, fixed=frozenset()) for t in model.terms if not t.effect.of_run and len(t.theta))
     if not carried:
         raise ModelError(
-            "the model has no fitted effects, so nothing tells how the machine was",
+            "the model has no fitted effects, so nothing says how the machine was",
             where=model.file.source,
             fix="solve the machine first: `ptt diagnose`, then `ptt add ... --out solved.toml`",
         )
@@ -111,7 +111,7 @@ def look_back(model: Model, problem: Problem) -> Before:
     blind = {term.effect.key: index for index, term in enumerate(carried) if _is_blind(term, problem)}
     free = np.isin(layout.owner[:width], list(blind.values()))
     root = np.hstack([root, ANYTHING * np.eye(width)[:, free]])
-    notes += [f"{key} cannot be judged in this run: it was read at a stop, or at one speed" for key in blind]
+    notes += [f"{key} cannot be judged: this run was read at standstill or at one speed" for key in blind]
     entries = read_entries(model.file)
     last = entries[-1] if entries else None
     said = (*_not_carried(model), *notes)
@@ -144,7 +144,7 @@ def _uncertainty(
         ways, size, _ = np.linalg.svd(rows, full_matrices=False)
         some = size > LEAST_SHARE * size.max(initial=0.0)
         return ways[:, some] * size[some], []
-    note = "the model keeps no covariance of its values as they are: each is taken to be as uncertain as it says"
+    note = "the model keeps no covariance of its present values: their stated errors are taken as independent"
     return np.diag(np.where(np.isfinite(std), std / scale, 1.0)), [note]
 
 

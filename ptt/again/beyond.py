@@ -133,5 +133,5 @@ def beyond_notes(before: Before, problem: Problem) -> tuple[str, ...]:
         words = f"slider {end.joint + 1} goes {way} to {end.furthest:.0f} mm ({end.at:.0f} when the model was made)"
         places.setdefault(end.term.effect.key, []).append(words)
     return tuple(
-        f"{', '.join(words)}: what {key} does beyond that is taken to be unknown" for key, words in places.items()
+        f"{', '.join(words)}: how {key} continues beyond that is taken as unknown" for key, words in places.items()
     )

@@ -21,16 +21,16 @@ def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
     lines = []
     for column, (low, high) in ranges_of(problem).items():
         context, unit = QUANTITIES[column]
-        has = "follows" if context in needs else "has no effect that follows"
+        has = f"the model has {'an' if context in needs else 'no'} effect that depends on it"
         now = f"{low:.3g} to {high:.3g} {unit}" if high - low > LEAST_BEYOND[column] else f"{high:.3g} {unit}"
         if column in then:
             beyond = max(then[column][0] - low, high - then[column][1])
             if beyond > LEAST_BEYOND[column]:
                 old = f"{then[column][0]:.3g} to {then[column][1]:.3g}"
-                lines.append(f"{context} goes beyond the model's run ({now}; then {old}), and the model {has} it")
+                lines.append(f"{context} goes beyond the model's run ({now}; then {old}), and {has}")
         elif column != "feed_mm_s" and (told or context not in needs) and _matters(column, low, high, problem):
-            which = "the model's run did not record it" if told else "nothing says which it was in the model's run"
-            lines.append(f"{context} is {now} in this run; {which}, and the model {has} it")
+            which = "the model's run did not record it" if told else "nothing says what it was in the model's run"
+            lines.append(f"{context} is {now} in this run; {which}, and {has}")
     return tuple(lines)
 
 

@@ -50,7 +50,9 @@ def look_for_news(found: Weighed, model: Model, problem: Problem, known: Library
     if found.new and (size := size_of_new(found)) <= left:
         names = ", ".join(dict.fromkeys(found.system.atoms[key].name for key in found.new))
         then = on_date(found.before.since)
-        return News(None, (f"{then} the model left {left:.1f} um unexplained; {names} ({size:.1f} um) is no more",))
+        return News(
+            None, (f"{names} ({size:.1f} um) is no more than the {left:.1f} um that the model left unexplained {then}",)
+        )
     if not found.new and not _objects(found, problem, tell, seed):
         return News(None)
     tell("what is new")

@@ -61,7 +61,7 @@ def recheck(
     tell = progress or (lambda what: None)
     notes = list(_same_run(model, problem))
     if problem.table.rows > WHOLE:
-        notes.append(f"of {problem.table.rows} rows, stretches of about {SAMPLE} in all were looked at")
+        notes.append(f"of {problem.table.rows} rows, about {SAMPLE} were used, in stretches spread over the run")
         problem = take(problem, sample_stretches(problem, SAMPLE))
     before = look_back(model, problem)
     found, now, news = _weighed(before, problem, known, tell, seed)
@@ -127,7 +127,7 @@ def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:
     steps = [row for row in model.file.history if "kind" in row]
     files = {item["sha256"] for item in steps[-1].get("files", ())} if steps else set()
     if files & {digest for digest in problem.table.run_sha256 if digest}:
-        return ("this is the run that the model was fitted on: it cannot tell whether the machine has changed since",)
+        return ("this is the run the model was fitted to: it cannot show whether the machine has changed since",)
     return ()
 
 
@@ -238,12 +238,13 @@ def is_repaired(was: float, now: float, std: float) -> bool:
 def _then(found: Weighed) -> tuple[str, ...]:
     """Words for what the model's own run hid."""
     return tuple(
-        f"{room.effect.key} is not in the model, whose run could hardly tell it from what is; with it, then as now, "
-        "both runs are told best: diagnose them together (ptt diagnose THEN.csv --also NOW.csv)"
+        f"{room.effect.key} is not in the model, because the model's run could hardly tell it from the effects that "
+        "are; both runs are explained best if it was present then as now: diagnose them together "
+        "(ptt diagnose THEN.csv --also NOW.csv)"
         for room in found.then
     )
 
 
 def _set_up(found: Weighed) -> tuple[str, ...]:
     names = (found.system.atoms[key].name for key in found.set_up)
-    return tuple(f"during this run the set-up has moved: {name}; taken off" for name in names)
+    return tuple(f"the set-up moved during this run: {name}; this is subtracted" for name in names)

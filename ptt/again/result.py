@@ -81,9 +81,9 @@ class Recheck(InNotebook, Record):
         """The recheck as a person reads it."""
         lines = [f"verdict: {self.verdict}", "", self.words, "", *self._table(), ""]
         errors, noise = self.error_um, self.noise_um
-        left = f", with the changes named {errors['left']:.2f}" if self.changed else ""
+        left = f", with the named changes {errors['left']:.2f}" if self.changed else ""
         lines.append(
-            f"error in um: expected {errors['expected']:.2f}, with the model as it was {errors['now']:.2f}{left}; "
+            f"error in um: expected {errors['expected']:.2f}, with the old model {errors['now']:.2f}{left}; "
             f"noise {noise['total']:.2f} ({noise['source']})"
         )
         lines += [f"note: {note}" for note in self.notes]
@@ -99,5 +99,5 @@ class Recheck(InNotebook, Record):
             for one in order[:SHOWN_VALUES]
         ]
         more = [f"  and {len(order) - SHOWN_VALUES} more in --json"] if len(order) > SHOWN_VALUES else []
-        marks = ["* has changed; the others as if each had changed by itself besides"]
+        marks = ["* has changed. Each other row shows what that value would be if it alone had changed as well."]
         return [head, *rows, *more, *marks]

@@ -21,12 +21,17 @@ WORST = 3  # effects that are worth a word after a repair
 def on_date(since: str | None) -> str:
     """When the model was made, as in 'on 15 March 2026'."""
     if since is None:
-        return "by the model"
+        return "when the model was made"
     try:
         day = datetime.fromisoformat(since)
     except ValueError:
         return f"on {since}"
     return f"on {day.day} {day:%B %Y}"
+
+
+def model_of(since: str | None) -> str:
+    """The model by its date, as in 'the model of 15 March 2026'."""
+    return "the model" if since is None else f"the model of {on_date(since).removeprefix('on ')}"
 
 
 @dataclass(frozen=True)
@@ -96,19 +101,19 @@ def say_change(
     """
     then, noun = on_date(since), _noun(effect, view)
     if told is None:
-        body = f"{moved.effect} {moved.name} is {moved.now:.4g} {moved.unit}, {then} it was {moved.before:.4g}"
+        body = f"{moved.effect} {moved.name} is {moved.now:.4g} {moved.unit}; {then} it was {moved.before:.4g}"
         return f"{'Repaired: ' if repaired else ''}{body}."
     error = figure(told[1].error)
     before, now = (replace(part, error=0.0) for part in told)  # that it is beyond chance is said beside it
     if repaired:
         beyond = moved.now * moved.before < 0.0 and before.text != now.text and before.size > 0.0
         left = replace(now, size=-now.size) if beyond else now
-        model = "by the model" if since is None else f"by the model of {then.removeprefix('on ')}"
-        return f"Repaired: {compose([before], noun)} {model}, {sizes_in_words([left])} (+- {error}) in this run."
+        now_words = f"{sizes_in_words([left])} (+- {error}) in this run"
+        return f"Repaired: {compose([before], noun)} in {model_of(since)}, and {now_words}."
     less = min(before.size, now.size)
     if before.text != now.text and less < BY_CHANCE * told[1].error:  # by no more than chance: that is no other fault
         before, now = (replace(part, size=0.0) if part.size == less else part for part in (before, now))
-    return f"{capital(_beside(before, now, noun, then))}."
+    return f"{capital(_beside(before, now, noun, since))}."
 
 
 def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | None, *, repaired: bool) -> str:
@@ -122,12 +127,12 @@ def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | N
         repaired: whether all of them are back near zero.
 
     Returns:
-        For example 'Backlash is as a whole 2 % (+- 1) of what it was on 15 March 2026, when sliders 1 and 2 lost ...'.
+        For example 'Backlash as a whole is 2 % (+- 1) of what it was on 15 March 2026 (then: slider 1 loses ...).'
     """
     effect, most = values.effect, max(moved, key=lambda value: abs(value.before))
     share, error = most.now / most.before, most.std / abs(most.before)
     said = _parts(effect, values.then, torch.zeros_like(values.then), view)
-    what = f": {compose(said, _noun(effect, view))}" if said else ""
+    what = f" (then: {compose(said, _noun(effect, view))})" if said else ""
     name = effect.called or effect.key
     body = f"{name} as a whole is {100.0 * share:.0f} % (+- {100.0 * error:.1g}) of what it was {on_date(since)}{what}"
     return f"Repaired: {body}." if repaired else f"{capital(body)}."
@@ -137,15 +142,15 @@ def _noun(effect: Effect, view: View) -> str:
     return effect.arm_noun if family(view) == "serial" else effect.noun
 
 
-def _beside(before: Said, now: Said, noun: str, then: str) -> str:
+def _beside(before: Said, now: Said, noun: str, since: str | None) -> str:
     if before.size == 0.0:
-        return f"{compose([now], noun)}, which it did not {then}"
+        return f"{compose([now], noun)} in this run, but not in {model_of(since)}"
     if now.size == 0.0:
-        return f"{compose([before], noun)} {then}, and no longer does"
+        return f"{compose([before], noun)} in {model_of(since)}, but not in this run"
     if before.text != now.text:
-        return f"{compose([now], noun)}; {then}: {compose([before], noun)}"
+        return f"{compose([now], noun)}; in {model_of(since)}, {compose([before], noun)}"
     more, step = now.size > before.size, replace(now, size=abs(now.size - before.size))
-    return f"{compose([now], noun)}, {sizes_in_words([step])} {'more' if more else 'less'} than {then}"
+    return f"{compose([now], noun)}, {sizes_in_words([step])} {'more' if more else 'less'} than {on_date(since)}"
 
 
 def _parts(effect: Effect, theta: torch.Tensor, std: torch.Tensor, view: View) -> tuple[Said, ...]:
@@ -164,12 +169,14 @@ def explain(result: Any) -> str:
     Returns:
         Lines, each one thing.
     """
-    then, errors, noise = on_date(result.since), result.error_um, result.noise_um["total"]
+    errors, noise = result.error_um, result.noise_um["total"]
     floor = f"the noise of this run is {noise:.1f} um"
+    expected = f"{errors['now']:.1f} um, where {errors['expected']:.1f} um was expected"
     if result.verdict == "same":
+        made = "" if result.since is None else f" ({on_date(result.since)})"
         return (
-            f"Nothing that this run could show has changed since the model was made ({then}): the error is "
-            f"{errors['now']:.1f} um, {errors['expected']:.1f} um was to be expected; {floor}."
+            f"Nothing that this run could show has changed since the model was made{made}: the error is {expected}; "
+            f"{floor}."
         )
     lines, told = [], set[str]()
     for item in result.changed:
@@ -178,16 +185,13 @@ def explain(result: Any) -> str:
         told.add(item.words)
         tie = tie_words(item.indistinguishable_from, f"{item.moved.effect} {item.moved.name}")
         sure = f"{abs(item.moved.z):.1f} standard errors of the difference"
-        lines.append(f"{tie + ' ' if tie else ''}{item.words} ({sure})")
+        lines.append(f"{tie + ' ' if tie else ''}{item.words.removesuffix('.')} ({sure}).")
     lines += _after_repair(result)
     if result.new is not None:
-        lines.append(f"Something is new that the model of {then.removeprefix('on ')} does not have.")
+        lines.append(f"Something is new that {model_of(result.since)} does not have.")
         lines.append(result.new.words)
-    left = f"with the changes named it is {errors['left']:.1f} um; " if result.changed else ""
-    lines.append(
-        f"With the model as it was the error is {errors['now']:.1f} um, where {errors['expected']:.1f} um was to be "
-        f"expected; {left}{floor}."
-    )
+    left = f"with the named changes it is {errors['left']:.1f} um; " if result.changed else ""
+    lines.append(f"With the old model unchanged the error is {expected}; {left}{floor}.")
     return "\n".join(lines)
 
 
@@ -199,16 +203,17 @@ def _after_repair(result: Any) -> list[str]:
     before, now = result.made_um["before"], result.made_um["now"]
     order = sorted((key for key in now if key != TOTAL), key=lambda key: -now[key])
     rest = listed([f"{key} {now[key]:.1f} um" for key in order[:WORST]])
-    helped = "helped" if now[TOTAL] < before[TOTAL] else "took its own error away, yet the tool does not gain"
+    falls = now[TOTAL] < before[TOTAL]
+    helped = "helped" if falls else "removed what it was for, but the tool is no more accurate"
     return [
-        f"The repair {helped}: what the effects of the model do to the tool in this run goes from {before[TOTAL]:.1f} "
-        f"to {now[TOTAL]:.1f} um ({rest}). The old model still corrects what is no longer there: fit it to this run "
-        "(ptt fit; of a fleet, ptt fleet accept)."
+        f"The repair {helped}: in this run the tool error due to the model's effects {'falls' if falls else 'rises'} "
+        f"from {before[TOTAL]:.1f} to {now[TOTAL]:.1f} um (now {rest}). The old model still corrects what is no longer "
+        "there: refit it to this run (ptt fit; in a fleet, ptt fleet accept)."
     ]
 
 
 def tie_words(names: Sequence[str], own: str) -> str:
-    """What would do as well."""
+    """What would explain the run as well."""
     if not names:
         return ""
     return f"Either {own} or {listed(list(names), ' or ')}: this run cannot tell them apart."

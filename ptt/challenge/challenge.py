@@ -34,7 +34,7 @@ MOST_SEED = 2**31
 DIGITS = {"time_s": 3, "temp_c": 3, **{f"{axis}_meas": 4 for axis in "xyz"}}
 MM_DIGITS, RAD_DIGITS = 6, 9  # of joint commands: a nanometre at the tool of either machine
 NOTE = (
-    "The hidden faults, packed so that nobody reads them by accident. This is no cryptography: anyone who wants to can "
+    "The hidden faults, packed so that nobody reads them by accident. This is not encryption: anyone who wants to can "
     "unpack it. `ptt challenge reveal` does, and scores your model."
 )
 BENCH = """\

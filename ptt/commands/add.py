@@ -14,7 +14,9 @@ Out = Annotated[Path, typer.Option("--out", metavar="M2.toml", help="Where the n
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Folder for a picture of the ladder.")]
 Sizes = Annotated[
     bool,
-    typer.Option("--sizes", help="Then add all other sizes of the drawing, for commands elsewhere than the run went."),
+    typer.Option(
+        "--sizes", help="Then add every other dimension of the drawing, for targets outside the measured region."
+    ),
 ]
 EffectNames = Annotated[
     list[str], typer.Argument(metavar="EFFECT...", help="Effects, in this order; setup-jump[second] for a second one.")

@@ -18,12 +18,12 @@ def backlash(
     ],
     model: Annotated[
         Path | None,
-        typer.Option("--model", metavar="M", help="machine.toml or compensator folder; gives the screw lead."),
+        typer.Option("--model", metavar="M", help="machine.toml or compensator folder, for the screw lead."),
     ] = None,
     lead_mm: Annotated[float | None, typer.Option("--lead", metavar="MM", help="Screw lead, mm.")] = None,
     turns: Annotated[
         float | None,
-        typer.Option("--turns", metavar="U", help="Motor turns each way, for a marked log without commands."),
+        typer.Option("--turns", metavar="U", help="Motor turns in each direction, for a marked log without commands."),
     ] = None,
     resolution_um: Annotated[
         float | None, typer.Option("--resolution-um", metavar="UM", help="One count of the scale, um.")
@@ -58,7 +58,11 @@ def _text(result: "BacklashResult") -> str:
         load = "-" if one.payload != one.payload else f"{one.payload:g} kg"
         pairs = " ".join(f"{f'{1e3 * v:.1f} +- {1e3 * s:.1f}':>16}" for v, s in (one.by_length, one.by_counts, one.gap))
         spread = "-" if len(one.positions) < 2 else f"{1e6 * one.repeatability[0]:.0f} um/m"
-        lines.append(f"{one.slider:>6} {load:>8} {pairs} {spread:>14}{'' if one.agree else '  the two disagree'}")
+        lines.append(
+            f"{one.slider:>6} {load:>8} {pairs} {spread:>14}{'' if one.agree else '  lengths and counts disagree'}"
+        )
     if not all(r.constant_speed for one in result.sliders for r in one.reversals):
-        lines.append("speed not constant: the data lengths are not to be trusted, the gap is from counts where so")
+        lines.append(
+            "speed not constant: the data lengths cannot be trusted, so the gap is taken from the counts there"
+        )
     return "\n".join(lines)

@@ -9,7 +9,7 @@ import typer
 from ptt.commands.common import Effects, Json, note, show
 
 app = typer.Typer(
-    help="A run with hidden faults that you find; then open the seal and see how well you did.",
+    help="A run with hidden faults for you to find; then open the seal and see how well you did.",
     add_completion=False,
     rich_markup_mode=None,
 )
@@ -32,17 +32,21 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the chall
 def new(
     folder: Folder,
     level: Annotated[
-        LevelName, typer.Option("--level", help="One effect, several, one that is in no library, none; any draws one.")
+        LevelName,
+        typer.Option(
+            "--level", help="One effect, several, one unknown to the library, or none; any: one of these at random."
+        ),
     ] = LevelName.any,
     seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Draw the same one again; else nobody knows.")
+        int | None, typer.Option("--seed", min=0, help="Seed, to draw the same machine again (default: random).")
     ] = None,
-    rows: Annotated[int, typer.Option("--rows", max=1_000_000, help="About how many readings.")] = 300,
+    rows: Annotated[int, typer.Option("--rows", max=1_000_000, help="Approximate number of readings.")] = 300,
     machine: Annotated[
-        Path | None, typer.Option("--machine", metavar="M.toml", help="Drawing, of an arm too; else the bench.")
+        Path | None,
+        typer.Option("--machine", metavar="M.toml", help="Drawing of a machine or arm (default: the bench)."),
     ] = None,
     foreign: Annotated[
-        bool, typer.Option("--foreign", help="A machine, a path and a tracker drawn by the seed instead of the bench.")
+        bool, typer.Option("--foreign", help="Draw machine, path and tracker at random too, instead of the bench.")
     ] = False,
     json: Json = False,
 ) -> None:
@@ -66,14 +70,14 @@ def reveal(
     folder: Folder,
     model: Annotated[
         Path | None,
-        typer.Option("--model", metavar="M", help="Your solved model; else the drawing as it was handed out."),
+        typer.Option("--model", metavar="M", help="Your solved model (default: the drawing as handed out)."),
     ] = None,
     rig_out: Annotated[
         Path | None,
         typer.Option(
             "--rig",
             metavar="RIG.toml",
-            help="Write the rig as its run left it; `ptt simulate` runs DIR/targets.csv on it.",
+            help="Also write the rig as the run left it, so that `ptt simulate` can run DIR/targets.csv on it.",
         ),
     ] = None,
     effects: Effects = None,
@@ -92,5 +96,5 @@ def reveal(
     result = open_seal(load(model or folder / MACHINE, effects=effects or ()), folder)
     if rig_out is not None:
         write_text(rig_out, format_rig(to_run_again(result.sealed.drawn.rig)))
-        note(f"the rig as its run has left it in {rig_out}")
+        note(f"{rig_out}: the rig as the run left it")
     show(result.to_dict(), str(result), json)

@@ -13,11 +13,16 @@ if TYPE_CHECKING:
 
 First = Annotated[Path, typer.Argument(metavar="RUN.csv|MACHINE.toml", help="A run, or a machine file alone.")]
 Machine = Annotated[Path | None, typer.Option("--model", metavar="M", help="machine.toml or compensator folder.")]
-OutRun = Annotated[Path | None, typer.Option("--out-run", metavar="R2.csv", help="Write the run with mistakes undone.")]
-OutModel = Annotated[
-    Path | None, typer.Option("--out-model", metavar="M2.toml", help="Write the machine file with mistakes undone.")
+OutRun = Annotated[
+    Path | None, typer.Option("--out-run", metavar="R2.csv", help="Write the run with its mistakes corrected.")
 ]
-Drawing = Annotated[Path | None, typer.Option("--drawing", metavar="PNG", help="Draw the machine as understood.")]
+OutModel = Annotated[
+    Path | None,
+    typer.Option("--out-model", metavar="M2.toml", help="Write the machine file with its mistakes corrected."),
+]
+Drawing = Annotated[
+    Path | None, typer.Option("--drawing", metavar="PNG", help="Draw the machine as the program understands it.")
+]
 
 
 def check(
@@ -33,7 +38,7 @@ def check(
     effects: Effects = None,
     json: Json = False,
 ) -> None:
-    """Look for mistakes in the set-up: axes, units, sliders, lengths, rows, frames. A machine file alone is drawn."""
+    """Look for mistakes in the set-up: axes, units, sliders, lengths, rows, frames. Draw a machine file given alone."""
     from ptt.door.checking import check_path
     from ptt.door.model import load
     from ptt.errors import InputError
@@ -44,7 +49,7 @@ def check(
         _show_machine(run, drawing, effects, json)
         return
     if model is None:
-        raise InputError("no machine to hold it against", where=str(run), fix="add --model MACHINE.toml")
+        raise InputError("no machine to check it against", where=str(run), fix="add --model MACHINE.toml")
     reading = ReadOptions(also, targets, set_, map_, effects, json)
     loaded = load(model, effects=effects or ())
     found = check_path(loaded, run, reading, ask=asker(reading), note=note)
@@ -62,7 +67,7 @@ def _write(found: "Checked", out_run: Path | None, out_model: Path | None, sever
 
     if out_run is not None:
         if several:
-            raise InputError("one file for several runs", where="--out-run", fix="check each run by itself")
+            raise InputError("one file for several runs", where="--out-run", fix="check each run separately")
         if found.table is not None:
             write_table(found.table, out_run, as_read=True)
         note(f"{out_run}: the run, {_undone(found.run_is_as_it_was)}")
@@ -72,7 +77,7 @@ def _write(found: "Checked", out_run: Path | None, out_model: Path | None, sever
 
 
 def _undone(same: bool) -> str:
-    return "as it was: nothing sure to undo" if same else "with what was sure undone"
+    return "unchanged: no certain mistake to correct" if same else "with its certain mistakes corrected"
 
 
 def _show_machine(path: Path, drawing: Path | None, effects: list[Path] | None, json: bool) -> None:
@@ -88,7 +93,7 @@ def _show_machine(path: Path, drawing: Path | None, effects: list[Path] | None, 
     if drawing is not None:
         _draw(described.file, drawing)
     data = described.to_dict() | {"drawing": None if drawn is None else str(drawn)}
-    show(data, "\n".join([str(described), *([] if drawn is None else [f"{drawn}: what was understood, drawn"])]), json)
+    show(data, "\n".join([str(described), *([] if drawn is None else [f"{drawn}: the machine as understood"])]), json)
 
 
 def _drawn_if_possible(file: "MachineFile", path: Path) -> Path | None:

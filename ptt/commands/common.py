@@ -43,13 +43,17 @@ Run = Annotated[Path, typer.Argument(metavar="RUN.csv", help="Tracker run: targe
 ModelPath = Annotated[Path, typer.Option("--model", metavar="M", help="machine.toml or compensator folder.")]
 Also = Annotated[list[Path] | None, typer.Option("--also", metavar="RUN2.csv", help="Another run; repeatable.")]
 Targets = Annotated[
-    Path | None, typer.Option("--targets", metavar="T.csv", help="Targets of an export that holds readings only.")
+    Path | None, typer.Option("--targets", metavar="T.csv", help="Targets, for an export that holds only readings.")
 ]
 Set = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="One value for all rows: payload_kg=2; order=time sorts the rows."),
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="One value for all rows, as payload_kg=2; order=time sorts the rows."
+    ),
 ]
-Map = Annotated[Path | None, typer.Option("--map", metavar="FILE.toml", help="Saved answers on columns and units.")]
+Map = Annotated[
+    Path | None, typer.Option("--map", metavar="FILE.toml", help="Saved answers to questions about columns and units.")
+]
 Context = Annotated[
     list[str] | None,
     typer.Option("--context", metavar="COLUMN", help="A column of your own that the error may depend on; repeatable."),
@@ -57,7 +61,7 @@ Context = Annotated[
 Effects = Annotated[
     list[Path] | None, typer.Option("--effects", metavar="FILE.py", help="Effects of your own; the file is run.")
 ]
-Anyway = Annotated[bool, typer.Option("--anyway", help="Go on although the set-up looks mistaken.")]
+Anyway = Annotated[bool, typer.Option("--anyway", help="Continue although the set-up looks wrong.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else; never ask.")]
 
 __all__ = [

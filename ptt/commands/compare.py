@@ -24,7 +24,7 @@ from ptt.commands.common import (
 )
 
 After = Annotated[
-    Path | None, typer.Option("--after", metavar="AFTER.csv", help="A later run, to be held beside this one.")
+    Path | None, typer.Option("--after", metavar="AFTER.csv", help="A later run, to compare with this one.")
 ]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Also draw pictures into this folder.")]
 

@@ -14,7 +14,7 @@ RARE = 0.03  # share of walks below which a family is a crossing of others
 def dexterity(
     machine: Annotated[Path, typer.Argument(metavar="M.toml", help="machine.toml or compensator folder.")],
     targets: Annotated[
-        Path | None, typer.Option("--targets", metavar="T.csv", help="Tool positions, or joint values, to look at.")
+        Path | None, typer.Option("--targets", metavar="T.csv", help="Tool positions or joint values to examine.")
     ] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE.png", help="Condition number over x and y at three heights.")
@@ -22,7 +22,7 @@ def dexterity(
     map_: Map = None,
     json: Json = False,
 ) -> None:
-    """Say how evenly the tool can be moved, and how far it is from each kind of singularity."""
+    """Show how evenly the tool moves in all directions, and how far it is from each kind of singularity."""
     import torch
 
     from ptt.door.model import load
@@ -65,10 +65,10 @@ def _text(data: dict[str, Any]) -> str:
         lines.append(f"  determinant of db/dp {home['determinant']:.4g}")
         lines.append(f"  inverse singularity: {home['inverse_mm']:.1f} mm ({home['inverse']:.2f} of a link) away")
         lines.append(
-            f"  direct singularity: margin {home['direct']:.2f}; constraint: {home['constraint']:.2f} (0 is at it)"
+            f"  direct singularity: margin {home['direct']:.2f}; constraint: {home['constraint']:.2f} (0: singular)"
         )
         if home["direct"] == 0.0:
-            lines.append("  the links stand in one plane or side by side: locked sliders do not hold the tool")
+            lines.append("  the links lie in one plane or are parallel: locked sliders do not hold the tool")
     if space["poses"]:
         spread = space["condition"]
         lines.append(f"over the workspace, {space['poses']} poses: condition number {spread['least']:.3g} to "

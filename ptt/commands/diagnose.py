@@ -27,15 +27,18 @@ if TYPE_CHECKING:
     from ptt.door.diagnosing import Diagnosed
 
 Next = Annotated[
-    Path | None, typer.Option("--measure-next", metavar="OUT.csv", help="Write poses that part what is confused.")
+    Path | None,
+    typer.Option("--measure-next", metavar="OUT.csv", help="Write poses that would tell tied effects apart."),
 ]
 ChunkRows = Annotated[
     int | None,
     typer.Option(
-        "--chunk-rows", min=1000, help="Rows summed up at a time; by itself beyond 20,000 rows, of an arm 2,000."
+        "--chunk-rows",
+        min=1000,
+        help="Rows per chunk; by default a run of up to 20,000 rows (arm: 2,000) is not divided.",
     ),
 ]
-Steps = Annotated[int, typer.Option("--steps", min=1, help="How many effects the path may add.")]
+Steps = Annotated[int, typer.Option("--steps", min=1, help="Largest number of effects to add.")]
 
 
 def diagnose(
@@ -53,7 +56,7 @@ def diagnose(
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
-    """Rank what is missing from the model, step by step, or say that nothing is or that none of the effects fits."""
+    """Rank what is missing from the model, step by step, or say that nothing is missing or that no effect fits."""
     from ptt.door import diagnosing
 
     reading = ReadOptions(also, targets, set_, map_, effects, json, anyway, context)
@@ -74,4 +77,4 @@ def _write_poses(result: "Diagnosed", out: Path) -> None:
     if poses:
         note(f"{out}: {poses} poses to measure; then diagnose both runs together with --also")
     else:
-        note("no poses to write: nothing is confused that poses could part")
+        note("no poses to write: no effects are tied, or none that poses could tell apart")

@@ -21,12 +21,12 @@ def effects(
     out: Annotated[Path | None, typer.Option(help="new: the file to write; atlas: the folder.")] = None,
     like: Annotated[
         Path | None,
-        typer.Option(metavar="D.json", help="new: what `ptt diagnose --json` printed; start from its rest."),
+        typer.Option(metavar="D.json", help="new: output of `ptt diagnose --json`, to start from the error it leaves."),
     ] = None,
     own: Effects = None,
     json: Json = False,
 ) -> None:
-    """List the physical effects, show the card of one, draw them, or write and check one of your own.
+    """List the physical effects, show one effect's card, draw them all, or write and check one of your own.
 
     ptt effects backlash --plot pictures; ptt effects atlas --out pictures; ptt effects new cable-drag --out drag.py;
     ptt effects check drag.py
@@ -62,7 +62,7 @@ def _list(own: list[Path], json: bool) -> None:
     known = library(*own)
     wide = max(len(name) for name in known)
     lines = [f"{name:<{wide}}  {cls.stage:<9}  {card_of(cls).cause}" for name, cls in known.items()]
-    text = "\n".join([*lines, "", "`ptt effects NAME` shows the card of one."])
+    text = "\n".join([*lines, "", "`ptt effects NAME` shows the card of an effect."])
     show({"effects": [_describe(cls()) for cls in known.values()]}, text, json)
 
 
@@ -103,9 +103,9 @@ def _new(name: str, out: Path | None, like: Path | None, json: bool) -> None:
     text = template(name) if like is None else prefilled(name, _rest_of(like))
     if out is not None:
         if out.exists():
-            raise InputError("exists already", where=str(out), fix="name another file; nothing was written")
+            raise InputError("already exists", where=str(out), fix="name another file; nothing was written")
         write_text(out, text)
-    said = text.rstrip() if out is None else f"wrote {out}; change it, then: ptt effects check {out}"
+    said = text.rstrip() if out is None else f"wrote {out}; edit it, then: ptt effects check {out}"
     show({"name": name, "file": out, "text": text}, said, json)
 
 
@@ -118,9 +118,11 @@ def _rest_of(path: Path) -> dict[str, Any]:
     whole = parse_json(read_text(path), str(path), fix="give what `ptt diagnose --json` printed")
     found = whole.get("depends_on") if isinstance(whole, dict) else None
     if not isinstance(found, list) or (found and not isinstance(found[0], dict)):
-        raise InputError("is no diagnosis", where=str(path), fix="give what `ptt diagnose --json` printed")
+        raise InputError("is not a diagnosis", where=str(path), fix="give what `ptt diagnose --json` printed")
     if not found:
-        raise InputError("its rest depends on nothing", where=str(path), fix="start from `ptt effects new` alone")
+        raise InputError(
+            "the error it leaves depends on nothing", where=str(path), fix="start from `ptt effects new` alone"
+        )
     return dict(found[0])
 
 
@@ -140,7 +142,7 @@ def _check(file: str, json: bool) -> None:
         name, first = broken[0]
         total = sum(len(found) for found in findings.values())
         said = f"{len(broken)} of {total} checks fail, first '{first.check}' of {name}: {first.broken}"
-        raise ModelError(said, where=file, fix="mend it")
+        raise ModelError(said, where=file, fix="correct the file")
 
 
 def _finding(finding: "CheckOutcome") -> dict[str, Any]:
@@ -210,7 +212,7 @@ def _parameter_line(parameter: Any) -> str:
     if parameter.role != "linear":
         said.append(parameter.role)
     if parameter.onward:
-        said.append("per joint and link that it carries")
+        said.append("per joint and link it carries")
     elif parameter.per_joint:
         said.append(f"{parameter.count} per leg or joint" if parameter.count > 1 else "per leg or joint")
     elif parameter.count > 1:

@@ -47,10 +47,12 @@ def evaluate(
     run: Run,
     after: Annotated[Path | None, typer.Argument(metavar="AFTER.csv", help="The same poses, compensated.")] = None,
     model: Annotated[Path | None, typer.Option("--model", metavar="M", help="machine.toml or compensator.")] = None,
-    frame: Annotated[Frame | None, typer.Option("--frame", help="Instead of the machine file's policy.")] = None,
+    frame: Annotated[
+        Frame | None, typer.Option("--frame", help="Alignment to use instead of the machine file's.")
+    ] = None,
     z_datum: Annotated[ZDatum, typer.Option("--z-datum", help="Count z errors from the first pose.")] = ZDatum.absolute,
     goal: Annotated[
-        str | None, typer.Option("--goal", metavar="X,Y,Z", help="Judge it: percent by which each axis should fall.")
+        str | None, typer.Option("--goal", metavar="X,Y,Z", help="Required reduction of each axis's error, percent.")
     ] = None,
     also: Also = None,
     targets: Targets = None,
@@ -60,12 +62,12 @@ def evaluate(
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
-    """Say how much error is gone: BEFORE and AFTER as measured, or one run and a model on held-out rows."""
-    from ptt.door.evaluating import Evaluated, computed, measured, run_rows
+    """Show how far the error fell: between two measured runs, BEFORE and AFTER, or with a model on held-out rows."""
+    from ptt.door.evaluating import Evaluated, computed, measured, read_goals, run_rows
     from ptt.door.model import load
     from ptt.errors import InputError
 
-    goals = None if goal is None else _goals(goal)
+    goals = None if goal is None else read_goals(_numbers(goal), "--goal")
     reading = ReadOptions(also, targets, set_, map_, effects, json, anyway)
     result: Evaluated
     if after is not None:
@@ -89,16 +91,11 @@ def evaluate(
     show(result.to_dict(), str(result), json)
 
 
-def _goals(text: str) -> dict[str, float]:
-    """Read `90,90,80`, or one figure for all axes."""
-    from math import isfinite
-
+def _numbers(text: str) -> tuple[float, ...]:
+    """Read `90,90,80`, or one number."""
     from ptt.errors import InputError
 
     try:
-        values = [float(part) for part in text.split(",")]
+        return tuple(float(part) for part in text.split(","))
     except ValueError:
-        values = []
-    if len(values) not in (1, 3) or not all(map(isfinite, values)):
-        raise InputError(f"cannot read '{text}'", where="--goal", fix="write it as 90,90,80 (percent), or one for all")
-    return dict(zip("xyz", values * (3 // len(values)), strict=True))
+        raise InputError(f"cannot read '{text}'", where="--goal", fix="write it as 90,90,80 (percent)") from None

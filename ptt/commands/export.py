@@ -27,10 +27,11 @@ def export(
     to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="Format: c, onnx, klipper, ..., table.")],
     out: Annotated[Path, typer.Option("--out", metavar="PATH", help="File or folder to write.")],
     step: Annotated[
-        float | None, typer.Option("--step", metavar="MM", min=1e-6, help="Distance of table entries.")
+        float | None, typer.Option("--step", metavar="MM", min=1e-6, help="Spacing of table entries, mm.")
     ] = None,
     run: Annotated[
-        Path | None, typer.Option("--run", metavar="RUN.csv", help="Judge at the loads and speeds of this run.")
+        Path | None,
+        typer.Option("--run", metavar="RUN.csv", help="Compute the error at the loads and speeds of this run."),
     ] = None,
     also: Also = None,
     targets: Targets = None,
@@ -49,11 +50,11 @@ def export(
     reading = ReadOptions(also, targets, set_, map_, effects, json)
     if run is None:
         idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_}
-        refuse_idle(idle, "says how a run is read, and no run is named", "add --run RUN.csv")
+        refuse_idle(idle, "says how to read a run, but no run is named", "add --run RUN.csv")
     loaded = load(model, effects=effects or ())
     table = None if run is None else read_rows(run, loaded.file, reading, checked=True, ask=asker(reading), note=note)
     if step is not None and not chosen.stepped:
-        note(f"--step says nothing to format {chosen.name}")
+        note(f"--step does not apply to format {chosen.name}")
     with progress() as tell:
         result = export_as(loaded, chosen, out, model, step=step, table=table, progress=tell)
     show(result.to_dict(), str(result), json)

@@ -24,7 +24,7 @@ def fit(
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
-    """Refit the effects of a model to a run, and say what the run can and cannot tell of them."""
+    """Refit the effects of a model to a run, and show which parameters the run can and cannot determine."""
     from ptt.commands.add import finish
     from ptt.commands.common import load_both, note, progress
     from ptt.door import changing

@@ -8,32 +8,40 @@ import typer
 from ptt.commands.common import Anyway, Effects, Json, Map, ReadOptions, Set, Targets, note, progress, read_rows, show
 
 app = typer.Typer(
-    help="Keep runs of many machines, work on what is new, and see who is going bad.", no_args_is_help=True,
+    help="Keep the runs of many machines, process new ones, and see which machines are getting worse.",
+    no_args_is_help=True,
     add_completion=False, rich_markup_mode=None,
 )  # fmt: skip
 
 StorePath = Annotated[Path, typer.Argument(metavar="STORE", help="Folder of the store.")]
-Machine = Annotated[str, typer.Argument(metavar="MACHINE", help="Its name, any text.")]
+Machine = Annotated[str, typer.Argument(metavar="MACHINE", help="Name of the machine, any text.")]
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN.csv...", help="Tracker runs of this machine.")]
 Date = Annotated[
     str | None,
-    typer.Option("--date", metavar="D", help="When it was measured, 2026-03-15; else by the file's name or own date."),
+    typer.Option(
+        "--date", metavar="D", help="Date of measurement, 2026-03-15 (default: from the file's name or date)."
+    ),
 ]
-Drawing = Annotated[Path | None, typer.Option("--model", metavar="M.toml", help="Its drawing; the first time.")]
+Drawing = Annotated[
+    Path | None, typer.Option("--model", metavar="M.toml", help="Drawing of the machine, needed with its first run.")
+]
 Scheduler = Annotated[
-    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A running dask scheduler, as tcp://host:8786.")
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Address of a running dask scheduler, as tcp://host:8786."),
 ]
 Workers = Annotated[int | None, typer.Option("--workers", min=1, metavar="N", help="Worker processes on this machine.")]
-LogFile = Annotated[Path, typer.Argument(metavar="LOG", help="One run in travel order, titles as in docs/files.md.")]
+LogFile = Annotated[
+    Path, typer.Argument(metavar="LOG", help="One run in travel order, column names as in docs/files.md.")
+]
 LogModel = Annotated[Path, typer.Option("--model", metavar="M.toml", help="The model whose effects are refitted.")]
 LogOut = Annotated[Path, typer.Option("--out", metavar="M2.toml", help="The refitted model.")]
-Again = Annotated[bool, typer.Option("--again", help="Try runs once more that failed.")]
-Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The page.")]
+Again = Annotated[bool, typer.Option("--again", help="Retry runs that failed.")]
+Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The HTML file to write.")]
 WhichRun = Annotated[
     str | None, typer.Argument(metavar="[RUN]", help="File name, date or SHA-256 of the run; the last one by default.")
 ]
 ThisRun = Annotated[str, typer.Argument(metavar="RUN", help="File name, date or SHA-256 of the run.")]
-OneMachine = Annotated[str | None, typer.Argument(metavar="[MACHINE]", help="One machine alone, run by run.")]
+OneMachine = Annotated[str | None, typer.Argument(metavar="[MACHINE]", help="Show one machine only, run by run.")]
 
 
 @app.command()
@@ -58,7 +66,7 @@ def add(
     effects: Effects = None,
     json: Json = False,
 ) -> None:
-    """Add runs of a machine; a run that is there already is left as it is."""
+    """Add runs of a machine; runs already in the store are left as they are."""
     from ptt.door.model import load
     from ptt.errors import InputError, PttError
     from ptt.files import sha256
@@ -81,11 +89,13 @@ def add(
             if len(run) == 1:
                 raise
             refused.append(error)
-    lines = [f"{each.file}: {each.rows} rows, {each.date}{'' if each.new else '; is there already'}" for each in added]
+    lines = [
+        f"{each.file}: {each.rows} rows, {each.date}{'' if each.new else '; already in the store'}" for each in added
+    ]
     if added or not refused:
         show({"machine": machine, "runs": [vars(each) for each in added]}, "\n".join(lines), json)
     if refused:
-        what = f"{len(refused)} of {len(run)} files are not added{', the others are' if added else ''}"
+        what = f"{len(refused)} of {len(run)} files were not added{'; the others were' if added else ''}"
         raise InputError(f"{what}: {'; '.join(map(_in_words, refused))}")
 
 
@@ -126,7 +136,7 @@ def run(
     opened, files = open_store(store), _files(effects)
     do = partial(work, effects=files) if files else None
     if again:
-        note(f"{once_more(opened)} runs that failed are tried once more")
+        note(f"{once_more(opened)} failed runs will be retried")
     with progress() as tell:
         if scheduler is None and workers is None:
             done = run_all(opened, tell, do)
@@ -141,7 +151,7 @@ def run(
 def accept(
     store: StorePath, machine: Machine, run: WhichRun = None, effects: Effects = None, json: Json = False
 ) -> None:
-    """Take the model fitted to a run as the machine's from that run on, after a repair or a change that stays."""
+    """Use the model fitted to a run as the machine's from that run on, after a repair or a lasting change."""
     from functools import partial
 
     from ptt.fleet import work
@@ -157,7 +167,7 @@ def accept(
 
 @app.command()
 def remove(store: StorePath, machine: Machine, run: ThisRun, json: Json = False) -> None:
-    """Take a run out again, of another machine or measured wrongly, with all that came of it."""
+    """Remove a run that was wrongly measured or is another machine's, with all results based on it."""
     from ptt.fleet.remove import remove as take_out
     from ptt.fleet.store import open_store
 
@@ -176,7 +186,7 @@ def fit(
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
-    """Refit a model to a log of any length (Parquet or CSV), read part by part, here or by workers."""
+    """Refit a model to a log of any length (Parquet or CSV), read in parts, here or by workers."""
     from ptt.fleet.fit_log import fit_file
 
     with progress() as tell:
@@ -186,7 +196,7 @@ def fit(
 
 @app.command(name="show")
 def show_(store: StorePath, machine: OneMachine = None, json: Json = False) -> None:
-    """How each machine stands, what moves, and what somebody should look at."""
+    """Show the state of each machine, what drifts, and what needs attention."""
     from ptt.fleet.overview import overview
     from ptt.fleet.store import open_store
     from ptt.fleet.words import machine_in_words

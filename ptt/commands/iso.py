@@ -38,10 +38,12 @@ def iso(
     set_: Set = None,
     map_: Map = None,
     effects: Effects = None,
-    any_direction: Annotated[bool, typer.Option(help="Do not tell the approaches of a pose apart.")] = False,
+    any_direction: Annotated[
+        bool, typer.Option(help="Do not distinguish the directions of approach to a pose.")
+    ] = False,
     json: Json = False,
 ) -> None:
-    """Work out ISO 230-2 figures of an axis, or ISO 9283 figures of poses measured repeatedly."""
+    """Compute ISO 230-2 figures of an axis, or ISO 9283 figures of poses measured repeatedly."""
     from ptt.errors import TableError
     from ptt.judge.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
@@ -52,7 +54,7 @@ def iso(
     result: IsoAxes | IsoPoses
     if is_axis_file(run):
         idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_, "--any-direction": any_direction}
-        refuse_idle(idle, "says nothing of axis runs, which hold target and measured alone", "leave it out")
+        refuse_idle(idle, "does not apply to axis runs, which hold only targets and readings", "leave it out")
         result = read_axis_figures(run)
     else:
         reading = {"also": also or (), "targets": targets, "set_values": parse_settings(set_ or []), "mapping": map_}

@@ -91,7 +91,9 @@ app = typer.Typer(
 
 @app.callback()
 def _root(
-    version: Annotated[bool, typer.Option("--version", help="Versions of what matters; --json for a program.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Versions of ptt and its main dependencies; as JSON with --json.")
+    ] = False,
 ) -> None:
     pass
 

@@ -48,7 +48,7 @@ def say(text: str) -> None:
         typer.echo(text.encode("ascii", "backslashreplace").decode())
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
-        raise HostError(f"standard output cannot be written ({why}): the result is not whole there") from None
+        raise HostError(f"standard output cannot be written ({why}): the result there is incomplete") from None
 
 
 def say_aside(text: str) -> None:

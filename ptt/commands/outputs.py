@@ -119,7 +119,7 @@ def require_outputs(values: Mapping[str, Any], metavars: Mapping[str, str]) -> N
             _require_apart(out, given)
         for other in (path for key, path in outputs.items() if key != name):
             if os.path.realpath(out) == os.path.realpath(other):
-                raise InputError("is named for two outputs", where=str(out), fix="give each its own")
+                raise InputError("is named for two outputs", where=str(out), fix="give each its own file")
         _require_kind(out, metavars.get(name, ""))
 
 

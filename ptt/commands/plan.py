@@ -17,28 +17,28 @@ def plan(
     machine: Annotated[Path, typer.Argument(metavar="M.toml", help="machine.toml or compensator folder.")],
     out: Annotated[Path, typer.Option("--out", metavar="TARGETS.csv", help="Targets to write.")],
     rows: Annotated[
-        int, typer.Option("--rows", max=1_000_000, help="About how many rows, base reflectors left aside.")
+        int, typer.Option("--rows", max=1_000_000, help="Approximate number of rows, base reflectors not counted.")
     ] = 200,
     payloads: Annotated[
-        str, typer.Option("--payloads", metavar="KG,KG,...", help="Loads, one after the other: 0,2.5,5.")
+        str, typer.Option("--payloads", metavar="KG,KG,...", help="Payloads to measure with, in turn: 0,2.5,5.")
     ] = "",
     repeats: Annotated[
-        int, typer.Option("--repeats", min=0, help="Degrees of freedom that true repeats are to have.")
+        int, typer.Option("--repeats", min=0, help="Degrees of freedom wanted from repeated poses.")
     ] = 30,
     box: Annotated[
-        str, typer.Option("--box", metavar="X,Y,Z", help="Half the size of a volume to stay inside of, mm: 60,60,50.")
+        str, typer.Option("--box", metavar="X,Y,Z", help="Half the size of the volume to stay within, mm: 60,60,50.")
     ] = "",
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of poses and order.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed of poses and order.")] = 0,
     candidates: Annotated[
         Path | None,
         typer.Option(
-            "--candidates", metavar="T.csv", help="Choose the rows that tell most of the geometry from these."
+            "--candidates", metavar="T.csv", help="Choose from this list the rows that tell most about the geometry."
         ),
     ] = None,
     effects: Effects = None,
     json: Json = False,
 ) -> None:
-    """Plan a first run: volume, both directions of arrival, repeats, datum revisits; and say what it will tell."""
+    """Plan a first run: volume, both directions of arrival, repeats, datum revisits; and show what it will tell."""
     from ptt.door.model import load
     from ptt.plan.first_run import plan_first_run
     from ptt.run.table import write_table
@@ -125,8 +125,8 @@ def format_plan(result: "FirstRun", out: str) -> str:
             told.setdefault(one.name.split(" ")[0], []).append(one)
         parts = "; ".join(_expected(stem, values) for stem, values in told.items())
         lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {parts}")
-    lines += ["= is in the model already: how well this run would tell it again"] if own else []
-    lines.append("each by itself beside what is in the model; effects that are fitted together are told less well")
+    lines += ["= already in the model: how well this run would determine it again"] if own else []
+    lines.append("each effect alone, added to the model; effects fitted together are determined less well")
     return "\n".join(lines)
 
 

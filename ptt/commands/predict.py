@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 CANNOT_WORK = 3  # exit code: poses that cannot work
 
-Limit = Annotated[float, typer.Option("--limit-mm", min=0.0, help="Largest correction that is sent, mm of tool.")]
+Limit = Annotated[float, typer.Option("--limit-mm", min=0.0, help="Largest correction to send, mm at the tool.")]
 
 
 class Reversal(StrEnum):
@@ -42,7 +42,8 @@ def predict(
     model: ModelPath,
     out: Annotated[Path, typer.Option("--out", metavar="SLIDERS.csv", help="Commands to write.")],
     reversal: Annotated[
-        Reversal | None, typer.Option("--reversal", help="Put reversal compensation into the commands, or not.")
+        Reversal | None,
+        typer.Option("--reversal", help="Include reversal compensation in the commands, or leave it out."),
     ] = None,
     set_: Set = None,
     map_: Map = None,
@@ -51,9 +52,9 @@ def predict(
     anyway: Anyway = False,
     json: Json = False,
 ) -> int:
-    """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker.
+    """Compute the commands that put the real tool on its targets: physics and network are inverted, never the tracker.
 
-    Rows that cannot be sent have a status, no command, and the nearest command that works; then the exit code is 3.
+    A row that cannot be sent has a status, no command, and the nearest command that works; the exit code is then 3.
     """
     from ptt.door import predicting
     from ptt.door.model import load

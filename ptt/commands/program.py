@@ -17,16 +17,17 @@ def program(
     out: Annotated[Path, typer.Option("--out", metavar="OUT.ngc", help="Corrected program to write.")],
     chord_um: Annotated[
         float,
-        typer.Option("--chord-um", min=0.01, help="How far the path as written may lie beside the corrected one."),
+        typer.Option("--chord-um", min=0.01, help="Largest deviation of the written path from the corrected one, um."),
     ] = 5.0,
     offset: Annotated[
-        Triple | None, typer.Option("--offset", metavar="X Y Z", help="The program's zero in the base frame, mm.")
+        Triple | None,
+        typer.Option("--offset", metavar="X Y Z", help="Position of the program's zero in the base frame, mm."),
     ] = None,
     start: Annotated[
         Triple | None, typer.Option("--start", metavar="X Y Z", help="Where the tool is before the first move, mm.")
     ] = None,
     limit_mm: Annotated[
-        float, typer.Option("--limit-mm", min=0.0, help="Largest correction that is sent, mm of tool.")
+        float, typer.Option("--limit-mm", min=0.0, help="Largest correction to send, mm at the tool.")
     ] = 5.0,
     set_: Set = None,
     effects: Effects = None,
@@ -34,7 +35,7 @@ def program(
 ) -> None:
     """Correct a G-code program for a controller that runs Cartesian programs on nominal kinematics.
 
-    Lines and arcs are cut where the correction or the arc asks for it; words, comments, feed and modes stay. Where the
+    Lines and arcs are cut where the correction or the arc requires it; words, comments, feed and modes are kept. If the
     machine cannot run a line, nothing is written (exit code 3).
     """
     import numpy as np
@@ -83,8 +84,8 @@ def _context(set_: list[str] | None) -> dict[str, float]:
     values = parse_settings(set_ or ())
     strange = [key for key in values if key not in CONTEXT]
     if strange:
-        fix = f"it is one of {', '.join(CONTEXT)}; speeds are those of F"
-        raise InputError(f"'{strange[0]}' says nothing to a program", where="--set", fix=fix)
+        fix = f"set one of {', '.join(CONTEXT)}; speeds come from F"
+        raise InputError(f"'{strange[0]}' does not apply to a program", where="--set", fix=fix)
     numbers = {key: float(value) for key, value in values.items()}
     for key, value in numbers.items():
         require_number(key, value)
@@ -95,8 +96,8 @@ def _text(data: dict[str, Any]) -> str:
     return "\n".join(
         [
             f"{data['out']}: {data['moves']} moves of {data['lines']} lines, written as {data['pieces']} pieces",
-            f"  largest static correction {data['largest_shift_um']:.1f} um; the path as written lies"
-            f" {data['deviation_um']:.2f} um beside the corrected one at most ({data['chord_um']:g} um allowed)",
+            f"  largest static correction {data['largest_shift_um']:.1f} um; the written path deviates from the"
+            f" corrected one by at most {data['deviation_um']:.2f} um ({data['chord_um']:g} um allowed)",
             f"  reversal: {data['reversal']}",
         ]
     )

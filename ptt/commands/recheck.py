@@ -22,7 +22,7 @@ from ptt.commands.common import (
     show,
 )
 
-Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Folder for a picture of what has moved.")]
+Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Folder for a picture of what has changed.")]
 
 
 def recheck(
@@ -37,7 +37,7 @@ def recheck(
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
-    """Hold a new run against a solved model: the same, what has changed, or what is new."""
+    """Compare a new run with a solved model: is the machine the same, what has changed, what is new?"""
     from ptt.door import rechecking
 
     loaded, rows = load_both(run, model, ReadOptions(also, targets, set_, map_, effects, json, anyway))

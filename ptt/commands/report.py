@@ -27,13 +27,14 @@ if TYPE_CHECKING:
     from ptt.show.report.contents import Contents
 
 Out = Annotated[Path, typer.Option("--out", metavar="R.html", help="The HTML file to write.")]
-Interactive = Annotated[bool, typer.Option("--interactive", help="Embed pictures to turn and point at (plotly).")]
+Interactive = Annotated[bool, typer.Option("--interactive", help="Embed interactive pictures (plotly).")]
 After = Annotated[
-    Path | None, typer.Option("--after", metavar="AFTER.csv", help="A later run, to be held beside this one.")
+    Path | None, typer.Option("--after", metavar="AFTER.csv", help="A later run, to compare with this one.")
 ]
 Language = Annotated[str, typer.Option("--language", metavar="LANG", help="Language of the page: en, zh.")]
 Trained = Annotated[
-    Path | None, typer.Option("--compensator", metavar="DIR", help="Folder that train.py wrote for this model.")
+    Path | None,
+    typer.Option("--compensator", metavar="DIR", help="Compensator folder that train.py wrote for this model."),
 ]
 
 
@@ -53,7 +54,7 @@ def report(
     anyway: Anyway = False,
     json: Json = False,
 ) -> None:
-    """Write one HTML page that needs nothing else: data, error, verdict, ladder, parameters, before and after."""
+    """Write one self-contained HTML page: data, error, verdict, ladder, parameters, before and after."""
     from ptt.door.opened import open_run
     from ptt.show.report.of_run import report_run
 

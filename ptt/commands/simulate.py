@@ -15,12 +15,12 @@ def simulate(
     sliders: Annotated[
         Path | None, typer.Option("--sliders", metavar="SLIDERS.csv", help="Commands to send, from `ptt predict`.")
     ] = None,
-    noise: Annotated[bool, typer.Option("--noise/--no-noise", help="With or without everything random.")] = True,
+    noise: Annotated[bool, typer.Option("--noise/--no-noise", help="Add random noise.")] = True,
     seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Of the noise of this run; the machine stays.")
+        int | None, typer.Option("--seed", min=0, help="Seed of this run's noise; the machine is unchanged.")
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option("--truth", metavar="FILE", help="Where tool and sliders really were.")
+        Path | None, typer.Option("--truth", metavar="FILE", help="Also write where tool and sliders really were.")
     ] = None,
     map_: Map = None,
     json: Json = False,

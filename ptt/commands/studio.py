@@ -28,7 +28,7 @@ def studio(
     ] = PORT,
     show: Annotated[bool, typer.Option("--show/--no-show", help="Open the browser.")] = True,
     store: Annotated[
-        Path | None, typer.Option("--store", metavar="DIR", help="Folder that keeps sessions; by itself in your home.")
+        Path | None, typer.Option("--store", metavar="DIR", help="Folder for sessions (default: in your home folder).")
     ] = None,
 ) -> None:
     """Open the studio, a page on this computer: look at a run, add effects, watch the error fall."""

@@ -35,7 +35,8 @@ def train(
     machine: Annotated[Path, typer.Option("--machine", metavar="M.toml", help="The machine, with the effects to fit.")],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write the compensator to.")],
     hold_out: Annotated[
-        HoldOut, typer.Option("--hold-out", help="Whole parts of the path, or poses at random between measured ones.")
+        HoldOut,
+        typer.Option("--hold-out", help="Hold out whole blocks of travel, or random poses among measured ones."),
     ] = HoldOut.blocks,
     also: Also = None,
     targets: Targets = None,

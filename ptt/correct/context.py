@@ -44,7 +44,9 @@ def missing_context(model: Model, targets: Table) -> list[str]:
         users = _followers(model, targets, need) if asked else []
         if users:
             verb = "depends" if len(users) == 1 else "depend"
-            lines.append(f"{', '.join(users)} {verb} on {need}, {targets.source} has no {column}: {assumed} is assumed")
+            lines.append(
+                f"{', '.join(users)} {verb} on {need}, but {targets.source} has no {column}: {assumed} is assumed"
+            )
     return lines
 
 
@@ -105,10 +107,10 @@ def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> l
         if own:
             (low, high), users = own[0].run, list(dict.fromkeys(user for each in own for user in each.users))
             worst, count = max(each.worst for each in own), sum(each.rows for each in own)
-            verb = "follows" if len(users) == 1 else "follow"
+            verb = "depends" if len(users) == 1 else "depend"
             lines.append(
                 f"{source}: {need} goes beyond the model's run ({low:.3g} to {high:.3g} {unit}) by up to {worst:.3g} "
-                f"in {count} of {rows} rows; how {', '.join(users)} {verb} it there nobody measured"
+                f"in {count} of {rows} rows, where nobody measured how {', '.join(users)} {verb} on it"
             )
     return lines
 

@@ -55,7 +55,7 @@ class Predictor:
         source = source_of(compensator, ["built for calls from Python"])
         for key, why in source.parts.cannot.items():
             raise InputError(
-                f"effect '{key}' cannot be had row by row: {why}", fix="use `ptt predict`, or leave it out"
+                f"effect '{key}' cannot be computed row by row: {why}", fix="use `ptt predict`, or leave it out"
             )
         self.joints = compensator.model.joints
         self.code = 0

@@ -29,7 +29,7 @@ def split_terms(model: Model, reversal: Reversal | None = None) -> tuple[Shifts,
     if not turning:
         return steady, [], "the model has no reversal effect"
     if reversal == "none":
-        return steady, [], f"none, as asked: {_keys(turning)} left out"
+        return steady, [], f"none, as requested: {_keys(turning)} left out"
     done = [item for item in turning if item[0].name in model.file.controller.compensates]
     mine = [item for item in turning if item not in done]
     words = [f"in these commands: {_keys(mine)}"] if mine else []

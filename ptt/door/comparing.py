@@ -120,11 +120,11 @@ def compare(
     tell = Heard(note)
     opened = meet(machine, as_run(run, machine, USAGE), anyway=True, note=tell)
     if opened.compensator.network is not None:
-        tell("the compensator's network is left aside: the physics alone is compared")
+        tell("the compensator's network is left aside: only the physics is compared")
     if opened.table.rows > LONG:
         opened = replace(opened, problem=take(opened.problem, sample_stretches(opened.problem)))
         rows = opened.problem.table.rows
-        tell(f"compared are {rows} rows of {opened.table.rows}, in stretches of travel that are spread over the run")
+        tell(f"comparing {rows} of {opened.table.rows} rows, in stretches of travel spread over the run")
     result = compare_run(opened.model, opened.problem, noise=opened.noise_or_none(tell), progress=progress)
     if result.without_values:
         tell(f"not fitted yet, so left out: {', '.join(result.without_values)}; `ptt fit` fits them")

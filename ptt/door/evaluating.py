@@ -36,13 +36,13 @@ SHIFTING = ("tracker-frame", "tracker-scale")  # effects that shift all readings
 USAGE = "evaluate(before, after) or evaluate(model, run)"
 SHOWN_ROWS = 5
 NO_SEAT = (
-    "without --model nobody tells whether the reflector sits at the arm's tool point: where it does not, its turning "
+    "without --model it is not known whether the reflector sits at the arm's tool point; if it does not, its rotation "
     "with the tool counts as error before and after"
 )
 WORSE = 1.5  # times the error before from which a compensation did harm, or the runs stand the wrong way round
 HELD_OUT = ("blocks", "random")
 UNALIGNED = (
-    "without frame alignment (readings as they come: where the tracker was set up anew, its place counts as error):"
+    "without frame alignment (readings as measured: if the tracker was set up anew, its position counts as error):"
 )
 
 
@@ -127,7 +127,7 @@ def evaluate(
     """
     require_word(frame, get_args(Frame), "frame")
     require_word(z_datum, get_args(Datum), "z_datum")
-    goals = _goals(goal)
+    goals = read_goals(goal)
     if _is_model(first):
         if frame is not None:
             raise InputError("frame is for two runs", where="frame", fix="the machine file's policy counts here")
@@ -208,15 +208,28 @@ def _rows_of(given: RowsLike, model: Model | None) -> Table:
     return run_rows(given, model, ReadOptions(json=True))
 
 
-def _goals(goal: float | tuple[float, float, float] | None) -> dict[str, float] | None:
+def read_goals(goal: float | Iterable[float] | None, where: str = "goal") -> dict[str, float] | None:
+    """Goals by axis.
+
+    Args:
+        goal: percent by which the error should fall, one for each axis, or one for all; None for none.
+        where: what it is called, for messages.
+
+    Returns:
+        Percent by axis; None for none.
+
+    Raises:
+        InputError: not numbers, or another count of them.
+    """
     if goal is None:
         return None
-    values = tuple(goal) if isinstance(goal, Iterable) else (goal,) * 3
-    if not all(isinstance(value, Real) and math.isfinite(value) for value in values):
-        raise InputError(f"{values} are no goals", where="goal", fix="give finite figures, in percent")
-    if len(values) != 3:
-        raise InputError(f"{len(values)} goals", where="goal", fix="give one for each axis, or one for all")
-    return dict(zip("xyz", map(float, values), strict=True))
+    values = tuple(goal) if isinstance(goal, Iterable) else (goal,)
+    for value in values:
+        if not isinstance(value, Real) or not math.isfinite(value):
+            raise InputError(f"{value!r} is not a finite number", where=where, fix="give percent, as 90,90,80")
+    if len(values) not in (1, 3):
+        raise InputError(f"{len(values)} goals", where=where, fix="give one for each axis, or one for all")
+    return dict(zip("xyz", map(float, values * (3 // len(values))), strict=True))
 
 
 def _short(result: Evaluation) -> dict[str, Any]:
@@ -229,7 +242,7 @@ def _few_matched(data: dict[str, Any]) -> str:
     matched = data["protocol"]["rows"]
     rows = {side: matched + len(left) for side, left in data["unmatched"].items()}
     few = [f"{count} rows of {side.upper()}" for side, count in rows.items() if 2 * matched < count]
-    return f"only {matched} of {' and of '.join(few)} count, the others have no counterpart" if few else ""
+    return f"only {matched} of {' and of '.join(few)} count; the others have no counterpart" if few else ""
 
 
 def _interchanged(data: dict[str, Any]) -> str:
@@ -237,7 +250,7 @@ def _interchanged(data: dict[str, Any]) -> str:
     before, after = (data["length"][f"{side}_um"] for side in ("before", "after"))
     if after < WORSE * before:
         return ""
-    return f"AFTER is worse than BEFORE, {after:.1f} um and not {before:.1f}: are the two interchanged?"
+    return f"AFTER is worse than BEFORE, {after:.1f} um against {before:.1f}: are the two interchanged?"
 
 
 def _gross(before: Table, after: Table, result: Evaluation) -> list[str]:
@@ -260,8 +273,8 @@ def _frame_known_false(model: Model | None, frame: Frame | None) -> str:
     if model is None or (frame or model.file.tracker.frame) != "trusted":
         return ""
     off = [name for name in SHIFTING if name in model.effects]
-    told = f"the model says that the trusted frame is off ({' and '.join(off)}): readings are taken as they are, and no"
-    return f"{told} command can take that away; register the tracker anew, or give --frame fitted" if off else ""
+    told = f"the model says that the trusted frame is off ({' and '.join(off)}), which no command can correct: readings"
+    return f"{told} are taken as they are; register the tracker anew, or give --frame fitted" if off else ""
 
 
 def _text(data: dict[str, Any], judged: bool) -> str:

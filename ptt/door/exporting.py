@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 LEAST_STEP = 1e-6  # mm or rad: no controller resolves less
 USAGE = "export(model, format, out)"
 FREE = (
-    "the model was fitted beside the tracker's frame: what all places have in common, a shift and a turn of the whole, "
-    "no reading told, so that the machine may stay that far off in its base frame"
+    "the model was fitted together with the tracker's frame, so no reading shows a shift or turn common to all "
+    "positions: the machine may stay off by that much in its base frame"
 )
 
 
@@ -163,7 +163,7 @@ def _text(data: dict[str, Any]) -> str:
     lines.append(f"  holds: {said_held(data['holds'], cannot, left, network=data['network'])}")
     lines += [f"  cannot hold {item['effect']}: {item['why']}" for item in data["cannot_hold"]]
     lines.append(
-        f"  over the workspace the machine would miss by {left.drawing:.1f} um rms with commands of the drawing, "
+        f"  over the workspace the machine would miss by {left.drawing:.1f} um rms with the drawing's commands, "
         f"{left.format:.1f} um with this file, {left.model:.1f} um with the whole model"
     )
     return "\n".join(lines + [f"  {line}" for line in data["notes"]])

@@ -42,7 +42,7 @@ def require_number(given: object, least: float, where: str, *, whole: bool = Fal
     if given is None:
         return
     if isinstance(given, bool) or not isinstance(given, Integral if whole else Real):
-        raise InputError(f"{shown(repr(given))} is no {'whole ' if whole else ''}number", where=where, fix=fix)
+        raise InputError(f"{shown(repr(given))} is not a {'whole ' if whole else ''}number", where=where, fix=fix)
     value = float(given)
     if unlimited and value == math.inf:
         return
@@ -63,6 +63,6 @@ def require_finite(value: float, where: str) -> None:
         InputError: it is such a one.
     """
     if not math.isfinite(value):
-        raise InputError(f"{value} is no finite number", where=where, fix="give a number")
+        raise InputError(f"{value} is not a finite number", where=where, fix="give a number")
     if abs(value) > GREATEST:
         raise InputError(f"{value:g} is beyond any machine", where=where, fix="correct it")

@@ -99,7 +99,7 @@ class Model(InNotebook):
         if isinstance(effect, type) and issubclass(effect, Effect):
             return effect()
         if not isinstance(effect, str):
-            what = f"{effect!r} is no effect"
+            what = f"{effect!r} is not an effect"
             raise ModelError(what, fix="give a name, as 'backlash', or an effect, as ptt.effects.Backlash()")
         return make_effect(self.library, *parse_key(effect))
 

@@ -82,7 +82,7 @@ def recheck(
     progress: Progress = unwatched,
     note: Note = unheard,
 ) -> Rechecked:
-    """Hold a new run against a solved model: the same, what has changed, or what is new.
+    """Compare a new run with a solved model: is the machine the same, what has changed, what is new?
 
     Args:
         model: solved; a network is left aside.
@@ -103,6 +103,6 @@ def recheck(
     tell = Heard(note)
     opened = meet(machine, rows, anyway=anyway, note=tell)
     if opened.compensator.network is not None:
-        tell("the compensator's network is left aside: the physics alone is held against the run")
+        tell("the compensator's network is left aside: only the physics is compared with the run")
     result = hold_against(opened.model, opened.problem, opened.library, progress=lambda what: progress(what, 0, 0))
     return Rechecked(result, opened, tuple(tell.lines))

@@ -69,7 +69,7 @@ def _text(data: dict[str, Any]) -> str:
 
 
 _WORDS = {
-    "fair": "fair: on this run nobody could tell it from what is hidden",
+    "fair": "fair: this run cannot tell it from what is hidden",
     "partial": "helps, but is not what is hidden",
     "wrong": "WRONG, nothing of the kind is hidden",
 }
@@ -82,7 +82,7 @@ def _hidden(item: dict[str, Any], noise: float) -> list[str]:
     elif item["is"] == "explained":
         status += " by the other effects of the model"
     size = item["size_um"]
-    lines = [f"  {item['effect']}: {status}; by itself it makes {size:.1f} um, {size / noise:.1f} x noise"]
+    lines = [f"  {item['effect']}: {status}; alone it causes {size:.1f} um, {size / noise:.1f} x noise"]
     lines.append(f"    truth  {', '.join(f'{key} = {_short(value)}' for key, value in item['truth'].items())}")
     if item["model"]:
         lines.append(f"    model  {', '.join(_parameter(one) for one in item['model'])}")

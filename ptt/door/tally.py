@@ -95,14 +95,14 @@ class Tally:
             why = [] if self.approached == self.status[UNCERTAIN] else [self._why_unsure()]
             if self.approached:
                 many = f" for {self.approached} of them" if why else ""
-                way = "state it in columns dir1.. there, or begin with a longer way; keep rows where joints turn"
-                what = "from which side the joints come to the first row, or how far past others where dir1.. has it,"
-                why.append(f"{what} matters{many} and is not said: {way}")
+                way = "state it in columns dir1.. there, or begin with a longer approach; keep rows where joints turn"
+                what = "the side from which joints come to the first row, or how far past others where dir1.. has it,"
+                why.append(f"{what} matters{many} and is not stated: {way}")
             lines.append(f"{source}: {unsure}: sent, but {'; '.join(why)}")
         if self.missed > ROUNDING:
             lines.append(
-                f"{source}: commands miss by up to {1e3 * self.missed:.0f} um as the model has it: some moves after a"
-                " reversal are shorter than what changes over there, or no joint moves the tool that way, and no"
+                f"{source}: by the model, commands miss by up to {1e3 * self.missed:.0f} um: some moves after a"
+                " reversal are shorter than what changes over there, or no joint moves the tool that way, so that no"
                 " command brings it to their end"
             )
         outside = self.rows - self.in_domain
@@ -115,11 +115,11 @@ class Tally:
             self.status[UNCERTAIN] == self.sent and not self.approached and self.missed <= ROUNDING
         ):  # of a model that helped not all are so
             return (
-                "no command is sure: the model predicts held-out readings no better than the drawing does, or its "
-                "values are less sure than its held-out error says"
+                "no command is certain: the model predicts held-out readings no better than the drawing does, or its"
+                " values are less certain than its held-out error says"
             )
-        less = "the fit leaves more open there than its held-out error says; measure near them and as soon after turns"
-        return less if self.missed <= ROUNDING else "less sure there than the held-out error says"
+        less = "less certain there than the held-out error says"
+        return f"{less}; measure near them and as soon after reversals" if self.missed <= ROUNDING else less
 
     def _told(self, status: str) -> str:
         count, lines = self.status[status], self.first[status]

@@ -90,7 +90,7 @@ def check_parameters(effect: Effect, kind: str) -> str:
         return "fine detail is declared before other amplitudes"
     nameless = [phrase.stem for phrase in effect.phrases if phrase.stem not in {p.stem for p in effect.parameters}]
     if nameless:
-        return f"a phrase says '{nameless[0]}', which is no parameter"
+        return f"a phrase says '{nameless[0]}', which is not a parameter"
     strange = [name for name in effect.requires if name not in CONTEXTS]
     return f"requires '{strange[0]}', which is none of {', '.join(CONTEXTS)}" if strange else ""
 

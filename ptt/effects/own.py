@@ -127,7 +127,7 @@ def _check_words(cls: type[Effect], where: str) -> None:
     if not isinstance(cls.name, str) or not NAME.fullmatch(cls.name):
         if not cls.name:
             refuse("has no name", 'write name = "my-effect" in it')
-        refuse(f"name {shown(cls.name)} is no name for an effect", 'write name = "my-effect", at most 60 letters')
+        refuse(f"name {shown(cls.name)} is not a name for an effect", 'write name = "my-effect", at most 60 letters')
     if cls.stage not in STAGES:
         refuse(f"stage '{shown(cls.stage)}' of {cls.name} is not known", f"use one of {', '.join(STAGES)}")
     for key, allowed in (("mechanisms", KINDS), ("requires", tuple(CONTEXTS))):
@@ -177,7 +177,7 @@ def _guard_methods(cls: type[Effect], where: str) -> None:
     for name in METHODS:
         own = cls.__dict__.get(name)
         if own is not None and not callable(own):
-            raise InputError(f"{name} of {cls.name} is no function", where=where, fix=f"write def {name}(self, ...)")
+            raise InputError(f"{name} of {cls.name} is not a function", where=where, fix=f"write def {name}(self, ...)")
         if inspect.iscoroutinefunction(own):
             raise InputError(f"{name} of {cls.name} is async", where=where, fix=f"write def {name}(self, ...)")
         if own is not None:

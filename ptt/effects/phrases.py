@@ -181,7 +181,7 @@ def compose(parts: Sequence[Said], noun: str) -> str:
     if sure:
         return f"{words}{few}"
     # Several values may be sure together though no single one is, and that is no word on whether they are.
-    within = "none of these is beyond chance by itself" if len(parts) > 1 else "no more than chance would make it"
+    within = "none of these alone is beyond chance" if len(parts) > 1 else "no more than chance"
     if np.isnan(shown[0].error):
         return f"{words}, {within}"
     return f"{words}, give or take {sizes_in_words([replace(shown[0], size=shown[0].error)])} ({within})"

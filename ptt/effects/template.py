@@ -69,7 +69,7 @@ def free_name(name: str) -> None:
         InputError: it is taken, or is not of lower case words joined by hyphens.
     """
     if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
-        raise InputError(f"'{name}' is no name for an effect", fix="use lower case words and hyphens, as cable-drag")
+        raise InputError(f"'{name}' is not a name for an effect", fix="use lower case words and hyphens, as cable-drag")
     if name in library() or name in RESERVED:
         raise InputError(f"the name '{name}' is taken", fix="give it another name")
 

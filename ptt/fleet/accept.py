@@ -48,7 +48,7 @@ class Accepted(Record):
         """Two or three lines."""
         day, name = self.date[:10], shown(self.machine)
         if not self.new:
-            return f"{name}: the model of {day} ({shown(self.file)}) is the machine's from that day on already"
+            return f"{name}: the model of {day} ({shown(self.file)}) is already the machine's from that day on"
         lines = [f"{name}: the model fitted to the run of {day} ({shown(self.file)}) is the machine's from that day on"]
         if self.error_um["before"] is not None:
             lines.append(
@@ -57,7 +57,7 @@ class Accepted(Record):
             )
         if self.waiting:
             lines.append(
-                f"{self.waiting} later run{'s' if self.waiting > 1 else ''} to be held against it: ptt fleet run"
+                f"{self.waiting} later run{'s' if self.waiting > 1 else ''} to be rechecked against it: ptt fleet run"
             )
         return "\n".join(lines)
 
@@ -81,7 +81,7 @@ def accept(
         What was accepted.
 
     Raises:
-        InputError: no such machine or run, the run was not worked on yet, or another process works on the machine.
+        InputError: no such machine or run, the run has not been processed yet, or another process works on the machine.
         PosesError: the run cannot be used, or nothing was ever fitted to the machine.
     """
     run = _chosen(store, machine, which)
@@ -136,7 +136,7 @@ def _chosen(store: Store, machine: str, which: str | None) -> dict[str, Any]:
     run = which_run(store, machine, which)
     if run["verdict"] is None:
         raise InputError(
-            f"{shown(run['file'])} was not worked on yet", fix="`ptt fleet run` first, or name another run"
+            f"{shown(run['file'])} has not been processed yet", fix="`ptt fleet run` first, or name another run"
         )
     if run["verdict"] in ("setup", "failed"):
         raise PosesError(f"{shown(run['file'])} cannot be used ({run['verdict']}); name another run")

@@ -83,12 +83,12 @@ def _drift(movement: Movement, moves: Moves, names: Names, days: np.ndarray) -> 
     size, std = (value * MONTH * usual for value in (movement.size, movement.std))
     way, end, when = ("grows" if movement.size * now > 0 else "shrinks"), "", None
     if abs(now) >= 1.0 and movement.size * now > 0:
-        end = f", beyond its usual size of {amount(usual, names.units[place])} already"
+        end = f", already beyond its usual size of {amount(usual, names.units[place])}"
     elif movement.size * now < 0:
         end = ", toward zero"
     else:
         when = day_at(days[-1] + left).isoformat()
-        end = f", and passes its usual size of {amount(usual, names.units[place])} about {when}"
+        end = f", and will pass its usual size of {amount(usual, names.units[place])} about {when}"
     pace = amount(abs(size), names.units[place], std)
     words = f"{names.labels[place]} {way} by {pace} a month, {amount(now * usual, names.units[place])} now{end}"
     return _alarm(names, place, "drift", words, size, std, when)
@@ -136,8 +136,8 @@ def unlike(values: Mapping[str, tuple[float, float]], compared: int = 1) -> dict
 def unlike_alarm(effect: str, parameter: str, label: str, unit: str, value: float, middle: float, far: float) -> Alarm:
     """A machine unlike its sisters, in words."""
     words = (
-        f"{label} is {amount(value, unit)}, {abs(far):.1f} robust standard deviations from its sisters' median of "
-        f"{amount(middle, unit)}"
+        f"{label} is {amount(value, unit)}, {abs(far):.1f} robust standard deviations from its sister machines' median "
+        f"of {amount(middle, unit)}"
     )
     return Alarm(effect, parameter, "unlike", words, value, None, unit)
 

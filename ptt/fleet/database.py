@@ -156,5 +156,5 @@ def _kept(values: Iterable[Any]) -> list[Any]:
         try:
             text.encode()
         except UnicodeEncodeError:
-            raise InputError(f"{shown(repr(text))} is no UTF-8", fix="write or rename it in plain letters") from None
+            raise InputError(f"{shown(repr(text))} is not UTF-8", fix="write or rename it in plain letters") from None
     return found

@@ -85,7 +85,7 @@ class LogFit:
             name = f"{one['effect']} {one['parameter']}"
             lines.append(f"{name:<44}  {one['value']:>12.6g}  {one['std']:>9.2g}")
         noise = f"{told['noise_um']['total']:.2f} ({told['noise_um']['source']})"
-        lines += ["", f"error in um: {before:.2f} with the model as it was, {after:.2f} now; noise {noise}"]
+        lines += ["", f"error in um: {before:.2f} with the old model, {after:.2f} now; noise {noise}"]
         passes = f"{self.rows} rows in {self.passes} passes, {len(self.gross)} left out as gross errors"
         return "\n".join([*lines, f"{passes}; {self.fitted.status}"])
 

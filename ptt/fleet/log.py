@@ -183,7 +183,7 @@ def _require_one_run(problem: Problem, path: Path) -> None:
     what = "base reflectors" if base else "an arm's own mount" if mounts else "several runs" if runs else ""
     if what:
         fix = "read it whole (ptt fit), or cut it into one log for each run"
-        raise InputError(f"has {what}, which is not fitted part by part", where=str(path), fix=fix)
+        raise InputError(f"has {what}, which cannot be fitted in parts", where=str(path), fix=fix)
 
 
 def read_log(path: Path, which: str) -> Table:

@@ -123,7 +123,7 @@ class Overview(InNotebook, Record):
         waiting = sum(machine.waiting for machine in self.machines)
         told = [f"{shown(machine.machine)}: {alarm.words}" for machine in self.machines for alarm in machine.alarms]
         lines += ["", *told] if told else []
-        lines += ["", f"{waiting} runs wait: ptt fleet run"] if waiting else []
+        lines += ["", f"{waiting} runs waiting: ptt fleet run"] if waiting else []
         return "\n".join(lines)
 
 

@@ -18,7 +18,7 @@ SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count,
 FROM runs LEFT JOIN outcomes USING (run) LEFT JOIN fits USING (run) LEFT JOIN rechecks USING (run)
     LEFT JOIN (SELECT run, toml FROM models WHERE made = 'accepted') accepted USING (run)
 ORDER BY runs.machine, runs.date, runs.place"""
-HEADS = {"new": "something that the model does not know", "setup": "the set-up is mistaken", "failed": "not usable"}
+HEADS = {"new": "something that the model does not have", "setup": "a mistake in the set-up", "failed": "not usable"}
 ONCE = ("jump", "new")
 WHATS = {"new": "new physics", "setup": "set-up", "failed": "run"}
 
@@ -126,7 +126,7 @@ def _came(run: Past) -> Alarm:
     day, names = run.date.date().isoformat(), listed(list(run.added))
     error = ""
     if run.error_um is not None and run.expected_um is not None:
-        error = f": the error was {run.error_um:.1f} um, where {run.expected_um:.1f} um was to be expected"
+        error = f": the error was {run.error_um:.1f} um, where {run.expected_um:.1f} um was expected"
     return Alarm(run.added[0], "", "new", f"{names} {_is(run)} new in the run of {day}{error}", when=day)
 
 

@@ -68,7 +68,7 @@ def alone_with(store: Store, machine: str, then: str) -> Iterator[None]:
         with transaction(store.file) as connection:
             taken = _take(store, connection, name, machine)
         if not taken:
-            what = f"another `ptt fleet run` works on '{shown(machine)}'"
+            what = f"another `ptt fleet run` is working on '{shown(machine)}'"
             raise InputError(what, where=str(store.folder), fix=then)
         try:
             yield

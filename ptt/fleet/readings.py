@@ -52,7 +52,7 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
         try:
             columns = connection.execute("SELECT * FROM read_parquet(?)", [str(path)]).fetchnumpy()
         except package.Error as error:
-            what = "readings of the store are damaged" if path.exists() else "readings of the store are gone"
+            what = "readings of the store are damaged" if path.exists() else "readings of the store are missing"
             raise InputError(what, where=str(path), fix="put the file back from a copy of the store") from error
     return {name: each for name, each in plain_columns(columns).items() if name not in ("machine", "run_sha256")}
 

@@ -30,8 +30,8 @@ class Removed(Record):
 
     def __str__(self) -> str:
         """A line or two."""
-        line = f"{shown(self.machine)}: the run of {self.date[:10]} ({shown(self.file)}) is taken out"
-        again = f"{self.waiting} run{'s' if self.waiting > 1 else ''} held against its model to be worked on once more"
+        line = f"{shown(self.machine)}: the run of {self.date[:10]} ({shown(self.file)}) is removed"
+        again = f"{self.waiting} run{'s' if self.waiting > 1 else ''} rechecked against its model to be processed again"
         return f"{line}\n{again}: ptt fleet run" if self.waiting else line
 
 

@@ -43,11 +43,11 @@ class Done(Record):
     def __str__(self) -> str:
         """One or two lines."""
         told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(self.verdicts.items()))
-        lines = [f"{self.runs} run{'s' if self.runs != 1 else ''} worked on: {told}" if self.runs else "nothing new"]
+        lines = [f"{self.runs} run{'s' if self.runs != 1 else ''} processed: {told}" if self.runs else "nothing new"]
         if self.elsewhere:
-            lines.append(f"{self.elsewhere} more wait for another `ptt fleet run` that works on their machines")
+            lines.append(f"{self.elsewhere} more are left to another `ptt fleet run` that is working on their machines")
         if self.lost:
-            lines.append(f"{len(self.lost)} runs did not come back and wait: {', '.join(self.lost)}")
+            lines.append(f"{len(self.lost)} runs did not come back and are still waiting: {', '.join(self.lost)}")
         return "\n".join(lines)
 
 

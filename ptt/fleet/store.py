@@ -80,7 +80,7 @@ def create_store(folder: str | Path) -> Store:
     store, place = Store(Path(folder)), Path(folder)
     duckdb()
     if store.file.exists():
-        raise InputError("is a fleet's store already", where=str(folder), fix="go on with it, or name another folder")
+        raise InputError("is already a fleet's store", where=str(folder), fix="use it, or name another folder")
     if place.is_dir():
         sweep(store.file)  # of one that was broken off
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
@@ -139,9 +139,9 @@ def drawing_of(store: Store, machine: str, model: Path | None) -> MachineFile:
         raise InputError("the machine has no name", fix="give it one, such as 'mill 3'")
     known, given = machine_of(store, machine), None if model is None else load_machine(model)
     if known is None and given is None:
-        raise InputError(f"no machine '{shown(machine)}' yet", where=str(store.folder), fix="say --model M.toml once")
+        raise InputError(f"no machine '{shown(machine)}' yet", where=str(store.folder), fix="give --model M.toml once")
     if known is not None and given is not None and (known.machine, known.effect) != (given.machine, given.effect):
-        what = f"is not the drawing that is kept of '{shown(machine)}'"
+        what = f"differs from the stored drawing of '{shown(machine)}'"
         raise InputError(what, where=str(model), fix="leave --model out, or add the run under another name")
     found = known or given
     assert found is not None
@@ -238,7 +238,7 @@ def is_there(store: Store, machine: str, run: str, path: Path) -> bool:
     known = store.ask("SELECT machine FROM runs WHERE run = ?", run)
     if known and known[0]["machine"] != machine:
         owner = shown(known[0]["machine"])
-        raise InputError(f"is a run of '{owner}' already", where=str(path), fix="name that machine, or the right file")
+        raise InputError(f"is already a run of '{owner}'", where=str(path), fix="name that machine, or the right file")
     return bool(known)
 
 

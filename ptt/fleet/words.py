@@ -23,7 +23,7 @@ def machine_in_words(machine: Standing) -> str:
         lines.append(f"{past.date.date().isoformat()}  {past.verdict or 'waiting':<16}  {figures}  {shown(past.file)}")
         if past.accepted:
             error = "" if past.left_um is None else f"{past.left_um:.1f}"
-            lines.append(f"{'':<10}  {'accepted':<16}  {error:>8}  {'':>8}  its model holds from here on")
+            lines.append(f"{'':<10}  {'accepted':<16}  {error:>8}  {'':>8}  its model is used from here on")
     if machine.moves is not None:
         lines += ["", f"{'value':<44}  {'first':>16}  {'last':>16}"]
         plain = [place for place, label in enumerate(machine.names.labels) if "." not in label.rpartition(" ")[2]]
@@ -39,7 +39,7 @@ def machine_in_words(machine: Standing) -> str:
             ]
             lines.append(f"{label:<44}  {ends[0]:>16}  {ends[1]:>16}")
         if left := len(machine.names.labels) - len(plain):
-            lines.append(f"and {left} values of curves: --json has them")
+            lines.append(f"and {left} values of curves (in --json)")
     if machine.alarms:
         lines += ["", *(f"{alarm.words}" for alarm in machine.alarms)]
     last = machine.last

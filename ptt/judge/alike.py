@@ -44,8 +44,8 @@ def _frames(before: Table, after: Table) -> tuple[str, ...]:
         if own < APART * whole:
             return (
                 f"one tracker frame for all {table.run.max() + 1} runs of {side} leaves {whole:.1f} um, one for each "
-                f"{own:.1f} um; was the tracker set up anew for each run? Then say so: --frame fitted-per-run, or "
-                "--model M of a machine file that does",
+                f"{own:.1f} um; was the tracker set up anew for each run? Then give --frame fitted-per-run, or "
+                "--model M of a machine file that says so",
             )
     return ()
 
@@ -65,7 +65,7 @@ def _visits(before: Table, after: Table, result: Evaluation) -> tuple[str, ...]:
         if seen.sum() >= 2 * len(matched):
             words.append(
                 f"{side} measures the same poses {seen.sum() / len(matched):.3g} times as often as the other run: "
-                "visits are paired in their order, and the rest does not count"
+                "visits are paired in order, and the rest do not count"
             )
     return tuple(words)
 

@@ -152,7 +152,9 @@ def format_pair(pair: BeforeAfter) -> str:
     rows.append(f"{'less by':<24}" + "".join(f"{value:>9}" for value in told))
     rows += [f"{zone['where']:<24}{zone['before_um']:>9.1f} -> {zone['after_um']:.1f}" for zone in data["where"]]
     if data["shared_poses"]:
-        share = f"{data['nearer_share']:.0%} of {data['shared_poses']} poses measured in both come nearer"
+        share = (
+            f"{data['nearer_share']:.0%} of {data['shared_poses']} poses measured in both are nearer to their targets"
+        )
         rows.append(f"{share}; rows without a counterpart: {pair.unmatched[0]} before, {pair.unmatched[1]} after")
     else:
         rows.append("no pose was measured in both: totals and parts of the workspace are compared")

@@ -231,7 +231,7 @@ def _require_poses(before: Table, after: Table, poses: int, policy: str) -> None
     """Refuse a comparison at fewer poses than a frame that the readings tell would take up."""
     if policy in ("fitted", "fitted-per-run") and poses < LEAST_ROWS:
         what = f"only {poses} pose{'' if poses == 1 else 's'} in common with {before.source}"
-        fix = f"run both on the same targets: a fitted frame takes {LEAST_ROWS} poses; or give --frame trusted"
+        fix = f"run both on the same targets: a fitted frame needs {LEAST_ROWS} poses; or give --frame trusted"
         raise TableError(what, where=after.source, fix=fix)
 
 
@@ -244,7 +244,7 @@ def _align(
     table: Table, file: MachineFile | None, target: np.ndarray, pose: np.ndarray, policy: str
 ) -> tuple[np.ndarray, str]:
     if policy == "measured" and file is None:
-        raise TableError("no machine file tells the base reflectors", where="--frame measured", fix="add --model")
+        raise TableError("no machine file states the base reflectors", where="--frame measured", fix="add --model")
     free = policy in ("fitted", "fitted-per-run")
     frame = table.run if policy == "fitted-per-run" else np.zeros(table.rows, dtype=int)
     for index in np.unique(frame[pose]) if free else ():
@@ -253,7 +253,7 @@ def _align(
             raise TooFewError("too few poses to find the tracker's frame", where=table.source, fix=fix)
     reading = build_problem(file, table).measured if policy == "measured" and file else table.measured
     seats = seats_of(table, file, target, reading, pose, frame, free=free)
-    beside = "" if seats is None else ", the reflector's seat on the tool taken off"
+    beside = "" if seats is None else ", the reflector's seat on the tool subtracted"
     seat = np.zeros_like(target) if seats is None else seats
     if not free:
         own = "trusted: none" if policy == "trusted" else "measured: base reflectors"

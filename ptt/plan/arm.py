@@ -113,7 +113,7 @@ def _columns(model: Model, table: Table, known: Library, sigma: float) -> tuple[
     parts.append(nuisance)
     whole = np.concatenate(parts, axis=-1)
     if not whole.shape[-1]:
-        raise InputError("nothing to tell", where="[machine]", fix="name a machine with free parameters")
+        raise InputError("nothing to determine", where="[machine]", fix="name a machine with free parameters")
     return whole, whole.shape[-1] - nuisance.shape[-1] + terms
 
 

@@ -45,8 +45,9 @@ class Elsewhere(Record):
         if not self.workspace > FAR * max(error_um, self.run):
             return ""
         return (
-            "Elsewhere these readings tell less: in half of the workspace the machine would miss by "
-            f"{self.workspace:.0f} um or more. Measure where it works; `ptt predict` says sigma_um of each target."
+            "Outside the measured region the model is less certain: over half of the workspace the expected error is "
+            f"{self.workspace:.0f} um or more. Measure where the machine works; `ptt predict` gives sigma_um per "
+            "target."
         )
 
 

@@ -200,7 +200,7 @@ def _numbered(visits: list[Visit]) -> list[Visit]:
 def _lost(effects: tuple[Foresight, ...]) -> str:
     """What the model has and the plan would not measure again."""
     lost = [f"{effect.effect} needs {effect.needs}" for effect in effects if effect.in_model and effect.needs]
-    return f" Of what the model has, this run would not tell: {'; '.join(lost)}." if lost else ""
+    return f" Effects of the model that this run could not determine: {'; '.join(lost)}." if lost else ""
 
 
 def _words(table: Table, freedom: int, rising: np.ndarray, datums: int, levels: tuple[float, ...]) -> str:
@@ -210,11 +210,11 @@ def _words(table: Table, freedom: int, rising: np.ndarray, datums: int, levels: 
         f"{table.rows - base} poses in random order, {datums} datum visits among them; "
         f"joints arrive upwards in {shares}.",
         f"Repeats leave {freedom} degrees of freedom for the noise floor"
-        + ("." if freedom >= ENOUGH else f", fewer than the {ENOUGH} it takes: plan more rows."),
+        + ("." if freedom >= ENOUGH else f", fewer than the {ENOUGH} needed: plan more rows."),
     ]
     if len(levels) > 1:
         loads = ", ".join(f"{level:g}" for level in levels)
-        lines.append(f"Loads of {loads} kg one after the other, and a datum under the first again at the end.")
+        lines.append(f"Loads of {loads} kg in turn, and a datum under the first again at the end.")
     if base:
         lines.append("Base reflectors are read before and after.")
     return " ".join(lines)

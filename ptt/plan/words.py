@@ -30,7 +30,7 @@ def say_separation(
         Sentences.
     """
     under = _under(conditions)
-    yield f"Drive {len(places)} rows{_where(places, problem)}, each pose from both sides of every joint{under}."
+    yield f"Measure {len(places)} rows{_where(places, problem)}, each pose from both sides of every joint{under}."
     for pick, rival, before, after in parted:
         short = "" if after >= goal else f"; {goal:g} sigma would need more rows"
         yield f"The separation of {pick} from {rival} rises from {before:.1f} to {after:.1f} sigma{short}."
@@ -47,7 +47,7 @@ def say_ambiguity(pick: str, rival: str, instrument: str) -> str:
     Returns:
         A sentence.
     """
-    return f"No pose tells {pick} from {rival}: the tracker sees the same either way. What would: {instrument}."
+    return f"No pose tells {pick} from {rival}: the tracker sees the same either way. Use instead: {instrument}."
 
 
 def _where(places: np.ndarray, problem: Problem) -> str:
@@ -58,7 +58,7 @@ def _where(places: np.ndarray, problem: Problem) -> str:
     tall, flat = np.ptp(places[:, 2]), np.ptp(old[:, 2])
     words = []
     if out > FARTHER * was:
-        words.append(f"far out in x and y (to {out:.0f} mm, where the run went to {was:.0f})")
+        words.append(f"further out in x and y (to {out:.0f} mm, where the run went to {was:.0f})")
     if tall > FARTHER * max(flat, 1.0):
         words.append(f"over {tall:.0f} mm of height, where the run had {flat:.0f}")
     return f" {', and '.join(words)}" if words else " over the same volume"
@@ -67,10 +67,10 @@ def _where(places: np.ndarray, problem: Problem) -> str:
 def _under(conditions: Conditions) -> str:
     parts = []
     if len(conditions.payloads) > 1:
-        parts.append(f"under payloads as in the column payload_kg ({_listed(conditions.payloads)} kg)")
+        parts.append(f"with the payloads of the column payload_kg ({_listed(conditions.payloads)} kg)")
     if len(conditions.temps) > 1:
         low, high = conditions.temps
-        parts.append(f"with the machine once at {low:g} and once at {high:g} C, as in the column temp_c")
+        parts.append(f"with the machine once at {low:g} C and once at {high:g} C, as in the column temp_c")
     if len(conditions.feeds) > 1:
         parts.append(f"read while moving at {_listed(conditions.feeds)} mm/s")
     return ", " + ", ".join(parts) if parts else ""

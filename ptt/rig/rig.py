@@ -243,7 +243,7 @@ def _check_odd(rig: Rig) -> None:
     for number, fault in enumerate(rig.odd, 1):
         place = f"{rig.source} key odd[{number}]"
         if isinstance(fault, OfArm) == (rig.serial is None):
-            what = f"'{fault.kind}' is no fault of a machine of kind {rig.machine.machine.kind!r}"
+            what = f"'{fault.kind}' is not a fault of a machine of kind {rig.machine.machine.kind!r}"
             raise InputError(what, where=place, fix="remove it")
         for key in ("joint", "other"):
             if (getattr(fault, key, None) or 0) > joints > 0:

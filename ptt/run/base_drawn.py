@@ -40,11 +40,11 @@ def misplaced(
             exchanged.append((names[one], names[other]))
     if len(exchanged) == 1:
         return (
-            f"base reflectors '{exchanged[0][0]}' and '{exchanged[0][1]}' were read under each other's name: as they "
-            f"are, the base does not fit by {off.max():.1f} mm"
+            f"base reflectors '{exchanged[0][0]}' and '{exchanged[0][1]}' were read under each other's name: as "
+            f"named, the base is off by {off.max():.1f} mm"
         )
     each = ", ".join(f"'{names[index]}' by {off[index]:.1f} mm" for index in np.argsort(-off)[:SHOWN_REFLECTORS])
-    return f"base reflectors do not lie to each other as the machine file has them, best laid on them {each}"
+    return f"base reflectors are not arranged as in the machine file; after the best fit they are off: {each}"
 
 
 def _rounds(visits: Mapping[str, np.ndarray], rows: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -135,7 +135,7 @@ def refuse_untrue(table: Table, view: View, stated_in: Sequence[RunFrame], used:
         apart, beside = (np.median(np.linalg.norm(read - to, axis=1)) for to in (place, table.target[here]))
         if beside < LIMIT < apart:
             raise TableError(
-                f'frame = "trusted", but the readings are in the frame of the targets, {apart:.0f} mm from the base\'s',
+                f'frame = "trusted", but the readings are in the frame of the targets, {apart:.0f} mm from the base',
                 where=table.source,
                 fix='set frame = "fitted" under [tracker] in the machine file',
             )
@@ -273,9 +273,9 @@ def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> lis
         label = str(table.run_label[run])
         which = label if label.startswith("run") else f"run {label}"
         raise TooFewError(
-            f'frame = "measured" but {which} reads only {len(seen)} base reflectors',
+            f'frame = "measured" but {which} has readings of only {len(seen)} base reflectors',
             where=table.source,
-            fix='add rows with role = "base"; give runs between which the tracker was not moved one number in the '
-            'column run; or set frame = "fitted" in the machine file',
+            fix='add rows with role = "base"; give runs the same number in the column run if the tracker was not moved '
+            'between them; or set frame = "fitted" in the machine file',
         )
     return seen

@@ -47,7 +47,7 @@ def fill_between(table: Table) -> tuple[Table, list[str]]:
             continue
         filled = _between(values, along, table.run)
         count = int(((table.role != "base") & np.isnan(values) & ~np.isnan(filled)).sum())
-        lines += [f"{name} is empty in {_rows(count)}: taken between the values beside, {how}"] if count else []
+        lines += [f"{name} is empty in {_rows(count)}: interpolated, {how}"] if count else []
         table = table.replace(**{name: filled})
         if name == "time_s" and np.isfinite(filled).all():
             along, how = filled, "by the clock"
@@ -81,7 +81,7 @@ def _as_before(table: Table, name: str, values: np.ndarray) -> tuple[Table, list
     where = f"{name} is empty in {_rows(int(blank.sum()))} with a reading"
     if np.ptp(values[known]) == 0.0:
         return table, [f"{where}: taken as {values[known][0]:g}, as elsewhere"]
-    return _aside(table, blank), [f"{where}: left aside; write the value into each row that it holds for"]
+    return _aside(table, blank), [f"{where}: left aside; write the value into every row it applies to"]
 
 
 def _loads_as_before(table: Table) -> tuple[Table, list[str]]:
@@ -119,7 +119,7 @@ def _unknown(table: Table, name: str) -> list[str]:
     if values is None or not (missing := np.isnan(values)).any() or missing.all():
         return []
     run = table.run_label[table.run[np.flatnonzero(missing)[0]]]
-    return [f"{name} is empty in all of run '{run}': nothing that depends on it is looked at"]
+    return [f"{name} is empty in all of run '{run}': what depends on it is not examined"]
 
 
 def _rows(count: int) -> str:

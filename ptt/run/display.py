@@ -36,7 +36,7 @@ def between_steps(table: Table) -> tuple[Table, list[str]]:
         taken[rows] = _passing(warmth[rows], along, 0.5 * step)
     if np.array_equal(taken, warmth, equal_nan=True):
         return table, []
-    line = f"temp_c is shown in steps of {step:.3g} K: taken as going on between the moments at which it changes"
+    line = f"temp_c is recorded in steps of {step:.3g} K: interpolated between the moments at which it changes"
     return table.replace(temp_c=taken), [line]
 
 

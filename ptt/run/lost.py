@@ -32,8 +32,8 @@ def without_lost(table: Table) -> Table:
     zero = bool((table.measured[lost] == 0.0).all())
     what = "read exactly 0, 0, 0" if zero else "repeat a reading of other poses to the last digit"
     line = (
-        f"{int(lost.sum())} rows between {first} and {last} {what} while the machine went elsewhere: taken as no "
-        "reading, as a tracker writes without its beam; leave their cells empty"
+        f"{int(lost.sum())} rows between {first} and {last} {what} while the machine went elsewhere: treated as "
+        "no reading, as from a tracker that has lost its beam; leave their cells empty"
     )
     understood = replace(table.understood, lines=(*table.understood.lines, line))
     return table.replace(measured=np.where(lost[:, None], np.nan, table.measured), understood=understood)

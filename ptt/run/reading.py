@@ -76,7 +76,7 @@ def require_pose(table: Table) -> None:
     """
     if (table.role == "base").all():
         what = f"all {table.rows} rows are of base reflectors (role 'base'), and none of the machine"
-        fix = "write pose or nothing in column role where the tool stood"
+        fix = "write pose or nothing in column role for readings of the tool"
         raise TableError(what, where=table.source, fix=fix)
 
 
@@ -85,19 +85,19 @@ def _kept(table: Table, mapping: Mapping | str | Path | None) -> Table:
     if not isinstance(mapping, str | Path) or Path(mapping).exists():
         return table
     save_mapping(table.understood.mapping, mapping)
-    line = f"{mapping}: was not there; written with what was understood of columns and units"
+    line = f"{mapping}: did not exist; written with the columns and units as understood"
     return table.replace(understood=replace(table.understood, lines=(*table.understood.lines, line)))
 
 
 def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
-    """The tables, with a warning at each that is there twice: copies count as repeats, and tell nothing more."""
+    """The tables, with a warning at each that appears twice: copies count as repeats, and tell nothing more."""
     told = list[Table]()
     for table in tables:
         twin = next((one for one in told if table.run_sha256 == one.run_sha256 or same_rows(one, table)), None)
         if twin is not None:
             line = (
-                f"warning: {table.source} holds the same rows as {twin.source}: taken as repeats, but copies tell "
-                "nothing of the scatter of readings"
+                f"warning: {table.source} holds the same rows as {twin.source}: taken as repeats, but copies say "
+                "nothing about the scatter of readings"
             )
             table = table.replace(understood=replace(table.understood, lines=(*table.understood.lines, line)))
         told.append(table)

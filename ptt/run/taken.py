@@ -94,7 +94,7 @@ def _base_words(problem: Problem) -> list[str]:
         count, of = int((here & aside).sum()), int(here.sum())
         label = table.run_label[table.run[here][0]]
         who = f"{label}: base reflector {own}" if len(table.run_label) > 1 and label else f"base reflector {own}"
-        why = "by distances to the others"
+        why = "judging by its distances to the others,"
         if count < of:
             some = "one" if count == 1 else str(count)
             lines.append(f"{who}: {some} of {of} readings left out; {why} it was misread")
@@ -112,14 +112,14 @@ def _frame_words(taken: dict[str, Any], *, arm: bool) -> str:
     shift = ", ".join(f"{value:.3f}" for value in taken["shift_mm"])
     angle = float(np.linalg.norm(taken["turn_deg"]))
     words = (
-        f"{where}the tracker's frame took a shift of ({shift}) mm and a turn of {angle:.3f} deg: readings lay"
-        f" {taken['before_mm']:.3f} mm (rms) from where the drawing puts them, after it {taken['after_mm']:.3f} mm"
+        f"{where}frame alignment shifted the readings by ({shift}) mm and turned them by {angle:.3f} deg: they lay"
+        f" {taken['before_mm']:.3f} mm (rms) from where the drawing puts them, {taken['after_mm']:.3f} mm after it"
     )
     if not taken["drawing_off"]:
         return words
     return (
-        f"{words}; as they come they lie only {taken['as_read_mm']:.3f} mm from their targets, so it is no matter of "
-        "the tracker's place: the drawing or the commands are off, check "
+        f"{words}; unaligned they lie only {taken['as_read_mm']:.3f} mm from their targets, so the tracker's position "
+        "is not the cause: the drawing or the commands are wrong; check "
         + ("lengths, offsets and convention of the joints" if arm else "radii, link length, slider zeros and side")
     )
 

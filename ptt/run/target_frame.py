@@ -76,7 +76,7 @@ class RunFrame(Record):
         angle = float(np.linalg.norm(self.turn_deg))
         axis = ", ".join(f"{value:.3f}" for value in self.turn_deg)
         turned = f"turned by {angle:.3f} deg (rotation vector {axis})" if angle > 1e-4 else "not turned"
-        told = f"as {self.rows} commands tell, {self.left:.3f} mm left over (median)"
+        told = f"from {self.rows} commands, {self.left:.3f} mm left over (median)"
         how = "as the machine file states" if self.source == "stated" else told
         return f"a frame of their own: its origin at ({origin}) mm of the base frame, {turned}; {how}"
 
@@ -122,7 +122,7 @@ def _require_frame(frame: RunFrame, table: Table, here: np.ndarray, where: str) 
     alone = here & (table.role != "base") if table.command is None else here & np.isnan(table.command).all(axis=1)
     if frame.source == "unknown" and np.isfinite(table.target[alone]).any():
         raise TableError(
-            "nothing tells in which frame these targets are stated: the runs that the model was fitted on contradict",
+            "in which frame are these targets stated? The runs that the model was fitted to contradict each other",
             where=where,
             fix="write origin_mm and turn_deg under [targets] in the machine file, or give joint commands",
         )

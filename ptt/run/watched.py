@@ -31,16 +31,16 @@ def watch(table: Table, titles: Sequence[str]) -> Table:
     """
     for title in titles:
         if OWN.fullmatch(title):
-            raise TableError(f"'{title}' is looked at in any case", where=table.source, fix="leave it out of --context")
+            raise TableError(f"'{title}' is examined in any case", where=table.source, fix="leave it out of --context")
         if title not in table.extra:
-            raise TableError(f"no column '{shown(title)}' to look at", where=table.source, fix=_way_out(table, title))
+            raise TableError(f"no column '{shown(title)}' to examine", where=table.source, fix=_way_out(table, title))
     if not titles:
         return table
     watching = table.replace(watched=tuple(dict.fromkeys(titles)), understood=_understood(table.understood, titles))
     for title, values in watched_values(watching).items():
         blank = np.flatnonzero(~np.isfinite(values) & (table.role == "pose"))
         if len(blank):
-            what = f"'{shown(str(table.extra[title][blank[0]]))}' is no number"
+            what = f"'{shown(str(table.extra[title][blank[0]]))}' is not a number"
             where = table.place(int(blank[0]), title)
             raise TableError(what, where=where, fix="give every pose one, or leave the column out of --context")
         if np.ptp(values[table.role == "pose"]) == 0.0:
@@ -67,7 +67,7 @@ def _understood(understood: Understood, titles: Sequence[str]) -> Understood:
     told = f"{NOT_USED}{', '.join(understood.ignored)}"
     lines = [line for line in understood.lines if line != told]
     left = [f"{NOT_USED}{', '.join(ignored)}"] if ignored else []
-    return replace(understood, lines=(*lines, *left, f"looked at as well: {', '.join(titles)}"), ignored=ignored)
+    return replace(understood, lines=(*lines, *left, f"also examined: {', '.join(titles)}"), ignored=ignored)
 
 
 def _number(text: str, comma: bool) -> float:
@@ -83,5 +83,5 @@ def _way_out(table: Table, title: str) -> str:
     if near:
         return f"did you mean '{shown(near[0])}'?"
     if not table.extra:
-        return "every column of the file has a meaning already, and is looked at"
-    return f"of your own there are: {', '.join(shown(name) for name in table.extra)}"
+        return "every column of the file already has a meaning and is examined"
+    return f"columns of your own: {', '.join(shown(name) for name in table.extra)}"

@@ -13,10 +13,10 @@ import numpy as np
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
 from ptt.setup.arm_fit import arm_spec, judge_arm, linear, linear_many, pose_many
-from ptt.setup.candidates import UNITS, mirrors, units
+from ptt.setup.candidates import UNITS, is_near, mirrors, units
 from ptt.setup.judged import undo_all
 from ptt.setup.proof import FALL
-from ptt.setup.result import Finding
+from ptt.setup.result import Finding, ties_in_words
 from ptt.setup.rows import slipped
 from ptt.setup.setup import Hypothesis, Setup, Undo, used_rows
 
@@ -56,10 +56,10 @@ def find_arm(setup: Setup) -> tuple[list[Finding], Setup]:
         return [], setup
     after, steps, cured = judged[0]
     ties = [" and ".join(step.undone for step in other[1]) for other in judged[1:] if other[0] < TIE * after]
-    also = f"; {' or '.join(dict.fromkeys(ties[:2]))} would do the same" if ties else ""
+    also = ties_in_words(list(dict.fromkeys(ties[:2])))
     undone = " and ".join(step.undone for step in steps)
     words = (
-        f"the readings are off the commands by {1e3 * before:,.0f} um; "
+        f"the readings differ from the commands by {1e3 * before:,.0f} um; "
         f"with {undone} the error falls to {1e3 * after:,.0f} um{also}"
     )
     source = setup.table.source
@@ -83,15 +83,15 @@ def unexplained_arm(setup: Setup) -> list[str]:
     swapped = replace(setup, file=replace(setup.file, machine=spec.model_copy(update={"convention": other})))
     held = judge_arm(swapped, rows)
     if held < min(most, left / FALL):
-        why = f'with convention = "{other}" in the machine file they are by {1e3 * held:,.0f} um'
+        why = f'with convention = "{other}" in the machine file it would be {1e3 * held:,.0f} um'
     elif left > FOREIGN * Serial.from_spec(spec).reach_mm:
         why = (
-            "no arm is built so far off, and no single mistake that is known explains it; is it the machine file of "
-            "this run, with its lengths and its convention?"
+            "no arm is built that far off, and no known single mistake explains it; does the machine file belong to "
+            "this run, and are its lengths and its convention right?"
         )
     else:
         return []
-    return [f"the readings are off the commands by {1e3 * left:,.0f} um beside ordinary errors of links: {why}"]
+    return [f"the readings differ from the commands by {1e3 * left:,.0f} um, beyond ordinary link errors: {why}"]
 
 
 def _tried(setup: Setup, rows: np.ndarray, hypotheses: list[Hypothesis]) -> list[Judged]:
@@ -128,13 +128,13 @@ def _mistakes(setup: Setup) -> Iterator[Hypothesis]:
         fix = "rename the columns (q1_cmd_deg, ...)" if words == "degrees" else "rename the columns (q1_cmd_rad, ...)"
         yield Hypothesis("angle-unit", f"the joint columns taken as {words}", fix, _driven(np.eye(count) * factor))
     if 0.0 < max(abs(joint.alpha_deg) for joint in spec.joint) < TURN:
-        fix = "turn alpha_deg and theta_offset_deg of the machine file into degrees"
+        fix = "convert alpha_deg and theta_offset_deg in the machine file to degrees"
         yield Hypothesis("angle-unit", "the machine file's angles taken as radians", fix, _in_degrees)
     yield from _orders(count)
     yield from _signs(count)
     yield from _zeros(count, setup.free)
     for slip in (1, -1):
-        words = f"readings moved back by a row, which stand a row {'late' if slip > 0 else 'early'},"
+        words = f"the readings moved by a row (they are a row {'late' if slip > 0 else 'early'})"
         yield Hypothesis("row-shift", words, f"move all readings {'up' if slip > 0 else 'down'} by 1", _slipped(slip))
 
 
@@ -234,7 +234,7 @@ def _read_off(setup: Setup, rows: np.ndarray) -> list[list[Hypothesis]]:
     (pose,) = pose_many([(arm_spec(setup), command)])
     volume = float(np.linalg.det(linear(pose, reading)[1]))
     size = abs(volume) ** (1.0 / 3.0)
-    near = [unit for unit, factor in UNITS.items() if 0.8 < size * factor < 1.25]
+    near = [unit for unit, factor in UNITS.items() if is_near(1.0, size * factor)]
     more = [item for item in units("readings") if near and near[0] in item.undone.split()]
     left_handed = [item for item in mirrors("readings") if not setup.free or item.undone in SAME]
     plain: list[list[Hypothesis]] = [more] if more else [[]]

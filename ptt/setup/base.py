@@ -21,7 +21,7 @@ def find_base(setup: Setup) -> list[Finding]:
         return [said(setup, "base-reflectors", words, BASE_FIX)]
     unknown, off = odd_base(setup.file, setup.table)
     if unknown:
-        words = f"the run reads {', '.join(unknown)} at the base, which the machine file does not have"
+        words = f"the run has readings of base reflectors that the machine file lacks: {', '.join(unknown)}"
         return [said(setup, "base-reflectors", words, "add a [[tracker.base_point]] for each", False)]
-    words = f"left out, by distances to the others not where [[tracker.base_point]] has them: {', '.join(off)}"
+    words = f"left out, as distances to the others contradict [[tracker.base_point]]: {', '.join(off)}"
     return [said(setup, "base-reflectors", words, BASE_FIX, False)] if off else []

@@ -27,11 +27,12 @@ def read_off(setup: Setup) -> list[Hypothesis]:
     if not known.any():
         return []
     own, read = (float(np.linalg.norm(np.std(points[known], axis=0))) for points in (place, setup.table.measured))
-    near = [item for item, factor in zip(units("readings"), UNITS.values(), strict=True) if _near(own, factor * read)]
+    near = [item for item, factor in zip(units("readings"), UNITS.values(), strict=True) if is_near(own, factor * read)]
     return [*near, next(item for item in mirrors("readings") if item.undone == "z negated")]
 
 
-def _near(one: float, other: float) -> bool:
+def is_near(one: float, other: float) -> bool:
+    """Whether two sizes are about the same, closer than any two units of length."""
     return 0.8 * one < other < 1.25 * one
 
 

@@ -82,7 +82,7 @@ def too_little(file: MachineFile, table: Table) -> str:
     """
     arm = not isinstance(file.machine, ThreePttSpec)
     if arm and table.command is None:
-        return "there are no joint commands, and a place alone does not tell how an arm stands"
+        return "there are no joint commands, and a tool position alone does not determine an arm's posture"
     sent = np.isfinite(table.target).all(axis=1) & (not arm)
     place = table.target
     if table.command is not None:
@@ -90,11 +90,11 @@ def too_little(file: MachineFile, table: Table) -> str:
         sent |= np.isfinite(table.command).all(axis=1)
     rows = used_rows(table) & sent
     read = rows & np.isfinite(table.measured).all(axis=1)
-    rows, what = (read, "a reading") if read.any() else (rows, "a place")
+    rows, what = (read, "a reading") if read.any() else (rows, "a target or command")
     poses, least = len(np.unique(np.round(place[rows], 6), axis=0)), FEWEST_OF_ARM if arm else LEAST_ROWS
     if poses >= least:
         return ""
-    return f"{poses} different pose{'' if poses == 1 else 's'} with {what}, and it takes {least}"
+    return f"{poses} different pose{'' if poses == 1 else 's'} with {what}, but {least} are needed"
 
 
 def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Finding], Setup]:

@@ -59,7 +59,7 @@ def _speed(setup: Setup) -> Result | None:
     pace, moved = (float(value) for value in np.median(paces, axis=0))
     usual, paced = pace * moved, _paced(paces)
     if paced or (pace > 300.0 and usual > LONGEST_STEP):
-        words = f"by feed_mm_s each row's way takes {moved:.2g} s, by time_s {pace:,.0f} times that"
+        words = f"by feed_mm_s each move takes {moved:.2g} s, by time_s {pace:,.0f} times as long"
         return _milliseconds(setup, words, usual, paced)
     if pace < 0.1:
         words = (

@@ -46,7 +46,7 @@ def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
         f"{against[:, wrong].sum()} of {known[:, wrong].sum()} directions in {titles} are opposite to the move from "
         f"the row before, the first in row {first}"
     )
-    fix = f"write {titles} with the other sign (+1: the command grew), or leave them out: the rows tell as much"
+    fix = f"write {titles} with the other sign (+1: the command increased), or leave them out: the rows show it anyway"
     # Without play that the readings show, a machine that overtravels in every move is stated alike.
     sure = all(lag[number] < -SEEN_SIGMAS for number in wrong)
     turned = stated.copy()

@@ -8,7 +8,7 @@ from ptt.setup.drawing import mistakes_in
 from ptt.setup.fitted import SEARCHED, SLIP, fitted_mistakes
 from ptt.setup.judged import BROKEN, MOST_ROWS, Judged, is_proof, judge, thinned, undo_all
 from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
-from ptt.setup.result import Finding
+from ptt.setup.result import Finding, ties_in_words
 from ptt.setup.rigid import align_many
 from ptt.setup.score import FLOOR, agree, forward_many
 from ptt.setup.setup import Hypothesis, Setup, drawn, used_rows
@@ -21,8 +21,8 @@ LEADERS = 3
 TIE = np.log(1.5)
 SQUARE, CENTRED = 0.02, 10.0  # rad and mm: a tracker aligned to the base, by how well people do that
 APART = (
-    "the readings are off the targets by",
-    "the readings are off the commands by",
+    "the readings differ from the targets by",
+    "the readings differ from the commands by",
     "targets and commands differ by",
 )
 BUILT = 20.0  # mm: a machine may be built so far off its drawing; a fit follows it without a warning
@@ -60,8 +60,8 @@ def unexplained(setup: Setup) -> list[str]:
         return _partly_off(setup)
     pair = int(np.nanargmax(left))
     return [
-        f"{APART[pair]} {_um(1e3 * float(left[pair]))} um beside ordinary faults: no machine is built so far off, and "
-        "no single mistake that is known explains it; is it the machine file of this run, and its targets?"
+        f"{APART[pair]} {_um(1e3 * float(left[pair]))} um, beyond ordinary faults: no machine is built that far "
+        "off, and no known single mistake explains it; do machine file and targets belong to this run?"
     ]
 
 
@@ -78,7 +78,7 @@ def _partly_off(setup: Setup) -> list[str]:
     return [
         f"{len(far)} of {int(np.isfinite(distance).sum())} readings, between rows {first} and {last}, are off the "
         f"{'targets' if wanted.any() else 'commands'} by more than {UNHEARD:g} mm and the others are not: no machine "
-        "is built so; were sliders, reflectors or the tracker's frame others there?"
+        "behaves like that; were the sliders, the reflector or the tracker's frame different there?"
     ]
 
 
@@ -108,8 +108,8 @@ def _turned_round(plain: Judged, setup: Setup) -> tuple[list[Finding], Setup]:
     base, platform = drawn(setup).base_radius_mm, drawn(setup).platform_radius_mm
     angle = np.degrees(np.arctan2(turn[1, 0], turn[0, 0]))
     words = (
-        f"the readings lie turned by {abs(angle):.1f} deg about z and shifted by only "
-        f"{np.linalg.norm(shift[:2]):.1f} mm; with base and platform radius interchanged they lie as the drawing does"
+        f"the readings are turned by {abs(angle):.1f} deg about z and shifted by only "
+        f"{np.linalg.norm(shift[:2]):.1f} mm; with base and platform radius interchanged they agree with the drawing"
     )
     fix = f"write base_radius_mm = {platform:g} and platform_radius_mm = {base:g}, if the drawing agrees"
     sure = platform > base
@@ -188,8 +188,7 @@ def _tell(plain: Judged, best: Judged, ties: list[Judged]) -> list[Finding]:
     pair = int(np.nanargmax(plain.agreement.rms / np.maximum(best.agreement.rms, FLOOR)))
     before, after = (1e3 * float(item.agreement.rms[pair]) for item in (plain, best))
     undone = " and ".join(step.undone for step in best.steps)
-    same = _one_of_each(ties)
-    also = f"; {_listed(same)} would do the same" if same else ""
+    also = ties_in_words(_one_of_each(ties))
     words = f"{APART[pair]} {_um(before)} um; with {undone} the error falls to {_um(after)} um{also}"
     source, files, findings = plain.setup.table.source, plain.setup, []
     for step in best.steps:
@@ -216,11 +215,6 @@ def _one_of_each(ties: list[Judged]) -> list[str]:
     for tie in ties:
         kinds.setdefault(tuple(step.mistake for step in tie.steps), " and ".join(step.undone for step in tie.steps))
     return list(kinds.values())
-
-
-def _listed(words: list[str], most: int = 3) -> str:
-    shown = words[:most]
-    return " or ".join(shown) + (f" or {len(words) - most} others" if len(words) > most else "")
 
 
 def _um(value: float) -> str:

@@ -40,7 +40,7 @@ def _noise(setup: Setup) -> Result | None:
     if stated is None:
         return None
     if not stated > 0.0:
-        words = f"{source} {_say(source)} that nothing scatters: taken as not stated"
+        words = f"{source} {_say(source)} that nothing scatters: treated as not stated"
         return said(setup, "noise-implausible", words, "fill the columns, or leave them out", False), None
     if found is None:
         return _beyond_all(setup, stated, source)
@@ -71,8 +71,8 @@ def _beyond_all(setup: Setup, stated: float, source: str) -> Result | None:
     if stated < BEYOND_ALL * off:
         return None
     words = (
-        f"{source} {_say(source)} that a coordinate scatters by {1e3 * stated:,.0f} um; "
-        f"with all its faults the machine is off by {1e3 * off:.1f} um"
+        f"{source} {_say(source)} that a coordinate scatters by {1e3 * stated:,.0f} um, "
+        f"yet the machine's whole error is {1e3 * off:.1f} um"
     )
     factor = 1e-3 if 1e-3 * stated < off else off / stated  # um in a column of mm
     return said(setup, "noise-implausible", words, f"state it in mm: {factor * stated:.2g}"), _restated(source, factor)

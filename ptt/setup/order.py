@@ -58,9 +58,7 @@ def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:
     if names != sorted(names) or (np.diff(numbers) >= 0).all():
         return None
     shown = ", ".join(dict.fromkeys(names[:40]))
-    words = (
-        f"rows are sorted by the letters of their names ({', '.join(shown.split(', ')[:4])}, ...): not in travel order"
-    )
+    words = f"rows are sorted alphabetically by name ({', '.join(shown.split(', ')[:4])}, ...), not in travel order"
     order = np.argsort(numbers, kind="stable")
     finding = said(setup, "row-order", words, "sort the rows by the number in their name")
     return [finding], Setup(setup.file, take_rows(table, order))
@@ -81,9 +79,9 @@ def _by_place(setup: Setup) -> tuple[list[Finding], Setup] | None:
         one_way = bool((own >= 0.0).all() or (own <= 0.0).all()) and len(np.unique(place[:, axis])) > 0.5 * len(place)
         if one_way and (np.median(np.abs(steps[:, others]), axis=0) > LEAP * reach[others]).all() and reach.all():
             words = (
-                f"the rows are sorted by {letter}, and leap along the other axes: if that is not how the machine "
-                "drove, no play, lag or drift can be told"
+                f"the rows are sorted by {letter} and jump along the other axes: unless the machine really moved "
+                "that way, play, lag and drift cannot be identified"
             )
-            fix = "give the rows in the order of measuring, or a column time_s"
+            fix = "put the rows in the order of measuring, or add a column time_s"
             return [said(setup, "row-order", words, fix, False)], setup
     return None

@@ -7,7 +7,7 @@ from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.setup.candidates import mirrors, scales, units
 from ptt.setup.columns import said
 from ptt.setup.drawing import drawing_slips, is_no_machine
-from ptt.setup.result import Finding
+from ptt.setup.result import Finding, ties_in_words
 from ptt.setup.score import agree, build
 from ptt.setup.setup import Setup, drawn, used_rows
 
@@ -44,9 +44,10 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
         return [], setup
     first, left = found[0]
     others = list(dict.fromkeys(item.undone for item, _ in found[1:] if item.mistake != first.mistake))
-    also = f"; {' or '.join(others[:3])} would do the same" if others else ""
+    also = ties_in_words(others)
     words = (
-        f"{before:.0%} of the targets are out of the machine's reach; with {first.undone} {_all_but(left)} are in{also}"
+        f"{before:.0%} of the targets are out of the machine's reach; with {first.undone}, {_all_but(left)} are within"
+        f" it{also}"
     )
     sure = before > NEARLY_ALL and not others
     finding = said(setup, first.mistake, words, first.fix, sure)
@@ -86,8 +87,8 @@ def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
     if left > max(2.0 * _relative(setup), AGREED):
         return [], setup  # the columns agree as they are, and would not by that
     words = (
-        f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone} {_all_but(outside)} "
-        "lie in it"
+        f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone}, "
+        f"{_all_but(outside)} are within it"
     )
     return [said(setup, "unit-scale", words, hypothesis.fix)], cured
 

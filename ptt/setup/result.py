@@ -1,5 +1,6 @@
 """What a check of the set-up hands back: findings, each one sentence with its proof and one cure."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 MISTAKES: tuple[Mistake, ...] = get_args(Mistake)
+SHOWN_TIES = 3  # that anybody reads
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,15 @@ class Finding(Record):
     def __str__(self) -> str:
         """Two lines: what it is, what to do."""
         return f"{'' if self.sure else 'perhaps '}{self.mistake}: {self.words}\n  {self.fix}"
+
+
+def ties_in_words(others: Sequence[str]) -> str:
+    """What would explain the data as well as a finding: the end of its sentence, '' where nothing would."""
+    if not others:
+        return ""
+    more = len(others) - SHOWN_TIES
+    shown = [*others[:SHOWN_TIES], *([f"{more} others"] if more > 1 else others[SHOWN_TIES:])]
+    return f"; {' or '.join(shown)} would do the same"
 
 
 @dataclass(frozen=True)
@@ -85,16 +96,16 @@ class Check(InNotebook):
 
     def __str__(self) -> str:
         """The findings as text."""
-        last = [f"too little to judge the set-up by: {self.too_little}"] if self.too_little else []
+        last = [f"too little to judge the set-up: {self.too_little}"] if self.too_little else []
         last += [self.unexplained] if self.unexplained else []
         lines = [*(str(finding) for finding in self.findings), *last]
-        return "\n".join(lines) or f"{self._held} holds together ({self.rows} rows)"
+        return "\n".join(lines) or f"no mistakes found in {self._held} ({self.rows} rows)"
 
     @property
     def _held(self) -> str:
         """What was looked at: without readings only what was sent."""
         read = self.table is None or bool(np.isfinite(self.table.measured).all(axis=1).any())
-        return "the set-up" if read else "there are no readings; what is asked of the machine"
+        return "the set-up" if read else "targets and commands; there are no readings"
 
 
 def setup_verdict(check: Check) -> dict[str, Any]:

@@ -94,9 +94,9 @@ def _tell_slip(setup: Setup, slip: int, first: int, before: float, after: float)
     whole = np.isfinite(setup.table.measured[:first]).all(axis=1).sum() <= 1
     where = "from the first row on" if whole else f"from row {line} on"
     words = (
-        f"readings stand {abs(slip)} row{'s' if abs(slip) > 1 else ''} {'late' if slip > 0 else 'early'} {where}"
-        f"{'' if whole else (': a reading was missed there' if slip < 0 else ': a reading too many there')}; "
-        f"moved back, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
+        f"readings are {abs(slip)} row{'s' if abs(slip) > 1 else ''} {'late' if slip > 0 else 'early'} {where}"
+        f"{'' if whole else (': a reading was missed there' if slip < 0 else ': there is one reading too many')}; "
+        f"with the readings moved back, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
     )
     rows = "all readings" if whole else f"the readings from row {line} on"
     fix = f"move {rows} {'up' if slip > 0 else 'down'} by {abs(slip)}, and leave the row without a reading empty"
@@ -142,14 +142,14 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         first, last = setup.table.line[rows[0]], setup.table.line[rows[-1]]
         at, off = (", ".join(f"{value:.{digits}f}" for value in turn @ shift) for digits in (1, 3))
         words = (
-            f"rows {first} to {last} are read {size:.1f} mm beside the rest, "
+            f"readings of rows {first} to {last} are {size:.1f} mm away from the rest, "
             f"all by the same ({at}) mm: another reflector"
         )
-        fix = f"take ({off}) mm off x_meas, y_meas, z_meas of rows {first} to {last}, or empty those"
+        fix = f"subtract ({off}) mm from x_meas, y_meas, z_meas of rows {first} to {last}, or empty those cells"
         if _is_whole_runs(setup.table.run, rows, known):
             fix = (
-                'where the tracker was set up anew for a run: frame = "fitted-per-run" under [tracker] of the machine '
-                f"file; else {fix}"
+                'if the tracker was set up anew for a run, write frame = "fitted-per-run" under [tracker] in the '
+                f"machine file; otherwise {fix}"
             )
         findings.append(said(setup, "wrong-reflector", words, fix))
     if not 0 < len(shifts) <= MOST_REFLECTORS:
@@ -158,7 +158,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
     after = float(np.sqrt(np.mean(kept[kept <= TRIM * np.median(kept) + 1e-9] ** 2)))
     if before < FALL * after or after > BEYOND_FAULTS:
         return [], setup
-    figures = f"; with that off, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
+    figures = f"; with that subtracted, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
     told = [
         replace(item, words=item.words + figures, before_um=1e3 * before, after_um=1e3 * after) for item in findings
     ]

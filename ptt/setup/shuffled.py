@@ -64,11 +64,11 @@ def _reversed(setup: Setup, before: float) -> tuple[list[Finding], Setup] | None
     if after > min(BEYOND_FAULTS, before / STEEP):
         return None
     words = (
-        "the readings run from the last row to the first; turned round, the error falls "
+        "the readings are in reverse order; with their order reversed, the error falls "
         f"from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
     )
     finding = Finding(
-        "row-order", words, "turn the readings' rows round", 1e3 * before, 1e3 * after, True, setup.table.source
+        "row-order", words, "reverse the order of the readings", 1e3 * before, 1e3 * after, True, setup.table.source
     )
     if std is not None:
         std = std.copy()
@@ -145,11 +145,11 @@ def _crowded(a: np.ndarray, left: float) -> bool:
 
 def _tell(setup: Setup, before: float, after: float, moved: int, rows: int, alone: bool) -> Finding:
     words = (
-        f"{moved} of {rows} readings stand beside the wrong pose; each beside the pose nearest to it, the error falls "
-        f"from {1e3 * before:,.0f} to {1e3 * after:,.0f} um: poses and readings are in different orders"
+        f"{moved} of {rows} readings are paired with the wrong pose; with each paired with the nearest one, the error "
+        f"falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um: poses and readings are in different orders"
     )
     if not alone:
-        words += "; the poses match in several ways alike, so the order cannot be told from these readings"
+        words += "; several pairings match equally well, so these readings do not determine the order"
     fix = "join targets and readings by their names or times, or export both in the order of measuring"
     return Finding("row-order", words, fix, 1e3 * before, 1e3 * after, True, setup.table.source)
 

@@ -45,10 +45,10 @@ def find_stations(setups: Sequence[Setup]) -> tuple[list[Finding], MachineFile]:
         return [], file
     first, other = read[0][0], read[1 + int(np.argmax(before[1:]))][0]
     words = (
-        f"the tracker stood elsewhere in {other} than in {first}: in one frame their readings lie up to "
-        f"{1e3 * before.max():,.0f} um off (rms), in a frame for each file {1e3 * after.max():,.1f} um"
+        f"the tracker stood elsewhere in {other} than in {first}: with one frame the readings are up to "
+        f"{1e3 * before.max():,.0f} um off (rms), with a frame for each file {1e3 * after.max():,.1f} um"
     )
-    fix = 'write frame = "fitted-per-run" under [tracker] in the machine file, or look at each file by itself'
+    fix = 'write frame = "fitted-per-run" under [tracker] in the machine file, or analyse each file separately'
     own = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted-per-run"}))
     return [Finding("wrong-reflector", words, fix, 1e3 * float(before.max()), 1e3 * float(after.max()), True)], own
 

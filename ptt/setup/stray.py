@@ -39,7 +39,7 @@ def find_stray(setup: Setup) -> tuple[list[Finding], Setup]:
         others = values[~stray & np.isfinite(values)]
         words = (
             f"{title} is {', '.join(f'{value:,.6g}' for value in values[stray][:SHOWN_ROWS])} in {_rows(setup, stray)},"
-            f" and {others.min():.6g} to {others.max():.6g} in all others; up to {limit:,.0f} {unit} can be"
+            f" and {others.min():.6g} to {others.max():.6g} in all others; up to {limit:,.0f} {unit} is plausible"
         )
         findings.append(said(setup, "stray-value", words, "correct it, or leave the cell empty"))
         setup = setup.with_rows(**{title: np.where(stray, np.nan, values)})

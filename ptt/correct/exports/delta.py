@@ -165,8 +165,8 @@ def require_anticlockwise(delta: Delta, firmware: str, source: str) -> None:
     turn = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
     if turn <= 0.0:
         raise InputError(
-            f"sliders 1, 2, 3 go round clockwise; {firmware} finds its place after homing for towers a, b, c that go"
-            " round anticlockwise only",
+            f"sliders 1, 2, 3 are numbered clockwise; after homing {firmware} is right only for towers a, b, c numbered"
+            " counter-clockwise",
             where=f"{source} key slider_azimuth_deg",
             fix="exchange two sliders in wiring, machine file and run",
         )

@@ -22,7 +22,7 @@ SHAPE = "all towers stand upright at one radius, and their sliders have no table
 WORSE = 1.0  # um: less than this is no reason to refuse a format that says a little less than the drawing
 GAIN = 1.2  # times what the whole model leaves, and
 LEAST_UM = 1.0  # beyond it, that are worth another way
-NOTHING_TO_GAIN = "this file and the drawing do as well; there is nothing to gain by loading it"
+NOTHING_TO_GAIN = "this file is no better than the drawing; there is nothing to gain by loading it"
 MEASURE = "then home, measure again and see `ptt evaluate BEFORE.csv AFTER.csv`"
 
 Printed = Callable[[Delta, Ground], tuple[list[str], Delta]]
@@ -91,7 +91,7 @@ def _hints(ground: Ground, firmware: Firmware) -> dict[str, str]:
     if not scale:
         return {}
     factors = ", ".join(f"{1.0 + float(value):.6f}" for value in sum(scale[1:], scale[0]))
-    again = "home, measure again and fit anew instead of loading this file"
+    again = "home, measure again and refit instead of loading this file"
     return {"lead-scale": f"first {firmware.scale} {factors}, {again}"}
 
 
@@ -114,13 +114,13 @@ def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False, shape: float = 
     model = f"keep the drawing's figures in the controller and {programs}{whole}"
     if shape >= LEAST_UM:
         load += (
-            f"; of a machine just as drawn it would leave {shape:.1f} um: leaning rails or uneven azimuths have no "
-            "place in it"
+            f"; for a machine exactly as drawn it would leave {shape:.1f} um: it cannot represent leaning rails or "
+            "uneven azimuths"
         )
-        model = f"{whole} (`ptt program` counts on a controller that computes the drawing, as this one cannot)"
+        model = f"{whole} (`ptt program` needs a controller that computes the drawing, which this one cannot)"
     if left.corrects:
         return (load, f"or, instead of this file, {model}") if better else (load,)
-    return (f"this file puts next to nothing right, so leave it; {model}",) if better else (NOTHING_TO_GAIN,)
+    return (f"this file corrects almost nothing, so do not use it; {model}",) if better else (NOTHING_TO_GAIN,)
 
 
 def judged(left: ErrorLeft, holds: tuple[str, ...], cannot: list[str]) -> list[str]:
@@ -146,8 +146,8 @@ def refuse_worse(left: ErrorLeft, name: str, source: str) -> None:
     """
     if left.format > left.drawing + WORSE or not np.isfinite(left.format):
         raise InputError(
-            f"{name} cannot say this drawing (rails that lean or azimuths that are uneven): it would miss by"
-            f" {left.format:.0f} um, the drawing as it is by {left.drawing:.0f} um",
+            f"{name} cannot express this drawing (leaning rails or uneven azimuths): it would miss by"
+            f" {left.format:.0f} um, the unchanged drawing by {left.drawing:.0f} um",
             where=source,
             fix="take --to c, onnx, siemens or table",
         )

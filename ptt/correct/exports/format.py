@@ -73,10 +73,10 @@ def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft, *, n
     if not cannot and not left.corrects:
         return "the drawing, for the model has no effects"
     if left.corrects:
-        return f"no effect whole; its figures take over what they can of the {'others' if cannot else 'network'}"
+        return f"no effect completely; its figures include what they can of the {'others' if cannot else 'network'}"
     if math.isnan(left.format) or math.isnan(left.drawing):
-        return "no effect whole"
-    return "no effect whole; it moves the machine hardly better than the drawing does"
+        return "no effect completely"
+    return "no effect completely; it is hardly better than the drawing"
 
 
 @dataclass(frozen=True)

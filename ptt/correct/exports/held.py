@@ -13,16 +13,16 @@ from ptt.run.viewing import build_view
 HELD = 0.05  # share of an effect's error that may be left of what counts as held: a tenth of a tracker's noise or less
 NOTHING = 1e-6  # um: less is rounding
 LOAD_KG = 1.0  # tried where no payload is stated: what it does to an effect's share does not depend on its size
-UNSTATED = "the format knows no payload, and none is stated here; --run RUN.csv judges at the loads of a run"
+UNSTATED = "the format has no payload, and none is given here; --run RUN.csv evaluates it at the loads of a run"
 SHOWN_UM = 0.05  # less is printed as 0.0
 WHOLE = 0.95  # share of an effect's error that counts as all of it
-APART = "its tables' entries lie too far apart for it, or it is no matter of one axis' place"
+APART = "its table entries are too far apart for it, or it does not depend on one axis position alone"
 TOLD = {"payload": "payload_kg", "temperature": "temp_c", "speed": "feed_mm_s"}  # context -> the run's column of it
 CONTEXTS = {
-    "payload": "the format knows no payload",
-    "temperature": "the format knows no temperature",
-    "speed": "the format knows no speed",
-    "time": "the format knows no time",
+    "payload": "the format has no payload",
+    "temperature": "the format has no temperature",
+    "speed": "the format has no speed",
+    "time": "the format has no time",
     "direction": "the format does not remember from which side a joint came",
 }
 
@@ -111,7 +111,7 @@ def network_note(ground: Ground) -> tuple[str, ...]:
     """What a format that holds physics alone says of a network."""
     if ground.compensator.network is None:
         return ()
-    return ("what the network adds is taken in only as far as the format's parameters can imitate it",)
+    return ("the network's part is included only as far as the format's parameters can reproduce it",)
 
 
 def _untold(effect: Effect, ground: Ground) -> bool:
@@ -138,12 +138,14 @@ def said_left(whole: float, left: float, *, untold: bool = False) -> str:
         untold: whether it depends on something of which no run was given.
     """
     if whole < SHOWN_UM and untold:
-        return "it makes no error where this is judged: at rest and the reference temperature, unless --run names a run"
+        return (
+            "it causes no error at rest and at the reference temperature, where it is judged unless --run names a run"
+        )
     if whole < SHOWN_UM:
-        return f"all that it makes is less than {SHOWN_UM:g} um"
+        return f"its whole error is less than {SHOWN_UM:g} um"
     if left > WHOLE * whole:
-        return f"all of its {whole:.1f} um are left"
-    return f"{left:.1f} um of its {whole:.1f} um are left, the rest is in the file"
+        return f"all of its {whole:.1f} um remain"
+    return f"{left:.1f} um of its {whole:.1f} um remain; the rest is in the file"
 
 
 def rms_um(shift: np.ndarray) -> float:

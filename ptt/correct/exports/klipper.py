@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 DIGITS = 6
 LOAD = (
-    "put these figures in place of those in printer.cfg; all else there stays (rotation_distance, pins, speeds), and"
+    "replace the figures in printer.cfg by these and keep everything else (rotation_distance, pins, speeds);"
     " DELTA_CALIBRATE would undo them"
 )
 SCALE = "multiply rotation_distance of steppers a, b, c by"

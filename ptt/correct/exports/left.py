@@ -83,7 +83,9 @@ def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> 
     first = solve(compensator, table, q.numpy())
     kept = np.flatnonzero(first.sent)
     if not len(kept):
-        raise PosesError(f"{file.source}: no place of the workspace can be sent; `ptt predict` says why of each target")
+        raise PosesError(
+            f"{file.source}: no place of the workspace can be sent; `ptt predict` says why for each target"
+        )
     table = take_rows(table, kept)
     commands = first if len(kept) == len(q) else solve(compensator, table, q.numpy()[kept])
     static = commands.q - commands.reversal

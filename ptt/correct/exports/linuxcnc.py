@@ -40,11 +40,11 @@ TOWERS = np.array([90.0, 210.0, 330.0])  # deg, of joints 0, 1, 2
 MOST_ENTRIES = 256  # EMCMOT_COMP_SIZE
 DIGITS = 6
 LOAD = (
-    "take the INI lines into the machine's own INI, the HAL file after lineardeltakins is loaded, the .comp files"
-    " beside the INI; all else stays (SCALE, limits)"
+    "copy the INI lines into the machine's own INI, load the HAL file after lineardeltakins, put the .comp files"
+    " beside the INI and keep everything else (SCALE, limits)"
 )
 SHAPE = "all towers stand upright, evenly around, at one radius with rods of one length"
-BACKLASH = "LinuxCNC leaves BACKLASH aside where a joint has a COMP_FILE: what it compensated so far is in neither now"
+BACKLASH = "LinuxCNC ignores BACKLASH where a joint has a COMP_FILE: what it compensated so far is now in neither"
 
 
 @dataclass(frozen=True, eq=False)

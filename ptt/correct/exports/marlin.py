@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
-LOAD = "send both lines and keep them with M500; all else stays (M92, the steps per mm), and G33 would undo them"
+LOAD = "send both lines, save them with M500 and keep everything else (M92, the steps per mm); G33 would undo them"
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 ROUNDS = 7  # each shortens what is left a thousandfold, three hundredfold on a bad machine: rounding after five
 OPSET, IR = 17, 8  # of 2022: every runtime since reads them
-SIDE = "the way there decides it, and rows of a batch have none: the caller adds it"
+SIDE = "it depends on the path, which rows of a batch do not have: the caller adds it"
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:

@@ -13,10 +13,10 @@ FORMATS: tuple[Format, ...] = (
     Format("c", f"{_ROOM}.c", (THREE_PTT, SERIAL), "C99 source: commands one after the other, reversal included"),
     Format("onnx", f"{_ROOM}.onnx", (THREE_PTT, SERIAL), "an ONNX graph: commands in batches, reversal left aside"),
     Format("klipper", f"{_ROOM}.klipper", (THREE_PTT,), "printer.cfg of a delta: radius, arms, angles, end stops"),
-    Format("linuxcnc", f"{_ROOM}.linuxcnc", (THREE_PTT,), "lineardeltakins and one compensation file an axis", True),
+    Format("linuxcnc", f"{_ROOM}.linuxcnc", (THREE_PTT,), "lineardeltakins and one compensation file per axis", True),
     Format("reprapfirmware", f"{_ROOM}.reprapfirmware", (THREE_PTT,), "M665 and M666 of RepRapFirmware"),
     Format("marlin", f"{_ROOM}.marlin", (THREE_PTT,), "M665 and M666 of Marlin"),
-    Format("siemens", f"{_ROOM}.siemens", (THREE_PTT, SERIAL), "$AA_ENC_COMP, one compensation table an axis", True),
+    Format("siemens", f"{_ROOM}.siemens", (THREE_PTT, SERIAL), "$AA_ENC_COMP, one compensation table per axis", True),
     Format("urdf", f"{_ROOM}.urdf", (SERIAL,), "joint origins of the calibrated arm"),
     Format("table", f"{_ROOM}.table", (THREE_PTT,), "CSV grid of corrections over the workspace", True),
 )

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
 LOAD = (
-    "put both lines in place of M665 and M666 in config.g; all else stays (M92, the steps per mm), and auto calibration"
-    " (G32) or an older config-override.g would undo them"
+    "replace M665 and M666 in config.g by these lines and keep everything else (M92, the steps per mm); auto"
+    " calibration (G32) or an older config-override.g would undo them"
 )
 SCALE = "divide the steps per mm of X, Y, Z (M92) by"  # of Marlin too
 TOWERS = np.array([210.0, 330.0, 90.0])  # deg, of X, Y, Z; so for Marlin too

@@ -63,7 +63,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     holds, cannot = holdings(ground, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     notes = (
-        f"this file asks for MD38000 $MA_MM_ENC_COMP_MAX_POINTS of {len(at)} or more",
+        f"this file needs MD38000 $MA_MM_ENC_COMP_MAX_POINTS of {len(at)} or more",
         *what_to_do(LOAD, left, arm=arm),
     )
     written = write_all({out: "\n".join(_lines(tables, unit, [*told, *notes])) + "\n"})
@@ -109,7 +109,7 @@ def _backlash(ground: Ground, unit: float) -> str:
     name, instead = ("deg", "predict") if arm else ("mm", "program")
     return (
         f"MD32450 $MA_BACKLASH of the axes takes {gaps} {name}, instead of what `ptt {instead}` does at a reversal: "
-        'once that is set, the machine file says [controller] compensates = ["backlash"]'
+        'once it is set, write [controller] compensates = ["backlash"] in the machine file'
     )
 
 

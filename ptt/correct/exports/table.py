@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 CELLS = 20  # along the longest side, where no step is given
 MOST_POINTS = 500_000  # twice as many places are solved in a minute or so; a controller holds far fewer
 WHY = {
-    "payload": "a table is of one load, and this one of none",
-    "temperature": "a table is of one temperature, and this one of the reference",
-    "speed": "a table is of a machine that stands still",
+    "payload": "a table holds for one load, this one for none",
+    "temperature": "a table holds for one temperature, this one for the reference",
+    "speed": "a table holds for a machine that stands still",
 }
 SIDE = "a table does not know from which side a joint comes"
-APART = "the table's places lie too far apart for it"
+APART = "the table's points are too far apart for it"
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:
@@ -170,13 +170,13 @@ def _explained(axes: Sequence[np.ndarray], apart: tuple[np.ndarray, np.ndarray])
     sizes = " x ".join(str(len(axis)) for axis in axes)
     step = axes[0][1] - axes[0][0]
     return [
-        "db: what to add to the drawing's slider heights at x, y, z of the base frame; sent 0: the nearest place",
-        f"{sizes} places {step:g} mm apart, z runs fastest; no payload, reference temperature, no reversal",
-        f"trilinear interpolation: amid whole cells off by {_off(apart[0])}; at the edge by {_off(apart[1])}",
+        "db: what to add to the drawing's slider heights at x, y, z of the base frame; sent 0: the nearest point",
+        f"{sizes} points {step:g} mm apart, z runs fastest; no payload, reference temperature, no reversal",
+        f"trilinear interpolation: off by {_off(apart[0])} within whole cells, by {_off(apart[1])} at the edge",
     ]
 
 
 def _off(apart: np.ndarray) -> str:
     if not len(apart):
         return "nothing known"
-    return f"{np.sqrt((apart**2).mean()):.3g} um rms, {apart.max():.3g} um at most, a slider, {len(apart)} cells"
+    return f"{np.sqrt((apart**2).mean()):.3g} um rms, {apart.max():.3g} um at most a slider ({len(apart)} cells)"

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 Array = np.ndarray
 
 SHAPE = "a chain of rigid links has no place for it"
-UNKNOWN = "effort and velocity of the joints are not known: 0 stands for them"
+UNKNOWN = "effort and velocity of the joints are not known and written as 0"
 ROUNDS = 10
 USUAL_MM, USUAL_RAD = 1.0, 1e-3  # errors of links; what no position tells stays as drawn
 FAINT = 1e-7  # mm: a chain that leaves less is the model

@@ -87,7 +87,7 @@ def refuse(block: ProgramBlock, codes: list[int], source: str) -> None:
             raise InputError(f"{what}: it may move the tool, or what moves after it", where=where, fix=EXPAND)
     calls = [word for word in block.words if word.letter == "O" or (word.letter == "M" and word.code in CALLS)]
     if any(not (word.letter == "O" and block.words[0] is word and len(block.words) == 1) for word in calls):
-        raise InputError(f"{calls[0].text}: a subprogram is worked out by the controller only", where=where, fix=EXPAND)
+        raise InputError(f"{calls[0].text}: a subprogram is run only by the controller", where=where, fix=EXPAND)
     if sum(code in MOTIONS for code in codes) > 1:
         raise InputError("two kinds of moves in one line", where=where, fix="split the line")
     _refuse_settings(block, codes, where)
@@ -99,7 +99,7 @@ def _refuse_settings(block: ProgramBlock, codes: list[int], where: str) -> None:
     for number in own_words(block):
         asks = number != 428 and not any(word.letter not in "NM" for word in block.words)  # alone it only reports
         if number in MOVES_ORIGIN and letters != {"E"} and not asks:
-            what = f"M{number} changes what the controller makes of places"
+            what = f"M{number} changes how the controller takes positions"
             raise InputError(what, where=where, fix="take it out, and set it in the controller before the run")
         moves = any(code in MOTIONS for code in codes)
         if letters and moves and number in (*SETTINGS, *MOVES_ORIGIN):

@@ -115,7 +115,7 @@ def read_moves(
             systems |= set() if move.machine else {state.system}
         states.append(state)
         if len(systems) > 1:
-            what = "moves in a second work coordinate system, and one --offset says only one"
+            what = "moves in a second work coordinate system, but --offset states only one"
             raise InputError(what, where=at_line(source, block.line), fix="split the program by coordinate systems")
         notes += [line for line in _notes(codes) if line not in notes]
     if moves and not any(word.code in MM for block in blocks for word in block.words if word.letter == "G"):
@@ -140,8 +140,8 @@ def _own_axes(state: ModalState, block: ProgramBlock, code: int, start: Array, s
         return replace(state, place=np.asarray(start, dtype=float), known=np.zeros(3, dtype=bool))
     if code == 920:
         if any(word.letter in AXES for word in block.words):
-            fix = "write the places from one origin, or give them by --offset"
-            raise InputError("G92 moves the origin on the way", where=at_line(source, block.line), fix=fix)
+            fix = "write all positions from one origin, or state it with --offset"
+            raise InputError("G92 moves the origin within the program", where=at_line(source, block.line), fix=fix)
         return replace(state, carried=state.carried | block.values(CARRIED, source))
     return state
 
@@ -161,7 +161,7 @@ def _move(
     if state.motion == NO_MOTION:
         raise InputError("axis words before any of G0, G1, G2, G3", where=at_line(*where), fix="correct the line")
     if "/" in block.parts:
-        fix = "take the line out, or the slash"
+        fix = "remove the line, or the slash"
         raise InputError("a move that the controller may skip", where=at_line(*where), fix=fix)
     machine = 530 in codes
     if machine and (home is None or not state.absolute or state.motion not in (0, 10)):
@@ -219,14 +219,12 @@ def _carried(state: ModalState, stated: dict[str, float]) -> dict[str, tuple[flo
 def _notes(codes: list[int]) -> list[str]:
     notes = []
     if any(code in LENGTHS[:-1] for code in codes):
-        notes.append(
-            "tool lengths (G43) are left to the controller: the correction is that of the tool point at --offset"
-        )
+        notes.append("tool lengths (G43) are left to the controller: the correction is for the tool point at --offset")
     if any(code in HOME for code in codes):
         notes.append(
-            "where the tool is after G28, G30 and probing the program does not say: a move that does not state X, Y "
-            "and Z anew is corrected as from the place before the first move"
+            "the program does not say where the tool is after G28, G30 and probing: a move that does not restate X, Y "
+            "and Z is corrected as if it began where the tool was before the first move"
         )
     if any(code in PROBES for code in codes):
-        notes.append("what the controller corrects by itself after probing (G29, G32) comes on top of this correction")
+        notes.append("the controller's own correction after probing (G29, G32) is added to this correction")
     return notes

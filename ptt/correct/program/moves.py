@@ -147,7 +147,7 @@ def find_arc(
         sweep = 0.0  # a whole turn
     turns = words.get("P", 1.0)
     if turns < 1.0 or turns != round(turns):
-        raise _no_arc(f"P{turns:g} is no number of turns", where)
+        raise _no_arc(f"P{turns:g} is not a number of turns", where)
     whole = 2.0 * math.pi * (turns - 1.0)
     sweep = (sweep - 2.0 * math.pi if clockwise else sweep or 2.0 * math.pi) + (-whole if clockwise else whole)
     return Arc((first, second), centre, begin, sweep, (radius, last))
@@ -158,7 +158,7 @@ def _centre_by_radius(a: Array, b: Array, radius: float, clockwise: bool, where:
     way = b - a
     half = 0.5 * float(np.linalg.norm(way))
     if half < NONE_MM:
-        raise _no_arc("R says no centre where the end is the start", where)
+        raise _no_arc("R gives no centre where the end is the start", where)
     if half > abs(radius) + UNEVEN:
         raise _no_arc(f"its end is {2 * half:.4f} mm away, more than twice R {abs(radius):g} mm", where)
     rise = math.sqrt(max(radius**2 - half**2, 0.0))
@@ -177,9 +177,9 @@ def _centre_by_words(
     letters = [CENTRES[axis] for axis in axes]
     stray = [letter for letter in CENTRES if letter in words and letter not in letters]
     if stray and any(words[letter] for letter in stray):
-        raise _no_arc(f"{stray[0]} is none of its plane's {' and '.join(sorted(letters))}", where)
+        raise _no_arc(f"{stray[0]} is not one of its plane's {' and '.join(sorted(letters))}", where)
     if not any(letter in words for letter in letters):
-        raise _no_arc(f"neither R nor {' nor '.join(sorted(letters))} say its centre", where)
+        raise _no_arc(f"neither R nor {' nor '.join(sorted(letters))} gives its centre", where)
     if absolute:
         if not all(letter in words for letter in letters):
             raise _no_arc(f"with G90.1 it needs both {' and '.join(sorted(letters))}", where)
@@ -188,4 +188,4 @@ def _centre_by_words(
 
 
 def _no_arc(why: str, where: tuple[str, int]) -> InputError:
-    return InputError(f"this is no arc: {why}", where=at_line(*where), fix="correct the line")
+    return InputError(f"this is not an arc: {why}", where=at_line(*where), fix="correct the line")

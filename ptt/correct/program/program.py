@@ -103,7 +103,7 @@ def correct_program(
     """
     spec = compensator.model.file.machine
     if not isinstance(spec, ThreePttSpec):
-        what = f"is a {spec.kind} machine, and a program's X, Y, Z do not say in which posture it is to reach them"
+        what = f"is a {spec.kind} machine, and a program's X, Y, Z do not say in which posture to reach them"
         raise InputError(what, where=compensator.model.file.source, fix="correct joint commands: ptt predict")
     frame = _frame(compensator, offset)
     here = frame.from_base(np.zeros((1, 3)))[0]
@@ -137,8 +137,8 @@ def _unstarted(compensator: "Compensator") -> tuple[str, ...]:
     if not any(term.effect.reverses and term.effect.stage != "metrology" for term in compensator.model.terms):
         return ()
     return (
-        "where the tool is before the first move is not said (--start), so that joints which turn there may lose their "
-        "play or wind-up once more, until each has gone on one way for as long",
+        "the position before the first move is not stated (--start): joints that reverse there may lose their play or "
+        "wind-up once more, until each has moved as far in one direction",
     )
 
 
@@ -148,8 +148,8 @@ def _frame(compensator: "Compensator", offset: Array | None) -> ProgramFrame:
     file = compensator.model.file
     stated = stated_frame(file.targets)
     if stated.source == "unknown":
-        what = "nothing tells where the program's zero lies: the runs that the model was fitted on contradict"
-        raise InputError(what, where=f"{file.source} [targets]", fix="say it: --offset X Y Z")
+        what = "where is the program's zero? The runs that the model was fitted to contradict each other"
+        raise InputError(what, where=f"{file.source} [targets]", fix="state it: --offset X Y Z")
     return ProgramFrame(stated.rotation, stated.origin)
 
 
@@ -187,7 +187,9 @@ def _refuse(read: Read, places: Places, commands: Commands, source: str) -> None
         named.append(f"{at_line(source, line)}: {status[row]} (at {at} of the base frame)")
     more = f"; and {len(first) - SHOWN_LINES} more lines" if len(first) > SHOWN_LINES else ""
     unknown = not read.moves[places.move[bad[0]]].begun
-    fix = "say where the tool is before the first move: --start X Y Z" if unknown else "change these lines, or --offset"
+    fix = (
+        "state where the tool is before the first move: --start X Y Z" if unknown else "change these lines, or --offset"
+    )
     raise PosesError(f"{'; '.join(named)}{more}; nothing was written; {fix}")
 
 

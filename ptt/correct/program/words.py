@@ -13,7 +13,7 @@ TOKEN = re.compile(
     r"(?P<space>\s+)|(?P<comment>\([^()]*\)|;.*)|(?P<mark>[%/])"
     r"|(?P<letter>[A-Za-z$])\s*(?P<number>[-+]?\s*(?:\d[\d ]*\.?[\d ]*|\.[\d ]+))?"
 )
-ALONE = "is worked out by the controller only"
+ALONE = "is evaluated only by the controller"
 GREATEST = 1e9  # mm, or of whatever a letter counts: beyond it nothing is a place, and sums overflow
 FOREIGN = {
     "#": ("a parameter", ALONE),
@@ -79,14 +79,14 @@ class ProgramBlock:
             Letter -> number, of those that are there.
 
         Raises:
-            InputError: a letter is there twice or has no number.
+            InputError: a letter appears twice or has no number.
         """
         found: dict[str, float] = {}
         for word in self.words:
             if word.letter not in letters:
                 continue
             if word.letter in found or word.value is None:
-                what = "is there twice" if word.letter in found else "has no number"
+                what = "appears twice" if word.letter in found else "has no number"
                 raise InputError(f"{word.letter} {what}", where=at_line(source, self.line), fix="correct the line")
             found[word.letter] = word.value
         return found
@@ -127,7 +127,7 @@ def _read(number: int, line: str, source: str) -> ProgramBlock:
         found = TOKEN.match(line, place)
         if found is None:
             told = line[place:].lstrip("+- ")[:1]  # a sign before a parameter is not what is foreign
-            what, why = FOREIGN.get(told, (f"'{line[place]}'", "is no G-code"))
+            what, why = FOREIGN.get(told, (f"'{line[place]}'", "is not G-code"))
             where = f"{at_line(source, number)}, column {place + 1}"
             raise InputError(f"{what} {why}", where=where, fix=EXPAND if why == ALONE else "correct the line")
         if found["letter"]:

@@ -58,7 +58,7 @@ def require_own_model(place: Path, notes: dict[str, Any]) -> None:
     """
     if sha256(place / MODEL) != notes["sha256"].get(MODEL):
         raise InputError(
-            f"not a whole compensator: {MODEL} is not the one that its network was trained beside",
+            f"not a whole compensator: {MODEL} is not the one that its network was trained with",
             where=str(place),
             fix=f"train it again, or take the physics alone: --model {place / MODEL}",
         )

@@ -31,7 +31,7 @@ class LackOfFit:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
-        reason = None if self.f else f"repeats leave {self.freedom[1]:.0f} degrees of freedom, {ENOUGH} are needed"
+        reason = None if self.f else f"repeats leave {self.freedom[1]:.0f} degrees of freedom, but {ENOUGH} are needed"
         return {
             "f": None if self.f is None else dict(zip(AXES, self.f, strict=True)),
             "p_value": self.p_value,

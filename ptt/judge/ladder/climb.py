@@ -154,8 +154,8 @@ def _measure(
         rows = rows & np.isfinite(residual).all(axis=1)
     if not rows.any():
         raise PosesError(
-            f"{problem.table.source}: no reading can be held out: too few poses differ, or their frame goes with them; "
-            "measure more poses"
+            f"{problem.table.source}: no reading can be held out: too few different poses, or their frame would be "
+            "held out too; measure more poses"
         )
     falls = [0.0, *(_fall(a, b, rows, problem) for a, b in pairwise(held_out))]
     steps = tuple(
@@ -163,9 +163,9 @@ def _measure(
         for (name, kind, rung), fitted, out, fall in zip(rungs, fits, held_out, falls, strict=True)
     )
     report = report_fit(fits[-1], held, fits[0])
-    protocol = f"{len(hidden)} parts of whole blocks of travel held out in turn, all repeats of a pose together"
+    protocol = f"{len(hidden)} sets of whole blocks of travel held out in turn, all repeats of a pose together"
     if any(value.measured == "searched" for value in report.values):
-        protocol += "; moments, ranges and periods as all rows tell them"
+        protocol += "; moments, ranges and periods were found on all rows"
     masked = masked_effects(steps[-1].fitted, held)
     return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(held), masked)
 

@@ -27,7 +27,7 @@ def format_ladder(ladder: Ladder) -> str:
     noise = [ladder.noise_um[axis] for axis in _AXES]
     source = f"noise ({ladder.noise_um['source']})"
     lines.append(f"{source:<28}" + "".join(f"{value:9.2f}" for value in noise * 2))
-    lines += ["training: the rows that were fitted, all of them; as given it is the error that compare prints"]
+    lines += ["training: all rows, as fitted; 'as given' is the error that compare prints"]
     lines += [f"held out: {ladder.protocol}", *verdicts(ladder)]
     lines += left_over(ladder)
     lines += [stretch.words for stretch in ladder.report.stretches]
@@ -40,7 +40,7 @@ def left_over(ladder: Ladder) -> list[str]:
     left, noise = ladder.steps[-1].rms_um["total"], ladder.noise_um["total"]
     if ladder.noise_um["source"] == SATURATED or left <= NOTED * noise:
         return []
-    return [f"what is left is {left / noise:.1f} x the noise: `ptt diagnose` of the new model says what it may be"]
+    return [f"the remaining error is {left / noise:.1f} x the noise: run `ptt diagnose` with the new model"]
 
 
 def verdicts(ladder: Ladder) -> list[str]:
@@ -56,6 +56,6 @@ def _verdict(before: LadderStep, step: LadderStep) -> str:
     if step.helped:
         return f"{step.effect} helped: {change}"
     if f"{new:.2f}" != f"{old:.2f}" and new < old:
-        sure = f"by {step.fall:.1f} standard errors of what single poses gain, and {CHANCE:g} would count"
-        return f"{step.effect} is not sure to help: {change}, {sure}"
+        sure = f"by {step.fall:.1f} standard errors of the gain per pose, where {CHANCE:g} would be clear"
+        return f"{step.effect} may not help: {change}, {sure}"
     return f"{step.effect} did not help: the held-out error did not fall ({old:.2f} to {new:.2f} um)"

@@ -65,7 +65,7 @@ def measure_reversal(
     turn = turning_row(command) if phase is None else int(np.count_nonzero(phase == "S1")) - 1
     after = len(command) - 1 - turn
     if min(turn, after) < 2:
-        raise TableError("no reversal in one of its cycles", where=where, fix="log the way forward and the way back")
+        raise TableError("no reversal in one of its cycles", where=where, fix="log travel in both directions")
     # Forward is positive from here on, for the motor and for the scale, whichever way round it is mounted.
     command = np.sign(command[turn] - command[0]) * (command - command[0])
     scale = np.sign(scale[turn] - scale[0]) * (scale - scale[0])

@@ -78,7 +78,7 @@ def read_scale_log(
     resolution_um = None if resolution_mm is None else 1e3 * resolution_mm
     for option, given in (("--lead", lead_mm), ("--turns", turns), ("--resolution-um", resolution_um)):
         if given is not None and not 0.0 < given < np.inf:
-            raise TableError(f"{given:g} is no size", where=option, fix="give a number above zero")
+            raise TableError(f"{given:g} is not a size", where=option, fix="give a number above zero")
     table = read_plain(path)
     if "slider" not in table:
         raise TableError("no column slider", where=source, fix="add one with the slider's number")

@@ -151,9 +151,9 @@ def _require_labels(export: Export, run: np.ndarray, labels: tuple[str, ...], is
     empty = np.flatnonzero((np.array(labels) == "")[run] & ~is_base)
     if len(labels) > 1 and empty.size:
         raise TableError(
-            "no run, while other rows say theirs",
+            "no run, although other rows have one",
             where=place(export, int(empty[0]), "run"),
-            fix="write the run into each of its rows, or into none",
+            fix="fill in the run in every row, or in none",
         )
 
 
@@ -164,7 +164,7 @@ def _taking_turns(run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
     if not len(again):
         return []
     where, times = labels[run[again[0]]], f"{len(again)} time{'' if len(again) == 1 else 's'}"
-    return [f"run '{where}' goes on after rows of another; {times} in all travel begins anew where a run goes on"]
+    return [f"run '{where}' resumes after rows of another run; travel begins anew there, {times} in all"]
 
 
 def _of_a_run(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
@@ -183,7 +183,7 @@ def _half_read(export: Export) -> list[str]:
         if len(rows) > 1
         else (f"row {export.line[rows[0]]} has")
     )
-    return [f"warning: {which} no {titles} beside the other axes: taken as no reading"]
+    return [f"warning: {which} no {titles} although the other axes are filled: treated as no reading"]
 
 
 def _directions(export: Export, joints: int) -> np.ndarray | None:

@@ -187,7 +187,7 @@ def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
         return []
     first = f"row {raw.line[copied[0]]} is identical to row {raw.line[seen[raw.body[copied[0]]]]} in every column"
     more = f", and {len(copied) - 1} more rows are copies" if len(copied) > 1 else ""
-    return [f"warning: {first}{more}: taken as repeats, but copies tell nothing of the scatter of readings"]
+    return [f"warning: {first}{more}: taken as repeats, but copies say nothing about the scatter of readings"]
 
 
 def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: str | None, given: Mapping) -> Understood:
@@ -218,7 +218,7 @@ def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: st
 def _meaning_line(column: Column) -> str:
     quantity = column.quantity
     unit = f" [{column.unit}]" if column.unit and column.unit != "stamp" else ""
-    turned = f", turned into {standard_unit(quantity)}" if unit and column.unit != standard_unit(quantity) else ""
+    turned = f", converted to {standard_unit(quantity)}" if unit and column.unit != standard_unit(quantity) else ""
     return f"'{column.title}' is {quantity}{unit}{turned}" + (f" ({column.note})" if column.note else "")
 
 

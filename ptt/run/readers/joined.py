@@ -60,7 +60,7 @@ def _check_same_machine(parts: Sequence[Dictionary[str, Any]]) -> None:
             )
         widths = [None if each["command"] is None else each["command"].shape[1] for each in (first, part)]
         if widths[0] != widths[1] or part["joint_prefix"] != first["joint_prefix"]:
-            raise TableError("joint commands of another machine", where=part["source"], fix="read it by itself")
+            raise TableError("joint commands of another machine", where=part["source"], fix="read it separately")
 
 
 def _join(parts: Sequence[Dictionary[str, Any]], name: str) -> np.ndarray | None:

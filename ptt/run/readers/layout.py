@@ -12,7 +12,7 @@ from ptt.run.readers.text import RawText
 from ptt.run.readers.titles import DRIVER_NOTE, is_newton, is_polar, meaning_of, written_unit
 
 GOALS = ("x_cmd", "y_cmd", "z_cmd")
-FORCE_IS_NO_MASS = "a weight in newtons is no mass: divide it by 9.81 m/s2 and call the column payload_kg"
+FORCE_IS_NO_MASS = "a weight in newtons is not a mass: divide it by 9.81 m/s2 and call the column payload_kg"
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def _with_begun(
     for index, (title, each) in enumerate(zip(titles, said, strict=True)):
         if each is None or each[0] in have or counts[each[0]] > 1:
             continue
-        question = f"'{each[1]}' is no known unit of {each[0]}; which unit is it in, or is it something else?"
+        question = f"'{each[1]}' is not a known unit of {each[0]}; which unit is it in, or is it something else?"
         choices = [*(unit for unit in UNITS[dimension_of(each[0])] if unit != "stamp"), IGNORE]
         place, key = f"{where}, column {title}", f'[units] "{title}"'
         unit = mapping.units.get(title) or answer(question, choices, ask, place, key)
@@ -199,7 +199,7 @@ def _settle_double(
         places = [i for i, meaning in enumerate(meanings) if meaning and meaning.quantity == quantity]
         named = [i for i in places if canonical(titles[i])]
         if len(named) > 1 or len({titles[i] for i in places}) < len(places):
-            raise TableError(f"column {titles[places[0]]} is there twice", where=where, fix="remove or rename one")
+            raise TableError(f"column {titles[places[0]]} appears twice", where=where, fix="remove or rename one")
         chosen = (
             named[0]
             if named

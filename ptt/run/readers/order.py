@@ -47,7 +47,7 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
     if order == AS_ROWS:
         return export, ["time goes back; the rows are taken to be in travel order, as --set order=rows says"]
     if not refuse:
-        return export, ["time goes back; the rows are looked at as they stand"]
+        return export, ["time goes back; the rows are used in their present order"]
     raise OrderError(
         f"time goes back{_of_run(export, late[1])} (from {time[late[0]]:.12g} to {time[late[1]]:.12g} s, after row "
         f"{export.line[late[0]]}), so the rows may not be in travel order",

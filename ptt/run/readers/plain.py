@@ -37,7 +37,7 @@ def read_plain(path: Path | str) -> pd.DataFrame:
     titles = [title.lower() for title in rows[first]]
     for title in titles:
         if title and titles.count(title) > 1:
-            raise TableError(f"column '{shown(title)}' is there twice", where=source, fix="remove or rename one")
+            raise TableError(f"column '{shown(title)}' appears twice", where=source, fix="remove or rename one")
     for number in numbers:
         if len(rows[number]) != len(titles):
             what = f"{len(rows[number])} cells where {len(titles)} are expected"

@@ -31,7 +31,7 @@ def require_number(name: str, value: float) -> None:
         TableError: not finite, or beyond any machine.
     """
     if not np.isfinite(value):
-        raise TableError(f"{name} = {value} is no finite number", where="--set", fix="give a number")
+        raise TableError(f"{name} = {value} is not a finite number", where="--set", fix="give a number")
     if abs(value) > greatest({**CONTEXT, **SETTABLE}[name]):
         raise TableError(f"{name} = {value:g} is beyond any machine", where="--set", fix="correct it")
     if value < (low := least({**CONTEXT, **SETTABLE}[name])):

@@ -42,7 +42,11 @@ def read_seconds(
     """
     filled = [cell for cell in cells.tolist() if cell]
     if filled and all(_SHORTENED.fullmatch(cell) for cell in filled):
-        return None, "stamps lost their digits in a spreadsheet, not used; row order is the time", None
+        return (
+            None,
+            "stamps lost their digits in a spreadsheet and are not used; the order of rows stands for time",
+            None,
+        )
     numbers = _plain_numbers(cells, decimal)
     if numbers is not None and not all(_COMPACT.fullmatch(cell) for cell in filled):
         seconds, night = through_a_night(_checked_epoch(numbers, ask, where))

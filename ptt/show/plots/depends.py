@@ -36,7 +36,7 @@ class Panel:
 
 
 def draw_dependences(result: Comparison, problem: Problem) -> Figure:
-    """Draw the error against the variables that tell most.
+    """Draw the error against the variables that explain most.
 
     Args:
         result: the comparison.
@@ -58,7 +58,9 @@ def draw_dependences(result: Comparison, problem: Problem) -> Figure:
     for panel in panels[len(pairs) :]:
         panel.set_axis_off()
     found = bool(result.depends_on)
-    figure.suptitle("error after frame alignment: " + ("what tells most" if found else "nothing tells of it"))
+    figure.suptitle(
+        "error after frame alignment: " + ("the variables that explain most" if found else "no variable explains it")
+    )
     legend_below(figure, panels)
     return figure
 

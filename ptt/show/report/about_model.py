@@ -15,7 +15,7 @@ from ptt.show.report.numbers import AXES, NONE, axes, percent, plus_minus, um
 MEASURED = {
     "yes": "yes",
     "in part": "in part: only combinations with others are",
-    "at least": "from below: no move of the run takes a larger one up",
+    "at least": "lower bound: no move of the run takes up a larger one",
     "no": "no: held by its usual size",
     "fixed": "fixed by the user",
     "searched": "searched, not fitted",

@@ -70,7 +70,7 @@ def _counts(facts: RunFacts) -> list[tuple[str, str]]:
     runs = [f"{label or 'one run'} ({rows} rows)" for label, rows in facts.runs]
     more = f" and {len(runs) - SHOWN_RUNS} more" if len(runs) > SHOWN_RUNS else ""
     return [
-        ("rows", f"{facts.rows} ({roles}), {facts.observed} of them with a whole reading"),
+        ("rows", f"{facts.rows} ({roles}), {facts.observed} of them with a complete reading"),
         ("runs", ", ".join(runs[:SHOWN_RUNS]) + more),
         ("poses", f"{facts.poses} different targets, {facts.repeats} readings that repeat another one"),
         ("volume", f"{', '.join(spans)} mm"),

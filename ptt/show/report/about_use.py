@@ -6,7 +6,7 @@ from ptt.show.report.contents import Contents
 from ptt.show.report.numbers import AXES, NONE, axes, um
 
 TITLES = {
-    "blocks": "whole parts of the path held out: what a new place can expect",
+    "blocks": "whole parts of the path held out: what to expect at a new place",
     "random": "poses held out at random: between measured neighbours",
 }
 
@@ -22,18 +22,19 @@ def pair_section(contents: Contents) -> Section:
     blocks: list[Block] = [
         Words(f"Before: {data['before']['source']}; after: {data['after']['source']}."),
         grid(title, ("", "readings", *AXES), rows),
-        Picture("pair", "Error of the tool seen from above, before and after, in one scale."),
+        Picture("pair", "Error of the tool seen from above, before and after, on one scale."),
         grid("Where, RMS in um", ("part of the workspace", "before", "after"), zones),
     ]
     if data["shared_poses"]:
         left = "; rows without a counterpart: {before} before, {after} after".format(**data["unmatched"])
-        words = f"{data['nearer_share']:.0%} of {data['shared_poses']} poses measured in both come nearer{left}."
+        share = f"{data['nearer_share']:.0%} of {data['shared_poses']} poses measured in both"
+        words = f"{share} are nearer to their targets{left}."
     else:
         words = "No pose was measured in both: totals and parts of the workspace are compared."
     blocks.append(Words(words))
     if data["worse"]:
         worse = [(one["row"], um(one["before_um"]), um(one["after_um"])) for one in data["worse"]]
-        blocks.append(grid("Poses that got worse most, um", ("row", "before", "after"), worse))
+        blocks.append(grid("Poses that got worse the most, um", ("row", "before", "after"), worse))
     return Section("pair", "The run beside a later one", tuple(blocks))
 
 
@@ -83,10 +84,13 @@ def iso_section(contents: Contents) -> Section:
         for name, pair in named_figures(figures)
     ]
     words = (
-        f"The machine as it was measured, without the model: {len(after['poses'])} poses measured at least twice in "
-        f"the same way; {after['single_poses']} measured once are left out."
+        f"The machine as it was measured, without the model: {len(after['poses'])} poses measured at least twice the "
+        f"same way; {after['single_poses']} measured once are left out."
     )
-    cycles = f" The standard requires 30 cycles and here there are {after['cycles']}: its method, not its conditions."
+    cycles = (
+        f" The standard requires 30 cycles, but there are {after['cycles']}: its method is followed, its conditions "
+        "are not met."
+    )
     less = "" if after["standard"].startswith("ISO 9283") else cycles
     table = grid(f"{figures['standard']}, um", ("", "mean", "worst"), cells)
     return Section("iso", "ISO 9283 figures", (Words(words + less), table))

@@ -37,7 +37,7 @@ from ptt.version import __version__, installed
 
 PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
 STAGES = 6  # of a report
-NOTHING_TO_JUDGE = "the model has no effects and no network: there is no after to hold against the before"
+NOTHING_TO_JUDGE = "the model has no effects and no network, so there is no 'after' to compare with"
 Found = TypeVar("Found")
 
 

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Mapping
 
+from ptt.judge.compare import rows
+
 AXES = ("x", "y", "z", "total")
 NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
 NONE = "\N{EM DASH}"
@@ -36,11 +38,7 @@ def percent(share: float | None) -> str:
     Returns:
         Text.
     """
-    if share is None:
-        return NONE
-    if 0.9995 <= share < 1.0:
-        return "> 99.9 %"
-    return f"{100.0 * share:.1f} %" if 0.99 <= share < 1.0 else f"{100.0 * share:.0f} %"
+    return NONE if share is None else rows.percent(share)
 
 
 def chance(p_value: float | None, equals: bool = False) -> str:

@@ -44,7 +44,7 @@ def summary_section(contents: Contents) -> Section:
         rows.append(("with the model, all readings", *axes(contents.given.comparison.to_dict()["rms_um"])))
         if contents.refit is not None:
             held = contents.refit.steps[-1].heldout_rms_um
-            rows.append(("with the model, on readings that no parameter saw", *axes(held)))
+            rows.append(("with the model, on held-out readings", *axes(held)))
     noise = contents.given.comparison.noise
     if noise is not None:
         figures = noise.to_dict()
@@ -63,6 +63,6 @@ def _verdict(contents: Contents) -> str:
     before = contents.drawing.comparison.to_dict()["rms_um"]["total"]
     after = contents.given.comparison.to_dict()["rms_um"]["total"]
     gained = percent(1.0 - after / before) if before > 0 else ""
-    head = f"The model ({effects}) takes the error from {before:.1f} to {after:.1f} um RMS ({gained} less)."
-    tail = "" if drawn is None or drawn.verdict != "unknown" else " Of the bare drawing no full explanation was found."
+    head = f"The model ({effects}) reduces the error from {before:.1f} to {after:.1f} um RMS ({gained} less)."
+    tail = "" if drawn is None or drawn.verdict != "unknown" else " For the bare drawing no full explanation was found."
     return f"{head} {found.words}{tail}"

@@ -29,7 +29,7 @@ EMPTY = (
 VERDICTS = {
     "same": "Nothing has changed since the model was made",
     "changed": "The machine has changed",
-    "new": "Something is there that the model does not have",
+    "new": "Something is new that the model does not have",
 }
 
 
@@ -54,7 +54,7 @@ class AgainView:
         ui.html("Measured again", sanitize=False, tag="h2").classes("st-head")
         self.runs = LaterRuns(self.studio)
         with ui.element("div").classes("st-tools").style("margin-top: 6px"):
-            self.hold = ui.button("Hold them beside each other", icon="compare", on_click=self._work)
+            self.hold = ui.button("Compare the runs", icon="compare", on_click=self._work)
             self.hold.props("no-caps unelevated")
 
     def _enable(self) -> None:
@@ -77,9 +77,7 @@ class AgainView:
         first = session.first or date_in(session.source.run)
         dated = sorted(session.later, key=lambda each: each[1])
         later = tuple((later_source(session.source, run, session.said), when) for run, when in dated)
-        found = await self.studio.work(
-            "holding runs beside each other", "again", session.source, session.text, first, later
-        )
+        found = await self.studio.work("comparing runs", "again", session.source, session.text, first, later)
         if found is not None:
             with suppress(PttError):  # a full disk: it is shown all the same
                 write_text(self.studio.folder / FOUND, json.dumps({"key": key, "found": found}))
@@ -143,7 +141,8 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
         times = pair["arrows"]["times"]
         note = f"From above; errors {times:,.0f} times enlarged, one scale for both; {pretty(pair['frame'])}."
         if pair["shared_poses"]:
-            note += f" {percent(pair['nearer_share'])} of {pair['shared_poses']} poses measured in both come nearer."
+            share = f"{percent(pair['nearer_share'])} of {pair['shared_poses']} poses measured in both"
+            note += f" {share} are nearer to their targets."
         ui.label(note).classes("st-note")
         with ui.element("div").style("display: flex; flex-wrap: wrap; gap: 8px; width: 100%"):
             for when, run in zip(WHEN, pair["runs"], strict=True):

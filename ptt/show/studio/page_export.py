@@ -11,7 +11,7 @@ from ptt.show.studio.controller import Studio
 
 BARS = (
     ("drawing", "by the drawing", "#d55e00"),
-    ("format", "with this form", "#0072b2"),
+    ("format", "with this format", "#0072b2"),
     ("model", "with the whole model", "#9aa3aa"),
 )
 
@@ -27,7 +27,7 @@ class ExportView:
             ui.html("For the controller", sanitize=False, tag="h2").classes("st-head")
             with ui.element("div").classes("st-tools"):
                 self.which = (
-                    ui.select({}, label="controller or form")
+                    ui.select({}, label="controller or format")
                     .props("dense outlined options-dense")
                     .style("flex: 1 1 220px; min-width: 0")
                 )
@@ -50,7 +50,7 @@ class ExportView:
             ui.timer(0.01, self._formats, once=True)
 
     async def _formats(self) -> None:
-        found = await self.studio.work("forms for controllers", "formats", self.studio.session.kind, how="spare")
+        found = await self.studio.work("formats for controllers", "formats", self.studio.session.kind, how="spare")
         if found is not None:
             self.which.set_options(
                 {name: f"{name}: {about}" for name, about in found}, value=found[0][0] if found else None

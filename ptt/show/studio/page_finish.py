@@ -19,8 +19,8 @@ from ptt.show.studio.steps import REFITS
 from ptt.show.studio.uploads import keep
 
 UNTRAINED = (
-    "A Gaussian RBF network learns what physics left over, as a function of position; it changes nothing beside the "
-    "poses it has seen. Held-out errors show whether it helps."
+    "A Gaussian RBF network learns what physics left over, as a function of position; it changes nothing away from "
+    "the poses it has seen. Held-out errors show whether it helps."
 )
 
 

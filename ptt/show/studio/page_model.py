@@ -207,7 +207,7 @@ def words_of(session: Session, last: Rung, noise_um: Mapping[str, float], axis: 
         noise = f"noise {noise_um[axis]:.2f} {micro}"
         return together(f"Now {last.rms_um[axis]:.2f} {micro} over all rows (plain RMS; {after}); {noise}{left}")
     if now.fitted != now.active:
-        return f"{_switched(now)}: the figures of that are being worked out"
+        return f"{_switched(now)}: the figures for that are being computed"
     return together(
         f"Now {last.rms_um[axis]:.2f} {micro} on training rows, {last.heldout_rms_um[axis]:.2f} {micro} held out; "
         f"noise {noise_um[axis]:.2f} {micro}{_doubt(now.rungs)}{left}"
@@ -225,7 +225,7 @@ def _doubt(rungs: Sequence[Rung]) -> str:
     if before is None:
         return ""
     fell = last.heldout_rms_um["total"] < before["total"]
-    return f" (this step {'is not sure to have helped' if fell else 'did not help: the held-out error did not fall'})"
+    return f" (this step {'may not have helped' if fell else 'did not help: the held-out error did not fall'})"
 
 
 def _switched(now: Snapshot) -> str:

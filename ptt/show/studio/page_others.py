@@ -1,4 +1,4 @@
-"""What else was looked at: other candidates, what could not be tested, and the diagnosis in figures."""
+"""What else was considered: other candidates, what could not be tested, and the diagnosis in figures."""
 
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -26,7 +26,7 @@ class OthersView:
         self.adds: dict[str, ui.button] = {}
         with (
             ui.element("div").classes("st-box") as self.box,
-            ui.expansion("What else was looked at").classes("w-full").props("dense"),
+            ui.expansion("What else was considered").classes("w-full").props("dense"),
         ):
             self.body = ui.element("div").classes("st-grid").props("tabindex=0")
         studio.when(BEHIND, "session", self.show)
@@ -58,7 +58,7 @@ class OthersView:
             with ui.element("tbody"):
                 for item in data["candidates"]:
                     self._row(item)
-        ui.label("Takes alone: the share of the squared error that the effect takes by itself.").classes("st-note")
+        ui.label("Takes alone: the share of the squared error that the effect explains by itself.").classes("st-note")
         if data["not_testable"]:
             ui.html("Could not be tested on this run", sanitize=False, tag="h3").classes("st-head").style(
                 "margin-top: 8px"
@@ -73,7 +73,7 @@ class OthersView:
         ui.label(f"Noise {length(noise['total'])} from {source}; {data['rows']} readings{gross}{aside}.").classes(
             "st-note"
         )
-        with ui.expansion("The same as the command line says it").classes("w-full").props("dense"):
+        with ui.expansion("The same as the command line prints it").classes("w-full").props("dense"):
             ui.label(pretty(lesson.text)).classes("st-mono")
 
     def _row(self, item: dict[str, Any]) -> None:

@@ -61,8 +61,8 @@ class ResultView:
     def _build_next(self) -> None:
         self.all = ui.button("Add all", icon="done_all", on_click=self._add_all).props("no-caps unelevated")
         self.whole = ui.button("Add with all sizes of the drawing", icon="architecture", on_click=self._add_whole)
-        self.whole.props("no-caps outline").tooltip("Commands elsewhere than the run went are better with them")
-        self.poses = ui.button("Poses that part them (CSV)", icon="download", on_click=self._give_poses).props(
+        self.whole.props("no-caps outline").tooltip("They improve commands outside the measured region")
+        self.poses = ui.button("Poses that tell them apart (CSV)", icon="download", on_click=self._give_poses).props(
             "no-caps outline"
         )
         self.finish = ui.button("Take it to the machine", icon="task_alt", on_click=lambda: self.studio.go("Finish"))
@@ -101,9 +101,9 @@ class ResultView:
         elif not session.ready:
             self._say("Nothing to show yet", "Load a run and its machine, or try the sample.", "upload_file")
         elif rows > LONG:
-            self._say("Not looked yet", f"{rows:,} rows take a few minutes; begin when you are ready.", "search")
+            self._say("Not diagnosed yet", f"{rows:,} rows take a few minutes; begin when you are ready.", "search")
         else:
-            self._say("Not looked yet", "", "search")
+            self._say("Not diagnosed yet", "", "search")
 
     def _say(self, title: str, words: str, icon: str) -> None:
         if self.title.content != title:

@@ -17,16 +17,16 @@ def build_setup(studio: Studio) -> None:
         studio: of this session.
     """
     with ui.element("div").classes("st-box").mark("setup") as box:
-        ui.html("First the set-up: something looks mistaken", sanitize=False, tag="h2").classes("st-title")
+        ui.html("First the set-up: something looks wrong", sanitize=False, tag="h2").classes("st-title")
         body = ui.element("div").classes("w-full")
         with ui.element("div").classes("st-tools").style("margin-top: 10px"):
-            mend = ui.button("Put it right and open", icon="build", on_click=lambda: _mend(studio)).props(
+            mend = ui.button("Correct it and open", icon="build", on_click=lambda: _mend(studio)).props(
                 "no-caps unelevated"
             )
             anyway = ui.button("Go on anyway", icon="fast_forward", on_click=lambda: _anyway(studio)).props(
                 "no-caps outline"
             )
-        ui.label("Putting it right writes a mended copy beside your files; they stay as they are.").classes("st-note")
+        ui.label("This writes a corrected copy beside your files, which stay as they are.").classes("st-note")
 
     def update() -> None:
         box.set_visibility(bool(studio.staged.setup))

@@ -62,7 +62,7 @@ def _table() -> ui.html:
 
 
 def _build_iso(studio: Studio) -> None:
-    make = ui.button("Work them out", icon="straighten").props("no-caps outline")
+    make = ui.button("Compute them", icon="straighten").props("no-caps outline")
     told, body = ui.label().classes("st-note"), _table()
 
     async def work() -> None:
@@ -79,7 +79,7 @@ def _build_iso(studio: Studio) -> None:
 
 
 def _build_dexterity(studio: Studio) -> None:
-    make = ui.button("Work it out", icon="open_with").props("no-caps outline")
+    make = ui.button("Compute it", icon="open_with").props("no-caps outline")
     body = _table()
     picture = ui.html("", sanitize=False).classes("w-full")
 

@@ -77,7 +77,7 @@ def _show(studio: Studio, look: Look) -> None:
         with ui.element("div").classes("st-tie").style("margin: 6px 0"):
             ui.label(
                 f"{look.rows:,} rows: a diagnosis takes about {least:.0f} to {max(SLOWEST * least, 1.0):.0f} minutes "
-                "and goes on while you look; it is not begun unasked."
+                "in the background; it starts only when you ask for it."
             )
     with ui.element("div").classes("st-tools").style("margin: 6px 0"):
         ui.button("See the result", icon="troubleshoot", on_click=lambda: studio.go("Result")).props(
@@ -128,6 +128,6 @@ def parted(lines: Sequence[str]) -> tuple[list[str], list[str]]:
 
 def _noise(noise: object) -> str:
     if not isinstance(noise, dict):
-        return "not told by this run alone; the diagnosis works it out"
+        return "not known from this run alone; the diagnosis estimates it"
     figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z"))
     return f"{length(noise['total'])} ({figures}), from {source_in_words(noise['source'])}"

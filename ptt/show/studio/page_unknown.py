@@ -17,7 +17,7 @@ from ptt.show.studio.results import Learned
 
 HOW = {
     "levels": "level by level", "smooth": "smoothly", "step": "in a step", "bump": "near one place",
-    "period": "over and over", "varying": "more at one end than at the other",
+    "period": "periodically", "varying": "more at one end than at the other",
 }  # fmt: skip
 
 
@@ -89,4 +89,6 @@ def _seen_as(unknown: Mapping[str, Any]) -> str:
     acts = unknown["acts_on"]
     if acts in (None, unknown["residual"]):
         return ""
-    return f" The picture has it as an error of {unknown['residual']}; the sentence above as one of {who_is_off(acts)}."
+    return (
+        f" The picture shows it as an error of {unknown['residual']}, the sentence above as one of {who_is_off(acts)}."
+    )

@@ -14,7 +14,7 @@ UNIT = re.compile(r"_((?:nmm|um|mm|m|mrad|urad|rad|deg|n|kg|k|s|ms|h|c)(?:_per_[
 SIGNS = {"n": "N", "nmm": "N mm", "k": "K", "c": "\N{DEGREE SIGN}C", "um": f"{MICRO}m", "urad": f"{MICRO}rad"}
 TOLD = {
     "found": "found", "missed": "missed", "explained": "explained by others", "too small": "too small to count",
-    "fair": "named in its place: nobody could tell them apart here", "partial": "helps, but is not what is hidden",
+    "fair": "named in its place: this run cannot tell them apart", "partial": "helps, but is not what is hidden",
     "wrong": "nothing of the kind is hidden",
 }  # fmt: skip
 
@@ -31,7 +31,7 @@ def seal_html(opened: Mapping[str, Any]) -> str:
     verdict = "Right: everything that counts was found." if opened["right"] else "Not right yet."
     noise = f"Noise of one reading {length(opened['noise_um']['total'])}; on the run without noise the model's effects"
     effects = table_html(
-        ("effect", "told", "hidden in the machine", "in the model", "makes by itself"), _effects(opened), words=4,
+        ("effect", "told", "hidden in the machine", "in the model", "causes alone"), _effects(opened), words=4,
         caption="what was hidden and what was found",
     )  # fmt: skip
     tool = table_html(

@@ -21,13 +21,13 @@ from ptt.model.model import Model
 
 PIECES, FINE_PIECES = KNOTS - 1, FINE * (KNOTS - 1)
 AHEAD = (
-    "its shift follows the velocity, and `ptt predict` takes that from the rows on both sides; commands made one by "
-    "one do not know the rows ahead: give the lags to the controller's velocity feed-forward"
+    "its shift follows the velocity, which `ptt predict` takes from the rows on both sides; commands made one by one "
+    "do not know the rows ahead: use the lags in the controller's velocity feed-forward"
 )
-OWN = "an effect of your own: there is no C of it"
+OWN = "an effect of your own: there is no C code for it"
 SECOND = "one of its kind is in the code already, and the memories of two do not add up"
-STRAIGHT = "the arm's joints turn within straight moves, and where they do is found by `ptt predict` alone"
-SMOOTH_WAY = "joints turn between rows on a smooth way, and where they do is found by `ptt predict` alone"
+STRAIGHT = "the arm's joints reverse within straight moves; only `ptt predict` finds where"
+SMOOTH_WAY = "joints reverse between rows on a smooth path; only `ptt predict` finds where"
 
 
 @dataclass(frozen=True)

@@ -142,4 +142,8 @@ def _notes(compensator: "Compensator") -> tuple[str, ...]:
     inputs = compensator.network is not None and compensator.space == "joints"
     return (
         "cc -std=c99 -O2 ptt_model.c ptt_selftest.c -lm && ./a.out says whether a build gives the same numbers",
-    ) + (("the network is over joint values: ptt_correct takes the posture from the nominal ones",) if inputs else ())
+    ) + (
+        ("the network is a function of joint values: ptt_correct takes the posture from the nominal ones",)
+        if inputs
+        else ()
+    )
