@@ -54,7 +54,7 @@ def test_readings_that_are_gone_are_named_with_the_way_out(tmp_path):
     store = fill(tmp_path / "s", 1, 1)
     for path in (store.folder / "readings").glob("*.parquet"):
         path.unlink()
-    with pytest.raises(InputError, match="readings of the store are gone; put the file back"):
+    with pytest.raises(InputError, match="readings of the store are missing; put the file back"):
         run_all(store)
 
 

@@ -118,7 +118,7 @@ def test_check_knows_effects_of_ones_own(here, capsys):
 
 
 def test_numbers_that_mean_nothing_are_refused():
-    with pytest.raises(InputError, match=r"goal: .* are no goals; give finite figures"):
+    with pytest.raises(InputError, match=r"goal: .* is not a finite number; give percent"):
         ptt.evaluate("a.csv", "b.csv", goal=float("nan"))
     with pytest.raises(InputError, match="seed: -1 is below 0"):
         ptt.simulate(DATA / "rigs" / "experiment1.toml", DATA / "targets.csv", seed=-1)
