@@ -12,6 +12,7 @@ from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.hidden import held_out, lowers
+from ptt.diagnosis.evidence.hidden_trial import HiddenMemo
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.telling.doubt import tool_doubt
@@ -81,7 +82,7 @@ def test_a_curve_that_strays_at_one_end_of_the_travel_takes_no_other_name_along(
     rows, before = np.full(4, 100), np.full(4, 4.0)
     scorer = SimpleNamespace(
         score=lambda keys, memory: SimpleNamespace(keys=keys),
-        held_out={(): (before, rows), ("map", "play"): (np.array(after), rows)},
+        hidden_memo=HiddenMemo(squares={(): (before, rows), ("map", "play"): (np.array(after), rows)}),
     )
     assert lowers(scorer, ("map", "play"), doubt) is is_lower
 

@@ -36,7 +36,9 @@ class Sums:
         self.totals = totals
         atoms = {key: SimpleNamespace(key=key, block=None, effect=None, odds=14.0) for key in "uvef"}
         for key in "uv":
-            atoms[key].block = SimpleNamespace(on=("x",), reverses=False, is_curve=False, varies_curve=False)
+            atoms[key].block = SimpleNamespace(
+                on=("x",), reverses=False, is_law=False, is_curve=False, varies_curve=False
+            )
         for key in "ef":
             atoms[key].effect = SimpleNamespace(
                 parameters=(), name=key, stage="drive", reverses=False, of_drawing=False
@@ -109,7 +111,7 @@ def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypat
     atoms["e"].effect.parameters = (SimpleNamespace(lent=("lead-scale",)),)
     for key, on, curve, where in (("u", "time", False, "slider 2"), ("v", "b2", True, place)):
         atoms[key].block = SimpleNamespace(
-            on=(on,), reverses=False, is_curve=curve, varies_curve=varies and not curve,
+            on=(on,), reverses=False, is_law=False, is_curve=curve, varies_curve=varies and not curve,
             place=SimpleNamespace(residual=where, part=where),
         )  # fmt: skip
     scorer.opens = lambda keys: lambda atom: not there
