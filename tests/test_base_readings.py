@@ -67,7 +67,7 @@ def test_a_knock_that_turns_the_tracker_is_told_once_where_reflectors_hold_the_f
 
 
 @pytest.mark.parametrize(("name", "scale", "knock"), [("tracker-scale", 3e-4, 0.0), ("setup-jump", 0.0, 1.0)])
-def test_readings_are_foretold_in_the_frame_that_reflectors_show_beside_the_tracker(name, scale, knock):
+def test_readings_are_predicted_in_the_frame_that_reflectors_show_beside_the_tracker(name, scale, knock):
     """Their mean stands where the tracker did neither before nor after a knock, and a scale shifts it."""
     problem = measured_run(knock * KNOCK, scale)
     last = climb(Model(problem.file), problem, [library()[name]()]).steps[-1]

@@ -84,7 +84,7 @@ def test_a_row_that_a_law_that_bends_reaches_after_all_is_no_gross_error():
     assert np.flatnonzero(left).tolist() == [20]
 
 
-def test_sets_of_which_a_curve_stands_aside_do_not_say_whether_the_whole_foretells(monkeypatch):
+def test_sets_of_which_a_curve_stands_aside_do_not_say_whether_the_whole_predicts(monkeypatch):
     found = explained(*rails(4.0))
     assert set(found.state.keys) == {"guide-straightness", "tower-position", "tower-tilt"}
     real = steps.hold_back

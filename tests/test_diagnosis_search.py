@@ -1,4 +1,4 @@
-"""What a search may say: the moment to the row, the fewest parts, gross errors by the bulk, names that foretell."""
+"""What a search may say: the moment to the row, the fewest parts, gross errors by the bulk, names that predict."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -66,7 +66,7 @@ def test_hidden_rows_are_silent_of_what_the_others_hardly_tell() -> None:
 def test_plain_squares_may_speak_where_the_shown_rows_tell_little_of_what_is_hidden() -> None:
     warming = replace(trial(0.1, 0.1, 0.1), plainly=np.array([30.0, 20.0, 1.0]))
     assert warming.speaks(5.0)
-    assert not warming.speaks(5.0, share=0.5)  # not for a set that does not foretell what it claims to
+    assert not warming.speaks(5.0, share=0.5)  # not for a set that does not predict what it claims to
 
 
 def test_a_share_is_asked_of_what_hidden_rows_show() -> None:
@@ -76,7 +76,7 @@ def test_a_share_is_asked_of_what_hidden_rows_show() -> None:
     assert trial(200.0, 200.0, 200.0, left=100.0).speaks(5.0, share=0.5)
 
 
-def test_a_set_is_faithful_that_foretells_about_what_it_claims() -> None:
+def test_a_set_is_faithful_that_predicts_about_what_it_claims() -> None:
     assert trial(1.0, 1.0, left=0.9 * FAITHFUL * 30.0).faithful
     assert not trial(1.0, 1.0, left=1.1 * FAITHFUL * 30.0).faithful
 
@@ -112,7 +112,7 @@ def test_a_curve_that_bends_further_does_not_make_a_twist_needless() -> None:
     assert {group[0] for group in found.suggested} >= {"platform-twist", "frame-growth"}
 
 
-def test_a_knock_that_does_not_foretell_is_not_named_beside_a_table_that_leans() -> None:
+def test_a_knock_that_does_not_predict_is_not_named_beside_a_table_that_leans() -> None:
     found = told("unknown", 950032)  # the machine's weight tilts the table that it stands on
     assert (found.verdict, found.suggested) == ("unknown", ())
 
@@ -120,7 +120,7 @@ def test_a_knock_that_does_not_foretell_is_not_named_beside_a_table_that_leans()
 def test_repeats_that_an_explanation_outdoes_do_not_stand_for_the_noise() -> None:
     found = told("unknown", 1150117)  # a line of sight that bends along the circle and in time: a wander takes it
     assert (found.verdict, found.suggested) == ("unknown", ())
-    assert "the noise by the std columns is left" in found.rest.reasons[0]
+    assert "times the noise (from the std columns)" in found.rest.reasons[0]
 
 
 def test_what_keeps_others_from_values_that_cannot_be_needs_no_hidden_rows():

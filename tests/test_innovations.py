@@ -1,4 +1,4 @@
-"""Sums of chunks, gains that are foretold, and innovations of a wander."""
+"""Sums of chunks, gains that are predicted, and innovations of a wander."""
 
 import numpy as np
 import pytest

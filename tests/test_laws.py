@@ -220,14 +220,14 @@ def test_rows_that_are_hidden_tell_nothing_not_even_how_large_a_curve_is() -> No
     hidden = 4
     dented = np.where((system.block == hidden)[:, None], system.values + 100.0, system.values)
 
-    def foretold(of: RowSystem) -> np.ndarray:
+    def predicted(of: RowSystem) -> np.ndarray:
         scorer = Scorer(of)
         state = scorer.score(("slider 1 on b1", "rail 2 on b2"), WHITE)
         part = list(of.hidden(state.columns))[hidden]
         told = next(scorer.without_rows(state, [part]))
         return np.asarray(of.columns[of.block == hidden][:, :, state.columns] @ told.values)
 
-    plain, other = foretold(system), foretold(replace(system, values=dented, _sums={}))
+    plain, other = predicted(system), predicted(replace(system, values=dented, _sums={}))
     np.testing.assert_allclose(other, plain, atol=0.5)  # units of noise, of a dent of a hundred
 
 

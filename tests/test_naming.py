@@ -1,4 +1,4 @@
-"""What foretells hidden readings is a name, in which order, and beside which unknowns."""
+"""What predicts hidden readings is a name, in which order, and beside which unknowns."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ from ptt.model.model import Model
 MACHINE = bench_machine()
 
 
-def test_what_does_not_foretell_hidden_readings_is_no_name(monkeypatch):
+def test_what_does_not_predict_hidden_readings_is_no_name(monkeypatch):
     _, problem = hidden("tower-position", 33, rows=100)
     named = diagnose(Model(MACHINE), problem)
     assert named.verdict == "missing" and named.suggested[0][0] == "tower-position"
@@ -59,7 +59,7 @@ def gaining(more):
     return HiddenTrial(np.full(10, 3.0), np.full(10, 3.0 + more), 100.0, np.zeros(1), 30, np.full(10, more))
 
 
-def foretell(monkeypatch, error):
+def predict(monkeypatch, error):
     """Hidden readings are missed by what `error` says of a set, in each of ten blocks alike."""
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: error(keys))
     each = np.ones(10)
@@ -80,9 +80,9 @@ def foretell(monkeypatch, error):
     ],
 )
 def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(monkeypatch, instead, more, sure):
-    """And it foretells hidden readings by more than chance lets it do; one that takes most may be near."""
+    """And it predicts hidden readings by more than chance lets it do; one that takes most may be near."""
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
-    foretell(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
+    predict(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
     monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(more))
     monkeypatch.setattr(steps, "tool_doubt", lambda *_: 0.0)
     for name, answer in (("share_of", 0.5), ("ties", ()), ("_in_order", ["e"] if sure else [])):
@@ -115,7 +115,7 @@ def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypat
             place=SimpleNamespace(residual=where, part=where),
         )  # fmt: skip
     scorer.opens = lambda keys: lambda atom: not there
-    foretell(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
+    predict(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
     monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(9.0))
     for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ()), ("_leads", False)):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
@@ -125,7 +125,7 @@ def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypat
 @pytest.mark.parametrize(("worth", "pose", "named"), [(18.0, 0.0, True), (18.0, 1.0, False), (60.0, 1.0, True)])
 def test_what_comes_back_with_its_pose_is_an_unknown_beside_which_a_name_takes_more(monkeypatch, worth, pose, named):
     scorer = Sums({"e": 100.0, "": 100.0 - worth, "v": 100.0 - worth})
-    foretell(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys))
+    predict(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys))
     monkeypatch.setattr(steps, "hold_back", lambda scorer, keys, key: gaining(9.0 if len(keys) else 0.0))
     monkeypatch.setattr(steps, "_leads", lambda *_: False)
     for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ())):
@@ -138,14 +138,14 @@ def test_what_comes_back_with_its_pose_is_an_unknown_beside_which_a_name_takes_m
 def test_beside_an_unknown_what_the_tracker_does_is_named_if_hidden_readings_gain_by_it(monkeypatch, beside, named):
     scorer = Sums({"eu": 100.0, "e": 90.0, "u": 30.0, "uv": 40.0})
     scorer.system.atoms["e"].effect.stage = "metrology"
-    foretell(monkeypatch, lambda keys: beside if "e" in keys else 9.0)
+    predict(monkeypatch, lambda keys: beside if "e" in keys else 9.0)
     monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(9.0))
     for name, answer in (("tool_doubt", 20.0), ("share_of", 0.5), ("ties", ())):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
     assert [step.key for step in steps.name_steps(scorer, scorer.score("eu", WHITE)).steps] == named
 
 
-def test_the_first_step_is_the_one_that_foretells_hidden_readings_best_whatever_takes_most(monkeypatch):
+def test_the_first_step_is_the_one_that_predicts_hidden_readings_best_whatever_takes_most(monkeypatch):
     """A curve may take most of the readings by values that are far off until others stand beside it."""
     errors = {"": 150.0, "e": 600.0, "f": 60.0, "g": 90.0, "ef": 20.0, "fg": 30.0, "eg": 300.0, "efg": 6.0}
     monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])

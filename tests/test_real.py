@@ -110,7 +110,7 @@ def test_telescope_of_two_axes_is_named_alike_in_every_set_up(
 @pytest.mark.parametrize(
     ("name", "count", "worst"), [("B", 50, 1.25), ("D", 50, 1.25), ("B", 100, 1.0), ("D", 100, 1.0)]
 )
-def test_link_geometry_fitted_on_few_rows_foretells_the_others(
+def test_link_geometry_fitted_on_few_rows_predicts_the_others(
     real: ModuleType, name: str, count: int, worst: float
 ) -> None:
     """A stretch of a UR10's run sees few of its 30 link parameters: the error of all other rows is still the smaller.

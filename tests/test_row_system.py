@@ -118,7 +118,7 @@ def test_what_hidden_rows_say_is_asked_of_them_once(monkeypatch: pytest.MonkeyPa
     told = np.array([_left_out(("a", "b"), block) for block in range(4)])
     np.testing.assert_allclose(error, np.sqrt(told.sum() / ROWS), rtol=1e-6)
     fewer = hold_back(scorer, ("a", "b"), "b")
-    monkeypatch.setattr(hidden_module, "_foretold", None)
+    monkeypatch.setattr(hidden_module, "_predicted", None)
     assert hold_back(scorer, ("b", "a"), "a") is first and held_out(scorer, ("b", "a")) == error
     np.testing.assert_allclose(fewer.with_it, first.with_it, rtol=1e-12)  # of the same set
     assert not np.allclose(fewer.without, first.without)

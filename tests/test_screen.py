@@ -114,7 +114,7 @@ def test_a_line_in_the_spectrum_takes_what_least_squares_take() -> None:
             np.testing.assert_allclose(gain[place], side @ np.linalg.solve(gram, side), rtol=1e-9)
 
 
-def test_no_atom_does_more_in_the_place_of_another_than_it_is_foretold() -> None:
+def test_no_atom_does_more_in_the_place_of_another_than_it_is_predicted() -> None:
     random, passed = np.random.default_rng(13), 0
     flat = random.normal(size=(15, 3, ROWS))
     flat[9:12] = flat[0:3] + 0.02 * flat[9:12]  # nearly what the first of the set is

@@ -68,7 +68,7 @@ def test_levers_hold_every_torque_that_masses_can_make_and_no_more(convention: s
 
 
 @pytest.mark.parametrize(("name", "gravity"), [("ur10", WALL), ("kuka_iiwa", SLANTED)])
-def test_sag_is_found_and_foretells_fresh_poses(name: str, gravity: tuple) -> None:
+def test_sag_is_found_and_predicts_fresh_poses(name: str, gravity: tuple) -> None:
     random = np.random.default_rng(11)
     file = arm(name, gravity)
     rig = sagging(file, random)

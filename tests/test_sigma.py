@@ -215,7 +215,7 @@ def test_a_long_list_is_worked_out_in_parts_with_the_same_uncertainty(tmp_path, 
     assert np.ptp(whole) > 0.0
 
 
-def test_a_model_that_foretells_no_better_than_the_drawing_is_sure_of_no_command(tmp_path: Path) -> None:
+def test_a_model_that_predicts_no_better_than_the_drawing_is_sure_of_no_command(tmp_path: Path) -> None:
     """A sound machine with a curve fitted to its noise: whatever is sent instead of the drawing's is a guess."""
     place = np.random.default_rng(4).uniform(-50.0, 50.0, (40, 3)).round(3)
     targets = make_table(target=place)

@@ -145,7 +145,7 @@ def _merged(model: Model, now: Model) -> tuple[Term, ...]:
 def _named(found: Weighed) -> tuple[Change, ...]:
     """Changes that may be named: beside unknown physics those that an effect would have to be as well.
 
-    Elsewhere their evidence is enough. Whether they foretell hidden readings says nothing of them: what was uncertain
+    Elsewhere their evidence is enough. Whether they predict hidden readings says nothing of them: what was uncertain
     then can do their work, only not as probably.
     """
     if all(found.system.atoms[key].effect for key in found.state.keys):

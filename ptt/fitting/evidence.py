@@ -14,12 +14,12 @@ WIDE = 1e6  # prior variance of unknowns of no group: they take what the data as
 NARROWEST, WIDEST = 1e-6, 1e8  # variances a group may have: a thousandth to ten thousand usual sizes
 STEPS = 30  # at the most: it ends by what is still to be had
 DONE = 1e-3  # nats still to be had at which it ends
-SAME = 0.1  # share of these by which a step may differ from what the curvature foretold, and be the last
+SAME = 0.1  # share of these by which a step may differ from what the curvature predicted, and be the last
 MISSED = 9.0  # four times 9/4, for a step that is not of one variance alone
 LEAP = 1.0  # change of a log variance by MacKay's rule from which his step is taken instead of Newton's
 FURTHEST = 4.0  # change of a log variance in one of Newton's steps, and downward in one of MacKay's
 HALVINGS = 8  # to a 250th of the step: where even that does not rise, the top is there
-HOPE = 4.0  # times the gain that slope and curvature foretell twice over: no more than that is still to be had
+HOPE = 4.0  # times the gain that slope and curvature predict twice over: no more than that is still to be had
 ROUNDING = 1e-13  # share of the sum of squares that is rounding
 TINY = 1e-12  # nothing scatters by a millionth of its noise
 
@@ -93,11 +93,11 @@ def maximise(
             break
         is_newton, gained = bool((found[0] == at + newton).all()), found[1].value - here.value
         at, here = found
-        foretold = float(hope - 0.5 * newton @ slope.curvature @ newton)
-        # Where the evidence rises just as its curvature foretold, what is still to be had is of a higher order: after a
-        # whole step of Newton's that missed by e, it is e^2 9/4 over what was foretold.
-        missed = abs(gained - foretold)
-        if missed < SAME * done or (is_newton and MISSED * missed**2 < done * foretold):
+        predicted = float(hope - 0.5 * newton @ slope.curvature @ newton)
+        # Where the evidence rises just as its curvature predicted, what is still to be had is of a higher order: after
+        # a whole step of Newton's that missed by e, it is e^2 9/4 over what was predicted.
+        missed = abs(gained - predicted)
+        if missed < SAME * done or (is_newton and MISSED * missed**2 < done * predicted):
             break
         slope = problem.slope(here)
     return problem.posterior(here, slope, ended)

@@ -36,7 +36,7 @@ def _hold_back(scorer: Scorer, whole: State, fewer: State) -> HiddenTrial:
     plain = np.zeros(len(whole.columns))
     plain[among] = fewer.posterior.values
     four, plainly, shown, count = list[np.ndarray](), list[float](), list[float](), 0
-    blocks = _foretold(scorer, whole)
+    blocks = _predicted(scorer, whole)
     lesser = scorer.without_rows(fewer, [hidden for hidden, _ in blocks], among)
     for (hidden, told), less in zip(blocks, lesser, strict=True):
         values = np.zeros(len(whole.columns))
@@ -66,13 +66,13 @@ def _elsewhere(scorer: Scorer, whole: State, fewer: State, shown: float) -> np.n
     return one - other
 
 
-def _foretold(scorer: Scorer, state: State) -> list[tuple[Hidden, Posterior]]:
+def _predicted(scorer: Scorer, state: State) -> list[tuple[Hidden, Posterior]]:
     """Each block of travel, and what a set would be without it; those of the last set, which is asked for again."""
     memo = scorer.hidden_memo
-    if state.keys not in memo.foretold:
+    if state.keys not in memo.predicted:
         blocks = list(scorer.system.hidden(state.columns))
-        memo.foretold = {state.keys: list(zip(blocks, scorer.without_rows(state, blocks), strict=True))}
-    return memo.foretold[state.keys]
+        memo.predicted = {state.keys: list(zip(blocks, scorer.without_rows(state, blocks), strict=True))}
+    return memo.predicted[state.keys]
 
 
 def left_of(scorer: Scorer, state: State) -> float:
@@ -90,7 +90,7 @@ def held_out(scorer: Scorer, keys: tuple[str, ...]) -> float:
 
     Returns:
         Root mean square of the error's length. Hidden rows tell nothing, not even how large a curve may be: one that
-        bends to a dent that few rows saw would foretell it where they are.
+        bends to a dent that few rows saw would predict it where they are.
     """
     squares, rows = hidden_squares(scorer, keys)
     return float(np.sqrt(squares.sum() / max(rows.sum(), 1)))
@@ -100,7 +100,7 @@ def hidden_squares(scorer: Scorer, keys: tuple[str, ...]) -> tuple[np.ndarray, n
     """The same block by block: sums of squares, (k,) mm^2, and numbers of rows, (k,)."""
     state, memo = scorer.score(keys, WHITE), scorer.hidden_memo
     if state.keys not in memo.squares:
-        blocks = _foretold(scorer, state)
+        blocks = _predicted(scorer, state)
         squares = np.array([hidden.square(told.values) for hidden, told in blocks])
         memo.squares[state.keys] = squares, np.array([hidden.rows for hidden, _ in blocks], dtype=int)
     return memo.squares[state.keys]

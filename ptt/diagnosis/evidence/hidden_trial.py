@@ -7,7 +7,7 @@ import numpy as np
 from ptt.diagnosis.noise.memory import Hidden
 from ptt.fitting.posterior import Posterior
 
-FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it foretells them
+FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it predicts them
 HARDLY = 0.25  # of what all rows show of an atom: where other blocks tell less of it, each shows a part of its own
 ELSEWHERE = 5.0  # nats below which readings along the travel ask for nothing, and beyond which base reflectors do
 
@@ -43,7 +43,7 @@ class HiddenTrial:
 
     @property
     def faithful(self) -> bool:
-        """Whether the atoms foretell hidden rows about as well as they claim to."""
+        """Whether the atoms predict hidden rows about as well as they claim to."""
         return bool(self.with_it.sum() <= FAITHFUL * max(self.count, 1))
 
     def speaks(self, nats: float = 0.0, share: float = 0.0) -> bool:
@@ -90,10 +90,10 @@ class HiddenMemo:
 
     Attributes:
         trials: of each set and one of its atoms.
-        foretold: of the last set: each block of travel, and what the set would be without it.
+        predicted: of the last set: each block of travel, and what the set would be without it.
         squares: of each set: sums of squares of the blocks, (k,) mm^2, and numbers of their rows, (k,).
     """
 
     trials: dict[tuple[tuple[str, ...], str], HiddenTrial] = field(default_factory=dict)
-    foretold: dict[tuple[str, ...], list[tuple[Hidden, Posterior]]] = field(default_factory=dict)
+    predicted: dict[tuple[str, ...], list[tuple[Hidden, Posterior]]] = field(default_factory=dict)
     squares: dict[tuple[str, ...], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)

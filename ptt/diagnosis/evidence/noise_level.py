@@ -102,13 +102,14 @@ def visit_left(system: System, state: State) -> Noise:
 def wanders_beyond(system: System, state: State) -> bool:
     """Whether the memory of the noise has taken what no tracker does by itself, on all axes together or on one.
 
-    Air and stand move a reading along every axis alike; what bends or warms moves one. The memory has one share, the
-    mean of all axes, so an axis is asked for itself. What was foretold of one that lasts is held against the scatter of
-    all axes together, for along its beam a tracker scatters by a tenth of what it does across, and its stand moves it
-    no less. What forgets within a few rows is no stand that leans to one side as it warms: there axes are asked whether
-    what their rows share with those before is alike, in mm as air moves them or as each scatters, by Fisher's test with
-    as many degrees of freedom as the run has times in which the wander forgets. What an axis shares is known no better
-    than to its scatter over the root of the rows; of the accused one only what is sure counts.
+    Air and stand move a reading along every axis alike; what bends or warms moves one. The memory has one share,
+    the mean of all axes, so an axis is asked for itself. What was predicted of one that lasts is held against the
+    scatter of all axes together, for along its beam a tracker scatters by a tenth of what it does across, and its
+    stand moves it no less. What forgets within a few rows is no stand that leans to one side as it warms: there
+    axes are asked whether what their rows share with those before is alike, in mm as air moves them or as each
+    scatters, by Fisher's test with as many degrees of freedom as the run has times in which the wander forgets.
+    What an axis shares is known no better than to its scatter over the root of the rows; of the accused one only
+    what is sure counts.
 
     Args:
         system: the linearised problem.

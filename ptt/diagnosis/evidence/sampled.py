@@ -18,7 +18,7 @@ Held = tuple[np.ndarray, np.ndarray, int]  # joined sums of a block in noise uni
 
 ENOUGH = 200_000  # rows on which candidates are told: twenty times those that show the least that is named
 SPANNED = 1e-12  # of the strongest direction of the model's columns: less is rounding
-SEEN_TIMES = 2.0  # what a share foretells that all rows may show along a way: beyond it, the share does not know it
+SEEN_TIMES = 2.0  # what a share predicts that all rows may show along a way: beyond it, the share does not know it
 
 
 def share_of_rows(rows: int) -> int:

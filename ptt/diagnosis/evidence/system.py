@@ -149,7 +149,7 @@ class System(ABC):
         self.__dict__.pop("families", None)
 
     def innovation(self, chosen: np.ndarray, values: np.ndarray, memory: Memory) -> np.ndarray:
-        """What a solution leaves beyond what the wander foretells, (m, 3) in noise units."""
+        """What a solution leaves beyond what the wander predicts, (m, 3) in noise units."""
         return innovations(self.left(chosen, values), memory.wander, self.clock)[0]
 
     def in_mm(self, left: np.ndarray) -> np.ndarray:

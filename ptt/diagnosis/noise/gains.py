@@ -1,4 +1,4 @@
-"""Gains: how a filter of a wander weighs the rows of one axis, and what these foretell of each other."""
+"""Gains: how a filter of a wander weighs the rows of one axis, and what these predict of each other."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ MANY = 200  # columns from which a row of them is worth a step of its own
 
 @dataclass(frozen=True)
 class Gains:
-    """How a filter weighs the rows: the foretold state s follows s_i = keep_(i-1) s_(i-1) + take_(i-1) x_(i-1).
+    """How a filter weighs the rows: the predicted state s follows s_i = keep_(i-1) s_(i-1) + take_(i-1) x_(i-1).
 
     Attributes:
         keep: (n - 1,).
@@ -34,7 +34,7 @@ class Gains:
         Of the innovations of its rows in units of their error, and of the state behind the last.
         """
         count = len(self.root)
-        keep, take, root = np.zeros((3, -(-count // STRETCH) * STRETCH))  # behind the last row nothing is foretold
+        keep, take, root = np.zeros((3, -(-count // STRETCH) * STRETCH))  # behind the last row nothing is predicted
         keep[: count - 1], take[: count - 1], root[:count], root[count:] = self.keep, self.take, self.root, 1.0
         return _triangles(*(part.reshape(-1, STRETCH) for part in (keep, take, root)))
 
@@ -91,13 +91,13 @@ def _cut(rows: np.ndarray, count: int) -> np.ndarray:
     return rows[:, : count * STRETCH].reshape(len(rows), count, STRETCH).transpose(1, 0, 2)
 
 
-def foretell(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
-    """States that readings (n, c) foretell, each from the rows before it; `Gains` says how they are weighed."""
+def predict(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
+    """States that readings (n, c) predict, each from the rows before it; `Gains` says how they are weighed."""
     return (_row_by_row if flat.shape[1] > MANY else all_rows)(flat, keep, take)
 
 
 def all_rows(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
-    """The foretold states of a few columns: a bidiagonal system."""
+    """The predicted states of a few columns: a bidiagonal system."""
     side = np.zeros(flat.shape, order="F")
     if len(flat) > 1 and flat.shape[1]:  # of no column at all LAPACK would write the first one, past the end
         side[1:] = take[:, None] * flat[:-1]
@@ -116,7 +116,7 @@ def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndar
 
 
 def _triangles(keep: np.ndarray, take: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of all stretches at once, (s, w) each, as `Gains.stretches` has them: first what foretells each row."""
+    """Of all stretches at once, (s, w) each, as `Gains.stretches` has them: first what predicts each row."""
     count, width = keep.shape
     weights = np.zeros((count, width + 1, width + 1))
     weights[:, 0, 0] = 1.0

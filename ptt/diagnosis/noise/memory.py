@@ -107,7 +107,7 @@ class Hidden(ABC):
         """Sums of squares that solutions leave in the block, each way counted as far as other rows can tell it.
 
         The readings have the covariance I + X K^-1 X^T where K is what the other rows know of the columns: what hangs
-        on something that no other row shows, as the few rows of an approach do, says nothing of who foretells better.
+        on something that no other row shows, as the few rows of an approach do, says nothing of who predicts better.
 
         Args:
             values: (p, s) the solutions.

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ptt.diagnosis.noise.gains import Gains, all_rows, filter_rows, foretell, gains_of
+from ptt.diagnosis.noise.gains import Gains, all_rows, filter_rows, gains_of, predict
 from ptt.run.fading import kept_shares
 from ptt.run.noise import Noise
 
@@ -151,7 +151,7 @@ class Clock:
 
 
 def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
-    """What each row says beyond what the wander of those before it foretold (a Kalman filter, which is linear).
+    """What each row says beyond what the wander of those before it predicted (a Kalman filter, which is linear).
 
     Args:
         values: (n, 3, ...) in noise units.
@@ -167,8 +167,8 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
     for axes, share in wander.parts:
         own, gains = values[:, axes], clock.gains(share, wander.constant)
         flat = own.reshape(len(own), -1)
-        foretold = foretell(flat, gains.keep, gains.take)
-        flat = (flat - foretold) / gains.root[:, None]
+        predicted = predict(flat, gains.keep, gains.take)
+        flat = (flat - predicted) / gains.root[:, None]
         white[:, axes] = flat.reshape(own.shape)
         log_noise += gains.log_noise * own.shape[1]
     return white, log_noise
@@ -206,13 +206,13 @@ def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np
     """
     shares = [[share for axes, share in wander.parts for _ in range(3)[axes]] for wander in wanders]
     gains = [clock.gains(share, one.constant) for one, own in zip(wanders, shares, strict=True) for share in own]
-    # The axes behind each other for every wander: nothing is foretold from one to the next.
+    # The axes behind each other for every wander: nothing is predicted from one to the next.
     keep, take = np.zeros((2, len(gains), len(left)))
     for index, each in enumerate(gains):
         keep[index, :-1], take[index, :-1] = each.keep, each.take
     every = np.tile(left.T, (len(wanders), 1))
-    foretold = all_rows(every.reshape(-1, 1), keep.ravel()[:-1], take.ravel()[:-1]).reshape(every.shape)
-    white = (every - foretold) / np.array([each.root for each in gains])
+    predicted = all_rows(every.reshape(-1, 1), keep.ravel()[:-1], take.ravel()[:-1]).reshape(every.shape)
+    white = (every - predicted) / np.array([each.root for each in gains])
     square = np.square(white).reshape(len(wanders), -1).sum(axis=1)
     log_noise = np.array([each.log_noise for each in gains]).reshape(-1, 3).sum(axis=1)
     prior = np.array([wander.log_prior for wander in wanders])

@@ -20,7 +20,7 @@ ROWS = 3.0  # readings for each cycle at the least: of faster ones what is left 
 def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence[Period] = ()) -> Period | None:
     """The strongest line over time, at the tool, that is worth its price beside what the noise remembers.
 
-    A wander follows any cycle, but what it does not foretell of one still comes back with its period. Curves over time
+    A wander follows any cycle, but what it does not predict of one still comes back with its period. Curves over time
     bend to slow ones, so it is sought without them.
 
     Args:

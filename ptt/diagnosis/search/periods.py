@@ -1,4 +1,4 @@
-"""Periods that nobody foretold: lines in the spectrum of what an explanation leaves, over each joint's own travel."""
+"""Periods that nobody stated: lines in the spectrum of what an explanation leaves, over each joint's own travel."""
 
 from collections.abc import Sequence
 

@@ -230,7 +230,7 @@ def stated_of(noise: Noise) -> tuple[str, float]:
 
 
 def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray:
-    """What the whole explanation leaves, the wander's foretelling taken off, (n, 3) mm; NaN on rows left out."""
+    """What the whole explanation leaves, the wander's prediction taken off, (n, 3) mm; NaN on rows left out."""
     white = system.innovation(state.columns, state.posterior.values, state.memory)
     return system.everywhere(white, problem.table.rows)
 

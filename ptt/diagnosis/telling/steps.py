@@ -113,7 +113,7 @@ def _ahead_of_unknowns(scorer: Scorer, state: State, keys: Sequence[str]) -> dic
 
 
 def _borne_out(scorer: Scorer, every: Sequence[str], likely: Sequence[str]) -> tuple[list[str], bool]:
-    """The likely effects that hidden readings speak for, and whether the whole set foretells these."""
+    """The likely effects that hidden readings speak for, and whether the whole set predicts these."""
     beside = {key: _beside(scorer, every, key) for key in likely}
     trials = {key: hold_back(scorer, beside[key], key) for key in likely}
     whole = [key for key in likely if len(beside[key]) == len(every)]  # nothing stands aside
