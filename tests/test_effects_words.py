@@ -15,7 +15,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.telling.words import sentence, sentences
 from ptt.effects import library
 from ptt.effects.phrases import compose
-from ptt.fitting.gauge import Told, sparsest
+from ptt.fitting.gauge import GaugedTerm, sparsest
 from ptt.fitting.solve import fit
 from ptt.machine import format_machine, load_machine
 from ptt.mechanisms.serial import Serial
@@ -172,7 +172,7 @@ def test_a_size_that_no_machine_has_asks_for_the_drawing(tmp_path):
     view = hide(tmp_path, {}).view
     for lean, asked in ((0.1, True), (0.01, False)):
         theta, std = torch.tensor([0.0, lean, 0.0, 0.0, 0.0, 0.0]), torch.full((6,), 1e-5)
-        words = sentence(Told(Term(KNOWN["tower-tilt"](), theta, std=std)), view)
+        words = sentence(GaugedTerm(Term(KNOWN["tower-tilt"](), theta, std=std)), view)
         assert ("(100 x its usual size: is the drawing right?)" in words) == asked
 
 

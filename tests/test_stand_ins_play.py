@@ -11,7 +11,7 @@ from test_stand_ins import NOISE, run_of, stated, up_and_down
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.telling import said
+from ptt.diagnosis.telling import naming
 from ptt.effects import library
 from ptt.effects.reversal import LONGEST
 from ptt.judge.ladder.climb import climb
@@ -91,10 +91,10 @@ def test_what_does_nothing_at_its_fitted_values_is_idle(monkeypatch: pytest.Monk
     problem = run_of(file, target, np.zeros((400, 3)), 4)
     values = {"windup": [1e-4, 0.0, 0.0, *[1e-3] * 3], "backlash": [0.25 * NOISE] * 3 + [1.0]}
     terms = tuple(Term(library()[name](), torch.tensor(each, dtype=torch.float64)) for name, each in values.items())
-    monkeypatch.setattr(said, "noise_after", lambda *_: Noise(NOISE**2 * np.eye(3), "machine file"))
+    monkeypatch.setattr(naming, "noise_after", lambda *_: Noise(NOISE**2 * np.eye(3), "machine file"))
     atoms = {f"{name}#1": SimpleNamespace(name=name) for name in values}
     found = SimpleNamespace(system=SimpleNamespace(atoms=atoms), state=None)
-    assert said._idle(found, tuple(atoms), terms, problem, problem) == ("windup#1",)
+    assert naming._idle(found, tuple(atoms), terms, problem, problem) == ("windup#1",)
     few = problem.masked(np.arange(400) >= 40)  # a sample of a run whose other rows say as much
-    assert said._idle(found, tuple(atoms), terms, few, problem) == ("windup#1",)
-    assert said._idle(found, tuple(atoms), terms, few, few) == tuple(atoms)
+    assert naming._idle(found, tuple(atoms), terms, few, problem) == ("windup#1",)
+    assert naming._idle(found, tuple(atoms), terms, few, few) == tuple(atoms)

@@ -10,7 +10,7 @@ import torch
 from ptt.again.figures import TOTAL, Moved
 from ptt.effects import Effect
 from ptt.effects.layout import family
-from ptt.effects.phrases import Said, capital, compose, figure, listed, sizes_in_words
+from ptt.effects.phrases import ValuePhrase, capital, compose, figure, listed, sizes_in_words
 from ptt.model.model import Term
 from ptt.run.view import View
 
@@ -50,7 +50,7 @@ class Values:
     now: torch.Tensor
     std: torch.Tensor
 
-    def told(self, place: int, view: View) -> tuple[Said, Said] | None:
+    def told(self, place: int, view: View) -> tuple[ValuePhrase, ValuePhrase] | None:
         """What the sentence that one value is part of says then and now; None where it has none.
 
         A wave's cosine and sine are one sentence, and so are the bends of a curve: theirs are the sentences that would
@@ -84,7 +84,12 @@ def values_of(term: Term, changed: Sequence[tuple[int, Moved]]) -> Values:
 
 
 def say_change(
-    effect: Effect, told: tuple[Said, Said] | None, moved: Moved, view: View, since: str | None, repaired: bool
+    effect: Effect,
+    told: tuple[ValuePhrase, ValuePhrase] | None,
+    moved: Moved,
+    view: View,
+    since: str | None,
+    repaired: bool,
 ) -> str:
     """One value that has changed.
 
@@ -142,7 +147,7 @@ def _noun(effect: Effect, view: View) -> str:
     return effect.arm_noun if family(view) == "serial" else effect.noun
 
 
-def _beside(before: Said, now: Said, noun: str, since: str | None) -> str:
+def _beside(before: ValuePhrase, now: ValuePhrase, noun: str, since: str | None) -> str:
     if before.size == 0.0:
         return f"{compose([now], noun)} in this run, but not in {model_of(since)}"
     if now.size == 0.0:
@@ -153,7 +158,7 @@ def _beside(before: Said, now: Said, noun: str, since: str | None) -> str:
     return f"{compose([now], noun)}, {sizes_in_words([step])} {'more' if more else 'less'} than {on_date(since)}"
 
 
-def _parts(effect: Effect, theta: torch.Tensor, std: torch.Tensor, view: View) -> tuple[Said, ...]:
+def _parts(effect: Effect, theta: torch.Tensor, std: torch.Tensor, view: View) -> tuple[ValuePhrase, ...]:
     try:
         return tuple(effect.say(theta, std, view))
     except (ValueError, IndexError, ZeroDivisionError):  # a curve of one value is no curve

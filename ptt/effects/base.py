@@ -10,7 +10,7 @@ from torch import Tensor
 from ptt.effects.card import Card
 from ptt.effects.layout import family, linear_size, shape_of, weigh
 from ptt.effects.parameter import Parameter
-from ptt.effects.phrases import Phrase, Said, said
+from ptt.effects.phrases import Phrase, ValuePhrase, said
 from ptt.machine_schema import key_of
 from ptt.mechanisms.derivatives import by_parameters
 from ptt.mechanisms.protocol import Mechanism
@@ -261,7 +261,7 @@ class Effect:
         """
         return by_parameters(lambda values: self.shift(values, view), theta)
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """Put the parameters into words, each with its side.
 
         Args:

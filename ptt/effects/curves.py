@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
-from ptt.effects.phrases import Phrase, Said, said
+from ptt.effects.phrases import Phrase, ValuePhrase, said
 from ptt.effects.shapes import COARSE_SHAPES, from_coarse, smooth_shapes, straight_shapes, wave_shapes
 from ptt.run.view import View
 
@@ -53,7 +53,7 @@ def renew_curves(values: Mapping[str, Tensor], stems: Sequence[str], joints: int
 
 def curve_extremes(
     effect: Effect, theta: Tensor, std: Tensor, curves: Sequence[tuple[Phrase, tuple[str, ...], slice]]
-) -> tuple[Said, ...]:
+) -> tuple[ValuePhrase, ...]:
     """The highest and the lowest place of curves, in words.
 
     Args:

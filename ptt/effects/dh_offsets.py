@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
-from ptt.effects.phrases import Phrase, Said
+from ptt.effects.phrases import Phrase, ValuePhrase
 from ptt.mechanisms.serial import LINK_SLOTS, Serial
 from ptt.run.view import View
 
@@ -70,7 +70,7 @@ class DhOffsets(Effect):
         Phrase("dbeta", "lean{s} {what} toward + about y", "lean{s} {what} toward - about y"),
     )
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """As of any effect; a length, twist or offset that the drawing has below zero is larger where it falls."""
         arm = cast(Serial, view.mechanism)
         drawn = theta.new_tensor((*arm.a_mm, *arm.alpha_rad, *arm.d_mm))

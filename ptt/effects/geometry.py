@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Stage
-from ptt.effects.phrases import Said
+from ptt.effects.phrases import ValuePhrase
 from ptt.mechanisms.statics import link_forces
 from ptt.mechanisms.three_ptt import LEGS, SLOTS, ThreePtt
 from ptt.run.view import View
@@ -39,7 +39,7 @@ def foot_axes(view: View) -> tuple[Tensor, Tensor]:
     return machine(view).foot_way, machine(view).outer_axis
 
 
-def upright(said: Iterable[Said], view: View) -> tuple[Said, ...]:
+def upright(said: Iterable[ValuePhrase], view: View) -> tuple[ValuePhrase, ...]:
     """Of flat rails, outward and inward are said as they lie there: downward and upward."""
     there = machine(view)
     rises = {leg + 1: float(there.across[leg, 2]) > 0.0 for leg in range(LEGS) if there.flat[leg]}

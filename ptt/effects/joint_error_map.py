@@ -10,7 +10,7 @@ from torch import Tensor
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
 from ptt.effects.layout import per_joint
-from ptt.effects.phrases import Phrase, Said, said
+from ptt.effects.phrases import Phrase, ValuePhrase, said
 from ptt.run.view import View
 
 ROWS_A_JOINT = 100  # rows, for each joint, that a map of it takes at the least
@@ -70,7 +70,7 @@ class JointErrorMap(Effect):
     )
     called: ClassVar[str] = "encoder or gear"
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """How far each joint runs ahead and behind at the most where it went, and where."""
         low, high = view.covered
         places = low + torch.linspace(0.0, 1.0, PLACES, dtype=theta.dtype)[:, None] * (high - low)
@@ -89,7 +89,7 @@ class JointErrorMap(Effect):
         return per_joint(cosine[..., :SLOW], sine[..., :SLOW], cosine[..., SLOW:], sine[..., SLOW:])
 
 
-def farthest(effect: Effect, shift: Tensor, places: Tensor) -> tuple[Said, ...]:
+def farthest(effect: Effect, shift: Tensor, places: Tensor) -> tuple[ValuePhrase, ...]:
     """Where each joint is farthest ahead and farthest behind.
 
     Args:

@@ -74,7 +74,7 @@ class Phrase:
 
 
 @dataclass(frozen=True)
-class Said:
+class ValuePhrase:
     """One value in words.
 
     Attributes:
@@ -106,7 +106,7 @@ class Said:
 def said(
     phrase: Phrase, value: float, error: float, unit: str, usual: float, joint: int = 0, kind: str = "",
     lead: float | None = None,
-) -> Said:  # fmt: skip
+) -> ValuePhrase:  # fmt: skip
     """Say one value.
 
     Args:
@@ -128,20 +128,20 @@ def said(
     factor *= phrase.times
     mend = (phrase.arm_mend if arm else phrase.mend)[side]
     turn = "" if lead is None else f" ({_turned(abs(value) / lead * 360.0)} of its screw)"
-    return Said(
+    return ValuePhrase(
         who, joint, phrase.on(kind)[side], abs(value) * factor, error * factor, shown, abs(value) / usual,
         mend.replace("{turn}", turn),
     )  # fmt: skip
 
 
-def worth_saying(parts: Sequence[Said]) -> list[Said]:
+def worth_saying(parts: Sequence[ValuePhrase]) -> list[ValuePhrase]:
     """What is beyond chance and not small beside the rest, the largest first."""
     most = max((part.worth for part in parts), default=0.0)
     sure = [part for part in parts if part.sure and part.worth > SMALL * most]
     return sorted(sure, key=lambda part: -part.worth)
 
 
-def remedies(parts: Sequence[Said], noun: str) -> str:
+def remedies(parts: Sequence[ValuePhrase], noun: str) -> str:
     """What sets right all that is worth saying.
 
     Args:
@@ -156,7 +156,7 @@ def remedies(parts: Sequence[Said], noun: str) -> str:
     return listed(each) if each else ""
 
 
-def compose(parts: Sequence[Said], noun: str) -> str:
+def compose(parts: Sequence[ValuePhrase], noun: str) -> str:
     """One sentence without its end: subjects of the same side together, only what is beyond chance.
 
     Args:
@@ -187,7 +187,7 @@ def compose(parts: Sequence[Said], noun: str) -> str:
     return f"{words}, give or take {sizes_in_words([replace(shown[0], size=shown[0].error)])} ({within})"
 
 
-def doubt(parts: Sequence[Said]) -> str:
+def doubt(parts: Sequence[ValuePhrase]) -> str:
     """A word on sizes that no machine has; '' where there are none.
 
     Args:
@@ -200,13 +200,13 @@ def doubt(parts: Sequence[Said]) -> str:
     return f" ({most:.0f} x its usual size: is the drawing right?)" if most > ABSURD else ""
 
 
-def _clause(who: str, text: str, group: Sequence[Said], noun: str) -> tuple[str, str]:
+def _clause(who: str, text: str, group: Sequence[ValuePhrase], noun: str) -> tuple[str, str]:
     many = len(group) > 1
     subject = who or f"{noun}{'s' if many else ''} {listed([str(part.joint) for part in group])}"
     return subject, text.format(what=sizes_in_words(group), **(MANY if many else ONE))
 
 
-def sizes_in_words(group: Iterable[Said]) -> str:
+def sizes_in_words(group: Iterable[ValuePhrase]) -> str:
     """Sizes with their unit, as in '41 and 38 um'."""
     parts = list(group)
     factor, unit = scaled([part.size for part in parts], parts[0].unit)

@@ -12,7 +12,7 @@ from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.layout import family, per_joint
-from ptt.effects.phrases import Phrase, Said, figure, said
+from ptt.effects.phrases import Phrase, ValuePhrase, figure, said
 from ptt.effects.shapes import SHAPES, WAVES, smooth_shapes, straight_shapes, wave_shapes
 from ptt.effects.structure import METALS
 from ptt.mechanisms.serial import Serial
@@ -133,7 +133,7 @@ class ScrewErrorMap(Effect):
         remedy="Load the curve as the axis's compensation table; replace the screw if it is worn.",
     )
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """How high and how low each axis runs at the most, and where."""
         phrase = Phrase("curve", "run{s} up to {what} high", "run{s} up to {what} low")
         return curve_extremes(self, theta, std, ((phrase, ("curve", "waves"), slice(0, 2)),))
@@ -186,7 +186,7 @@ class OncePerRev(Effect):
         arm_remedy="Realign gear and encoder; or put the harmonic in the joint's compensation table.",
     )
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """Height of each axis's wave, and where in the turn it is highest."""
         k = view.joints
         waves, errors, period = theta[: 2 * k].reshape(2, k), std[: 2 * k].reshape(2, k), float(theta[-1])

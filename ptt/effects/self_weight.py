@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
-from ptt.effects.phrases import Phrase, Said, said
+from ptt.effects.phrases import Phrase, ValuePhrase, said
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
@@ -73,7 +73,7 @@ class SelfWeight(Effect):
     )
     called: ClassVar[str] = "self-weight"
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """How far each joint sags at the most over the run, and which way."""
         shift = self.shift(theta, view)
         spread = (self.basis(view, {}).square() @ std.nan_to_num().square()).sqrt()

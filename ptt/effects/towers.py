@@ -21,7 +21,7 @@ from ptt.effects.geometry import (
     upright,
 )
 from ptt.effects.layout import shape_of
-from ptt.effects.phrases import Phrase, Said
+from ptt.effects.phrases import Phrase, ValuePhrase
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
 from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.view import View
@@ -76,7 +76,7 @@ class TowerPosition(ThreePttEffect):
         """Unit shifts of each leg's centre."""
         return centre_basis(*(axis.expand(view.rows, LEGS, 3) for axis in foot_axes(view)))
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """How far each tower stands off and where to."""
         return upright(super().say(theta, std, view), view)
 
@@ -130,7 +130,7 @@ class TowerTilt(ThreePttEffect):
         shade="x",
     )
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """How far each rail leans and which way."""
         return upright(super().say(theta, std, view), view)
 
@@ -219,7 +219,7 @@ class GuideStraightness(ThreePttEffect):
         shade="x",
     )
 
-    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[Said, ...]:
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
         """How far each slider wanders at the most, which way, and where."""
         out = Phrase("radial", "wander{s} up to {what} outward", "wander{s} up to {what} inward")
         along = Phrase(

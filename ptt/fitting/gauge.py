@@ -28,7 +28,7 @@ LIKE_FRAME = 0.1  # share of a pattern that no motion of the tracker may leave, 
 
 
 @dataclass(frozen=True)
-class Told:
+class GaugedTerm:
     """A term in the gauge in which it is said.
 
     Attributes:
@@ -43,7 +43,7 @@ class Told:
 def sparsest(
     terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, beside: Sequence[Term] = (),
     loose: Loose | None = None,
-) -> tuple[Told, ...]:  # fmt: skip
+) -> tuple[GaugedTerm, ...]:  # fmt: skip
     """Say terms in the gauge in which the fewest of their values are off.
 
     A homing offset of one slider is fitted as a third of it on each, because the tracker's z takes the rest. All values
@@ -76,7 +76,7 @@ def sparsest(
     if free.shape[1]:  # what only these few poses do not tell is no gauge: it is another machine
         free = _untold(information + _all_over(terms, beside, problem.file, noise), values[own])
     if not free.shape[1]:
-        return tuple(Told(term) for term in terms)
+        return tuple(GaugedTerm(term) for term in terms)
     unknowns = values.copy()
     unknowns[own], moved = _fewest(values[own], free)
     error = np.full(len(values), np.nan)
@@ -96,7 +96,7 @@ def sparsest(
             std[torch.as_tensor(layout.free[index])] = torch.as_tensor((error * layout.scale)[layout.owner == index])
         # A motion of the tracker has no legs that could have something in common.
         names = () if term.effect.stage == "metrology" else _alike(linear, own, taking, motions, few.frames)
-        said.append(Told(replace(term, theta=theta, std=std), names))
+        said.append(GaugedTerm(replace(term, theta=theta, std=std), names))
     return tuple(said)
 
 

@@ -17,7 +17,7 @@ ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
 ALIKE = 0.1  # change of a log variance below which sizes count as settled
 
 
-class Told(Protocol):
+class RowSums(Protocol):
     """What rows say at a point, held at once or read part by part, those aside that a choice leaves out."""
 
     @property
@@ -36,7 +36,9 @@ class Told(Protocol):
         ...
 
 
-Rows = Callable[[np.ndarray, np.ndarray], Told]  # unknowns and a choice of rows, which the rows alone know how to read
+Rows = Callable[
+    [np.ndarray, np.ndarray], RowSums
+]  # unknowns and a choice of rows, which the rows alone know how to read
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,7 @@ def fit(
     noise = noise or problem.noise or guessed_noise()
     begun = _begin_long if problem.table.rows > LONG else _begin
     evaluate, unknowns, kept, prior = begun(model, problem, noise, robust, coarse)
-    rows = partial(_Told, evaluate, pose_groups(problem.table), robust and not (lean or coarse))
+    rows = partial(_RowSums, evaluate, pose_groups(problem.table), robust and not (lean or coarse))
     done = NEAR if coarse else DONE
     found = settle(rows, evaluate.layout, noise, unknowns, kept, prior, done, hopeless)
     return _result(model, problem, evaluate, found, coarse)
@@ -106,7 +106,7 @@ def hold(term: Term) -> Term:
 
 
 @dataclass(frozen=True)
-class _Told:
+class _RowSums:
     """What the rows of a run that count, (n,) bool, say at a point."""
 
     evaluate: Evaluator | LongEvaluator

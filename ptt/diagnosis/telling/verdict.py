@@ -21,7 +21,7 @@ from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates
-from ptt.diagnosis.telling.said import Said, said_of
+from ptt.diagnosis.telling.naming import Naming, naming_of
 from ptt.diagnosis.telling.sizes import sized
 from ptt.diagnosis.telling.unknowns import Unnamed, unnamed_of
 from ptt.diagnosis.telling.verdict_words import explain_verdict
@@ -68,14 +68,14 @@ def conclude(
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
     shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
-    said = said_of(found, model, problem, shown)
-    named = said.told.steps
+    naming = naming_of(found, model, problem, shown)
+    named = naming.named.steps
     rms_um = _errors(found, tuple(step.key for step in named))
-    rest = _objected(rest, found, said, problem, rms_um["after"]["total"] / MICRO)
+    rest = _objected(rest, found, naming, problem, rms_um["after"]["total"] / MICRO)
     noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
     verdict = _verdict(found, bool(named), rest)
     unnamed = unnamed_of(scorer, state, problem, rows)
-    depends = _depends_on(found, said, unnamed, rest, shown, problem, seed) if verdict == "unknown" else ()
+    depends = _depends_on(found, naming, unnamed, rest, shown, problem, seed) if verdict == "unknown" else ()
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
@@ -84,7 +84,7 @@ def conclude(
         verdict_probability=_verdict_probability(chances, verdict),
         suggested=suggested,
         candidates=(
-            *candidates_of_steps(found, said.told, said.terms, said.others, chances, noise, problem),
+            *candidates_of_steps(found, naming.named, naming.terms, naming.others, chances, noise, problem),
             *other_candidates(found, named, chances, problem),
         ),
         not_testable=found.untestable,
@@ -96,7 +96,7 @@ def conclude(
         rms_um=rms_um,
         rows=int(clean.used.sum()),
         outliers=found.gross,
-        model=replace(model, terms=said.sent),
+        model=replace(model, terms=naming.sent),
         fitted=found.fitted,
         words="",
         elsewhere=elsewhere(found.fitted, problem) if named else None,
@@ -112,21 +112,21 @@ def _perhaps(found: Found, suggested: Sequence[tuple[str, ...]]) -> tuple[str, .
     return tuple(dict.fromkeys(name for name in names if name not in said))
 
 
-def _objected(rest: Rest, found: Found, said: Said, problem: Problem, error: float) -> Rest:
+def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error: float) -> Rest:
     """The rest with all that speaks against what was found; `error` is what it leaves, mm."""
     system, state = found.system, found.state
-    unproven = tuple(system.atoms[key].name for key in said.told.unproven)
+    unproven = tuple(system.atoms[key].name for key in naming.named.unproven)
     left, stated = visit_left(system, state), stated_noise(problem, system, state)
     wanders = state.memory.wander is not None and system.clock.is_slow(state.memory.wander)
     by_visit = bool(system.by_visit and state.memory.pose)
-    silent = _verdict(found, bool(said.told.steps), rest) == "nothing-missing"
+    silent = _verdict(found, bool(naming.named.steps), rest) == "nothing-missing"
     much = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
     objections = Objections(
-        faithful=said.told.faithful,
+        faithful=naming.named.faithful,
         unproven=unproven,
-        impossible=said.impossible,
-        idle=said.idle,
-        backward=said.backward,
+        impossible=naming.impossible,
+        idle=naming.idle,
+        backward=naming.backward,
         set_aside=against_gross(found, problem),
         unexplained_error=much,
     )
@@ -134,20 +134,20 @@ def _objected(rest: Rest, found: Found, said: Said, problem: Problem, error: flo
 
 
 def _depends_on(
-    found: Found, said: Said, unnamed: Unnamed, rest: Rest, shown: Problem, problem: Problem, seed: int
+    found: Found, naming: Naming, unnamed: Unnamed, rest: Rest, shown: Problem, problem: Problem, seed: int
 ) -> tuple[Dependence, ...]:  # fmt: skip
     """What the unknown follows: its blocks, what a memory of the noise has taken, what tests say, or a suspect."""
     depends, left, scorer, state = dependences(unnamed, shown), unnamed.left, found.scorer, found.state
     wanders = state.memory.wander is not None
     # What a memory of the noise took tells what it is, where it is no tracker's or where nothing else is found.
-    if not depends and (wanders_beyond(found.system, state) or (wanders and not said.told.steps)):
+    if not depends and (wanders_beyond(found.system, state) or (wanders and not naming.named.steps)):
         found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)
         depends = sized(found_in[:MOST_LINES], left, shown)
     depends = depends or sized(rest.depends_on[:MOST_LINES], left, shown)
     if depends:
         return depends
-    backward = [key for key in state.keys if found.system.atoms[key].name in said.backward]
-    gone = without(state, *said.told.unproven, *backward)
+    backward = [key for key in state.keys if found.system.atoms[key].name in naming.backward]
+    gone = without(state, *naming.named.unproven, *backward)
     suspect = with_suspect(scorer, scorer.score(gone, state.memory, state.scales))
     rows = slice(None) if found.sample is None else numbers(found.sample)
     return dependences(unnamed_of(scorer, suspect, problem, rows), shown)

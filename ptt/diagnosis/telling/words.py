@@ -7,9 +7,9 @@ import torch
 
 from ptt.diagnosis.evidence.at_tool import at_tool_um
 from ptt.effects.layout import family
-from ptt.effects.phrases import Said, capital, compose, listed, remedies
+from ptt.effects.phrases import ValuePhrase, capital, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
-from ptt.fitting.gauge import Loose, Told, sparsest
+from ptt.fitting.gauge import GaugedTerm, Loose, sparsest
 from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -19,7 +19,7 @@ DOUBTED = 0.5  # of an error from which it is worth a word what no reading shows
 PART, MOST_BACK = 1.5, 3.0  # times what an effect can take off, from which others cancel it partly, mostly
 
 
-def sentence(told: Told, view: View) -> str:
+def sentence(told: GaugedTerm, view: View) -> str:
     """What an effect of a machine means, with the side of each value.
 
     Args:
@@ -37,7 +37,7 @@ def sentence(told: Told, view: View) -> str:
     return f"{body}: {told.term.effect.cause(told.term.theta, view)}{_gauge(told, noun)}{far_off(parts)}"
 
 
-def _gauge(told: Told, noun: str) -> str:
+def _gauge(told: GaugedTerm, noun: str) -> str:
     if not told.alike:
         return ""
     names = [name.removeprefix("tracker ") for name in told.alike]
@@ -73,7 +73,7 @@ def sentences(
     return words
 
 
-def _held(told: Told, term: Term) -> Told:
+def _held(told: GaugedTerm, term: Term) -> GaugedTerm:
     """What is said of an effect with errors no wider than those of all its values together, as its sizes hold them."""
     if told.term.std is None or term.std is None:
         return told
@@ -81,7 +81,7 @@ def _held(told: Told, term: Term) -> Told:
     return replace(told, term=replace(told.term, std=told.term.std.clamp(max=most))) if most > 0.0 else told
 
 
-def remedy(told: Told, view: View) -> str:
+def remedy(told: GaugedTerm, view: View) -> str:
     """What has to be turned, moved or entered, and by how much; '' where nothing can be.
 
     Args:
@@ -92,7 +92,7 @@ def remedy(told: Told, view: View) -> str:
     return remedies(parts, noun)
 
 
-def _said(told: Told, view: View) -> tuple[tuple[Said, ...], str]:
+def _said(told: GaugedTerm, view: View) -> tuple[tuple[ValuePhrase, ...], str]:
     effect, theta = told.term.effect, told.term.theta
     std = torch.full_like(theta, torch.nan) if told.term.std is None else told.term.std
     return effect.say(theta, std, view), effect.arm_noun if family(view) == "serial" else effect.noun
@@ -151,7 +151,7 @@ def _moved(before: float, now: float) -> str:
     return f"{'falls' if now < before else 'rises'} from {before:.1f} to {now:.1f} um"
 
 
-def _size_in_all(told: Told, apart: float, before: float, problem: Problem) -> str:
+def _size_in_all(told: GaugedTerm, apart: float, before: float, problem: Problem) -> str:
     """What an effect does where its values, or that, are more than was missed; else nothing.
 
     It is said at the tool, or, of what changes readings and moves no tool, in the readings.

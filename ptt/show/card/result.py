@@ -11,8 +11,8 @@ from ptt.diagnosis.telling.verdict_words import MISSING, depends, doubted
 from ptt.diagnosis.telling.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.cards import card_of
 from ptt.effects.layout import family
-from ptt.effects.phrases import ONE, Said, capital, sizes_in_words, worth_saying
-from ptt.fitting.gauge import Told, sparsest
+from ptt.effects.phrases import ONE, ValuePhrase, capital, sizes_in_words, worth_saying
+from ptt.fitting.gauge import GaugedTerm, sparsest
 from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.show.card.words import in_prose, length, pretty
@@ -197,20 +197,20 @@ def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Pro
     )
 
 
-def noun_of(told: Told, problem: Problem) -> str:
+def noun_of(told: GaugedTerm, problem: Problem) -> str:
     """What the joints of an effect are called on this machine."""
     effect = told.term.effect
     return effect.arm_noun if family(problem.view) == "serial" else effect.noun
 
 
-def _said(told: Told, problem: Problem) -> list[Said]:
+def _said(told: GaugedTerm, problem: Problem) -> list[ValuePhrase]:
     effect, theta = told.term.effect, told.term.theta
     std = torch.full_like(theta, torch.nan) if told.term.std is None else told.term.std
     parts = effect.say(theta, std, problem.view)
     return worth_saying(parts) or sorted(parts, key=lambda part: -part.worth)[:1]
 
 
-def _value(part: Said, noun: str) -> CauseValue:
+def _value(part: ValuePhrase, noun: str) -> CauseValue:
     who = part.who or (f"{noun} {part.joint}" if part.joint else "machine")
     error = None if part.error != part.error else float(part.error)
     text = part.text.format(what=sizes_in_words([part]), **ONE)

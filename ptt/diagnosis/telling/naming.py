@@ -19,11 +19,11 @@ IDLE = 10.0  # chi-squared of all that an effect does, half of what a name has t
 
 
 @dataclass(frozen=True)
-class Said:
+class Naming:
     """What is named of an explanation, at values.
 
     Attributes:
-        told: the steps.
+        named: the steps.
         others: the explanation with moments of unlike sudden effects exchanged.
         terms: effects of the model as given and those that are named, at their values.
         sent: the same at the values that are sent to a machine.
@@ -32,7 +32,7 @@ class Said:
         backward: names of effects that have values of the sign that they cannot have, and are no steps.
     """
 
-    told: Named
+    named: Named
     others: tuple[Exchange, ...]
     terms: tuple[Term, ...]
     sent: tuple[Term, ...]
@@ -41,7 +41,7 @@ class Said:
     backward: tuple[str, ...] = ()
 
 
-def said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> Said:
+def naming_of(found: Found, model: Model, problem: Problem, shown: Problem) -> Naming:
     """What is named: nothing where the machine could not stand at it where the rows that are shown had it stand.
 
     Args:
@@ -50,21 +50,21 @@ def said_of(found: Found, model: Model, problem: Problem, shown: Problem) -> Sai
         problem: the readings that count.
         shown: the readings that are shown.
     """
-    told, others = name_steps(found.scorer, found.state), exchanges(found, problem)
-    keys = tuple(step.key for step in told.steps)
+    named, others = name_steps(found.scorer, found.state), exchanges(found, problem)
+    keys = tuple(step.key for step in named.steps)
     terms = posterior_terms(found, model, keys, others)
     idle, backward = _idle(found, keys, terms, shown, problem), _backward(found, keys, terms)
     if idle or backward:
-        told = replace(told, steps=tuple(step for step in told.steps if step.key not in (*idle, *backward)))
-        keys = tuple(step.key for step in told.steps)
+        named = replace(named, steps=tuple(step for step in named.steps if step.key not in (*idle, *backward)))
+        keys = tuple(step.key for step in named.steps)
         terms = posterior_terms(found, model, keys, others)
     sent, names = sent_terms(found, terms, keys), {key: atom.name for key, atom in found.system.atoms.items()}
     if stands(terms, shown) and stands(sent, shown):
         not_named = {"idle": tuple(names[key] for key in idle), "backward": tuple(names[key] for key in backward)}
-        return Said(told, others, terms, sent, **not_named)
+        return Naming(named, others, terms, sent, **not_named)
     given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
     impossible = tuple(names[key] for key in keys)
-    return Said(replace(told, steps=()), others, given, given, impossible)
+    return Naming(replace(named, steps=()), others, given, given, impossible)
 
 
 def _idle(
