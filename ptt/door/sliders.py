@@ -84,6 +84,7 @@ def text_of_figures(data: dict[str, Any]) -> str:
         lines.append(f"  sent: {data['form']}; {form} would put the tool at most {gap:.3f} um elsewhere")
     if reversal := reversal_of(data):
         lines.append(f"  reversal: {data['reversal']} (largest part {reversal})")
+        lines.append("  start: each joint is taken to reach the first target in the direction of its next move")
     return "\n".join(lines)
 
 
