@@ -22,7 +22,7 @@ CONTEXTS = {  # what an effect may require -> what the data want where that does
     "payload": "column payload_kg with at least two loads",
     "temperature": "column temp_c with a change of temperature",
     "time": "column time_s over more than an instant",
-    "speed": "readings at two or more speeds (feed_mm_s, or time_s while moving)",
+    "speed": "readings on the move at two or more speeds (feed_mm_s, or time_s)",
     "direction": "poses reached from both directions",
 }
 

@@ -25,6 +25,7 @@ PREFIXES = ("n", "u", "m", "")  # of m, rad and s, by thousands
 LARGE, LARGEST = 1e3, 1e4  # the least and the largest of some sizes from which the next prefix is said
 LEAST_SIZE = 1e-2  # the largest of some, below which the prefix before is said
 FULL = 720.0  # deg from which the turns of a screw are said
+UNTOLD = 20.0  # times a value: an error beyond that says that nothing is known, however large it is
 MOST_VALUES = 6  # of one effect that anybody reads
 SMALL = 0.02  # share of the largest value below which nobody would turn a screw
 ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
@@ -184,6 +185,8 @@ def compose(parts: Sequence[ValuePhrase], noun: str) -> str:
     within = "none of these alone is beyond chance" if len(parts) > 1 else "no more than chance"
     if np.isnan(shown[0].error):
         return f"{words}, {within}"
+    if shown[0].error > UNTOLD * shown[0].size > 0.0:
+        return f"{words}, give or take many times that ({within})"
     return f"{words}, give or take {sizes_in_words([replace(shown[0], size=shown[0].error)])} ({within})"
 
 
