@@ -68,8 +68,85 @@ def test_a_weight_in_newtons_is_told_how_to_become_a_mass(tmp_path: Path, title:
         TableError, match="unit 'N' does not fit payload; a weight in newtons is not a mass: divide it by"
     ):
         read_any(path)
-    path.write_text("x,y,z,Load [N]\n1,2,3,4\n1,2,4,5\n", encoding="utf-8")
-    assert read_any(path).understood.ignored == ("Load [N]",)  # a motor's, perhaps
+
+
+@pytest.mark.parametrize("title", ["Load [N]", "Belastung (N)", "Masse_N"])
+def test_a_load_in_newtons_is_asked_about_for_it_may_be_a_motors(tmp_path: Path, title: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(f"x,y,z,{title}\n1,2,3,4\n1,2,4,5\n", encoding="utf-8")
+    with pytest.raises(TableError, match=r"a weight in newtons is not a mass.*or is it something else.*'ignore'"):
+        read_any(path)
+    assert read_any(path, Request(ask=say("ignore"))).understood.ignored == (title,)
+    assert read_any(path, Request(mapping=Mapping(units={title: "ignore"}))).understood.ignored == (title,)
+    assert read_any(path, Request(mapping=Mapping(columns={title: "ignore"}))).understood.ignored == (title,)
+    path.write_text(f"x,y,z,payload_kg,{title}\n1,2,3,4,5\n1,2,4,5,6\n", encoding="utf-8")
+    assert read_any(path).understood.ignored == (title,)
+
+
+@pytest.mark.parametrize(
+    ("title", "said", "units", "factor"),
+    [
+        ("Tool weight [lb]", "payload", {}, 0.45359237),
+        ("Tool weight [lb]", "payload_lb", {}, 0.45359237),
+        ("Tool weight, lb", "payload", {}, 0.45359237),
+        ("Tool weight [lb]", "payload_kg", {"Tool weight [lb]": "g"}, 1e-3),
+        ("Tool weight [lb]", "payload", {"Tool weight [lb]": "kg"}, 1.0),
+        ("Tool (left)", "payload_g", {}, 1e-3),
+        ("Scale (2)", "payload", {}, 1.0),
+        ("Scale G", "payload", {}, 1.0),
+        ("Foo A [in]", "payload", {"Foo A [in]": "kg"}, 1.0),
+        ("Foo A [in]", "b1_cmd", {}, 25.4),
+        ("Foo A [in]", "q1_cmd", {}, 25.4),
+    ],
+)
+def test_the_unit_in_a_title_counts_where_the_mapping_says_what_it_holds(
+    tmp_path: Path, title: str, said: str, units: dict[str, str], factor: float
+) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(f'x,y,z,"{title}"\n1,2,3,4\n1,2,4,5\n', encoding="utf-8")
+    read = read_any(path, Request(mapping=Mapping(columns={title: said}, units=units)))
+    (quantity,) = read.columns.keys() - {"x_meas", "y_meas", "z_meas"}
+    assert quantity in ("payload", "b1_cmd")
+    assert_allclose(read.columns[quantity], [4 * factor, 5 * factor], rtol=1e-15)
+
+
+def test_a_mapping_that_contradicts_the_title_is_asked_about(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("x,y,z,Tool weight [lb]\n1,2,3,4\n1,2,4,5\n", encoding="utf-8")
+    mapping = Mapping(columns={"Tool weight [lb]": "payload_kg"})
+    with pytest.raises(TableError, match="the title says 'lb' and the mapping 'payload_kg'; which unit is it in"):
+        read_any(path, Request(mapping=mapping))
+    assert read_any(path, Request(mapping=mapping, ask=say("kg"))).columns["payload"][0] == 4.0
+    with pytest.raises(TableError, match="unit 'st' does not fit payload"):
+        path.write_text("x,y,z,Tool [st]\n1,2,3,4\n1,2,4,5\n", encoding="utf-8")
+        read_any(path, Request(mapping=Mapping(columns={"Tool [st]": "payload"})))
+
+
+def test_an_axis_slides_or_turns_as_its_unit_says(tmp_path: Path) -> None:
+    path, axes = tmp_path / "run.csv", ("Achse 1 Soll", "Achse 2 Soll", "Achse 3 Soll")
+    rows = "314,315,316,1,2,3\n317,318,319,1,2,4\n"
+    path.write_text(f"{','.join(f'{axis} [mm]' for axis in axes)},x,y,z\n{rows}", encoding="utf-8")
+    table = read_table(path)
+    assert table.command is not None
+    assert_array_equal(table.command[0], [314, 315, 316])
+    path.write_text(f"{','.join(axes)},x,y,z\n{rows}", encoding="utf-8")
+    question = (
+        r"which unit is q1_cmd in \('mm': it is the slider b1_cmd\)\?; .* \[units\] \"Achse 1 Soll\" = one of 'rad'"
+    )
+    with pytest.raises(TableError, match=question):
+        read_table(path)
+    for found in (
+        read_table(path, ask=say("mm")),
+        read_table(path, mapping=Mapping(units=dict.fromkeys(axes, "mm")), ask=never),
+        read_table(path, mapping=Mapping(units=dict.fromkeys(axes, "mm"), columns={axes[0]: "q1_cmd"}), ask=never),
+    ):
+        assert_array_equal(found.command, table.command)
+        assert read_table(path, mapping=found.understood.mapping, ask=never).understood.lines[1:4] == tuple(
+            f"'{axis}' is b{number}_cmd [mm]" for number, axis in enumerate(axes, 1)
+        )
+    path.write_text("b1_cmd,Achse 1,x,y,z\n1,90,1,2,3\n2,90,1,2,4\n", encoding="utf-8")
+    with pytest.raises(TableError, match=r"which unit is q1_cmd in\?"):  # the slider has its column
+        read_any(path)
 
 
 def test_pounds_and_inches_a_minute_are_read(tmp_path: Path) -> None:

@@ -67,6 +67,11 @@ from ptt.run.readers.titles import meaning_of, split_unit
         ("feed_in_min", "feed", "in_min"),
         ("Feed rate [in/min]", "feed", "in_min"),
         ("feed_rate_mm_min", "feed", "mm_min"),
+        ("Belastung [kg]", "payload", "kg"),
+        ("Achse 1 [mm]", "b1_cmd", "mm"),
+        ("Axis 2 Position (mm)", "b2_cmd", "mm"),
+        ("Axis 2 Position (deg)", "q2_cmd", "deg"),
+        ("q3 [mm]", "b3_bare", "mm"),
     ],
 )
 def test_titles(title: str, quantity: str, unit: str | None) -> None:

@@ -67,6 +67,25 @@ class Meaning:
     note: str = ""
 
 
+@dataclass(frozen=True)
+class Column:
+    """One column of a file.
+
+    Attributes:
+        index: place in the row, from 0.
+        title: as in the file, or 'column 1' where there are no titles.
+        quantity: what it holds, '' for a column that is kept aside.
+        unit: a key of `UNITS`.
+        note: how that is known, where the title does not say it all.
+    """
+
+    index: int
+    title: str
+    quantity: str = ""
+    unit: str = ""
+    note: str = ""
+
+
 def dimension_of(quantity: str) -> str:
     """Dimension of a quantity, a key of `UNITS`; '' for a name that is no quantity."""
     return next((dimension for pattern, dimension, _ in _QUANTITIES if pattern.fullmatch(quantity)), "")
@@ -121,6 +140,20 @@ def begun(title: str) -> tuple[str, str] | None:
         if dimension_of(quantity) not in ("", "number", "text") and re.fullmatch(r"[^\W\d_][^\W\d]*", rest):
             return quantity, rest
     return None
+
+
+def of_axis(meaning: Meaning) -> Meaning:
+    """An axis in a unit of length is a slider, whatever it is called: `Axis 1 [mm]` is `b1_cmd`, no angle.
+
+    Args:
+        meaning: of a column.
+
+    Returns:
+        The same of the slider, or as it is.
+    """
+    turns = re.fullmatch(r"q[1-9]\d*_(cmd|bare)", meaning.quantity)
+    slides = turns and meaning.unit in UNITS["length"]
+    return Meaning(f"b{meaning.quantity[1:]}", meaning.unit, meaning.note) if slides else meaning
 
 
 def to_standard(values: np.ndarray, quantity: str, unit: str) -> np.ndarray:

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import Meaning, canonical, standard_unit, to_standard
+from ptt.run.readers.columns import Column, Meaning, canonical, standard_unit, to_standard
 from ptt.run.readers.head import titles_of, untitled
-from ptt.run.readers.layout import Column, understand
+from ptt.run.readers.layout import understand
 from ptt.run.readers.mapping import IGNORE, NOT_USED, Ask, Mapping, Understood
 from ptt.run.readers.numbers import read_cells, refuse_beyond
 from ptt.run.readers.separators import DELIMITERS, is_number, split_line

@@ -2,36 +2,16 @@
 
 import re
 from collections import Counter
-from dataclasses import dataclass
 
 from ptt.errors import TableError
-from ptt.run.readers.columns import UNITS, UNSTATED_IS_ASKED, Meaning, begun, canonical, dimension_of, standard_unit
+from ptt.run.readers.columns import Column, Meaning, canonical, of_axis
 from ptt.run.readers.mapping import IGNORE, Ask, Mapping, answer
 from ptt.run.readers.separators import is_number, split_line
 from ptt.run.readers.text import RawText
-from ptt.run.readers.titles import DRIVER_NOTE, is_newton, is_polar, meaning_of, written_unit
+from ptt.run.readers.titles import DRIVER_NOTE, is_polar, meaning_of
+from ptt.run.readers.units import unit_beside, with_begun, with_unit
 
 GOALS = ("x_cmd", "y_cmd", "z_cmd")
-FORCE_IS_NO_MASS = "a weight in newtons is not a mass: divide it by 9.81 m/s2 and call the column payload_kg"
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column of a file.
-
-    Attributes:
-        index: place in the row, from 0.
-        title: as in the file, or 'column 1' where there are no titles.
-        quantity: what it holds, '' for a column that is kept aside.
-        unit: a key of `UNITS`.
-        note: how that is known, where the title does not say it all.
-    """
-
-    index: int
-    title: str
-    quantity: str = ""
-    unit: str = ""
-    note: str = ""
 
 
 def understand(
@@ -53,14 +33,15 @@ def understand(
     Raises:
         TableError: two columns for one quantity, an unknown unit, or an open question and nobody to ask.
     """
-    meanings = [_mapped(title, meaning, mapping, where) for title, meaning in zip(titles, meanings, strict=True)]
+    meanings = [_mapped(title, meaning, mapping, where, ask) for title, meaning in zip(titles, meanings, strict=True)]
     if purpose == "beside":  # readings were taken at what a file of `ptt predict` sent, not at the drawing's commands
         purpose = "sliders" if "reversal1" in titles else "targets"
-    meanings = _with_begun(titles, meanings, mapping, where, ask)
+    meanings = with_begun(titles, meanings, mapping, where, ask)
     meanings = _settle_bare(meanings, purpose, where, ask)
     meanings = _settle_double(titles, meanings, where, ask)
+    have = {meaning.quantity for meaning in meanings if meaning}
     return [
-        _with_unit(index, title, meaning, where, ask)
+        with_unit(index, title, meaning, have, where, ask)
         for index, (title, meaning) in enumerate(zip(titles, meanings, strict=True))
     ]
 
@@ -111,10 +92,10 @@ def meanings_by_order(raw: RawText) -> list[Meaning | None]:
     return [None] * width
 
 
-def _mapped(title: str, meaning: Meaning | None, mapping: Mapping, where: str) -> Meaning | None:
+def _mapped(title: str, meaning: Meaning | None, mapping: Mapping, where: str, ask: Ask | None) -> Meaning | None:
+    unit = mapping.units.get(title)
     if title not in mapping.columns:
-        unit = mapping.units.get(title)
-        return Meaning(meaning.quantity, unit) if meaning and unit is not None else meaning
+        return of_axis(Meaning(meaning.quantity, unit)) if meaning and unit is not None else meaning
     said = mapping.columns[title]
     if said == IGNORE:
         return None
@@ -125,33 +106,9 @@ def _mapped(title: str, meaning: Meaning | None, mapping: Mapping, where: str) -
             where=where,
             fix=f"use a column of the tracker CSV such as x_meas, or '{IGNORE}'",
         )
-    stated = mapping.units.get(title, known.unit if known.unit is not None and said != known.quantity else None)
-    return Meaning(known.quantity, stated if stated is not None else meaning.unit if meaning else known.unit)
-
-
-def _with_begun(
-    titles: tuple[str, ...], meanings: list[Meaning | None], mapping: Mapping, where: str, ask: Ask | None
-) -> list[Meaning | None]:
-    """`payload_st` is asked for its unit: left unread, what the load does would be taken for something else.
-
-    Not where another column holds it, nor where several begin alike: those are names (`temp_air`, `temp_oil`).
-    """
-    have = {meaning.quantity for meaning in meanings if meaning}
-    said = [
-        None if meaning or title in mapping.columns else begun(title)
-        for title, meaning in zip(titles, meanings, strict=True)
-    ]
-    counts = Counter(each[0] for each in said if each)
-    asked = list(meanings)
-    for index, (title, each) in enumerate(zip(titles, said, strict=True)):
-        if each is None or each[0] in have or counts[each[0]] > 1:
-            continue
-        question = f"'{each[1]}' is not a known unit of {each[0]}; which unit is it in, or is it something else?"
-        choices = [*(unit for unit in UNITS[dimension_of(each[0])] if unit != "stamp"), IGNORE]
-        place, key = f"{where}, column {title}", f'[units] "{title}"'
-        unit = mapping.units.get(title) or answer(question, choices, ask, place, key)
-        asked[index] = None if unit == IGNORE else Meaning(each[0], unit, "unit as answered")
-    return asked
+    if unit is None:
+        unit = unit_beside(said, known, title, where, ask)
+    return of_axis(Meaning(known.quantity, unit if unit is not None else meaning.unit if meaning else known.unit))
 
 
 def _settle_bare(meanings: list[Meaning | None], purpose: str, where: str, ask: Ask | None) -> list[Meaning | None]:
@@ -209,28 +166,3 @@ def _settle_double(
         )
         settled = [None if i in places and i != chosen else meaning for i, meaning in enumerate(settled)]
     return settled
-
-
-def _with_unit(index: int, title: str, meaning: Meaning | None, where: str, ask: Ask | None) -> Column:
-    if meaning is None:
-        return Column(index, title)
-    dimension = dimension_of(meaning.quantity)
-    known = UNITS[dimension]
-    place, key = f"{where}, column {title}", f'[units] "{title}"'
-    if meaning.unit is None and dimension in UNSTATED_IS_ASKED:
-        unit = answer(f"which unit is {meaning.quantity} in?", list(known), ask, place, key)
-        return Column(index, title, meaning.quantity, unit, "unit as answered")
-    if meaning.unit is None and dimension == "time":
-        return Column(index, title, meaning.quantity, "stamp")
-    if meaning.unit is None:
-        note = "no unit in the file" if standard_unit(meaning.quantity) else ""
-        return Column(index, title, meaning.quantity, standard_unit(meaning.quantity), note)
-    if meaning.unit in known:
-        return Column(index, title, meaning.quantity, meaning.unit, meaning.note)
-    if dimension in ("number", "text"):
-        return Column(index, title, meaning.quantity, "")
-    written = meaning.unit.strip("()") or written_unit(title)  # '' is all that is known without a scale, newtons too
-    force = dimension == "mass" and is_newton(written)
-    what = f"unit '{written}' does not fit {meaning.quantity}" + (f"; {FORCE_IS_NO_MASS}" if force else "")
-    question = f"{what}; which unit is it in?"
-    return Column(index, title, meaning.quantity, answer(question, list(known), ask, place, key), "unit as answered")

@@ -8,7 +8,8 @@ Every key may be left out; what is absent is worked out from the file, and asked
     dates = "day-first"      # or "month-first", for stamps such as 02/12/25
     pairing = "name"         # or "number" (ids are row numbers of the targets), "order"
 
-    [columns]                # title in the file -> column of the tracker CSV without its unit, or "ignore"
+    [columns]                # title in the file -> column of the tracker CSV without its unit, or "ignore"; the unit
+                             # that the title states is the unit of its numbers, unless [units] says another
     "Goal x" = "x_cmd"       # a file without titles has "column 1", "column 2", ...
     "Goal roll" = "ignore"
 

@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import greatest, least, split_joint, standard_unit
-from ptt.run.readers.layout import Column
+from ptt.run.readers.columns import Column, greatest, least, split_joint, standard_unit
 from ptt.run.readers.separators import POINT_NUMBER, cell_counts, split_line
 from ptt.run.readers.stamps import is_stamp
 from ptt.run.readers.text import RawText

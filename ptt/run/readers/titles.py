@@ -7,8 +7,8 @@ unknown word is never forced into a meaning: `measurement_rx` or `Goal roll` sta
 import re
 import unicodedata
 
-from ptt.run.readers.columns import UNITS, Meaning, canonical, dimension_of
-from ptt.run.readers.words import FRENCH, GERMAN, LOADS, WEIGHTS
+from ptt.run.readers.columns import UNITS, Meaning, canonical, dimension_of, of_axis
+from ptt.run.readers.words import FRENCH, GERMAN, LOADS
 
 LONGEST_TITLE = 300  # characters; the longest title of an export seen has 60. What takes it apart is not linear
 
@@ -95,6 +95,39 @@ def written_unit(title: str) -> str:
     return _cut_unit(unicodedata.normalize("NFKC", title).strip())[1] or ""
 
 
+def stated_unit(title: str) -> str | None:
+    """The unit that a title states, whether or not anything else in it is understood: `lb` of `Tool weight [lb]`.
+
+    A letter without brackets behind unknown words may be a label (`Probe C`), and so may a number within them.
+
+    Args:
+        title: as in the file.
+
+    Returns:
+        As the second one of `split_unit`.
+    """
+    unit, word = split_unit(title)[1], written_unit(title)
+    if unit is None or meaning_of(title):
+        return unit
+    bracketed = normalise(title).endswith(("]", ")"))
+    is_label = word in "-1" or (unit.startswith("(") and not any(map(str.isalpha, word)))
+    return None if is_label or (len(word) == 1 and not bracketed) else unit
+
+
+def load_in_newtons(title: str) -> tuple[str, str] | None:
+    """What `Load [N]` may be, and its unit as written: a payload, which is no force, or what a motor has to hold.
+
+    Args:
+        title: as in the file.
+
+    Returns:
+        The quantity and the unit, as `columns.begun`; None for any other title.
+    """
+    word = written_unit(title)
+    is_load = re.sub(r"[\s_.:\-]+", "", split_unit(title)[0]) in LOADS
+    return ("payload", word) if is_load and is_newton(word) else None
+
+
 def _cut_unit(text: str) -> tuple[str, str | None]:
     """The rest of a title, and the word of its unit: any word in brackets, else one that is known."""
     match = re.fullmatch(r"(.*?)\s*[\[(](.*?)[\])]\s*", text)
@@ -140,14 +173,14 @@ def meaning_of(title: str) -> Meaning | None:
     text = re.sub(r"[\s_.:\-]+", "", text)
     if text in _DRIVER_JOINTS:
         return Meaning(f"q{_DRIVER_JOINTS.index(text) + 1}_cmd", unit or "rad", "" if unit else DRIVER_NOTE)
-    if text in LOADS and (unit in UNITS["mass"] or (text in WEIGHTS and is_newton(written_unit(title)))):
+    if text in LOADS and unit in UNITS["mass"]:
         return Meaning("payload", unit)
     tokens = _TOKEN.findall(text)
     if "".join(tokens) != text or not tokens:
         return None
     kinds = [kind for kind in (_KIND_OF_WORD.get(token, token) for token in tokens) if kind]
     quantity = _compose(kinds, text)
-    return Meaning(quantity, unit) if quantity else None
+    return of_axis(Meaning(quantity, unit)) if quantity else None
 
 
 def _compose(kinds: list[str], text: str) -> str | None:

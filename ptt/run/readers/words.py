@@ -17,8 +17,9 @@ GERMAN = {
     "feed": ("vorschub", "geschwindigkeit"),
     "": ("höhe", "hoehe", "winkel"),
 }
-WEIGHTS = ("weight", "gewicht", "poids", "重量")
-LOADS = ("load", "mass", "masse", "beladung", "zusatzlast", "质量", *WEIGHTS)
+LOADS = (
+    "load", "mass", "masse", "beladung", "belastung", "zusatzlast", "质量", "weight", "gewicht", "poids", "重量",
+)  # fmt: skip
 """Words that mean a payload where their unit is one of mass, and else a motor's load or nothing that is known."""
 FRENCH = {
     "cmd": ("consigne", "cible", "théorique", "theorique", "commandé", "commande"),
