@@ -158,8 +158,29 @@ def test_a_row_of_units_below_the_programs_own_titles(tmp_path: Path) -> None:
         assert f"columns as named: {OWN_TITLES.replace(',', ', ')}" in str(table.understood)
     path.write_text(f"{OWN_TITLES}\n,s,kg,C,mm/s,m,m,m,m,m,m\n{rows}", encoding="utf-8")
     assert_array_equal(read_table(path).measured[0], [1000.0, 2000.0, 3000.0])
+    path.write_text(f"{OWN_TITLES}\n-,s,kg,C,mm/s,-,-,-,-,-,-\n{rows}", encoding="utf-8")
+    assert_array_equal(read_table(path).measured[0], [1.0, 2.0, 3.0])
     path.write_text(f"{OWN_TITLES}\n,min,kg,C,mm/s,,,,,,\n{rows}", encoding="utf-8")
     with pytest.raises(TableError, match=r"row 2, column time_s: the row of units says 'min'"):
+        read_table(path)
+
+
+def test_a_row_of_units_says_what_the_titles_say(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    titles, rows = (
+        "Soll X,Soll Y,Soll Z,X,Y (mm),Z/mm,Nutzlast [kg],Temp,Foo [x]",
+        "1,2,3,1,2,3,2,20,7\n4,5,6,4,5,6,0,21,7\n",
+    )
+    path.write_text(f"{titles}\nmm,mm,mm,mm,mm,mm,kg,°C,mm\n{rows}", encoding="utf-8")
+    table = read_table(path)
+    assert_array_equal(table.measured, table.target)
+    assert_array_equal(table.payload_kg, [2.0, 0.0])
+    assert "'Nutzlast [kg]' is payload [kg]" in table.understood.lines
+    assert "'Y (mm)' is y_meas [mm]" in table.understood.lines
+    path.write_text(f"{titles}\nmm,mm,mm,mm,mm,mm,lb,°C,mm\n{rows}", encoding="utf-8")
+    with pytest.raises(
+        TableError, match=r"row 2, column Nutzlast \[kg\]: the row of units says 'lb'; correct the title"
+    ):
         read_table(path)
 
 

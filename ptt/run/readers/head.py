@@ -7,7 +7,7 @@ from ptt.run.readers.columns import Meaning, canonical
 from ptt.run.readers.layout import meanings_by_order, meanings_of_titles
 from ptt.run.readers.separators import cell_counts, split_line
 from ptt.run.readers.text import RawText
-from ptt.run.readers.titles import LONGEST_TITLE, UNIT_OF_WORD, is_unit_row, meaning_of, normalise
+from ptt.run.readers.titles import LONGEST_TITLE, UNIT_OF_WORD, is_unit_row, meaning_of, normalise, stated_unit
 
 MOST_TITLES = 2_000
 
@@ -39,15 +39,21 @@ def untitled(index: int) -> str:
 
 def _with_unit(title: str, cell: str, raw: RawText) -> str:
     """A title with the unit below it; a title of the program's own, such as time_s, has it already."""
-    if not cell:
+    if cell in ("", "-"):
         return title
-    known, unit = canonical(title), UNIT_OF_WORD[normalise(cell).strip("[]() ")]
-    if known and unit == known.unit:
+    known, unit, own = canonical(title), UNIT_OF_WORD[normalise(cell).strip("[]() ")], _own_unit(title)
+    if unit == own or (known and unit == known.unit):
         return title
-    if known and known.unit is not None and known.quantity != title:
+    if own is not None:
         where = f"{raw.source} row {raw.line[0]}, column {shown(title)}"
         raise TableError(f"the row of units says '{shown(cell)}'", where=where, fix="correct the title or the unit")
     return f"{title} [{cell.strip('[]()')}]"
+
+
+def _own_unit(title: str) -> str | None:
+    """The unit that a title states; brackets behind words that mean nothing may hold any word."""
+    unit = stated_unit(title)
+    return None if unit and unit.startswith("(") and meaning_of(title) is None else unit
 
 
 def _refuse_long_titles(raw: RawText) -> None:
