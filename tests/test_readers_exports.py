@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ptt.errors import TableError
 from ptt.run.reading import read_table
 
 ROWS = ((1.5, 2.25, -3.125, 1283.842, 999.5, 1001.25), (10.0, 20.5, -30.25, 1300.5, 2001.125, 998.0))
@@ -61,6 +62,41 @@ def test_german_and_french_titles(tmp_path: Path, titles: str) -> None:
     table = read_table(path)
     np.testing.assert_array_equal(table.command, np.array(ROWS)[:, :3])
     np.testing.assert_array_equal(table.measured, np.array(ROWS)[:, 3:])
+
+
+BELOW = "Name;Soll X;Soll Y;Soll Z;X;Y;Z\nA;1;2;3;1,1;2;3\nMax;4;5;6;4,1;5;6\nB;4;5;6;4,1;5;6\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (
+            "\nMittelwert;;;;1;2;3\nStd.-Abw.;;;;1;2;3\nAnzahl Punkte: 204;;;;;;\n",
+            r"rows 6 to 8: .*\('Mittelwert'\); remove these",
+        ),
+        (
+            "Max;4;5;6;4;5;6\nMin;1;2;3;1;2;3\nMean [mm];2;3;4;2;3;4\n",
+            r"rows 5 to 7: .*\('Max'\); remove these rows; a point",
+        ),
+        ("RMS;;;;1;2\n", r"row 5: .*\('RMS'\); remove the row; a point that is called so"),
+        ("-----\nEnde der Messung\n", r"rows 5 to 6: .*\('-----'\); remove these rows$"),
+        ("平均值;;;;1;2;3\n", r"row 5: not readings but a footer"),
+    ],
+)
+def test_statistics_below_the_readings_are_refused_at_once(tmp_path: Path, rows: str, said: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(BELOW + rows, encoding="utf-8")
+    with pytest.raises(TableError, match=said):
+        read_table(path)
+
+
+@pytest.mark.parametrize(
+    "rows", ["Min;1;2;3;1;2;3\nMax;4;5;6;4;5;6\n", "Mittelwert;1;2;3;1;2;3\nC;4;5;6;4;5;6\n", "# RMS;1\n"]
+)
+def test_a_point_may_have_any_name(tmp_path: Path, rows: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(BELOW + rows, encoding="utf-8")
+    assert read_table(path).rows == 3 + sum(";" in line and line[0] != "#" for line in rows.splitlines())
 
 
 def test_context_in_german_and_french(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from ptt.errors import TableError, shown
 from ptt.run.readers.columns import Column, Meaning, canonical, standard_unit, to_standard
+from ptt.run.readers.footer import refuse_footer
 from ptt.run.readers.head import titles_of, untitled
 from ptt.run.readers.layout import understand
 from ptt.run.readers.mapping import IGNORE, NOT_USED, Ask, Mapping, Understood
@@ -84,6 +85,7 @@ def read_raw(raw: RawText, request: Request) -> Export:
     columns = understand(titles, meanings, request.purpose, raw.source, request.mapping, request.ask)
     if not any(column.quantity for column in columns):
         _refuse_unknown(raw, titles)
+    refuse_footer(raw, len(titles))
     if request.purpose == "run":
         _refuse_single(raw)
     cells = read_cells(raw, columns)

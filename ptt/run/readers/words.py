@@ -21,6 +21,28 @@ LOADS = (
     "load", "mass", "masse", "beladung", "belastung", "zusatzlast", "质量", "weight", "gewicht", "poids", "重量",
 )  # fmt: skip
 """Words that mean a payload where their unit is one of mass, and else a motor's load or nothing that is known."""
+STATISTICS = (
+    "mean", "average", "avg", "median", "rms", "std", "stddev", "stdev", "standarddeviation", "sigma", "statistics",
+    "mittelwert", "mittel", "durchschnitt", "stdabw", "standardabweichung", "anzahlpunkte", "statistik",
+    "moyenne", "médiane", "écarttype", "ecarttype", "statistiques",
+    "平均", "平均值", "均值", "标准差", "标准偏差", "中位数", "统计",
+)  # fmt: skip
+"""What a row below the readings is called, and no point."""
+EXTREMES = (
+    "max",
+    "maximum",
+    "min",
+    "minimum",
+    "range",
+    "count",
+    "sum",
+    "spannweite",
+    "anzahl",
+    "summe",
+    "最大值",
+    "最小值",
+)
+"""What such a row may be called, and a point as well."""
 FRENCH = {
     "cmd": ("consigne", "cible", "théorique", "theorique", "commandé", "commande"),
     "meas": ("mesuré", "mesure", "réel", "reel"),
