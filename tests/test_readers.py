@@ -138,50 +138,18 @@ def test_stamps(tmp_path: Path) -> None:
     assert times("01/02/25 23:50", "02/02/25 00:10", ask=never) == [0, 1200]
     assert times("01/02/25 10:00", "02/02/25 10:00", ask=say("month-first")) == [0, 31 * 86400]
     assert times("0.5", "1e1") == [0.5, 10]
-    with pytest.raises(TableError, match=r"t\.csv row 3: not a time \('noon'\)"):
+    assert times("30-Nov-2026 23:59:50", "01-Dec-2026 00:00:20.5") == [0, 30.5]
+    assert times("3 September 2026 11:40:03 PM", "3 Sep 2026 11:40:05 PM", "4 Sept 26 00:00") == [0, 2, 1197]
+    assert times("12h50m03s", "12h50m05.5s", "12h51") == [0, 2.5, 57]
+    assert times("23h59", "00h01") == [0, 120]
+    with pytest.raises(TableError, match=r"not a time \('27-Foo-2026 11:40:03'\)"):
+        times("27-Nov-2026 11:40:03", "27-Foo-2026 11:40:03")
+    with pytest.raises(
+        TableError, match=r"t\.csv row 3: not a time \('noon'\); .* seconds or a time such as 2026-11-27 11"
+    ):
         times("10:00:00", "noon")
     with pytest.raises(TableError, match="not a date"):
         times("2025-02-30 10:00", "2025-02-28 10:00")
-
-
-OWN_TITLES = "name,time_s,payload_kg,temp_c,feed_mm_s,x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
-
-
-def test_a_row_of_units_below_the_programs_own_titles(tmp_path: Path) -> None:
-    path = tmp_path / "run.csv"
-    rows = "A,60,2,20,50,1,2,3,1,2,3\nB,120,0,21,50,4,5,6,4,5,6\n"
-    for units in (",s,kg,C,mm/s,mm,mm,mm,mm,mm,mm", "-,[s],(kg),[°C],mm/s,,,,mm,mm,mm"):
-        path.write_text(f"{OWN_TITLES}\n{units}\n{rows}", encoding="utf-8")
-        table = read_table(path)
-        assert table.time_s is not None and table.payload_kg is not None and table.temp_c is not None
-        assert (table.time_s[0], table.payload_kg[0], table.temp_c[0]) == (60.0, 2.0, 20.0)
-        assert f"columns as named: {OWN_TITLES.replace(',', ', ')}" in str(table.understood)
-    path.write_text(f"{OWN_TITLES}\n,s,kg,C,mm/s,m,m,m,m,m,m\n{rows}", encoding="utf-8")
-    assert_array_equal(read_table(path).measured[0], [1000.0, 2000.0, 3000.0])
-    path.write_text(f"{OWN_TITLES}\n-,s,kg,C,mm/s,-,-,-,-,-,-\n{rows}", encoding="utf-8")
-    assert_array_equal(read_table(path).measured[0], [1.0, 2.0, 3.0])
-    path.write_text(f"{OWN_TITLES}\n,min,kg,C,mm/s,,,,,,\n{rows}", encoding="utf-8")
-    with pytest.raises(TableError, match=r"row 2, column time_s: the row of units says 'min'"):
-        read_table(path)
-
-
-def test_a_row_of_units_says_what_the_titles_say(tmp_path: Path) -> None:
-    path = tmp_path / "run.csv"
-    titles, rows = (
-        "Soll X,Soll Y,Soll Z,X,Y (mm),Z/mm,Nutzlast [kg],Temp,Foo [x]",
-        "1,2,3,1,2,3,2,20,7\n4,5,6,4,5,6,0,21,7\n",
-    )
-    path.write_text(f"{titles}\nmm,mm,mm,mm,mm,mm,kg,°C,mm\n{rows}", encoding="utf-8")
-    table = read_table(path)
-    assert_array_equal(table.measured, table.target)
-    assert_array_equal(table.payload_kg, [2.0, 0.0])
-    assert "'Nutzlast [kg]' is payload [kg]" in table.understood.lines
-    assert "'Y (mm)' is y_meas [mm]" in table.understood.lines
-    path.write_text(f"{titles}\nmm,mm,mm,mm,mm,mm,lb,°C,mm\n{rows}", encoding="utf-8")
-    with pytest.raises(
-        TableError, match=r"row 2, column Nutzlast \[kg\]: the row of units says 'lb'; correct the title"
-    ):
-        read_table(path)
 
 
 def test_driver_file_becomes_a_table() -> None:

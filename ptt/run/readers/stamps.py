@@ -9,11 +9,20 @@ import numpy as np
 from ptt.errors import TableError
 from ptt.run.readers.mapping import Ask, answer
 
-_CLOCK = r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2}(?:[.,]\d+)?))?\s*(?P<half>[AaPp][Mm])?"
+_CLOCK = (
+    r"(?P<hour>\d{1,2})[:h](?P<minute>\d{2})(?:(?::|m|min)(?P<second>\d{2}(?:[.,]\d+)?)s?)?\s*(?P<half>[AaPp][Mm])?"
+)
+_MONTHS = ("january", "february", "march", "april", "may", "june", "july", "august", "september", "october", "november",
+           "december")  # fmt: skip
+_MONTH = "|".join(f"{month[:3]}(?:{month[3:]})?" for month in _MONTHS).replace("sep(", "sept?(")
 _YEAR_FIRST = re.compile(rf"(?P<year>\d{{4}})[-/.年](?P<a>\d{{1,2}})[-/.月](?P<b>\d{{1,2}})日?[ T]*{_CLOCK}Z?")
 _YEAR_LAST = re.compile(rf"(?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[-/.](?P<year>\d{{4}}|\d{{2}})[ T]+{_CLOCK}")
+_NAMED = re.compile(
+    rf"(?P<a>\d{{1,2}})[-/. ]+(?P<month>{_MONTH})[-/., ]+(?P<year>\d{{4}}|\d{{2}})[ T,]+{_CLOCK}", re.IGNORECASE
+)
 _COMPACT = re.compile(r"(?P<year>(?:19|20)\d\d)(?P<a>\d\d)(?P<b>\d\d)(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d)")
 _TIME_ONLY = re.compile(_CLOCK)
+_EXAMPLES = ("2026-11-27 11:40:03", "27.11.2026 11:40:03", "27-Nov-2026 11:40:03", "11:40:03", "11h40m03s")
 _SHORTENED = re.compile(r"[12][.,]\d+[eE]\+?1[23]|20\d{6}0{6}")
 
 DAY, HOUR = 86400.0, 3600.0  # s
@@ -115,17 +124,18 @@ def is_stamp(cell: str) -> bool:
     Args:
         cell: its text.
     """
-    return any(pattern.fullmatch(cell) for pattern in (_YEAR_FIRST, _YEAR_LAST, _TIME_ONLY))
+    return any(pattern.fullmatch(cell) for pattern in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _TIME_ONLY))
 
 
 def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
     if not cell:
         return None
-    for pattern in (_YEAR_FIRST, _YEAR_LAST, _COMPACT, _TIME_ONLY):
+    for pattern in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _COMPACT, _TIME_ONLY):
         match = pattern.fullmatch(cell)
         if match:
             return match
-    raise TableError(f"not a time ('{cell}')", where=f"{where} row {row}", fix="empty the cell or write seconds")
+    fix = f"empty the cell, or write seconds or a time such as {', '.join(_EXAMPLES)}"
+    raise TableError(f"not a time ('{cell}')", where=f"{where} row {row}", fix=fix)
 
 
 def _order_of_day_and_month(
@@ -166,7 +176,11 @@ def _seconds(match: re.Match[str] | None, day_first: bool, where: str) -> float:
     clock = hour * 3600.0 + int(part["minute"]) * 60.0 + float((part["second"] or "0").replace(",", "."))
     if "year" not in part:
         return clock
-    month, day = int(part["a"]), int(part["b"])
+    if match.re is _NAMED:
+        month = 1 + [name[:3] for name in _MONTHS].index(part["month"][:3].lower())
+        day = int(part["a"])
+    else:
+        month, day = int(part["a"]), int(part["b"])
     if day_first and match.re is _YEAR_LAST:
         month, day = day, month
     year = int(part["year"]) + (2000 if len(part["year"]) == 2 else 0)
