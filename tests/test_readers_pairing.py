@@ -155,6 +155,19 @@ def test_pairing_in_order(tmp_path: Path) -> None:
         pair(tmp_path, "x,y,z\n1,0,0\n2,0,0\n3,0,0\n4,0,0\n", targets)
 
 
+def test_names_of_which_none_is_a_targets_are_warned_of(tmp_path: Path) -> None:
+    targets = "name,x_cmd,y_cmd,z_cmd\n" + "".join(f"P{i},{i},0,0\n" for i in range(3))
+    said = "warning: no reading has the name of a target (they begin with 'Q0' and 'P0'): paired by their order alone"
+    x, measured, text = pair(tmp_path, "name,x,y,z\n" + "".join(f"Q{i},{i},0,0\n" for i in range(3)), targets)
+    assert (x, measured) == ([0, 1, 2], [0, 1, 2]) and said in text.splitlines()
+    for names in ("name,x,y,z\nP0,0,0,0\nP1,1,0,0\nQ,2,0,0\n", "x,y,z\n0,0,0\n1,0,0\n2,0,0\n"):
+        assert "warning" not in pair(tmp_path, names, targets)[2]
+    for group in ("Job::Run1::", "Job/"):
+        swapped = "name,x,y,z\n" + "".join(f"{group}P{i},{i},0,0\n" for i in (1, 0, 2))
+        x, measured, text = pair(tmp_path, swapped, targets)
+        assert x == measured == [0, 1, 2] and "paired by name" in text
+
+
 def test_pairing_keeps_the_readings_own_columns(tmp_path: Path) -> None:
     targets = "name,x_cmd,y_cmd,z_cmd,temp_c,note\nA,1,0,0,20,a\nB,2,0,0,20,b\n"
     run, wanted = tmp_path / "export.csv", tmp_path / "targets.csv"

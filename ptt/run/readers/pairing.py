@@ -1,5 +1,6 @@
 """An export that holds readings only, joined with the file of the targets it was measured at."""
 
+import re
 from collections import Counter
 from dataclasses import replace
 
@@ -47,11 +48,20 @@ def pair_targets(export: Export, targets: Export, request: Request) -> Export:
             fix="use the same names in both files, or none in the targets to pair in order",
         )
     joined = _join(export, targets, reading_of, order)
-    findings = [note, *_gaps(export, targets, reading_of, order)]
+    findings = [note, *_nameless(way, export, targets), *_gaps(export, targets, reading_of, order)]
     mapping = replace(export.understood.mapping, pairing=way, targets=targets.understood.mapping)
     lines = (*export.understood.lines, *targets.understood.lines, *findings)
     ignored = tuple(dict.fromkeys((*export.understood.ignored, *targets.understood.ignored)))
     return replace(joined, understood=Understood(lines, ignored, mapping))
+
+
+def _nameless(way: str, export: Export, targets: Export) -> list[str]:
+    """A warning where both files have names, none in common, and the order alone says what belongs together."""
+    names = [next(filter(None, each.columns.get("name", np.array([""]))), "") for each in (export, targets)]
+    if way != ORDER or not all(names):
+        return []
+    listed = " and ".join(f"'{shown(name)}'" for name in names)
+    return [f"warning: no reading has the name of a target (they begin with {listed}): paired by their order alone"]
 
 
 def _check_way(way: str, export: Export, targets: Export) -> None:
@@ -87,7 +97,7 @@ def _matches(names: np.ndarray, wanted: np.ndarray) -> bool:
 
 def _comparable(names: list[str], wanted: list[str]) -> list[str]:
     """Names as the targets spell them: without their group where no full name is listed."""
-    return names if set(names) & set(wanted) - {""} else [name.rsplit("/", 1)[-1] for name in names]
+    return names if set(names) & set(wanted) - {""} else [re.split(r"/|::", name)[-1] for name in names]
 
 
 def _counts_targets(names: np.ndarray, n: int) -> bool:
