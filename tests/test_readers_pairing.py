@@ -191,5 +191,5 @@ def test_pairing_answer_that_does_not_suit(tmp_path: Path, pairing: str, message
 def test_errors_in_the_targets_name_that_file(tmp_path: Path) -> None:
     targets = tmp_path / "targets.csv"
     targets.write_text("name,x_cmd,y_cmd,z_cmd\nP1,0,0,300\nP2,,0,300\n", encoding="utf-8")
-    with pytest.raises(TableError, match=r"targets\.csv row 3, column x_cmd: empty command"):
+    with pytest.raises(TableError, match=r"targets\.csv row 3, column x_cmd: empty target"):
         read_table(FIXTURES / "spatial_analyzer.txt", targets=targets)

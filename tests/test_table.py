@@ -128,6 +128,11 @@ BAD = {
         csv(ROWS[0], "1,2,3,4,5,5,6"),
         "row 3: 7 cells where 6 are expected; write numbers with a decimal",
     ),
+    "infinite target": (csv(ROWS[0], "1,inf,3,4,5,6"), "row 3, column y_cmd: not a number ('inf'); write the target"),
+    "titles again": (
+        csv(ROWS[0], HEADER, ROWS[1]),
+        "row 3, column x_cmd: not a number ('x_cmd'); this looks like the row",
+    ),
     "short row": (csv(ROWS[0], "1,2,3,4,5"), "row 3: 5 cells where 6 are expected"),
     "missing reading": (
         csv("1,2,3", "1,2,4", header="x_cmd,y_cmd,z_cmd"),
@@ -163,7 +168,7 @@ BAD = {
     "only comments": ("# nothing\n\n", "run.csv: the file is empty"),
     "header only": (csv(), "run.csv: only a header, no rows"),
     "one row": (csv(ROWS[0]), "run.csv row 2: only one row"),
-    "empty command": (csv(ROWS[0], "1,,3,4,5,6"), "row 3, column y_cmd: empty command"),
+    "empty command": (csv(ROWS[0], "1,,3,4,5,6"), "row 3, column y_cmd: empty target; fill in where the tool"),
     "empty joint": (
         csv("1,,3,1,2,3", "1,2,3,4,1,2", header="b1_cmd,b2_cmd,b3_cmd,x_meas,y_meas,z_meas"),
         "row 2, column b2_cmd: empty command",

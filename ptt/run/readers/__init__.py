@@ -2,9 +2,8 @@
 
 The steps, a file each: `text` (encoding, delimiter, decimal sign, comments), `titles` (what a header says, in English
 or Chinese), `units` (in what the numbers are), `footer` (rows that are no readings), `layout` (files without a header,
-SpatialAnalyzer), `export` (columns to numbers), `stamps` (dates to
-seconds), `pairing` (an export and its targets), `order` (rows in the order of
-travel). `mapping` holds the answers that can be saved and reused.
+SpatialAnalyzer), `export` (columns to numbers), `stamps` (dates to seconds), `pairing` (an export and its targets),
+`order` (rows in the order of travel). `mapping` holds the answers that can be saved and reused.
 """
 
 from ptt.run.readers.export import Export, Request, read_any

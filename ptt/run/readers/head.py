@@ -1,9 +1,10 @@
 """Titles of a file's columns, wherever they stand: above the rows, in a comment, with a row of units below."""
 
+import re
 from dataclasses import replace
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import Meaning, canonical
+from ptt.run.readers.columns import Meaning, canonical, dimension_of
 from ptt.run.readers.layout import meanings_by_order, meanings_of_titles
 from ptt.run.readers.separators import cell_counts, split_line
 from ptt.run.readers.text import RawText
@@ -41,13 +42,23 @@ def _with_unit(title: str, cell: str, raw: RawText) -> str:
     """A title with the unit below it; a title of the program's own, such as time_s, has it already."""
     if cell in ("", "-"):
         return title
-    known, unit, own = canonical(title), UNIT_OF_WORD[normalise(cell).strip("[]() ")], _own_unit(title)
+    word = normalise(cell).strip("[]() ")
+    if word not in UNIT_OF_WORD and _is_aside(title, word):
+        return title
+    known, unit, own = canonical(title), UNIT_OF_WORD.get(word, f"({word})"), _own_unit(title)
     if unit == own or (known and unit == known.unit):
         return title
     if own is not None:
         where = f"{raw.source} row {raw.line[0]}, column {shown(title)}"
         raise TableError(f"the row of units says '{shown(cell)}'", where=where, fix="correct the title or the unit")
     return f"{title} [{cell.strip('[]()')}]"
+
+
+def _is_aside(title: str, word: str) -> bool:
+    """Whether a word in the row of units is none: above texts, and `dd.mm.yyyy hh:mm` above stamps."""
+    meaning = meaning_of(title)
+    is_stamp = meaning and meaning.quantity == "time" and re.fullmatch(r"[a-z]{1,4}([-./:, ]+[a-z]{1,4})+", word)
+    return meaning is None or dimension_of(meaning.quantity) == "text" or bool(is_stamp)
 
 
 def _own_unit(title: str) -> str | None:

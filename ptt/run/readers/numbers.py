@@ -1,6 +1,7 @@
 """Cells to numbers, with an error that names file, row and column for the first cell that is none."""
 
 import io
+import re
 from typing import Any, cast
 
 import numpy as np
@@ -8,9 +9,11 @@ import pandas as pd
 
 from ptt.errors import TableError, shown
 from ptt.run.readers.columns import Column, greatest, least, split_joint, standard_unit
+from ptt.run.readers.layout import GOALS
 from ptt.run.readers.separators import POINT_NUMBER, cell_counts, split_line
 from ptt.run.readers.stamps import is_stamp
 from ptt.run.readers.text import RawText
+from ptt.run.readers.titles import UNIT_OF_WORD, normalise, stated_unit
 
 ROWS = 50_000  # lines that are read at once: 100 MB of text in all its forms
 # pandas 3 reads floats exactly by default and warns about the option; before that the option is needed
@@ -142,10 +145,26 @@ def _cell(raw: RawText, column: Column, row: int) -> tuple[str, str]:
 
 def _refuse(raw: RawText, column: Column, row: int) -> None:
     value, where = _cell(raw, column, row)
-    sent = split_joint(column.quantity) is not None  # an empty one is refused as well, for the travel goes by it
-    fix = "write what was sent" if sent else "leave the cell empty: the row keeps its place in the travel"
+    raise TableError(f"not a number ('{shown(value)}')", where=where, fix=_way_out(raw, column, value))
+
+
+def _way_out(raw: RawText, column: Column, value: str) -> str:
+    """What to do about a cell that is no number; one of a command or target is refused as well where it is empty."""
+    if raw.header and value == raw.header[column.index]:
+        return "this looks like the row of titles once more: remove it"
     if "," in value and value.replace(",", "", 1).strip("+-").isdigit():
-        fix = "write numbers with a decimal point"
-    elif column.quantity == "time" and is_stamp(value):
-        fix = "call the column 'time', which may hold dates and times of day"
-    raise TableError(f"not a number ('{shown(value)}')", where=where, fix=fix)
+        return "write numbers with a decimal point"
+    if column.quantity == "time" and is_stamp(value):
+        return "call the column 'time', which may hold dates and times of day"
+    number = re.match(r"[+-]?[\d.,]+", value)
+    if number and UNIT_OF_WORD.get(normalise(value[number.end() :])):
+        unit = value[number.end() :].strip()
+        said = "" if stated_unit(column.title) else f", and the unit in the title: '{shown(column.title)} [{unit}]'"
+        return f"write the number alone{said}"
+    if split_joint(column.quantity):
+        return "write what was sent"
+    return (
+        "write the target"
+        if column.quantity in GOALS
+        else "leave the cell empty: the row keeps its place in the travel"
+    )

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import file_title
 from ptt.run.readers.export import Export
+from ptt.run.readers.required import title_of
 
 AS_ROWS, BY_TIME = "rows", "time"
 ORDERS = (AS_ROWS, BY_TIME)
@@ -51,7 +51,7 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
     raise OrderError(
         f"time goes back{_of_run(export, late[1])} (from {time[late[0]]:.12g} to {time[late[1]]:.12g} s, after row "
         f"{export.line[late[0]]}), so the rows may not be in travel order",
-        where=f"{export.source} row {export.line[late[1]]}, column {_title(export)}",
+        where=f"{export.source} row {export.line[late[1]]}, column {title_of(export, 'time')}",
         fix="--set order=time sorts each run by its clock, --set order=rows keeps the rows as they stand; where the "
         "clock was restarted, number the runs in a column 'run'",
     )
@@ -94,12 +94,6 @@ def _sorted_by_time(export: Export, time: np.ndarray, run: np.ndarray) -> tuple[
     extra = {title: values[order] for title, values in export.extra.items()}
     sorted_ = replace(export, columns=columns, extra=extra, line=export.line[order])
     return sorted_, [f"rows sorted by time within each run: {moved} of {export.n} moved"]
-
-
-def _title(export: Export) -> str:
-    """What the file calls its time."""
-    columns = export.understood.mapping.columns
-    return shown(next((title for title, quantity in columns.items() if quantity == "time"), file_title("time")))
 
 
 def _of_run(export: Export, row: int) -> str:

@@ -114,17 +114,31 @@ def require_cells(
     empty = np.argwhere(np.isnan(block) & ~is_base[:, None])
     if empty.size:
         row, column = (int(index) for index in empty[0])
-        title = file_title(f"{prefix}{column + 1}_cmd") if command is not None else f"{'xyz'[column]}_cmd"
+        sent = command is not None
         raise TableError(
-            "empty command",
-            where=place(export, row, title),
-            fix="fill in what was sent, or remove the whole row",
+            "empty command" if sent else "empty target",
+            where=place(export, row, f"{prefix}{column + 1}_cmd" if sent else f"{'xyz'[column]}_cmd"),
+            fix=f"fill in {'what was sent' if sent else 'where the tool should be'}, or remove the whole row",
         )
 
 
-def place(export: Export, row: int, title: str) -> str:
-    """`run.csv row 41, column x_meas`."""
-    return f"{export.source} row {export.line[row]}, column {title}"
+def place(export: Export, row: int, quantity: str) -> str:
+    """`run.csv row 41, column x_meas`, by the title that the file has."""
+    return f"{export.source} row {export.line[row]}, column {title_of(export, quantity)}"
+
+
+def title_of(export: Export, quantity: str) -> str:
+    """What a file calls a quantity; the program's own title where it has none.
+
+    Args:
+        export: the columns.
+        quantity: as in 'x_meas'.
+
+    Returns:
+        The title, as a message shows it.
+    """
+    titles = export.understood.mapping.columns
+    return shown(next((title for title, each in titles.items() if each == quantity), file_title(quantity)))
 
 
 def joints_told(*exports: Export) -> tuple[int, str]:

@@ -146,9 +146,11 @@ def is_newton(word: str) -> bool:
 
 
 def is_unit_row(cells: list[str]) -> bool:
-    """Whether a row under the titles holds nothing but units."""
-    words = [normalise(cell).strip("[]() ") for cell in cells]
-    return any(words) and all(not word or word in UNIT_OF_WORD for word in words)
+    """Whether a row under the titles holds units: nothing else, or more of them than of words such as `Text`."""
+    words = [word for cell in cells if (word := normalise(cell).strip("[]() "))]
+    other = [word for word in words if word not in UNIT_OF_WORD]
+    units = sum(bool(UNIT_OF_WORD.get(word)) for word in words)
+    return bool(words) and (not other or (len(other) < units and not any(map(str.isdigit, "".join(other)))))
 
 
 def meaning_of(title: str) -> Meaning | None:
