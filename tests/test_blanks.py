@@ -5,13 +5,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
+import ptt
 from ptt.door.model import load
 from ptt.door.run import read_targets
 from ptt.errors import TableError
 from ptt.run.blanks import fill_blanks, has_blanks, without_empty
 from ptt.run.reading import read_table
 from ptt.run.table import Table
+from ptt.run.viewing import build_view
 
 ROWS = 12
 MODEL = load(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
@@ -103,6 +106,41 @@ def test_a_row_that_does_not_say_its_run_is_refused_and_one_that_comes_back_is_t
     frame["run"] = list("aaaabbaabbbb")
     told = "run 'a' resumes after rows of another run; travel begins anew there, 2 times in all"
     assert told in written(frame, tmp_path).understood.lines
+
+
+def with_reflectors(frame: pd.DataFrame) -> pd.DataFrame:
+    """The same with three reflectors read first, in the middle and at last, of which only name and place are noted."""
+    base = pd.DataFrame({"name": ["r1", "r2", "r3"], "role": "base", **{f"{axis}_meas": 1.0 for axis in "xyz"}})
+    return pd.concat([base, frame[:3], base, frame[3:], base], ignore_index=True)
+
+
+def test_a_reflector_that_names_no_run_is_of_the_run_that_it_was_read_in(frame, tmp_path):
+    table, lines = read(with_reflectors(frame), tmp_path)
+    assert table.run_label == ("a", "b") and lines == []
+    assert table.run.tolist() == [0] * 12 + [1] * 9
+    assert np.isfinite(table.time_s).all() and (np.diff(table.time_s) >= 0.0).all()
+    assert not any("resumes" in line for line in table.understood.lines)
+
+
+@pytest.mark.parametrize("label", [None, "reflectors"])
+def test_reflectors_apart_leave_what_effects_see_as_it_is(frame, tmp_path, label):
+    """The machine stands meanwhile: before its first pose where this will be."""
+    frame = frame.assign(payload_kg=2.0, run="a")
+    whole, apart = with_reflectors(frame), frame
+    whole["run"] = whole["run"].fillna(label) if label else whole["run"]
+    views = [build_view(MODEL.file, read(each, tmp_path)[0]) for each in (whole, apart)]
+    pose = torch.tensor((whole["role"] != "base").tolist())
+    for name in ("q", "p", "payload", "warmth", "time"):
+        assert torch.isfinite(getattr(views[0], name)).all(), name
+        torch.testing.assert_close(getattr(views[0], name)[pose], getattr(views[1], name))
+
+
+def test_a_file_of_reflectors_beside_a_run_is_no_set_up_of_the_machine(frame, tmp_path):
+    with_reflectors(frame)[:3].drop(columns=["run", "time_s", "temp_c"]).to_csv(tmp_path / "base.csv", index=False)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    run = ptt.read(tmp_path / "run.csv", MODEL, also=[tmp_path / "base.csv"])
+    assert np.isfinite(run.table.time_s).all()
+    assert {each.mistake for each in ptt.check(MODEL, run).findings} == {"base-reflectors"}  # it has others
 
 
 def test_targets_are_filled_as_a_run_is_and_a_column_without_a_value_is_as_none(frame, tmp_path):

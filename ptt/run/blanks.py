@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ptt.run.beside import rows_beside
 from ptt.run.table import Table
 
 STEADY = ("payload_kg", "feed_mm_s")  # set by somebody: between two values anything may have been
@@ -45,7 +46,7 @@ def fill_between(table: Table) -> tuple[Table, list[str]]:
         values = getattr(table, name)
         if values is None or np.isnan(values).all():
             continue
-        filled = _between(values, along, table.run)
+        filled = _between(values, along, _moved(table))
         count = int(((table.role != "base") & np.isnan(values) & ~np.isnan(filled)).sum())
         lines += [f"{name} is empty in {_rows(count)}: interpolated, {how}"] if count else []
         table = table.replace(**{name: filled})
@@ -73,7 +74,7 @@ def has_blanks(table: Table) -> bool:
 def _as_before(table: Table, name: str, values: np.ndarray) -> tuple[Table, list[str]]:
     """A table whose rows with a blank are as the row before, their readings left aside unless all rows are alike."""
     known = np.isfinite(values)
-    filled = _held(values, known, table.run)
+    filled = _held(values, known, _moved(table))
     blank = (table.role != "base") & ~known & np.isfinite(filled) & table.observed
     table = table.replace(**{name: filled})
     if not blank.any():
@@ -93,7 +94,7 @@ def _loads_as_before(table: Table) -> tuple[Table, list[str]]:
     if known.all() or not told.any():
         return table, []
     blank = (table.role != "base") & ~known & table.observed
-    table = table.replace(torque=_held(table.torque, known, table.run))
+    table = table.replace(torque=_held(table.torque, known, _moved(table)))
     where = f"loads of joints (tau1, ...) are empty in {_rows(int(blank.sum()))} with a reading"
     return _aside(table, blank), [f"{where}: left aside"] if blank.any() else []
 
@@ -107,6 +108,12 @@ def _held(values: np.ndarray, known: np.ndarray, run: np.ndarray) -> np.ndarray:
         if len(there):
             filled[rows] = values[there[np.maximum(np.searchsorted(there, rows, side="right") - 1, 0)]]
     return filled
+
+
+def _moved(table: Table) -> np.ndarray:
+    """Run of each row, (n,): base reflectors that are a run by themselves were read while the one before stood."""
+    pose = np.isin(table.run, table.run[table.role != "base"])
+    return np.asarray(table.run[rows_beside(pose)])
 
 
 def _aside(table: Table, rows: np.ndarray) -> Table:

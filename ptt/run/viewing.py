@@ -10,6 +10,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism, require_reachable
 from ptt.mechanisms.statics import gravity_of, link_torques
 from ptt.mechanisms.workspace import tool_ways
+from ptt.run.beside import rows_beside
 from ptt.run.pace import joint_speeds
 from ptt.run.travel import Travel, read_travel, run_starts
 from ptt.run.view import View
@@ -49,11 +50,9 @@ def _hold(q: Tensor, run: np.ndarray) -> Tensor:
     known = torch.isfinite(q).all(dim=1).numpy()
     if known.all():
         return q
-    rows, part = np.arange(len(known)), np.cumsum(run_starts(run))
-    last = np.maximum.accumulate(np.where(known, rows, -1))
-    following = np.minimum.accumulate(np.where(known, rows, len(known))[::-1])[::-1]
-    following = np.minimum(following, len(known) - 1)
-    opens = (last < 0) | (part[last] != part) & (part[following] == part)
+    part, last = np.cumsum(run_starts(run)), rows_beside(known)
+    following = len(known) - 1 - rows_beside(known[::-1])[::-1]
+    opens = (part[last] != part) & (part[following] == part)
     return q[torch.as_tensor(np.where(opens, following, last).copy())]
 
 

@@ -69,6 +69,8 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
 
 def _unexplained(setup: Setup) -> list[str]:
     """What nothing explains, and the columns of readings that stand still in it."""
+    if not used_rows(setup.table).any():
+        return []
     found = unexplained(setup) if isinstance(setup.file.machine, ThreePttSpec) else unexplained_arm(setup)
     return [" ".join([*found, *standing_still(setup)])] if found else []
 
@@ -99,6 +101,8 @@ def too_little(file: MachineFile, table: Table) -> str:
 
 def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Finding], Setup]:
     """The findings of one run, and its files with the sure ones undone one after the other."""
+    if not used_rows(setup.table).any():
+        return find_base(setup), setup
     findings: list[Finding] = []
     steps = [find_units] if ordered else [find_units, find_disorder]
     if isinstance(setup.file.machine, ThreePttSpec):

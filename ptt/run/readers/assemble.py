@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ptt.errors import TableError, shown
+from ptt.run.beside import rows_beside
 from ptt.run.readers.columns import file_title, split_joint
 from ptt.run.readers.export import Export
 from ptt.run.readers.required import (
@@ -43,9 +44,9 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
     target, command = _block(export, ["x_cmd", "y_cmd", "z_cmd"]), _commands(export, joints, prefix)
     require_columns(export, target, command, prefix, joints, purpose)
     require_cells(export, target, command, role == "base", prefix)
-    run, labels = _runs(export)
+    run, labels = _runs(export, role == "base")
     if purpose == "run":
-        _require_labels(export, run, labels, role == "base")
+        _require_labels(export, run, labels)
     fields: dict[str, Any] = {
         "target": _nan(export.n, 3) if target is None else target,
         "command": command,
@@ -137,18 +138,20 @@ def _roles(export: Export) -> np.ndarray:
     return role
 
 
-def _runs(export: Export) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Codes in order of first appearance."""
+def _runs(export: Export, is_base: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Codes in order of first appearance; a base reflector that names no run is of the run that it was read in."""
     if "run" not in export.columns:
         return np.zeros(export.n, dtype=np.int64), ("",)
-    labels, first, codes = np.unique(export.columns["run"], return_index=True, return_inverse=True)
+    run = export.columns["run"]
+    run = run[rows_beside((run != "") | ~is_base)]
+    labels, first, codes = np.unique(run, return_index=True, return_inverse=True)
     order = np.argsort(first)
     return np.argsort(order)[codes].astype(np.int64), tuple(str(label) for label in labels[order])
 
 
-def _require_labels(export: Export, run: np.ndarray, labels: tuple[str, ...], is_base: np.ndarray) -> None:
+def _require_labels(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> None:
     """Refuse rows that do not say of which run they are where others do: they would be a run between the runs."""
-    empty = np.flatnonzero((np.array(labels) == "")[run] & ~is_base)
+    empty = np.flatnonzero((np.array(labels) == "")[run])
     if len(labels) > 1 and empty.size:
         raise TableError(
             "no run, although other rows have one",
