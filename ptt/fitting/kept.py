@@ -102,10 +102,11 @@ def keep_covariance(
         return None
     kept = keep(fitted, heldout, helped)
     unnamed = kept.unnamed.spec() if kept.unnamed is not None and kept.unnamed.effects else None
-    values, root = _digests(fitted.model)[0], pack(kept.root)
+    values, drawing = _digests(fitted.model)[0], _digest_of_drawing(fitted.model)
     return CovarianceSpec(
-        of=kept.names, root=root, values=values, heldout_mm=heldout, helped=helped, unnamed=unnamed, turns=kept.turns
-    )
+        of=kept.names, root=pack(kept.root), values=values, drawing=drawing, heldout_mm=heldout, helped=helped,
+        unnamed=unnamed, turns=kept.turns,
+    )  # fmt: skip
 
 
 def kept_covariance(model: Model) -> Kept | None:
@@ -115,10 +116,10 @@ def kept_covariance(model: Model) -> Kept | None:
         model: as read.
 
     Returns:
-        The covariance; None where there is none, or where its parameters are no longer those of the model.
+        The covariance; None where there is none, or where its parameters or drawing are no longer those of the model.
     """
     spec = model.file.covariance
-    if spec is None or spec.values not in _digests(model):
+    if spec is None or _no_longer_of(spec, model):
         return None
     count, flat = len(spec.of), unpack(spec.root)
     if flat is None or len(flat) != count**2 or len(set(spec.of)) != count:
@@ -141,8 +142,8 @@ def why_not_kept(model: Model) -> str:
     if spec is None or not model.terms:
         return ""
     mend = "`ptt fit` on the run makes it anew"
-    if spec.values not in _digests(model):
-        what = "belongs to other values than the effects have: was one edited? Nothing tells how sure the commands are"
+    if other := _no_longer_of(spec, model):
+        what = f"belongs to {other} edited? Nothing tells how sure the commands are"
         return f"{model.file.source} [covariance] {what}; {mend}"
     kept = kept_covariance(model)
     if kept is None:
@@ -151,6 +152,28 @@ def why_not_kept(model: Model) -> str:
         what = "cannot be read: sigma_um leaves out sizes of the drawing that are not named"
         return f"{model.file.source} [covariance.unnamed] {what}; {mend}"
     return ""
+
+
+def _no_longer_of(spec: CovarianceSpec, model: Model) -> str:
+    """What it belongs to that the model does not have, in words that 'edited?' completes; '' where it is the model's."""
+    if spec.values not in _digests(model):
+        return "other values than the effects have: was one"
+    if spec.drawing not in (None, _digest_of_drawing(model)):
+        return "another drawing than [machine] has, and so do the values of the effects: was it"
+    return ""
+
+
+def _digest_of_drawing(model: Model) -> str:
+    """Of all that the effects are errors of: not of the name, nor of how far the axes travel.
+
+    What a key is by default is left out, so that one that comes to be known later changes no digest.
+    """
+    limits = {"name": True, "slider_travel_mm": True, "joint": {"__all__": {"limits_deg"}}}
+    return _digest(model.file.machine.model_dump_json(exclude=limits, exclude_defaults=True))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _digests(model: Model) -> tuple[str, ...]:
@@ -165,7 +188,7 @@ def _digests(model: Model) -> tuple[str, ...]:
         (name, label, {key: _one(value) if (name, key) in apart else value for key, value in values.items()})
         for name, label, values in written
     ]
-    return tuple(hashlib.sha256(repr(each).encode()).hexdigest()[:16] for each in (written, older))
+    return tuple(_digest(repr(each)) for each in (written, older))
 
 
 def _one(value: float | tuple[float, ...]) -> float | tuple[float, ...]:
