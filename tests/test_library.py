@@ -233,6 +233,36 @@ def test_wrong_arguments_get_words(here, done):
     assert str(ptt.compare(here / "machine.toml", str(here / "run.csv"))) == str(done["compare"])
 
 
+def test_rows_that_were_read_for_another_machine_are_refused_in_words(here, tmp_path):
+    machines = ptt.load(here / "machine.toml"), ptt.load(DATA / "arm" / "machine.toml")
+    commands = (
+        ("b1_cmd, b2_cmd, b3_cmd", "3-PTT, whose sliders are b1 to b3"),
+        ("q1_cmd_rad, q2", "arm, whose joints are q1"),
+    )
+    runs = ptt.read(here / "run.csv", machines[0]), ptt.read(DATA / "arm" / "run.csv", machines[1])
+    for own, other in ((0, 1), (1, 0)):
+        model, run = machines[own], runs[other]
+        words = f"do not belong together: the commands are {commands[other][0]}.*{commands[own][1]}"
+        for call in (
+            lambda: ptt.check(model, run),
+            lambda: ptt.compare(model, run),
+            lambda: ptt.diagnose(model, run),
+            lambda: ptt.add(model, run, "backlash"),
+            lambda: ptt.fit(model, run),
+            lambda: ptt.train(model, run),
+            lambda: ptt.recheck(model, run),
+            lambda: ptt.evaluate(model, run),
+            lambda: ptt.evaluate(run, run, model=model),
+            lambda: ptt.export(model, "urdf" if own else "table", tmp_path / "out", run=run),
+        ):
+            with pytest.raises(PttError, match=words) as refused:
+                call()
+            assert refused.value.exit_code == 2
+    targets = ptt.read_targets([[0.0, 0.0, 0.0]], machines[1])  # nothing of joints in them
+    np.testing.assert_array_equal(ptt.predict(machines[0], targets).b, ptt.predict(machines[0], [[0.0, 0.0, 0.0]]).b)
+    assert list(ptt.predict(machines[0], targets).to_frame().filter(regex="^[bq]1$")) == ["b1"]
+
+
 def test_readings_are_never_written_over(here, done):
     with pytest.raises(InputError, match="holds readings"):
         done["predict"].to_csv(here / "run.csv")

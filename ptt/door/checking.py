@@ -11,7 +11,7 @@ from ptt.door.options import ReadOptions
 from ptt.door.reading import purpose_of, read_rows, require_commands
 from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Run, Targets
-from ptt.door.words import as_run
+from ptt.door.words import as_run, read_for
 from ptt.machine import MachineFile
 from ptt.run.readers import Ask
 from ptt.run.reading import same_rows
@@ -130,7 +130,7 @@ def check(model: Any, run: RowsLike = None) -> Checked | Described:
     if run is None:
         return describe(machine)
     if isinstance(run, Run | Targets):
-        return _checked(machine.file, run)
+        return _checked(machine.file, read_for(run, machine))
     if hasattr(run, "columns"):
         return _checked(machine.file, as_run(run, machine, USAGE))
     return check_path(machine, run, ReadOptions(json=True))

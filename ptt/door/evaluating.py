@@ -16,7 +16,7 @@ from ptt.door.options import ReadOptions
 from ptt.door.reading import read_rows, require_mm
 from ptt.door.result import Heard, Note, Result, unheard
 from ptt.door.run import Rows, Run
-from ptt.door.words import as_run
+from ptt.door.words import as_run, read_for
 from ptt.errors import InputError
 from ptt.judge.alike import hints_on
 from ptt.judge.evaluate import GOALS, Datum, Evaluation, compare_errors, evaluate_pair
@@ -201,8 +201,9 @@ def _is_model(given: Any) -> bool:
 
 def _rows_of(given: RowsLike, model: Model | None) -> Table:
     if isinstance(given, Run):
-        require_mm(given.table, None if model is None else model.file, given.reading)
-        return given.table
+        table = given.table if model is None else read_for(given, model).table
+        require_mm(table, None if model is None else model.file, given.reading)
+        return table
     if isinstance(given, Rows):
         raise InputError(f"{USAGE}: got {type(given).__name__}, which hold no readings", fix="give two measured runs")
     return run_rows(given, model, ReadOptions(json=True))

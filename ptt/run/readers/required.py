@@ -1,6 +1,8 @@
 """What a table must have: columns, cells, numbers that a machine can mean; refused by file, row and column."""
 
 import re
+from collections.abc import Sequence
+from typing import NoReturn
 
 import numpy as np
 
@@ -81,13 +83,25 @@ def _refuse_foreign(export: Export, prefix: str, joints: int) -> None:
     foreign = foreign_to(export, prefix)
     axes = prefix == "b" and len(foreign) == joints and "x_cmd" in export.columns
     if foreign and not axes:
-        own = "an arm, whose joints are" if prefix == "q" else "a 3-PTT, whose sliders are"
-        raise TableError(
-            f"run and machine do not belong together: the commands are {', '.join(foreign)}, and the machine is {own} "
-            f"{prefix}1 to {prefix}{joints}",
-            where=export.source,
-            fix="use the machine file that belongs to this run",
-        )
+        refuse_other_machine(foreign, prefix, joints, export.source)
+
+
+def refuse_other_machine(commands: Sequence[str], prefix: str, joints: int, source: str) -> NoReturn:
+    """Say that rows are of another machine.
+
+    Args:
+        commands: titles of their columns of joints.
+        prefix: letter of the machine's own joints.
+        joints: how many there are.
+        source: what the rows were read from.
+    """
+    own = "an arm, whose joints are" if prefix == "q" else "a 3-PTT, whose sliders are"
+    raise TableError(
+        f"run and machine do not belong together: the commands are {', '.join(commands)}, and the machine is {own} "
+        f"{prefix}1 to {prefix}{joints}",
+        where=source,
+        fix="use the machine file that belongs to this run",
+    )
 
 
 def refuse_missing(export: Export, names: list[str], why: str) -> None:
