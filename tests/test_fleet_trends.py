@@ -107,6 +107,24 @@ def test_a_drift_of_one_slider_among_three_is_worth_what_a_line_through_differen
     assert abs(found.size - line.slope) < 3.0 * line.stderr
 
 
+def test_a_jump_that_few_runs_cannot_prove_does_not_tilt_values_that_look_like_it():
+    """Three runs, the last with one value far off: each run's own least squares, from its rows, is what is shown."""
+    random = np.random.default_rng(17)
+    alike = np.linalg.cholesky(np.full((COUNT, COUNT), 0.8) + 0.2 * np.eye(COUNT)).T
+    truth = np.tile(random.normal(size=COUNT), (3, 1))
+    truth[2, 4] += 0.4
+    rows = 10.0 * random.normal(size=(3, ROWS, COUNT)) @ alike
+    readings = np.einsum("rnp,rp->rn", rows, truth) + random.normal(size=(3, ROWS))
+    information, score = np.einsum("rnp,rnq->rpq", rows, rows), np.einsum("rnp,rn->rp", rows, readings)
+    found = movements(Series(tuple("abcde"), DAYS * np.arange(3), information, score))
+    assert not found.movements
+    np.testing.assert_allclose(
+        found.values, [np.linalg.lstsq(*each, rcond=None)[0] for each in zip(rows, readings, strict=True)]
+    )
+    np.testing.assert_allclose(found.std, np.sqrt([np.diag(np.linalg.inv(each)) for each in information]))
+    assert (np.abs(found.values - truth) < 4.0 * found.std).all()
+
+
 def words(kind: str, slope: float, usual: float) -> str:
     given = (
         series(np.random.default_rng(5), drift=(4, slope))

@@ -209,7 +209,7 @@ def _last_values(
         for place, name in enumerate(standing.names.names):
             effect, _, parameter = name.partition(" ")
             key = (effect, parameter, standing.names.labels[place], standing.names.units[place])
-            value, std = standing.moves.values[-1, place], standing.moves.std[-1, place]
+            value, std = standing.moves.values[-1, place], standing.moves.scatter * standing.moves.std[-1, place]
             if np.isfinite(value) and np.isfinite(std):
                 usual = float(standing.names.usual[place])
                 found.setdefault(key, {})[standing.machine] = (float(value) * usual, float(std) * usual)

@@ -7,7 +7,7 @@ import numpy as np
 from ptt.effects.dated import is_dated
 from ptt.effects.parameter import Parameter
 from ptt.fitting.solve import FitResult
-from ptt.fitting.stated import unseen_directions
+from ptt.fleet.seen import seen_inverse
 from ptt.fleet.task import Testimony
 from ptt.model.model import parameter_names
 
@@ -45,10 +45,8 @@ def told_by(fitted: FitResult) -> Testimony:
 
 def _seen_std(information: np.ndarray) -> np.ndarray:
     """Standard errors in usual sizes, in the directions that the rows see; NaN where a value has no part in any."""
-    unseen = unseen_directions(information)
-    seen = np.eye(len(information)) - unseen @ unseen.T
-    variance = np.diag(seen @ np.linalg.pinv(information, hermitian=True) @ seen)
-    return np.where(np.diag(seen) > 1e-6, np.sqrt(np.maximum(variance, 0.0)), np.nan)
+    inverse, told = seen_inverse(information)
+    return np.where(told, np.sqrt(np.maximum(np.diag(inverse), 0.0)), np.nan)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from ptt.fleet.scatter import RIDGE, scatter_of_all, scatter_of_one
+from ptt.fleet.seen import seen_inverse
 
 ALPHA = 0.01  # chance that a machine on which nothing moves is said to move
 MOST_MOVEMENTS = 8  # that are looked for on one machine
@@ -65,8 +66,8 @@ class Moves:
 
     Attributes:
         movements: in the order in which they were found.
-        values: (n, p) usual sizes, what each run says of each value with the others where the runs together put them.
-        std: (n, p) of these; infinite where a run says nothing.
+        values: (n, p) usual sizes, as each run alone has them; in what it does not see, where the runs together put it.
+        std: (n, p) of these, as the run's rows state it; infinite where a run says nothing.
         course: (n, p) usual sizes, level, drifts and jumps.
         scatter: times their stated errors by which runs scatter, at least one.
     """
@@ -195,15 +196,24 @@ def _told(series: Series, chosen: Sequence[Course], chances: Sequence[float]) ->
     values, inverse, rest = _solve(series, chosen)
     scatter = scatter_of_all(series.information, rest, len(chosen)).wider
     course = _course(series, values, chosen)
-    own = np.einsum("npp->np", series.information)
-    count = len(series.names)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        seen = np.where(own > 0.0, course + rest / own, np.nan)
-        std = np.where(own > 0.0, scatter / np.sqrt(own), np.inf)
-    moves = []
+    count, moves = len(series.names), []
+    seen, std = _by_run(series, course, rest)
     for number, each in enumerate(chosen):
         wide = max(scatter, scatter_of_one(series.information, rest, each.place, each.course).wider)
         error = wide * float(np.sqrt(max(inverse[count + number, count + number], 0.0)))
         size = float(values[count + number])
         moves.append(Movement(each.place, each.kind, each.day, each.before, size, error, chances[number]))
     return Moves(tuple(moves), seen, std, course, scatter)
+
+
+def _by_run(series: Series, course: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values of each run and their standard errors, (n, p) each, NaN and infinite where it says nothing.
+
+    All are free beside each other: what a value does that no movement says would else tilt those that look like it.
+    """
+    values, std = np.full(course.shape, np.nan), np.full(course.shape, np.inf)
+    for number, information in enumerate(series.information):
+        inverse, told = seen_inverse(information)
+        values[number, told] = (course[number] + inverse @ rest[number])[told]
+        std[number, told] = np.sqrt(np.maximum(np.diag(inverse), 0.0))[told]
+    return values, std
