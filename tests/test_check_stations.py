@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from test_check import run_verb
 
 from ptt.machine import MachineFile
+from ptt.run.problem import build_problem
 from ptt.run.table import Table, concat_tables, write_table
 from ptt.setup import check_setup, rows
 
@@ -34,7 +35,39 @@ def test_a_tracker_set_up_anew_for_each_run_is_no_other_reflector(sound: tuple[M
     accused = check_setup(one_frame, table).sure
     assert [item.mistake for item in accused] == ["wrong-reflector"] and "fitted-per-run" in accused[0].fix
     one_run = table.replace(run=np.zeros(table.rows, int), run_label=("",))
-    assert "fitted-per-run" not in check_setup(one_frame, one_run).sure[0].fix
+    assert "another run in the column run" in check_setup(one_frame, one_run).sure[0].fix
+
+
+@pytest.mark.parametrize("turned_deg", [0.0, 0.5, -20.0, 30.0, 45.0, 170.0])
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.8])
+def test_what_is_promised_of_a_tracker_that_was_moved_in_a_file_is_left_after_the_cure(
+    sound: tuple[MachineFile, Table], turned_deg: float, share: float
+) -> None:
+    file, table = sound
+    file = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted"}))
+    first = int(share * table.rows)
+    turn = Rotation.from_euler("z", turned_deg, degrees=True).as_matrix()
+    measured = table.measured.copy()
+    measured[first:] = measured[first:] @ turn.T + [100.0, 200.0, 30.0]
+    found = check_setup(file, table.replace(measured=measured))
+    (accused,) = found.sure
+    assert accused.mistake == "wrong-reflector"
+    assert ("another run in the column run" in accused.fix) == (turned_deg != 0.0)
+    assert turned_deg == 0.0 or f"from row {table.line[first]} on" in accused.words
+    assert check_setup(found.file, found.table).ok
+    problem = build_problem(found.file, found.table)
+    left = (problem.measured - problem.target)[problem.used]
+    assert 1e3 * np.sqrt((left**2).sum(axis=1).mean()) < 1.5 * accused.after_um < 1e3
+
+
+def test_a_tracker_that_was_moved_and_put_back_is_promised_no_cure_by_a_shift(sound: tuple[MachineFile, Table]) -> None:
+    file, table = sound
+    file = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted"}))
+    measured, third = table.measured.copy(), table.rows // 3
+    turn = Rotation.from_euler("z", 30.0, degrees=True).as_matrix()
+    measured[third : 2 * third] = measured[third : 2 * third] @ turn.T + [100.0, 200.0, 30.0]
+    found = check_setup(file, table.replace(measured=measured))
+    assert not found.sure and found.unexplained
 
 
 @pytest.mark.parametrize(("aside_mm", "accused"), [(100.0, True), (15.0, False)])

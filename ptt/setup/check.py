@@ -25,7 +25,7 @@ from ptt.setup.rows import find_shifted_rows, find_slip
 from ptt.setup.score import LEAST_ROWS
 from ptt.setup.setup import Setup, used_rows, written
 from ptt.setup.shuffled import find_shuffled
-from ptt.setup.stations import find_stations
+from ptt.setup.stations import find_moved, find_stations
 from ptt.setup.stray import find_far_targets
 
 OWN_FRAME = ("fitted-per-run", "measured")  # each run is a set-up of the tracker, with a frame of its own
@@ -121,6 +121,9 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
         findings += found
         if any(item.sure or item.mistake == "target-frame" for item in found):
             setup = after
+    if not any(item.sure for item in findings):
+        found, setup = find_moved(setup)
+        findings += found
     if any(item.sure for item in findings):
         return findings, setup  # what is wrong with the poses may be so with the base reflectors among them
     return findings + find_base(setup), setup

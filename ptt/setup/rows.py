@@ -23,6 +23,7 @@ SEEN_GAP = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no r
 BOTH = 0.8  # of the rows: where every second one has a reading, few have one before and after a slip
 MOST_OFF = 0.6  # of the rows: where more are off, none of them is a block
 AT_ONCE = 200_000  # rows of all starts that are aligned together: 100 MB
+TURNED = 2.0  # times what a frame of its own would leave: a block that a shift leaves more of is turned as well
 ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
 
 
@@ -128,6 +129,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         return [], setup
     left, turn = _most_fitting(place[known], reading[known], setup.free)
     findings, before, shifts = [], float(np.sqrt(np.mean(left**2) * 3.0)), list[np.ndarray]()
+    part = np.zeros(len(known), dtype=int)
     for block in _bad_blocks(left):
         shift = np.median(left[block], axis=0)
         size = float(np.linalg.norm(shift))
@@ -136,7 +138,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
             continue
         if not any(np.linalg.norm(shift - other) < ALIKE * size for other in shifts):
             shifts.append(shift)
-        rows = known[block]
+        rows, part[block] = known[block], len(findings) + 1
         reading[rows] -= turn @ shift
         left[block] -= shift
         first, last = setup.table.line[rows[0]], setup.table.line[rows[-1]]
@@ -154,15 +156,40 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         findings.append(said(setup, "wrong-reflector", words, fix))
     if not 0 < len(shifts) <= MOST_REFLECTORS:
         return [], setup
-    kept = np.linalg.norm(left, axis=1)
-    after = float(np.sqrt(np.mean(kept[kept <= TRIM * np.median(kept) + 1e-9] ** 2)))
-    if before < FALL * after or after > BEYOND_FAULTS:
+    after = rms_of_parts(np.linalg.norm(left, axis=1), part)
+    if before < FALL * after or after > BEYOND_FAULTS or after > TURNED * _left_by_turns(place[known], left, part):
         return [], setup
     figures = f"; with that subtracted, the error falls from {1e3 * before:,.0f} to {1e3 * after:,.0f} um"
     told = [
         replace(item, words=item.words + figures, before_um=1e3 * before, after_um=1e3 * after) for item in findings
     ]
     return told, setup.with_rows(measured=reading)
+
+
+def rms_of_parts(distance: np.ndarray, part: np.ndarray) -> float:
+    """Root mean square distance, mm, gross errors of each part left out beside its own: none is gross as a whole.
+
+    Args:
+        distance: (m,) mm.
+        part: (m,) int, of each row.
+    """
+    near = np.zeros(len(distance), dtype=bool)
+    for each in np.unique(part):
+        here = part == each
+        near[here] = distance[here] <= TRIM * np.median(distance[here]) + 1e-9
+    return float(np.sqrt(np.mean(distance[near] ** 2)))
+
+
+def _left_by_turns(place: np.ndarray, left: np.ndarray, part: np.ndarray) -> float:
+    """What would stay, mm, were the rows from some row on a set-up of the tracker by themselves, turned as well."""
+    edges = np.flatnonzero(np.diff(part))
+    if len(edges) != 1 or min(edges[0] + 1, len(part) - edges[0] - 1) < LEAST_KNOWN:
+        return np.inf
+    distance = np.linalg.norm(left, axis=1)
+    for each in np.unique(part):
+        here = part == each
+        distance[here] = align_many(place[None, here], (place + left)[None, here])[2][0]
+    return rms_of_parts(distance, part)
 
 
 def _is_whole_runs(run: np.ndarray, rows: np.ndarray, known: np.ndarray) -> bool:
