@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from library_folder import DATA, ROOT
 from library_folder import here as here
 from matplotlib.figure import Figure
@@ -233,34 +234,46 @@ def test_wrong_arguments_get_words(here, done):
     assert str(ptt.compare(here / "machine.toml", str(here / "run.csv"))) == str(done["compare"])
 
 
-def test_rows_that_were_read_for_another_machine_are_refused_in_words(here, tmp_path):
+@pytest.mark.parametrize("own", [0, 1])
+def test_rows_that_were_read_for_another_machine_are_refused_in_words(here, tmp_path, own):
     machines = ptt.load(here / "machine.toml"), ptt.load(DATA / "arm" / "machine.toml")
-    commands = (
-        ("b1_cmd, b2_cmd, b3_cmd", "3-PTT, whose sliders are b1 to b3"),
-        ("q1_cmd_rad, q2", "arm, whose joints are q1"),
-    )
     runs = ptt.read(here / "run.csv", machines[0]), ptt.read(DATA / "arm" / "run.csv", machines[1])
-    for own, other in ((0, 1), (1, 0)):
-        model, run = machines[own], runs[other]
-        words = f"do not belong together: the commands are {commands[other][0]}.*{commands[own][1]}"
-        for call in (
-            lambda: ptt.check(model, run),
-            lambda: ptt.compare(model, run),
-            lambda: ptt.diagnose(model, run),
-            lambda: ptt.add(model, run, "backlash"),
-            lambda: ptt.fit(model, run),
-            lambda: ptt.train(model, run),
-            lambda: ptt.recheck(model, run),
-            lambda: ptt.evaluate(model, run),
-            lambda: ptt.evaluate(run, run, model=model),
-            lambda: ptt.export(model, "urdf" if own else "table", tmp_path / "out", run=run),
-        ):
-            with pytest.raises(PttError, match=words) as refused:
-                call()
-            assert refused.value.exit_code == 2
-    targets = ptt.read_targets([[0.0, 0.0, 0.0]], machines[1])  # nothing of joints in them
-    np.testing.assert_array_equal(ptt.predict(machines[0], targets).b, ptt.predict(machines[0], [[0.0, 0.0, 0.0]]).b)
-    assert list(ptt.predict(machines[0], targets).to_frame().filter(regex="^[bq]1$")) == ["b1"]
+    model, run = machines[own], runs[1 - own]
+    words = (
+        r"the commands are q1_cmd_rad, q2.*, and the machine is a 3-PTT, whose sliders are b1 to b3",
+        r"the commands are b1_cmd, b2_cmd, b3_cmd, and the machine is an arm, whose joints are q1 to q\d",
+    )[own]
+    for call in (
+        lambda: ptt.check(model, run),
+        lambda: ptt.compare(model, run),
+        lambda: ptt.diagnose(model, run),
+        lambda: ptt.add(model, run, "backlash"),
+        lambda: ptt.fit(model, run),
+        lambda: ptt.train(model, run),
+        lambda: ptt.recheck(model, run),
+        lambda: ptt.evaluate(model, run),
+        lambda: ptt.evaluate(run, run, model=model),
+        lambda: ptt.export(model, "urdf" if own else "table", tmp_path / "out", run=run),
+    ):
+        with pytest.raises(PttError, match=words) as refused:
+            call()
+        assert refused.value.exit_code == 2
+
+
+def test_targets_alone_do_for_any_machine(here):
+    model, place = ptt.load(here / "machine.toml"), [[0.0, 0.0, 0.0]]
+    found = ptt.predict(model, ptt.read_targets(place, DATA / "arm" / "machine.toml"))
+    np.testing.assert_array_equal(found.b, ptt.predict(model, place).b)
+    assert list(found.to_frame().filter(regex="^[bq]1$")) == ["b1"]
+
+
+def test_a_mechanism_takes_tensors_as_its_docstrings_say(here):
+    mechanism, place = ptt.load(here / "machine.toml").mechanism, np.array([[0.0, 0.0, 0.0], [10.0, -20.0, 15.0]])
+    q = mechanism.inverse(torch.as_tensor(place))
+    np.testing.assert_allclose(mechanism.forward(q).numpy(), place, atol=1e-9)
+    assert mechanism.jacobian(q).shape == (2, 3, 3)
+    for verb in (mechanism.inverse, mechanism.forward, mechanism.jacobian, ptt.Model.mechanism):
+        assert "float64" in (verb.__doc__ or "") and "tensor" in (verb.__doc__ or "")
 
 
 def test_readings_are_never_written_over(here, done):

@@ -49,7 +49,10 @@ class Model(InNotebook):
 
     @property
     def mechanism(self) -> "Mechanism":
-        """The nominal mechanism: `forward`, `inverse`, `jacobian` of all rows at once."""
+        """The nominal mechanism: `forward`, `inverse`, `jacobian` of float64 torch tensors (`torch.as_tensor(array)`).
+
+        All rows at once: positions (n, 3) mm, joint values (n, k) mm or rad.
+        """
         return build_mechanism(self.file.machine)
 
     def predictor(self) -> "Predictor":

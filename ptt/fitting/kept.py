@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,12 @@ from ptt.fitting.unnamed import Unnamed, read_unnamed
 from ptt.machine_schema import CovarianceSpec, MaskedSpec
 from ptt.model.entries import write_model
 from ptt.model.model import Model
+
+ASIDE: Any = {
+    "name": True,
+    "slider_travel_mm": True,
+    "joint": {"__all__": {"limits_deg"}},
+}  # no error follows from them
 
 
 @dataclass(frozen=True)
@@ -143,7 +150,7 @@ def why_not_kept(model: Model) -> str:
         return ""
     mend = "`ptt fit` on the run makes it anew"
     if other := _no_longer_of(spec, model):
-        what = f"belongs to {other} edited? Nothing tells how sure the commands are"
+        what = f"belongs to {other} Nothing tells how sure the commands are"
         return f"{model.file.source} [covariance] {what}; {mend}"
     kept = kept_covariance(model)
     if kept is None:
@@ -155,11 +162,11 @@ def why_not_kept(model: Model) -> str:
 
 
 def _no_longer_of(spec: CovarianceSpec, model: Model) -> str:
-    """What it belongs to that the model does not have, in words that 'edited?' completes; '' where it is the model's."""
+    """What it belongs to that the model does not have, in words; '' where it is the model's."""
     if spec.values not in _digests(model):
-        return "other values than the effects have: was one"
+        return "other values than the effects have: was one edited?"
     if spec.drawing not in (None, _digest_of_drawing(model)):
-        return "another drawing than [machine] has, and so do the values of the effects: was it"
+        return "another drawing than [machine] has, and so do the values of the effects: was it edited?"
     return ""
 
 
@@ -168,8 +175,7 @@ def _digest_of_drawing(model: Model) -> str:
 
     What a key is by default is left out, so that one that comes to be known later changes no digest.
     """
-    limits = {"name": True, "slider_travel_mm": True, "joint": {"__all__": {"limits_deg"}}}
-    return _digest(model.file.machine.model_dump_json(exclude=limits, exclude_defaults=True))
+    return _digest(model.file.machine.model_dump_json(exclude=ASIDE, exclude_defaults=True))
 
 
 def _digest(text: str) -> str:

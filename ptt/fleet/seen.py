@@ -1,4 +1,4 @@
-"""What one run's information tells of its values: the directions that its rows see, all values free beside each other."""
+"""What one run's information tells of its values: the directions that its rows see, all values free."""
 
 import numpy as np
 

@@ -14,6 +14,7 @@ ROWS_SHOWN = 5
 class Mechanism(Protocol):
     """Kinematics of one machine: batched, float64 and differentiable.
 
+    Arguments and results are torch tensors; `torch.as_tensor` makes one of a numpy array, `.numpy()` an array of it.
     A pose that does not exist gives a row of NaN, because a mask costs nothing in a batch; whoever hands rows on to a
     user calls `require_reachable` or `require_assembled` first.
     """
@@ -30,7 +31,7 @@ class Mechanism(Protocol):
         """Tool position of joint values.
 
         Args:
-            q: (n, k) mm or rad, joint values.
+            q: float64 tensor (n, k) mm or rad, joint values.
             geometry: (n, G) or (1, G), shift of each geometry slot; None is the drawing.
 
         Returns:
@@ -41,7 +42,7 @@ class Mechanism(Protocol):
         """Joint values of a tool position.
 
         Args:
-            p: (n, 3) mm, tool positions.
+            p: float64 tensor (n, 3) mm, tool positions.
             geometry: (n, G) or (1, G), shift of each geometry slot; None is the drawing.
             near: (n, k) mm or rad, joint values to stay close to; used by redundant arms only.
 
@@ -53,7 +54,7 @@ class Mechanism(Protocol):
         """Derivative of the tool position by the joint values.
 
         Args:
-            q: (n, k) mm or rad, joint values.
+            q: float64 tensor (n, k) mm or rad, joint values.
             geometry: (n, G) or (1, G), shift of each geometry slot; None is the drawing.
 
         Returns:

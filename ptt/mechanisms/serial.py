@@ -144,7 +144,7 @@ class Serial:
         """Place the tool point.
 
         Args:
-            q: (..., k) joint values, rad.
+            q: float64 tensor (..., k) joint values, rad.
             geometry: (..., G) or (1, G) errors of the geometry slots, mm and rad; None for the drawing.
 
         Returns:
@@ -185,7 +185,7 @@ class Serial:
         """Differentiate the tool position by the joints: dp/dq, z_i x (p - o_i) about each axis.
 
         Args:
-            q: (..., k) joint values, rad.
+            q: float64 tensor (..., k) joint values, rad.
             geometry: (..., G) or (1, G) errors of the geometry slots; None for the drawing.
 
         Returns:
@@ -239,7 +239,7 @@ class Serial:
         """Find joint values within the limits that reach tool positions or poses.
 
         Args:
-            p: (n, 3) tool positions, mm.
+            p: float64 tensor (n, 3) tool positions, mm.
             geometry: (n, G) or (1, G) errors of the geometry slots; None for the drawing.
             near: (n, k) or (1, k) joint values to start from and, where joints are to spare, to stay close to; rad.
             rotation: (n, 3, 3) tool orientations; None leaves the orientation free.

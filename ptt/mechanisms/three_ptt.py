@@ -159,7 +159,7 @@ class ThreePtt:
         Source: three-sphere intersection in the basis of two edges and their normal (trilateration).
 
         Args:
-            q: (n, 3) mm, slider heights.
+            q: float64 tensor (n, 3) mm, slider heights.
             geometry: (n, 15) or (1, 15) mm, shift of each slot in `slots`.
 
         Returns:
@@ -174,7 +174,7 @@ class ThreePtt:
         plus for sliders above the platform.
 
         Args:
-            p: (n, 3) mm, tool positions.
+            p: float64 tensor (n, 3) mm, tool positions.
             geometry: (n, 15) or (1, 15) mm, shift of each slot in `slots`.
             near: not used, a leg has one solution on its side.
 
@@ -189,7 +189,7 @@ class ThreePtt:
         Source: s_i . dp = (s_i . rail_i) dq_i for each link vector s_i, inverted by cross products.
 
         Args:
-            q: (n, 3) mm, slider heights.
+            q: float64 tensor (n, 3) mm, slider heights.
             geometry: (n, 15) or (1, 15) mm, shift of each slot in `slots`.
 
         Returns:

@@ -128,7 +128,8 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
     if len(known) < LEAST_KNOWN:
         return [], setup
     left, turn = _most_fitting(place[known], reading[known], setup.free)
-    findings, before, shifts = [], float(np.sqrt(np.mean(left**2) * 3.0)), list[np.ndarray]()
+    findings, shifts = list[Finding](), list[np.ndarray]()
+    before = float(np.sqrt(np.mean(left**2) * 3.0))
     part = np.zeros(len(known), dtype=int)
     for block in _bad_blocks(left):
         shift = np.median(left[block], axis=0)
