@@ -119,7 +119,15 @@ def test_a_reflector_that_names_no_run_is_of_the_run_that_it_was_read_in(frame, 
     assert table.run_label == ("a", "b") and lines == []
     assert table.run.tolist() == [0] * 12 + [1] * 9
     assert np.isfinite(table.time_s).all() and (np.diff(table.time_s) >= 0.0).all()
-    assert not any("resumes" in line for line in table.understood.lines)
+    assert not any("resumes" in line or "between two runs" in line for line in table.understood.lines)
+
+
+def test_reflectors_between_two_runs_are_of_the_one_before_and_it_is_said(frame, tmp_path):
+    base = with_reflectors(frame)[:3]
+    table = written(pd.concat([frame[:6], base, frame[6:]], ignore_index=True), tmp_path)
+    assert table.run.tolist() == [0] * 9 + [1] * 6
+    told = "row 8 and 2 more of base reflectors between two runs: taken as of 'a', the one before"
+    assert told in table.understood.lines
 
 
 @pytest.mark.parametrize("label", [None, "reflectors"])

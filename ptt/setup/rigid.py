@@ -69,6 +69,20 @@ def rms(distance: np.ndarray, lost: np.ndarray, size: float | np.ndarray) -> np.
         return np.asarray(np.sqrt(np.where(near, filled**2, 0.0).sum(axis=1) / near.sum(axis=1)))
 
 
+def rms_of_parts(distance: np.ndarray, part: np.ndarray) -> float:
+    """Root mean square distance, mm, gross errors of each part left out beside its own: none is gross as a whole.
+
+    Args:
+        distance: (m,) mm.
+        part: (m,) int, of each row.
+    """
+    near = np.zeros(len(distance), dtype=bool)
+    for each in np.unique(part):
+        here = part == each
+        near[here] = distance[here] <= TRIM * np.median(distance[here]) + 1e-9
+    return float(np.sqrt(np.mean(distance[near] ** 2)))
+
+
 def _motion(a: np.ndarray, b: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     weight = (kept / np.maximum(kept.sum(axis=1), 1)[:, None])[:, None]
     middle_a, middle_b = weight @ a, weight @ b

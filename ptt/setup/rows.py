@@ -8,7 +8,7 @@ from ptt.setup.columns import said
 from ptt.setup.faults import fault_columns, left_after_faults
 from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
 from ptt.setup.result import Finding
-from ptt.setup.rigid import TRIM, align_many
+from ptt.setup.rigid import TRIM, align_many, rms_of_parts
 from ptt.setup.score import forward_many
 from ptt.setup.setup import Setup
 
@@ -165,20 +165,6 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         replace(item, words=item.words + figures, before_um=1e3 * before, after_um=1e3 * after) for item in findings
     ]
     return told, setup.with_rows(measured=reading)
-
-
-def rms_of_parts(distance: np.ndarray, part: np.ndarray) -> float:
-    """Root mean square distance, mm, gross errors of each part left out beside its own: none is gross as a whole.
-
-    Args:
-        distance: (m,) mm.
-        part: (m,) int, of each row.
-    """
-    near = np.zeros(len(distance), dtype=bool)
-    for each in np.unique(part):
-        here = part == each
-        near[here] = distance[here] <= TRIM * np.median(distance[here]) + 1e-9
-    return float(np.sqrt(np.mean(distance[near] ** 2)))
 
 
 def _left_by_turns(place: np.ndarray, left: np.ndarray, part: np.ndarray) -> float:

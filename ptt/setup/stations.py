@@ -11,8 +11,8 @@ from ptt.run.table import Table
 from ptt.setup.judged import thinned
 from ptt.setup.proof import BEYOND_FAULTS, FALL
 from ptt.setup.result import Finding
-from ptt.setup.rigid import align_many, rms
-from ptt.setup.rows import LEAST_KNOWN, places, rms_of_parts
+from ptt.setup.rigid import align_many, rms, rms_of_parts
+from ptt.setup.rows import LEAST_KNOWN, places
 from ptt.setup.setup import Setup
 
 MOVED = 20.0  # mm: homing and links that all change by up to 4 mm from file to file move readings by 10 mm

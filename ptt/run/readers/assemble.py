@@ -171,7 +171,18 @@ def _taking_turns(run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
 
 
 def _of_a_run(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
-    return [*_half_read(export), *_taking_turns(run, labels)]
+    return [*_half_read(export), *_between_runs(export, run, labels), *_taking_turns(run, labels)]
+
+
+def _between_runs(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
+    """A word on base reflectors that name no run and were read after one and before another."""
+    named = export.columns.get("run", np.zeros(export.n, dtype=str)) != ""
+    following = run[::-1][rows_beside(named[::-1])][::-1]
+    rows = np.flatnonzero(~named & (following != run))
+    if not len(rows):
+        return []
+    where = f"row {export.line[rows[0]]}" + (f" and {len(rows) - 1} more" if len(rows) > 1 else "")
+    return [f"{where} of base reflectors between two runs: taken as of '{labels[run[rows[0]]]}', the one before"]
 
 
 def _half_read(export: Export) -> list[str]:
