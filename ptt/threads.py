@@ -11,9 +11,8 @@ from typing import ParamSpec, TypeVar
 P = ParamSpec("P")
 T = TypeVar("T")
 THREADS, ONE = "OMP_NUM_THREADS", "1"  # arrays are small: on shared cores threads wait for each other up to fifty times
-SUMS = (
-    "OPENBLAS_NUM_THREADS"  # threads of numpy's linear algebra share sums out otherwise: the last digits would change
-)
+# Threads of numpy's linear algebra would share sums out, and the last digits would change with their number.
+SUMS = "OPENBLAS_NUM_THREADS"
 
 
 def set_threads() -> None:

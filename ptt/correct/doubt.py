@@ -67,9 +67,10 @@ def command_sigma(
 
 
 def approach_doubt(task: CommandTask, terms: Shifts, q: Tensor) -> np.ndarray:
-    """What hangs on how the joints came: from which side to the first row, where the targets do not say (`dir1..`).
+    """How far the tool may be off because the targets leave open how the joints came.
 
-    And how far past a row, where they say that a joint turned behind it.
+    From which side to the first row, where `dir1..` does not say it; and how far past a row before a joint turned,
+    where `dir1..` says that it did.
 
     A drive that winds up has not turned over for dozens of small steps. The first row itself arrives as the second
     moves, and a joint that never moves in a run counts as +1, by convention (`ptt.run.travel`): neither is doubted.

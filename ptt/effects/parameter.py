@@ -87,9 +87,7 @@ class Parameter:
         """
         if kind == "three-ptt" or not self.axis:
             return self
-        unit = (
-            self.unit.replace("mm", "rad").replace("N", "Nmm") if "N" in self.unit else self.unit.replace("mm", "rad")
-        )
+        unit = self.unit.replace("mm", "rad").replace("N", "Nmm")
         values = {**self.__dict__, "unit": unit, "axis": False}
         usual = self.usual if self.usual_rad is None else self.usual_rad
         bounds = {name: values[name] * usual / self.usual for name in ("lower", "upper", "most")}

@@ -65,8 +65,8 @@ def maximise(
         width: of the log-normal prior of a group's size (the root of its variance) about the usual one, in nats; inf
             for no prior; one for all or (G,).
         wide: prior variance of unknowns of no group.
-        done: nats still to be had at which it ends.
-        least: total that is asked for; where the way there is many times what is still to be had, it ends as well.
+        done: it ends where no more than this can still be gained, nats.
+        least: it also ends where the total evidence can no longer reach this, nats: the caller drops such a set.
         finest: least phi.
 
     Returns:

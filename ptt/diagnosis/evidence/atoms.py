@@ -38,28 +38,28 @@ class Atom:
     Attributes:
         key: its own among all atoms.
         name: what is reported: the effect's key or the block's name.
-        columns: indices of its columns in the system.
-        group: which learned variance each of them has, (m,) int from 0; effects have one for each parameter kind.
+        columns: indices of its m columns in the system.
+        group: which learned variance each column has, (m,) int from 0; an effect has one for each kind of parameter.
         most: largest variance of each group, (g,).
         odds: nats of prior odds against it.
         bounded: columns whose value cannot be negative, (m,) bool.
         effect: the effect; None for a block.
-        shape: its searched and given parameters; None where the effect is in the model.
+        shape: the effect's searched and given parameters; None where the effect is in the model.
         block: the block; None for an effect.
-        within: values below which the cause would be another, and above which much speaks for another, (m, 2) in units
-            of its columns; None where any may be.
-        largest: values beyond which no cause is what it is called, in this shape, (m,) in units of its columns; None
-            where any may be.
-        turned: from its columns to its values; None where each column is one.
-        joint: whose value each column is, (m,) int; None where not all are of one joint each with one variance for all,
-            where they are of several units, and where joints are few.
-        leg: whose values each learned variance is of, (g,) int; None where not all are of one joint each, or there is
-            but one, and where joints are few.
-        fine: which variances are those of detail that can imitate other things, (g,) bool; None for none.
-        tested: whether the readings hold what tells it from an offset: play that no reversal shows, or a spring that
-            always carries the same, is never plainest.
-        since: by the clock, from when on a sudden effect of the model is there; None of all others.
-        reach: how many times its first value a joint's second may well be, in their units; None where it may be any.
+        turned: rotation from its columns to its values; None where each column is a value.
+        joint: joint (from 0) whose value each column is, (m,) int; None where not every column is of one joint, where
+            values have several units, or where there are few joints.
+        leg: joint whose values each learned variance is of, (g,) int; None where variances are shared between joints.
+        fine: which variances are those of fine detail, which can imitate other effects, (g,) bool; None for none.
+        tested: whether the readings hold what tells it from an offset. Play that no reversal shows, or a spring under
+            one load only, is not tested, and is never preferred as the plainest explanation.
+        since: time from which a sudden effect that is in the model acts, s; None for all others.
+        reach: largest ratio of a joint's second value to its first that is plausible, in their units, as of a length
+            to a height; None for any.
+        within: (m, 2) bounds of its values, in units of its columns. Below the first the cause would be another one;
+            above the second much speaks for another one. None for no bounds.
+        largest: (m,) values, in units of its columns, beyond which the cause cannot be what it is called, in this
+            shape; None for no limit.
     """
 
     key: str

@@ -30,9 +30,8 @@ from ptt.run.problem import Problem
 
 TURNS = 3  # of fitting and searching
 LONG_SEARCH = 4  # shapes from which only the best of the sample is taken to all rows
-WORTH = (
-    5e-4  # share of the noise's variance that anything the sample does not show must take: 10,000 rows would show it
-)
+# Share of the noise's variance that anything the sample does not show must take: 10,000 rows would show it.
+WORTH = 5e-4
 
 
 @dataclass(frozen=True)

@@ -92,13 +92,10 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: 
     """
     # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves, and
     # in a wander that follows each of them.
-    left = (
-        [robustly_left(system, state)]
-        if robust
-        else [system.innovation(state.columns, state.posterior.values, state.memory)]
-    )
+    columns, values = state.columns, state.posterior.values
+    left = [robustly_left(system, state) if robust else system.innovation(columns, values, state.memory)]
     if state.memory.wander is not None and not robust:
-        left.append(system.left(state.columns, state.posterior.values))
+        left.append(system.left(columns, values))
     here, problem = np.ones(len(left[0]), dtype=bool), system.at.problem
     places, found = places_of(problem)[system.rows], gross.copy()
     for white in left:

@@ -109,11 +109,8 @@ def posterior_terms(
         if term is None or atom.shape is not None:
             continue
         free = _free(found, atom)
-        theta, error, seen = (
-            term.theta.clone(),
-            torch.full_like(term.theta, torch.nan),
-            torch.ones(len(term.theta), dtype=torch.bool),
-        )
+        theta, error = term.theta.clone(), torch.full_like(term.theta, torch.nan)
+        seen = torch.ones(len(theta), dtype=torch.bool)
         theta[free] = torch.as_tensor(atom.amplitudes(state.posterior.values[own], system.scale))
         std, prior = state.errors(atom, system.scale)
         error[free] = torch.as_tensor(

@@ -28,15 +28,13 @@ def telling_of(name: str, joint: int, problem: Problem, contexts: dict[str, np.n
     if name == "b":
         return view.q[:, joint].numpy(), f"angle of {who} [rad]" if serial else f"height of {who} [mm]"
     if name == "phase" and view.lead:
-        return (
-            torch.remainder(view.q[:, joint], view.lead)
-        ).numpy(), f"place within one turn of screw {joint + 1} [mm]"
+        turn = torch.remainder(view.q[:, joint], view.lead)
+        return turn.numpy(), f"place within one turn of screw {joint + 1} [mm]"
     if name == "direction":
         return view.direction[:, joint].numpy(), f"way in which {who} arrives"
     if name == "travel":
-        return _since_reversal(
-            view.q[:, joint].numpy(), view.starts.numpy()
-        ), f"travel of {who} since it turned [{'rad' if serial else 'mm'}]"
+        way = _since_reversal(view.q[:, joint].numpy(), view.starts.numpy())
+        return way, f"travel of {who} since it turned [{'rad' if serial else 'mm'}]"
     if name == "speed":
         return view.velocity[:, joint].numpy(), f"speed of {who} [{'rad/s' if serial else 'mm/s'}]"
     if name == "load":
@@ -50,9 +48,8 @@ def telling_of(name: str, joint: int, problem: Problem, contexts: dict[str, np.n
     if name == "link angle" and not serial:
         own = machine(view)
         link = own.link_vectors(view.p)[:, joint]
-        return torch.rad2deg(
-            torch.acos((link @ own.rail[joint]).abs() / link.norm(dim=-1))
-        ).numpy(), f"angle of link {joint + 1} to its rail [deg]"
+        angle = torch.acos((link @ own.rail[joint]).abs() / link.norm(dim=-1))
+        return torch.rad2deg(angle).numpy(), f"angle of link {joint + 1} to its rail [deg]"
     if name == "time" and "time" in contexts:
         return contexts["time"], "time [s]"
     return np.arange(view.rows, dtype=float), "reading number"

@@ -26,6 +26,7 @@ class Grid:
         wordy: last column holds words too.
         strong: index of rows that stand out.
         code: last column is set in letters of one width.
+        kind: which template draws it; so of every block.
     """
 
     title: str
