@@ -229,7 +229,7 @@ def test_command_writes_checks_and_draws(tmp_path):
     named = run("new", "cable-drag", "--out", path.with_suffix(".csv"))  # nothing would read it there
     assert "let its name end in .py" in str(named.exception) and not path.with_suffix(".csv").exists()
     assert run("new", "cable-drag", "--out", path).exit_code == 0
-    assert "exists already" in str(run("new", "cable-drag", "--out", path).exception)
+    assert "already exists" in str(run("new", "cable-drag", "--out", path).exception)
     assert json.loads(run("check", path, "--json").stdout)["passed"] is True
     assert run("cable-drag", "--effects", path, "--plot", tmp_path).exit_code == 0
     assert (tmp_path / "cable-drag.png").read_bytes().startswith(b"\x89PNG")

@@ -22,7 +22,7 @@ def test_template_works_as_written(tmp_path):
     assert set(library(path)) == {*library(), "cable-drag"}
 
 
-@pytest.mark.parametrize(("name", "said"), [("Cable Drag", "no name"), ("backlash", "taken"), ("check", "taken")])
+@pytest.mark.parametrize(("name", "said"), [("Cable Drag", "not a name"), ("backlash", "taken"), ("check", "taken")])
 def test_template_refuses_a_name(name, said):
     with pytest.raises(InputError, match=said):
         template(name)
