@@ -6,7 +6,7 @@ TORCH ?= torch
 # The versions that the tests ran with; `make CONSTRAINTS= test` takes what is newest.
 CONSTRAINTS ?= -c constraints.txt
 # Processes for the tests: one a core and one more, for tests of pages and workers wait for processes of their own; at
-# most four, of up to a gigabyte each.
+# most four, of up to a gigabyte each. Each takes a stretch of the tests: what a file sets up is set up once.
 WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 2 ? 2 : n > 3 ? 4 : n + 1)))
 
 .PHONY: demo test test-long lint bench docs clean
@@ -39,7 +39,7 @@ lint: $(VENV)/.test-ready
 test: lint
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 		{ apt-get update -qq; apt-get install -y -qq chromium; } >/dev/null 2>&1; } || true
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS)
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal
 
 # What would take `make test` beyond ten minutes: more machines of kinds that it asks anyway.
 test-long: $(VENV)/.test-ready

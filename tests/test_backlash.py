@@ -66,7 +66,9 @@ def test_both_figures_find_the_gap_to_their_resolution(gap, step, zero, taken_up
     assert one.constant_speed
 
 
-@pytest.mark.parametrize(("step", "noise"), [(0.004, 0.0), (0.0007, 0.0), (0.004, 0.002)])
+@pytest.mark.parametrize(
+    ("step", "noise"), [(0.004, 0.0), pytest.param(0.0007, 0.0, marks=pytest.mark.long), (0.004, 0.002)]
+)
 def test_figures_are_unbiased_and_their_stated_uncertainty_is_honest(tmp_path, step, noise):
     random = np.random.default_rng(7)
     errors, stated = [], []

@@ -64,7 +64,7 @@ def test_of_several_events_each_is_named_at_its_own_row(events: Events, turning:
     [
         ({90: (0, 0.05), 186: (0, -0.05)}, (), "slider 1"),
         pytest.param({60: (1, 0.05), 150: (1, 0.02), 210: (1, -0.07)}, (), "slider 2", marks=pytest.mark.long),
-        ({90: KNOCK, 186: [-along for along in KNOCK]}, (), "z"),
+        pytest.param({90: KNOCK, 186: [-along for along in KNOCK]}, (), "z", marks=pytest.mark.long),
         pytest.param({60: (1, 0.05), 150: OTHER, 210: (1, -0.05)}, ("setup-jump",), "slider 2", marks=pytest.mark.long),
     ],
 )

@@ -82,7 +82,10 @@ def test_turns_on_a_smooth_way_lie_where_the_way_has_them() -> None:
     np.testing.assert_array_equal(view.direction[1:].numpy()[clear], step[:, -1][clear])
 
 
-@pytest.mark.parametrize(("rise", "smooth"), [(0.0, True), (50.0, True), (0.0, False), (50.0, False)])
+@pytest.mark.parametrize(("rise", "smooth"), [
+    (0.0, True), pytest.param(50.0, True, marks=pytest.mark.long),
+    pytest.param(0.0, False, marks=pytest.mark.long), (50.0, False),
+])  # fmt: skip
 def test_play_on_circles_is_named_whichever_way_the_sliders_went(rise: float, smooth: bool) -> None:
     problem = read(way(160, 8.0, rise), PIECES, smooth)
     assert smoothly(problem) is not None
