@@ -5,9 +5,9 @@ BIN := $(VENV)/bin
 TORCH ?= torch
 # The versions that the tests ran with; `make CONSTRAINTS= test` takes what is newest.
 CONSTRAINTS ?= -c constraints.txt
-# Processes for the tests: one a core and one more, for tests of pages and workers wait for processes of their own; at
-# most four, of up to a gigabyte each. Each takes a stretch of the tests: what a file sets up is set up once.
-WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 2 ? 2 : n > 3 ? 4 : n + 1)))
+# Processes for the tests: one a core; a browser and a scheduler have processes of their own, so never more than four.
+# Each takes a stretch of the tests, so that what a file sets up is set up once, and then what others have left.
+WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 2 ? 2 : n > 4 ? 4 : n)))
 
 .PHONY: demo test test-long lint bench docs clean
 

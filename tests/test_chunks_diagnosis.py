@@ -76,6 +76,7 @@ def test_what_only_all_rows_show_is_found(tmp_path: Path) -> None:
     assert [step[0] for step in found.suggested] == ["backlash"]
 
 
+@pytest.mark.long
 def test_physics_that_no_effect_describes_stays_unknown(tmp_path: Path) -> None:
     def bend(frame: pd.DataFrame) -> None:
         frame["z_meas"] += 0.02 * np.sin(frame["x_cmd"] / 12.0)

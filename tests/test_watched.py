@@ -60,7 +60,7 @@ def test_an_error_that_follows_a_column_of_ones_own_is_said_to_follow_it(folder)
     assert ptt.compare(machine, run).to_dict()["depends_on"][0]["on"] == TITLE
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_a_shift_that_follows_a_column_is_no_wander_of_the_tracker(seed: int) -> None:
     """Of few rows, where nothing states their noise: a field over the workspace would be too much to ask for."""
     random, rows = np.random.default_rng(seed), 90
