@@ -11,12 +11,15 @@ BEFORE, AFTER = "#d1495b", "#00798c"
 DPI = 130
 
 
-def draw_error_curves(before: np.ndarray, after: np.ndarray, *, noise_um: Mapping[str, float] | None = None) -> Figure:
+def draw_error_curves(
+    before: np.ndarray, after: np.ndarray, *, title: str = "", noise_um: Mapping[str, float] | None = None
+) -> Figure:
     """Draw the error of each axis along the path, before above and after below, because their scales differ.
 
     Args:
         before: (m, 3) mm, errors in travel order; repeats of a pose averaged or not.
         after: (m, 3) mm, of the same poses.
+        title: of the picture.
         noise_um: standard deviation of one reading per axis, um, drawn as a band.
 
     Returns:
@@ -40,6 +43,7 @@ def draw_error_curves(before: np.ndarray, after: np.ndarray, *, noise_um: Mappin
         panels[row, 0].set_ylabel("error [um]")
     if noise_um is not None:
         figure.legend(*panels[1, 0].get_legend_handles_labels(), loc="outside lower center", frameon=False, fontsize=9)
+    figure.suptitle(title)
     return figure
 
 
