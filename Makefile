@@ -33,6 +33,7 @@ lint: $(VENV)/.test-ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	MYPYPATH=data $(BIN)/mypy data/*.py
 	$(BIN)/lint-imports
 
 # Tests of the studio need a Chromium; where none can be had they are skipped and say so.

@@ -190,13 +190,13 @@ def draw(results: Results, first: Measured, out: Path) -> None:
             chosen[f"{model}: {protocol}"] = percent
     title = "Error taken away, measured on the rig with corrected commands"
     plot_reductions(chosen, list(LABELS.values()), out / "reductions.png", title=title)
-    curves = [_curve(table, first.problem) for table in (first.run, first.after)]
+    before, after = (_curve(table, first.problem) for table in (first.run, first.after))
     target = first.run.target[np.unique(pose_groups(first.run), return_index=True)[1]][1:]
     noise = errors_of(first.after, first.problem.file).noise
     floor = None if noise is None else {axis: 1e3 * s for axis, s in zip(AXES, noise.sigma, strict=True)}
     title = "Experiment 1, mean over 7 repeats of each pose"
-    save(draw_error_curves(*curves, title=title, noise_um=floor), out / "errors.png")
-    plot_path(target, *curves, out / "path.png", title="Experiment 1: the path")
+    save(draw_error_curves(before, after, title=title, noise_um=floor), out / "errors.png")
+    plot_path(target, before, after, out / "path.png", title="Experiment 1: the path")
 
 
 def _curve(table: Table, problem: Problem) -> np.ndarray:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from ptt.drawing import SerialSpec
 from ptt.files import write_text
 from ptt.machine import format_machine, load_machine
 from ptt.rig import write_run
@@ -25,6 +26,7 @@ def main(folder: Path) -> None:
     """Write machine, run and targets."""
     file = load_machine(MACHINE)
     file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": SIGMA_MM}), text="")
+    assert isinstance(file.machine, SerialSpec)
     run = draw_arm(file.machine, "backlash", SEED, ROWS, SIGMA_MM)
     joints = {f"q{i}_cmd_rad": np.round(q, 7) for i, q in enumerate(run.q.T, 1)}
     context = {"time_s": run.time_s, "payload_kg": np.round(run.payload_kg, 2), "temp_c": np.round(run.temp_c, 2)}

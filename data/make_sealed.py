@@ -6,6 +6,7 @@ Usage: python data/make_sealed.py [FOLDER]
 """
 
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,7 +42,7 @@ def main(folder: Path) -> None:
     write_challenge(folder / "sealed_three", first_visible(draw_three, THREE_SEED), "multi")
 
 
-def first_visible(draw, seed: int) -> DrawnRig:
+def first_visible(draw: Callable[[int], DrawnRig], seed: int) -> DrawnRig:
     """The first rig from a seed on of which every fault can be seen well."""
     while True:
         drawn = draw(seed)

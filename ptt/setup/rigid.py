@@ -29,7 +29,7 @@ def align_many(place: np.ndarray, reading: np.ndarray, free: bool = True) -> tup
             turn, shift = _motion(a, b, kept)
         left = b - a @ turn.transpose(0, 2, 1) - shift[:, None]
         distance = np.where(known, np.sqrt((left * left).sum(axis=2)), np.nan)
-        last, kept = kept, known & (distance <= TRIM * middle(distance)[:, None] + TINY)
+        last, kept = kept, known & _near(distance)
         if not free or (kept == last).all():
             break
     return turn, shift, distance
@@ -64,7 +64,7 @@ def rms(distance: np.ndarray, lost: np.ndarray, size: float | np.ndarray) -> np.
         (h,) mm; NaN where no row is known.
     """
     filled = np.where(lost, size, distance)
-    near = filled <= TRIM * middle(filled)[:, None] + TINY
+    near = _near(filled)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.sqrt(np.where(near, filled**2, 0.0).sum(axis=1) / near.sum(axis=1)))
 
@@ -79,8 +79,13 @@ def rms_of_parts(distance: np.ndarray, part: np.ndarray) -> float:
     near = np.zeros(len(distance), dtype=bool)
     for each in np.unique(part):
         here = part == each
-        near[here] = distance[here] <= TRIM * np.median(distance[here]) + 1e-9
+        near[here] = _near(distance[None, here])[0]
     return float(np.sqrt(np.mean(distance[near] ** 2)))
+
+
+def _near(distance: np.ndarray) -> np.ndarray:
+    """Which distances (h, n) are no gross errors among those beside them, (h, n) bool."""
+    return np.asarray(distance <= TRIM * middle(distance)[:, None] + TINY)
 
 
 def _motion(a: np.ndarray, b: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -29,19 +29,8 @@ STATISTICS = (
 )  # fmt: skip
 """What a row below the readings is called, and no point."""
 EXTREMES = (
-    "max",
-    "maximum",
-    "min",
-    "minimum",
-    "range",
-    "count",
-    "sum",
-    "spannweite",
-    "anzahl",
-    "summe",
-    "最大值",
-    "最小值",
-)
+    "max", "maximum", "min", "minimum", "range", "count", "sum", "spannweite", "anzahl", "summe", "最大值", "最小值",
+)  # fmt: skip
 """What such a row may be called, and a point as well."""
 FRENCH = {
     "cmd": ("consigne", "cible", "théorique", "theorique", "commandé", "commande"),
