@@ -140,6 +140,9 @@ def test_stamps(tmp_path: Path) -> None:
     assert times("0.5", "1e1") == [0.5, 10]
     assert times("30-Nov-2026 23:59:50", "01-Dec-2026 00:00:20.5") == [0, 30.5]
     assert times("3 September 2026 11:40:03 PM", "3 Sep 2026 11:40:05 PM", "4 Sept 26 00:00") == [0, 2, 1197]
+    assert times("28. März 2026 23:59:50", "29. MRZ 2026 00:00:00") == [0, 10]
+    assert times("31 juil. 2026 10:00", "1 août 2026 10:00", "1/déc/26 10:00") == [0, 86400, 123 * 86400]
+    assert times('"Nov 30, 2026 11:59:50 PM"', '"December 1, 2026 12:00:20 AM"') == [0, 30]
     assert times("12h50m03s", "12h50m05.5s", "12h51") == [0, 2.5, 57]
     assert times("23h59", "00h01") == [0, 120]
     with pytest.raises(TableError, match=r"not a time \('27-Foo-2026 11:40:03'\)"):

@@ -8,18 +8,17 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.run.readers.mapping import Ask, answer
+from ptt.run.readers.words import MONTHS
 
 _CLOCK = (
     r"(?P<hour>\d{1,2})[:h](?P<minute>\d{2})(?:(?::|m|min)(?P<second>\d{2}(?:[.,]\d+)?)s?)?\s*(?P<half>[AaPp][Mm])?"
 )
-_MONTHS = ("january", "february", "march", "april", "may", "june", "july", "august", "september", "october", "november",
-           "december")  # fmt: skip
-_MONTH = "|".join(f"{month[:3]}(?:{month[3:]})?" for month in _MONTHS).replace("sep(", "sept?(")
+_MONTH = "|".join(sorted(map(re.escape, MONTHS), key=len, reverse=True))  # the longest first: `mars` is not `mar`
 _YEAR_FIRST = re.compile(rf"(?P<year>\d{{4}})[-/.年](?P<a>\d{{1,2}})[-/.月](?P<b>\d{{1,2}})日?[ T]*{_CLOCK}Z?")
 _YEAR_LAST = re.compile(rf"(?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[-/.](?P<year>\d{{4}}|\d{{2}})[ T]+{_CLOCK}")
-_NAMED = re.compile(
-    rf"(?P<a>\d{{1,2}})[-/. ]+(?P<month>{_MONTH})[-/., ]+(?P<year>\d{{4}}|\d{{2}})[ T,]+{_CLOCK}", re.IGNORECASE
-)
+_YEAR = r"(?P<year>\d{4}|\d{2})"
+_DAY_NAMED = re.compile(rf"(?P<a>\d{{1,2}})[-/. ]+(?P<month>{_MONTH})[-/., ]+{_YEAR}[ T,]+{_CLOCK}", re.IGNORECASE)
+_NAMED_DAY = re.compile(rf"(?P<month>{_MONTH})[-/. ]+(?P<a>\d{{1,2}})[-/., ]+{_YEAR}[ T,]+{_CLOCK}", re.IGNORECASE)
 _COMPACT = re.compile(r"(?P<year>(?:19|20)\d\d)(?P<a>\d\d)(?P<b>\d\d)(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d)")
 _TIME_ONLY = re.compile(_CLOCK)
 _EXAMPLES = ("2026-11-27 11:40:03", "27.11.2026 11:40:03", "27-Nov-2026 11:40:03", "11:40:03", "11h40m03s")
@@ -124,13 +123,13 @@ def is_stamp(cell: str) -> bool:
     Args:
         cell: its text.
     """
-    return any(pattern.fullmatch(cell) for pattern in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _TIME_ONLY))
+    return any(pattern.fullmatch(cell) for pattern in (_YEAR_FIRST, _YEAR_LAST, _DAY_NAMED, _NAMED_DAY, _TIME_ONLY))
 
 
 def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
     if not cell:
         return None
-    for pattern in (_YEAR_FIRST, _YEAR_LAST, _NAMED, _COMPACT, _TIME_ONLY):
+    for pattern in (_YEAR_FIRST, _YEAR_LAST, _DAY_NAMED, _NAMED_DAY, _COMPACT, _TIME_ONLY):
         match = pattern.fullmatch(cell)
         if match:
             return match
@@ -176,9 +175,8 @@ def _seconds(match: re.Match[str] | None, day_first: bool, where: str) -> float:
     clock = hour * 3600.0 + int(part["minute"]) * 60.0 + float((part["second"] or "0").replace(",", "."))
     if "year" not in part:
         return clock
-    if match.re is _NAMED:
-        month = 1 + [name[:3] for name in _MONTHS].index(part["month"][:3].lower())
-        day = int(part["a"])
+    if part.get("month"):
+        month, day = MONTHS[part["month"].lower()], int(part["a"])
     else:
         month, day = int(part["a"]), int(part["b"])
     if day_first and match.re is _YEAR_LAST:

@@ -1,4 +1,4 @@
-"""Words of German and French column titles, beside the English and Chinese ones that `titles` holds."""
+"""Words of German and French column titles, beside the English and Chinese ones that `titles` holds; and months."""
 
 GERMAN = {
     "cmd": ("sollwert", "sollposition", "vorgabe"),
@@ -50,3 +50,19 @@ FRENCH = {
     "feed": ("vitesse", "avance"),
     "": ("hauteur",),
 }
+_MONTHS = (
+    ("january", "jan", "januar", "jän", "jänner", "janvier", "janv"),
+    ("february", "feb", "februar", "février", "fevrier", "févr", "fevr"),
+    ("march", "mar", "märz", "maerz", "mär", "mrz", "mars"),
+    ("april", "apr", "avril", "avr"),
+    ("may", "mai"),
+    ("june", "jun", "juni", "juin"),
+    ("july", "jul", "juli", "juillet", "juil"),
+    ("august", "aug", "août", "aout"),
+    ("september", "sep", "sept", "septembre"),
+    ("october", "oct", "oktober", "okt", "octobre"),
+    ("november", "nov", "novembre"),
+    ("december", "dec", "dezember", "dez", "décembre", "decembre", "déc"),
+)
+MONTHS = {word: number for number, words in enumerate(_MONTHS, start=1) for word in words}
+"""What a date calls each month, from 1: English, German, French."""
