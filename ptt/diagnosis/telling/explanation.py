@@ -12,6 +12,7 @@ from ptt.diagnosis.evidence.hidden import held_out
 from ptt.diagnosis.evidence.probability import Probability
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import own_drift, unwitnessed
+from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.telling.absent import absent_effects
@@ -125,11 +126,25 @@ def posterior_terms(
     return current.terms
 
 
-def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> tuple[Term, ...]:
-    """The same with the values that the readings call for where nothing unknown stands beside them.
+def sent_state(found: Found, keys: tuple[str, ...]) -> State:
+    """The steps without anything unknown beside them, for only effects are sent to a machine.
 
-    Only effects are sent to a machine: of these values is the held-out error, and `ptt add` fits them. Beside a block
-    an effect has the share that is its own, and what the block has for itself would stay.
+    Beside a block an effect has the share that is its own, and what the block has for itself would stay. Nor does the
+    noise remember anything: beside what the block leaves, a wander would be as large, and take what effects have to.
+
+    Args:
+        found: the best explanation.
+        keys: of the steps' atoms.
+
+    Returns:
+        The explanation itself where it has nothing else.
+    """
+    scorer = found.scorer
+    return found.state if set(found.state.keys) == {*scorer.given, *keys} else scorer.score(keys, WHITE)
+
+
+def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> tuple[Term, ...]:
+    """The same with the values that are sent: of these is the held-out error, and `ptt add` fits them.
 
     Args:
         found: the best explanation.
@@ -139,17 +154,16 @@ def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> 
     Returns:
         The terms, as they are where the explanation has nothing else.
     """
-    scorer, state = found.scorer, found.state
-    if set(state.keys) == {*scorer.given, *keys}:
+    alone, sent = sent_state(found, keys), list[Term]()
+    if alone is found.state:
         return terms
-    alone, sent = scorer.score(keys, state.memory), list[Term]()
-    atoms = {scorer.system.atoms[key].name: scorer.system.atoms[key] for key in alone.keys}
+    atoms = {found.system.atoms[key].name: found.system.atoms[key] for key in alone.keys}
     for term in terms:
         atom, theta = atoms.get(term.effect.key), term.theta.clone()
         if atom is None:  # all of its values are held
             sent.append(term)
             continue
-        theta[_free(found, atom)] = torch.as_tensor(values_of(alone, atom, scorer.system.scale))
+        theta[_free(found, atom)] = torch.as_tensor(values_of(alone, atom, found.system.scale))
         sent.append(replace(term, theta=_within(term, theta, found.fitted.model)))
     return tuple(sent)
 

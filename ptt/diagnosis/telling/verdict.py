@@ -12,6 +12,7 @@ from ptt.diagnosis.evidence.noise_level import noise_after, stated_noise, visit_
 from ptt.diagnosis.evidence.probability import VERDICTS, Probability, weigh_sets
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
+from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.noise.slow import SECONDS, Slow
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
@@ -20,7 +21,7 @@ from ptt.diagnosis.search.rest import Objections, Rest, too_much_for_nothing
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
-from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates
+from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates, sent_state
 from ptt.diagnosis.telling.naming import Naming, naming_of
 from ptt.diagnosis.telling.sizes import sized
 from ptt.diagnosis.telling.unknowns import Unnamed, unnamed_of
@@ -176,11 +177,9 @@ def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]
 
 
 def _errors(found: Found, keys: tuple[str, ...]) -> dict[str, dict[str, float]]:
-    """Error of the model as given, and with the steps, um."""
-    system, scorer = found.system, found.scorer
-    errors = {}
-    for name, chosen in (("before", ()), ("after", keys)):
-        state = scorer.score(chosen, found.state.memory)
+    """Error of the model as given, and with the steps as they are sent, um."""
+    system, errors = found.system, dict[str, dict[str, float]]()
+    for name, state in (("before", found.scorer.score((), WHITE)), ("after", sent_state(found, keys))):
         left = system.in_mm(system.left(state.columns, state.posterior.values))
         errors[name] = rms(left, np.ones(len(left), dtype=bool))
     return errors
