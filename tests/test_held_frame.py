@@ -142,5 +142,5 @@ def test_the_tool_is_as_uncertain_in_the_base_frame_as_it_is_wrong():
         view, shifts = build_view(arm, make_table(None, fresh)), [(t.effect, t.theta) for t in fitted.model.terms]
         there = robot.forward(torch.as_tensor(fresh + zeros))
         missed = (predict(shifts, view).p - there).norm(dim=1).numpy()
-        ratios.append(missed / tool_sigma(keep(fitted), shifts, view, "serial"))
+        ratios.append(missed / tool_sigma(keep(fitted), shifts, view, arm))
     assert 0.5 < np.sqrt(np.square(ratios).mean()) < 1.5

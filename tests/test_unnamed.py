@@ -186,9 +186,9 @@ def test_a_file_keeps_what_a_fit_knows() -> None:
     assert kept is not None and kept.unnamed is not None
     here, terms = keep(fitted), [(term.effect, term.theta) for term in model.terms]
     view = build_view(FILE, make_table(np.random.default_rng(2).uniform(-60.0, 60.0, (9, 3))))
-    there = tool_sigma(kept, terms, view, "three-ptt")
-    np.testing.assert_allclose(there, tool_sigma(here, terms, view, "three-ptt"), rtol=1e-4)
-    assert (there > 1.5 * tool_sigma(replace(kept, unnamed=None), terms, view, "three-ptt")).all()
+    there = tool_sigma(kept, terms, view, FILE)
+    np.testing.assert_allclose(there, tool_sigma(here, terms, view, FILE), rtol=1e-4)
+    assert (there > 1.5 * tool_sigma(replace(kept, unnamed=None), terms, view, FILE)).all()
 
 
 @pytest.mark.parametrize("spec", [MaskedSpec(of=("lead-scale",), told="!"), MaskedSpec(of=("of-another",), told="")])

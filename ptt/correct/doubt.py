@@ -54,12 +54,12 @@ def command_sigma(
         return np.full(len(q), np.nan), None
     sigma, view = np.zeros(len(q)), task.see(q)
     if kept is not None and terms:
-        sigma = tool_sigma(kept, terms, view, model.file.machine.kind)
+        sigma = tool_sigma(kept, terms, view, model.file)
     if network is None:
         return sigma, None if kept is None else kept.promised
     if kept is not None and terms and kept.unnamed is not None:
         # What has no name a network has learned where it knows poses, whatever it is, as far as its errors have fallen.
-        named = tool_sigma(replace(kept, unnamed=None), terms, view, model.file.machine.kind)
+        named = tool_sigma(replace(kept, unnamed=None), terms, view, model.file)
         left = min(network.inside / network.outside, 1.0) if network.outside > 0.0 else 1.0
         sigma = np.where(in_domain, np.hypot(named, left * np.sqrt(np.maximum(sigma**2 - named**2, 0.0))), sigma)
     # The errors of held-out rows have in them what the parameters leave open there; more than that they do not know.

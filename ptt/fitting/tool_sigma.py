@@ -1,5 +1,7 @@
 """How far the tool may be from where a model has it, at any target: by what its fit left uncertain, named or not."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -11,46 +13,82 @@ from ptt.fitting.kept import Kept
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.turns import unturned
 from ptt.fitting.unnamed import Unnamed
+from ptt.machine import MachineFile
 from ptt.model.chain import Linearised, Shifts, linearise, signature
 from ptt.model.model import parameter_names
+from ptt.run.mounts import place_mounts
 from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, apply_frames
+from ptt.run.table import make_table
 from ptt.run.view import View
+from ptt.run.viewing import build_view
 
+POSTURES = 200  # from which the mean of a shift with the tool is known to a tenth of what varies beside it
 STEEP = 5.0  # slope of a bow at its end, in heights of the bow a length of the curve
 
 
-def tool_sigma(kept: Kept, terms: Shifts, view: View, kind: str) -> np.ndarray:
+def tool_sigma(kept: Kept, terms: Shifts, view: View, file: MachineFile) -> np.ndarray:
     """What a fit leaves uncertain of where the tool is, as the tracker's frame would show it.
 
     Parameters and frame together: what is common to all readings moves with the frame, and no command mends it (beside
-    base reflectors, whose frames were held, it is of the tool in the base frame). So do sizes of the drawing that the
-    model does not have, which its values make good for where the run went and not elsewhere. Beyond the
-    heights that told a curve it is held, and how it goes on there is uncertain as well; nearer to a reversal than any
-    reading, so is how play is taken up.
+    base reflectors, whose frames were held, it is of the tool in the base frame). What stays with the tool in all
+    postures is the mount's where that was fitted. So do sizes of the drawing that the model does not have, which its
+    values make good for where the run went and not elsewhere. Beyond the heights that told a curve it is held, and how
+    it goes on there is uncertain as well; nearer to a reversal than any reading, so is how play is taken up.
 
     Args:
         kept: the covariance.
         terms: effects of the machine with their parameters; those of the metrology move no tool.
         view: n rows.
-        kind: mechanism family.
+        file: the machine.
 
     Returns:
         (n,) mm, root of the summed variances of x, y and z.
     """
-    if view.rows > CHUNK:
-        return np.concatenate([tool_sigma(kept, terms, part, kind) for part in view_chunks(view, CHUNK)])
+    seats = _mean_shifts(kept, terms, view, file) if set(MOUNT_NAMES) & set(kept.names) else None
+    parts = view_chunks(view, CHUNK) if view.rows > CHUNK else [view]
+    return np.concatenate([_sigma(kept, terms, part, file.machine.kind, seats) for part in parts])
+
+
+def _sigma(kept: Kept, terms: Shifts, view: View, kind: str, seats: Sequence[Tensor] | None) -> np.ndarray:
+    """The same of some rows, less the shifts with the tool, (3, r) each, that the mount takes."""
     at = linearise(terms, view)
-    by_kept = _by_kept(kept, terms, at, view, kind)
-    square = (by_kept @ torch.as_tensor(kept.root)).square().sum(dim=(1, 2))
-    if kept.unnamed is not None:
-        every = torch.cat([_usual(kept, terms, by_kept, view, kind), *_by_unnamed(kept.unnamed, at, view)], dim=2)
-        square = square + (every @ torch.as_tensor(kept.unnamed.root)).square().sum(dim=(1, 2))
+    ways = _ways(kept, terms, at, view, kind)
+    if seats is not None:
+        ways = [way - at.by_mount @ seat for way, seat in zip(ways, seats, strict=True)]
     if kept.turns:
         lengths = torch.tensor(kept.turns, dtype=torch.float64)
-        square = square + unturned(terms, view, at.jacobian, lengths).square().sum(dim=(1, 2))
+        ways.append(unturned(terms, view, at.jacobian, lengths))
     if terms:
-        square = square + unvisited(terms, view, at.jacobian).square().sum(dim=(1, 2))
+        ways.append(unvisited(terms, view, at.jacobian))
+    square = torch.stack([way.square().sum(dim=(1, 2)) for way in ways]).sum(dim=0)
     return np.asarray(square.sqrt().numpy())
+
+
+def _ways(kept: Kept, terms: Shifts, at: Linearised, view: View, kind: str) -> list[Tensor]:
+    """How the tool goes with each way that the covariance has, (n, 3, r) mm; and with those of what has no name."""
+    by_kept = _by_kept(kept, terms, at, view, kind)
+    ways = [by_kept @ torch.as_tensor(kept.root)]
+    if kept.unnamed is not None:
+        every = torch.cat([_usual(kept, terms, by_kept, view, kind), *_by_unnamed(kept.unnamed, at, view)], dim=2)
+        ways.append(every @ torch.as_tensor(kept.unnamed.root))
+    return ways
+
+
+def _mean_shifts(kept: Kept, terms: Shifts, view: View, file: MachineFile) -> list[Tensor]:
+    """How far the tool goes with each way in its own frame, (3, r) mm, on the mean of postures all over the workspace.
+
+    No reading tells the last joint's zero from a reflector that sits further round. Which of both it is hardly moves
+    the reflector, and shifts a tool point that lies elsewhere on the tool by the same in all postures.
+    """
+    limits = view.travel_limits.numpy()
+    q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (POSTURES, view.joints))
+    place = view.mechanism.forward(torch.as_tensor(q)).numpy()
+    there = build_view(file, make_table(place, command=q))
+    if view.mount is not None:
+        there = place_mounts(there, np.zeros(POSTURES, dtype=int), view.mount[:1].numpy())
+    at = linearise(terms, there)
+    ways = _ways(kept, terms, at, there, file.machine.kind)
+    return [torch.einsum("nij,nir->jr", at.by_mount, way) / POSTURES for way in ways]
 
 
 def _by_kept(kept: Kept, terms: Shifts, at: Linearised, view: View, kind: str) -> Tensor:

@@ -82,8 +82,6 @@ def elsewhere(fitted: FitResult, problem: Problem) -> Elsewhere | None:
         return None
     place = build_mechanism(file.machine).forward(q).numpy()
     table = make_table(place, command=q.numpy() if file.machine.kind == "serial" else None)
-    run, far = (
-        1e3 * tool_sigma(kept, terms, view, file.machine.kind) for view in (problem.view, build_view(file, table))
-    )
+    run, far = (1e3 * tool_sigma(kept, terms, view, file) for view in (problem.view, build_view(file, table)))
     run = run[problem.used & np.isfinite(run)]
     return Elsewhere(float(np.sqrt(np.mean(run**2))), float(np.nanmedian(far)))
