@@ -15,7 +15,7 @@ from ptt.diagnosis.noise.wander import FAULT
 from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
-from ptt.run.holdout import BLOCKS, blocks
+from ptt.run.holdout import BLOCKS, blocks, sharing_groups
 from ptt.run.noise import Noise, source_in_words
 from ptt.run.problem import Problem
 
@@ -142,6 +142,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     """
     if problem.noise is not None and np.nanmean(np.square(residual)) < problem.noise.least:
         return Rest((), ())  # less than the last digit of a reading
+    residual = _of_visits(residual, state, problem)
     against, lack = "repeats", lack_of_fit_of(problem, residual, round(state.decided)).p_value
     if lack is None:
         against = "visits to a pose from any side"
@@ -166,6 +167,30 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
         f"{remaining_error(item.residual)} depends on {item.on} ({by_chance(item.p_value)})" for item in strong[:1]
     ]
     return Rest(depends, tuple(reasons))
+
+
+def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarray:
+    """Means of visits in place of their readings, where each visit errs by itself: it is one witness, however often read.
+
+    Args:
+        residual: innovations, (n, 3) mm; NaN on rows left out.
+        state: the best set.
+        problem: the rows.
+
+    Returns:
+        (n, 3) mm, the mean of each visit on its first row that counts, NaN on the others; as it is where readings of a
+        visit share no error.
+    """
+    counted = np.isfinite(residual).all(axis=1)
+    group, by_visit = sharing_groups(problem.table, counted)
+    if not (by_visit and state.memory.pose):
+        return residual
+    rows = np.flatnonzero(counted)
+    _, first, number = np.unique(group[rows], return_index=True, return_inverse=True)
+    means = np.full_like(residual, np.nan)
+    sums = np.stack([np.bincount(number, residual[rows, axis]) for axis in range(3)], axis=1)
+    means[rows[first]] = sums / np.bincount(number)[:, None]
+    return means
 
 
 def too_much_for_nothing(
