@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from ptt.dependence.contexts import context_views, level, residual_views
+from ptt.dependence.contexts import level, residual_views
 from ptt.diagnosis.telling.diagnosis import Diagnosis
+from ptt.effects import Effect
 from ptt.effects.cards import card_of
 from ptt.fitting.solve import residual_of
 from ptt.model.chain import Prediction, predict
@@ -47,7 +48,7 @@ def fits_of(found: Diagnosis, given: Model, problem: Problem) -> dict[str, Any]:
     steps = {step[0] for step in found.suggested}
     if not steps:
         return {}
-    rest, whole, contexts = rest_of(found, given, problem), _chain(found.model, problem), context_views(problem)
+    rest, whole = rest_of(found, given, problem), _chain(found.model, problem)
     fits = {}
     for term in found.model.terms:
         if term.effect.key in steps:
@@ -57,7 +58,7 @@ def fits_of(found: Diagnosis, given: Model, problem: Problem) -> dict[str, Any]:
             if term.effect.stage == "drive":
                 joint, moved = _foremost(problem, (whole.q - less.q).numpy())
             fit = level(problem, moved)
-            fits[term.effect.key] = _fit(term.effect, rest + fit, fit, problem, contexts, joint)
+            fits[term.effect.key] = _fit(term.effect, rest + fit, fit, problem, joint)
     return fits
 
 
@@ -84,19 +85,12 @@ def _chain(model: Model, problem: Problem) -> Prediction:
         return predict([(term.effect, term.theta) for term in model.terms], problem.view)
 
 
-def _fit(
-    effect: Any,
-    data: np.ndarray,
-    fit: np.ndarray,
-    problem: Problem,
-    contexts: dict[str, np.ndarray],
-    joint: int | None = None,
-) -> dict[str, Any]:
+def _fit(effect: Effect, data: np.ndarray, fit: np.ndarray, problem: Problem, joint: int | None) -> dict[str, Any]:
     card, serial = card_of(effect), problem.file.machine.kind == "serial"
     name, joint = _shown(residual_views(problem, fit), card.residual, joint)
     inner = name not in "xyz"
     of_data, of_fit = (_seen(problem, each, name, joint, serial and inner) for each in (data, fit))
-    variable, label = telling_of(card.telling, joint, problem, contexts)
+    variable, label = telling_of(card.telling, joint, problem)
     factor, unit = (1e6, "urad") if serial and inner else (1e3, "um")
     rows = np.flatnonzero(np.isfinite(of_data) & np.isfinite(of_fit) & np.isfinite(variable))
     rows = rows[spread(len(rows), MOST_READINGS)]
@@ -106,7 +100,7 @@ def _fit(
         "fit_um": np.round(factor * of_fit[rows], 4).tolist(),
         "rows": rows.tolist(),
         "labels": [label, name, unit],
-        "steps": bool(card.telling == "direction"),
+        "steps": card.telling == "direction",
     }
 
 

@@ -10,12 +10,12 @@ from ptt.effects import Effect
 from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.card import TELLING, Card
 from ptt.effects.case import usual_theta
-from ptt.effects.geometry import machine, pull
 from ptt.effects.layout import family
 from ptt.model.chain import predict
 from ptt.run.table import make_table
 from ptt.run.view import View
 from ptt.run.viewing import build_view
+from ptt.show.telling import telling_values
 
 GRID = 121
 REACH = {"three-ptt": 90.0, "serial": 700.0}  # mm, half width of the field
@@ -140,40 +140,9 @@ def _steady(sample: View, joints: Tensor, kind: str) -> View:
 
 
 def _variable(name: str, view: View) -> Tensor:
-    """Values of a telling variable for joint 1, (n,)."""
-    if name in ("x", "y", "z"):
-        return view.p[:, "xyz".index(name)]
-    if name in ("link force", "link angle"):
-        if name == "link force":
-            return pull(view)[:, 0]
-        link = machine(view).link_vectors(view.p)[:, 0]
-        return torch.acos((link @ machine(view).rail[0]).abs() / link.norm(dim=-1))
-    lead = view.lead or 1.0
-    values = {
-        "b": lambda: view.q[:, 0],
-        "phase": lambda: torch.remainder(view.q[:, 0], lead) / lead,
-        "direction": lambda: view.direction[:, 0],
-        "travel": lambda: _travel_since_reversal(view),
-        "speed": lambda: view.velocity[:, 0],
-        "payload": lambda: view.payload,
-        "load": lambda: view.axis_force()[:, 0],
-        "temperature": lambda: view.warmth,
-        "time": lambda: view.time,
-        "radius": lambda: view.p[:, :2].norm(dim=1),
-    }
-    return values[name]()
-
-
-def _travel_since_reversal(view: View) -> Tensor:
-    """Travel of joint 1 since it last turned, (n,); as far as its first move where a run begins."""
-    gone, travel = 0.0, []
-    step = torch.diff(view.q[:, 0], prepend=view.q[:1, 0]).tolist()
-    way = view.direction[:, 0].tolist()
-    for row, start in enumerate(view.starts.tolist()):
-        turned = start or way[row] != way[row - 1]
-        gone = abs(step[row]) + (0.0 if turned else gone)
-        travel.append(torch.nan if start else gone)
-    return torch.tensor(travel, dtype=torch.float64)
+    """Values of a telling variable for joint 1 in the unit of its label, (n,)."""
+    values = telling_values(name, view, 0)
+    return values / (view.lead or 1.0) if name == "phase" else values
 
 
 def _label(name: str, view: View) -> str:
