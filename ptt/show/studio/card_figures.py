@@ -13,11 +13,12 @@ from ptt.show.studio.figures import ABOVE, BLUE, ORANGE, PALE, Figure, axis_of, 
 RULER = (-2.0, 2.0)  # powers of ten about the usual size
 
 
-def fit_figure(fit: Mapping[str, Any]) -> Figure:
+def fit_figure(fit: Mapping[str, Any], serial: bool) -> Figure:
     """This run's data without one effect, and what the effect makes of them.
 
     Args:
         fit: as `ptt.show.card.fits` gives it.
+        serial: whether the machine is an arm.
 
     Returns:
         The figure.
@@ -27,8 +28,8 @@ def fit_figure(fit: Mapping[str, Any]) -> Figure:
     data, through = (factor * np.asarray(fit[key], dtype=float) for key in ("data_um", "fit_um"))
     axis = axis_of(label)
     if fit.get("steps"):
-        telling = telling + np.random.default_rng(0).uniform(-0.14, 0.14, len(telling))  # else points hide each other
-        axis |= {"tickvals": [-1, 1], "ticktext": ["going down", "going up"], "range": [-1.6, 1.6]}
+        sides, spread = sides_axis(serial, len(telling))
+        telling, axis = telling + spread, axis | sides
     elif label.endswith("[s]"):
         scale, time = prefixed(telling.tolist(), "s")
         telling, axis = telling * scale, axis_of(label.replace("[s]", f"[{time}]"))

@@ -100,7 +100,7 @@ class EffectCards:
         """Show this run's data with the fit; whether there is one."""
         fit, finding = _own(self.studio, key)
         if finding is not None:
-            _show_finding(finding, fit)
+            _show_finding(finding, fit, serial=self.studio.session.kind == "serial")
         return fit is not None
 
 
@@ -114,13 +114,13 @@ def _own(studio: Studio, key: str) -> tuple[Mapping[str, Any] | None, Mapping[st
     return None, None
 
 
-def _show_finding(finding: Mapping[str, Any], fit: Mapping[str, Any] | None) -> None:
+def _show_finding(finding: Mapping[str, Any], fit: Mapping[str, Any] | None, *, serial: bool) -> None:
     if finding["tie"]:
         ui.label(finding["tie"]).classes("st-tie font-medium")
     ui.label(finding["words"]).style("font-size: 15px")
     ui.label(f"{how_sure(finding['probability'])} that it is part of what is missing").classes("st-note")
     if fit is not None:
-        plot = Picture(fit_figure(fit)).style("width: 100%; height: 280px")
+        plot = Picture(fit_figure(fit, serial)).style("width: 100%; height: 280px")
         plot.props("role=img").props["aria-label"] = f"readings and the fit of {finding['effect']}"
         ui.label(
             "This run, everything else taken out: pale what is left without the effect, orange what it explains."
