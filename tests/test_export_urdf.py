@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import controllers
 import numpy as np
@@ -75,6 +76,12 @@ def test_urdf_is_read_by_another_package(tmp_path: Path) -> None:
     q = np.random.default_rng(3).uniform(-2.5, 2.5, (10, 6))
     theirs = np.array([1e3 * read.forward_kinematics([0.0, *row, 0.0])[:3, 3] for row in q])
     np.testing.assert_allclose(controllers.urdf(tmp_path / "arm.urdf", q), theirs, atol=1e-6)
+
+
+def test_hyphens_in_a_name_leave_the_file_well_formed(tmp_path: Path) -> None:
+    named = arm("modified").text.replace("[machine]", '[machine]\nname = "cell---3"', 1)
+    export("urdf", compensator(parse_machine(named), dh_offsets=OFFSETS), tmp_path / "arm.urdf")
+    assert ElementTree.parse(tmp_path / "arm.urdf").getroot().get("name") == "cell---3"
 
 
 def test_an_effect_of_the_pose_is_no_part_of_a_chain(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ and radians. A screw about z commutes with the joint's own turn, so origin_i = X
 for modified Denavit-Hartenberg parameters; what is left behind the last joint is the tool.
 """
 
+import re
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,6 +39,7 @@ SHAPE = "a chain of rigid links has no place for it"
 UNKNOWN = "effort and velocity of the joints are not known and written as 0"
 ROUNDS = 10
 USUAL_MM, USUAL_RAD = 1.0, 1e-3  # errors of links; what no position tells stays as drawn
+HYPHENS = re.compile("-(?=-)")  # two in a row end no comment of XML, but make it malformed
 FAINT = 1e-7  # mm: a chain that leaves less is the model
 
 
@@ -121,7 +123,7 @@ def _inverse(arm: Serial, geometry: Array, ground: Ground) -> Array:
 
 def _text(arm: Serial, places: list[Array], told: list[str]) -> str:
     count = arm.joints
-    lines = ['<?xml version="1.0"?>', "<!--", *(f"  {line.replace('--', '- -')}" for line in told), "-->"]
+    lines = ['<?xml version="1.0"?>', "<!--", *(f"  {HYPHENS.sub('- ', line)}" for line in told), "-->"]
     lines.append(f"<robot name={quoteattr(arm.name)}>")
     links = ["base_link", *(f"link_{joint + 1}" for joint in range(count)), "tool"]
     lines += [f'  <link name="{link}"/>' for link in links]
