@@ -123,9 +123,9 @@ def variable_label(name: str, problem: Problem) -> str:
 def _draw_pair(panel: Axes, pair: Panel, result: Comparison, problem: Problem, contexts: dict[str, np.ndarray]) -> None:
     error, unit = _error_of(pair.residual, result)
     found, values, label = pair.found, contexts[pair.on], variable_label(pair.on, problem)
-    rows = np.flatnonzero(result.kept & np.isfinite(values) & np.isfinite(error))
+    second = values if found is None or found.with_ is None else contexts[found.with_]
+    rows = np.flatnonzero(result.kept & np.isfinite(values) & np.isfinite(second) & np.isfinite(error))
     if found is not None and found.with_ is not None:
-        second = contexts[found.with_]
         for side, colour, word in ((1.0, DARK, "+1"), (-1.0, ORANGE, "-1")):
             own = rows[values[rows] == side]
             _draw_curve(panel, second[own], error[own], colour, f"binned mean, 95 % band, arriving {word}")
