@@ -15,6 +15,7 @@ from ptt.judge.before_after import BeforeAfter, compare_pair, format_pair
 from ptt.judge.compare.comparison import Comparison, compare_run
 from ptt.judge.compare.text import format_comparison
 from ptt.progress import Progress, unwatched
+from ptt.run.axes import AXES_TOTAL
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +67,7 @@ class Compared(Result):
 
         data = self.to_dict()
         titles = [key for key in ("rms_um", "mean_um", "p95_um", "max_um", "noise_um") if key in data]
-        axes = ("x", "y", "z", "total")
+        axes = AXES_TOTAL
         return pd.DataFrame({key: [data[key].get(axis) for axis in axes] for key in titles}, index=list(axes))
 
     def plot(self) -> "Figure":

@@ -22,6 +22,7 @@ from ptt.judge.alike import hints_on
 from ptt.judge.evaluate import GOALS, Datum, Evaluation, compare_errors, evaluate_pair
 from ptt.progress import Progress, unwatched
 from ptt.record import plain
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import source_in_words
 from ptt.run.readers import Ask
 from ptt.run.table import Table
@@ -293,7 +294,7 @@ def _text(data: dict[str, Any], judged: bool) -> str:
         lines += ["", UNALIGNED, *_table(data["unaligned"], judged=False)]
     if data["noise_um"]:
         noise = data["noise_um"]
-        figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z", "total"))
+        figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in AXES_TOTAL)
         lines += ["", f"noise floor, one standard deviation in um: {figures} (from {source_in_words(noise['source'])})"]
     for side, rows in data["unmatched"].items():
         if rows:

@@ -11,6 +11,7 @@ from ptt.challenge.truth import find_truth
 from ptt.correct.training.rest import correction_of
 from ptt.door.model import Model
 from ptt.door.result import Result
+from ptt.run.axes import AXES_TOTAL
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,6 +108,6 @@ def _tool(error: dict[str, dict[str, float] | None], noise: float) -> list[str]:
         if row is None:
             lines.append(f"  {word:<7}the machine cannot follow the model's commands")
         else:
-            figures = "  ".join(f"{axis} {row[axis]:.1f}" for axis in ("x", "y", "z", "total"))
+            figures = "  ".join(f"{axis} {row[axis]:.1f}" for axis in AXES_TOTAL)
             lines.append(f"  {word:<7}{figures}  ({row['total'] / noise:.2f} x noise)")
     return lines

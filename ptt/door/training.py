@@ -19,6 +19,7 @@ from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.progress import Progress, unwatched
 from ptt.record import plain
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import GUESSED
 from ptt.run.taken import frames_said
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 USAGE = "train(model, run)"
-AXES = ("x", "y", "z", "total")
 STAGES = (("given", "as given"), ("physics", "after physics"), ("rbf", "after the network"))
 
 
@@ -99,8 +99,8 @@ class Trained(Result):
 
         rows = []
         for stage, words in STAGES:
-            held = {f"heldout_{axis}": self.training.heldout_um[stage][axis] for axis in AXES}
-            rows.append({"stage": words, **{axis: self.training.rms_um[stage][axis] for axis in AXES}, **held})
+            held = {f"heldout_{axis}": self.training.heldout_um[stage][axis] for axis in AXES_TOTAL}
+            rows.append({"stage": words, **{axis: self.training.rms_um[stage][axis] for axis in AXES_TOTAL}, **held})
         return pd.DataFrame(rows)
 
     def plot(self) -> "Figure":
@@ -157,9 +157,9 @@ def _text(data: dict[str, Any]) -> str:
     for key, title in (("rms_um", "training rows"), ("heldout_rms_um", "held out")):
         for stage, name in STAGES:
             row = data[key][stage]
-            lines.append(f"  {title + ', ' + name:<34}" + "".join(f"{row[axis]:9.1f}" for axis in AXES))
+            lines.append(f"  {title + ', ' + name:<34}" + "".join(f"{row[axis]:9.1f}" for axis in AXES_TOTAL))
     noise = data["noise_um"]
-    told = "unknown" if noise["source"] == GUESSED else "".join(f"{noise[axis]:9.1f}" for axis in AXES)
+    told = "unknown" if noise["source"] == GUESSED else "".join(f"{noise[axis]:9.1f}" for axis in AXES_TOTAL)
     lines.append(f"  {'noise floor':<34}{told}")
     lines += [f"  held out: {data['protocol']}", *frames_said(data["frame_taken"])]
     return "\n".join([*lines, f"written to {data['out']}"] if data["out"] else lines)

@@ -16,6 +16,7 @@ from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.fitting.turns import open_turns
 from ptt.model.model import Model, parameter_names, told_values
 from ptt.record import Record
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.problem import Problem
 
 KNOWN_APART = 0.5  # of the error of a value itself, below which what it is more than its fellows counts as measured
@@ -228,13 +229,13 @@ def _errors(report: FitReport) -> list[str]:
         "given": "model as given",
         "fitted": "fitted",
     }
-    lines = ["[[errors]]  RMS in um" + "".join(f"{axis:>12}" for axis in ("x", "y", "z", "total"))]
+    lines = ["[[errors]]  RMS in um" + "".join(f"{axis:>12}" for axis in AXES_TOTAL)]
     for key, word in words.items():
         if key in report.rms_um:
             figures = report.rms_um[key]
-            lines.append(f"    {word:<23}" + "".join(f"{figures[axis]:12.2f}" for axis in ("x", "y", "z", "total")))
+            lines.append(f"    {word:<23}" + "".join(f"{figures[axis]:12.2f}" for axis in AXES_TOTAL))
     noise = report.noise_um
-    lines.append(f"    {'noise':<23}" + "".join(f"{noise[axis]:12.2f}" for axis in ("x", "y", "z", "total")))
+    lines.append(f"    {'noise':<23}" + "".join(f"{noise[axis]:12.2f}" for axis in AXES_TOTAL))
     if report.orientation_mrad is not None:
         lines.append(f"    orientation, positions alone fitted: {report.orientation_mrad:.3f} mrad RMS")
     return lines

@@ -36,6 +36,7 @@ from ptt.model.chain import Prediction
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
 from ptt.progress import Progress
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import Noise, guessed_noise
 
 
@@ -194,7 +195,7 @@ def start_of(model: Model, log: Log, noise: Noise) -> list[Term]:
 
 def _rms(share: Share) -> dict[str, float]:
     each = 1e3 * np.sqrt(np.append(share.square, share.square.sum()) / max(share.rows, 1))
-    return dict(zip(("x", "y", "z", "total"), map(float, each), strict=True))
+    return dict(zip(AXES_TOTAL, map(float, each), strict=True))
 
 
 def _result(model: Model, layout: Layout, noise: Noise, found: Settled, share: Share, passes: int) -> FitResult:

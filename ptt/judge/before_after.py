@@ -10,6 +10,7 @@ from ptt.judge.compare.comparison import figures
 from ptt.judge.evaluate import LEAST_ROWS, errors_of
 from ptt.judge.match import match_rows
 from ptt.machine import MachineFile
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.same_pose import count_places
 from ptt.run.table import Table
 
@@ -64,7 +65,7 @@ class BeforeAfter:
     def to_dict(self) -> dict[str, Any]:
         """Figures for JSON."""
         first, second = self.before.to_dict(), self.after.to_dict()
-        fall = {key: _percent(first["rms_um"][key], second["rms_um"][key]) for key in ("x", "y", "z", "total")}
+        fall = {key: _percent(first["rms_um"][key], second["rms_um"][key]) for key in AXES_TOTAL}
         order = np.argsort(self.gained, kind="stable")[:SHOWN_POSES]
         worse = [
             {"row": self.names[i], "before_um": 1e3 * self.shared[i, 0], "after_um": 1e3 * self.shared[i, 1]}
@@ -146,9 +147,9 @@ def format_pair(pair: BeforeAfter) -> str:
     rows = [f"tool against its targets, rms in um ({data['frame']})", f"{'':24}{'x':>9}{'y':>9}{'z':>9}{'total':>9}"]
     for words, key in (("before", "before"), ("after", "after")):
         values = data[key]["rms_um"]
-        rows.append(f"{words:<24}" + "".join(f"{values[axis]:>9.1f}" for axis in ("x", "y", "z", "total")))
+        rows.append(f"{words:<24}" + "".join(f"{values[axis]:>9.1f}" for axis in AXES_TOTAL))
     fall = data["reduction_percent"]
-    told = ("-" if fall[axis] is None else f"{fall[axis]:.1f} %" for axis in ("x", "y", "z", "total"))
+    told = ("-" if fall[axis] is None else f"{fall[axis]:.1f} %" for axis in AXES_TOTAL)
     rows.append(f"{'less by':<24}" + "".join(f"{value:>9}" for value in told))
     rows += [f"{zone['where']:<24}{zone['before_um']:>9.1f} -> {zone['after_um']:.1f}" for zone in data["where"]]
     if data["shared_poses"]:

@@ -11,6 +11,7 @@ from ptt.errors import TableError, TooFewError
 from ptt.judge.gross import gross_rows
 from ptt.judge.match import match_rows, targets_of
 from ptt.machine import MachineFile
+from ptt.run.axes import AXES
 from ptt.run.base_frame import into_base
 from ptt.run.direction import travel_direction
 from ptt.run.frames import align
@@ -21,7 +22,6 @@ from ptt.run.same_pose import count_places, same_places
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
 
-AXES = ("x", "y", "z")
 SIDES = ("before", "after")
 GOALS = {"x": 90.0, "y": 90.0, "z": 80.0}  # percent, of the source paper
 MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))  # mean size of a normal error, in standard deviations

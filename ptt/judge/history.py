@@ -14,8 +14,7 @@ from ptt.judge.ladder.ladder import Ladder, LadderStep
 from ptt.machine import MachineFile
 from ptt.model.entries import write_model
 from ptt.model.model import Model
-
-AXES = ("x", "y", "z", "total")
+from ptt.run.axes import AXES_TOTAL
 
 
 @dataclass(frozen=True)
@@ -160,7 +159,7 @@ def _noise(figures: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(figures: Mapping[str, Any]) -> dict[str, float]:
-    return {axis: float(figures[axis]) for axis in AXES}
+    return {axis: float(figures[axis]) for axis in AXES_TOTAL}
 
 
 def _parameters(model: Model) -> dict[str, dict[str, float | list[float]]]:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import torch
 
+from ptt.run.axes import AXES
 from ptt.setup.rigid import across, medians
 from ptt.setup.score import build, forward_many
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
@@ -16,7 +17,6 @@ Side = Literal["readings", "targets", "both"]
 UNITS = {"inches": 25.4, "metres": 1e3, "centimetres": 10.0, "micrometres": 1e-3}
 SHORT = {"inches": "in", "metres": "m", "centimetres": "cm", "micrometres": "um"}
 BEYOND_HOMING = 5.0  # mm: a slider's zero further off than this was counted from elsewhere, not homed badly
-AXES = "xyz"
 
 
 def read_off(setup: Setup) -> list[Hypothesis]:

@@ -15,10 +15,10 @@ from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.judge.compare.lack_of_fit import LackOfFit, lack_of_fit_of
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
+from ptt.run.axes import AXES, AXES_TOTAL
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-AXES = ("x", "y", "z")
 NO_NEWS = 0.05  # share of the error beyond noise below which there is nothing to find
 SURE = 3.0  # standard deviations
 UM = 1e3  # um per mm
@@ -107,7 +107,7 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON, keys as documented."""
-        unknown: dict[str, Any] = {**dict.fromkeys((*AXES, "total")), "source": "unknown"}
+        unknown: dict[str, Any] = {**dict.fromkeys(AXES_TOTAL), "source": "unknown"}
         return {
             "rows": self.rows,
             "source": self.source,

@@ -7,7 +7,6 @@ from ptt.dependence.said import by_chance
 from ptt.dependence.where import WorstRow
 from ptt.judge.compare.comparison import UM, Comparison, figures, one_figure
 
-AXES = ("x", "y", "z", "total")
 FAR = 3.0  # times the error after alignment from which it is worth a word what the one before it is
 SURE = 0.01  # chance below which lack of fit counts
 STANDS = (

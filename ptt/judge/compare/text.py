@@ -10,7 +10,6 @@ from ptt.dependence.parts import PartError
 from ptt.dependence.said import by_chance
 from ptt.judge.compare.comparison import Comparison
 from ptt.judge.compare.rows import (
-    AXES,
     NO_PLACE,
     NO_VARIABLE,
     error_rows,
@@ -22,6 +21,7 @@ from ptt.judge.compare.rows import (
     place_of,
     worst_part,
 )
+from ptt.run.axes import AXES_TOTAL
 
 SHOWN_ROWS = 5
 SHOWN_DEPENDENCES = 8
@@ -75,7 +75,7 @@ def _table(*columns: str) -> Table:
 def _errors(result: Comparison) -> Table:
     table = _table("", "x", "y", "z", "length")
     for name, values in error_rows(result):
-        table.add_row(name, *(f"{values[axis]:.1f}" for axis in AXES))
+        table.add_row(name, *(f"{values[axis]:.1f}" for axis in AXES_TOTAL))
     return table
 
 

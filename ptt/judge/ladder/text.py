@@ -3,10 +3,10 @@
 from itertools import pairwise
 
 from ptt.judge.ladder.ladder import CHANCE, Ladder, LadderStep
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import SATURATED
 
 NOTED = 1.5  # times a noise that is stated from which what a model leaves is more than noise
-_AXES = ("x", "y", "z", "total")
 
 
 def format_ladder(ladder: Ladder) -> str:
@@ -18,13 +18,13 @@ def format_ladder(ladder: Ladder) -> str:
     Returns:
         Several lines.
     """
-    axes = "".join(f"{axis:>9}" for axis in _AXES)
+    axes = "".join(f"{axis:>9}" for axis in AXES_TOTAL)
     lines = [f"{'RMS in um':<28}{'training':>36}{'held out':>36}", f"{'':<28}{axes}{axes}"]
     for step in ladder.steps:
         sign = {"added": "+ ", "removed": "- "}.get(step.kind, "")
-        figures = [step.rms_um[axis] for axis in _AXES] + [step.heldout_rms_um[axis] for axis in _AXES]
+        figures = [step.rms_um[axis] for axis in AXES_TOTAL] + [step.heldout_rms_um[axis] for axis in AXES_TOTAL]
         lines.append(f"{sign + step.effect:<28}" + "".join(f"{value:9.2f}" for value in figures))
-    noise = [ladder.noise_um[axis] for axis in _AXES]
+    noise = [ladder.noise_um[axis] for axis in AXES_TOTAL]
     source = f"noise ({ladder.noise_um['source']})"
     lines.append(f"{source:<28}" + "".join(f"{value:9.2f}" for value in noise * 2))
     lines += ["training: all rows, as fitted; 'as given' is the error that compare prints"]

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
-from ptt.judge.compare.comparison import AXES, Comparison
+from ptt.judge.compare.comparison import Comparison
 from ptt.progress import Progress, unwatched
+from ptt.run.axes import AXES
 from ptt.run.problem import Problem
 from ptt.show.plots.common import BLUE, DPI, ORANGE, legend_below, save, thinned
 from ptt.show.plots.depends import draw_dependences

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-AXES = ("x", "y", "z")
+from ptt.run.axes import AXES
+
 BEFORE, AFTER = "#d1495b", "#00798c"
 DPI = 130
 

@@ -7,8 +7,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ptt.judge.history import AXES, HistoryEntry
+from ptt.judge.history import HistoryEntry
 from ptt.judge.ladder.ladder import Ladder
+from ptt.run.axes import AXES_TOTAL
 
 DPI = 150
 TRAINING, HELD_OUT, NOISE = "#33658a", "#f26419", "#6b705c"
@@ -54,10 +55,10 @@ def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float]) -> Figure:
     Returns:
         The figure.
     """
-    figure = Figure(dpi=DPI, figsize=(2.2 + 2.6 * len(AXES), 1.9 + 0.34 * len(rungs)))
+    figure = Figure(dpi=DPI, figsize=(2.2 + 2.6 * len(AXES_TOTAL), 1.9 + 0.34 * len(rungs)))
     figure.set_layout_engine(ConstrainedLayoutEngine(w_pad=0.06))
-    panels = figure.subplots(1, len(AXES), sharey=True)
-    for axis, panel in zip(AXES, panels, strict=True):
+    panels = figure.subplots(1, len(AXES_TOTAL), sharey=True)
+    for axis, panel in zip(AXES_TOTAL, panels, strict=True):
         _draw_panel(panel, axis, rungs, float(noise_um[axis]))
     panels[0].set_yticks(range(len(rungs)), [words for words, _, _ in rungs])
     panels[0].invert_yaxis()

@@ -14,11 +14,12 @@ from ptt.judge.compare.rows import (
     place_of,
     worst_part,
 )
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.problem import Problem
 from ptt.show.plots.depends import variable_label
 from ptt.show.report.blocks import Block, Grid, Picture, Section, Words, grid
 from ptt.show.report.contents import Contents
-from ptt.show.report.numbers import AXES, NONE, axes, chance, percent, um
+from ptt.show.report.numbers import NONE, axes, chance, percent, um
 
 WORST, DEPENDENCES = 8, 10
 
@@ -65,7 +66,7 @@ def figures_grid(result: Comparison) -> Grid:
     rows = error_rows(result)
     strong = frozenset(index for index, (words, _) in enumerate(rows) if words.endswith("alignment: RMS"))
     cells = [(words, *axes(values)) for words, values in rows]
-    return grid(f"Error of {result.rows} readings, um", ("", *AXES), cells, strong=strong)
+    return grid(f"Error of {result.rows} readings, um", ("", *AXES_TOTAL), cells, strong=strong)
 
 
 def _meaning(result: Comparison) -> str:

@@ -5,12 +5,13 @@ from collections.abc import Iterator, Sequence
 from ptt.fitting.report import Value
 from ptt.judge.history import HistoryEntry
 from ptt.model.model import Term, parameter_names, told_values
+from ptt.run.axes import AXES_TOTAL
 from ptt.show.plots.ladder import SIGNS
 from ptt.show.report.blocks import Block, Grid, Lines, Picture, Section, Words, grid
 from ptt.show.report.commands import ladder_command
 from ptt.show.report.contents import Contents
 from ptt.show.report.network import NetworkFacts
-from ptt.show.report.numbers import AXES, NONE, axes, percent, plus_minus, um
+from ptt.show.report.numbers import NONE, axes, percent, plus_minus, um
 
 MEASURED = {
     "yes": "yes",
@@ -85,7 +86,7 @@ def network_section(contents: Contents) -> Section:
     removed = f"It removed {percent(facts.share)} of the held-out variance that the physics left."
     blocks = (
         Words(f"{words} {removed} {_origin(facts)}"),
-        grid("Held-out error when it was trained, RMS in um", ("", *AXES), _stages(facts)),
+        grid("Held-out error when it was trained, RMS in um", ("", *AXES_TOTAL), _stages(facts)),
         Words(
             f"Held out: {facts.protocol}. {facts.inside} of {facts.readings} readings of this run lie in its training "
             f"domain, where its largest correction is {um(facts.largest_um)} um. Outside the domain it "
@@ -120,7 +121,7 @@ def _ladder_grid(ladder: Sequence[HistoryEntry]) -> Grid:
     ]
     noise = axes(last.noise_um)
     rows.append((f"noise ({last.noise_um['source']})", *noise, *noise, NONE))
-    head = ("step", *AXES, *(f"held out {axis}" for axis in AXES), "helped")
+    head = ("step", *AXES_TOTAL, *(f"held out {axis}" for axis in AXES_TOTAL), "helped")
     return grid("Error after each step, RMS in um", head, rows)
 
 

@@ -1,11 +1,12 @@
 """What the report says of the run, and of what it was worked out with."""
 
 from ptt.machine import MachineFile
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import source_in_words
 from ptt.show.report.blocks import Block, Lines, Section, Words, grid, side_by_side
 from ptt.show.report.contents import Contents
 from ptt.show.report.facts import RunFacts
-from ptt.show.report.numbers import AXES, axes, um
+from ptt.show.report.numbers import axes, um
 
 SHOWN_RUNS = 20
 
@@ -83,7 +84,7 @@ def _noise(contents: Contents) -> list[Block]:
         return [Words(f"The noise floor is unknown: {contents.given.why_not}.", "lack")]
     figures = noise.to_dict()
     row = (f"from {source_in_words(figures['source'])}", *axes(figures))
-    blocks: list[Block] = [grid("Noise floor: one standard deviation of a reading, um", ("", *AXES), [row])]
+    blocks: list[Block] = [grid("Noise floor: one standard deviation of a reading, um", ("", *AXES_TOTAL), [row])]
     if found is not None and found.wander is not None:
         size = 1e3 * found.wander.size * found.noise.total
         blocks.append(Words(f"The readings wander by {size:.1f} um {found.wander.lasts}."))

@@ -1,9 +1,10 @@
 """What the report says of the use of it: error before and after, and the standard's figures."""
 
 from ptt.judge.iso.pose_figures import named_figures
+from ptt.run.axes import AXES_TOTAL
 from ptt.show.report.blocks import Block, Picture, Section, Words, grid
 from ptt.show.report.contents import Contents
-from ptt.show.report.numbers import AXES, NONE, axes, um
+from ptt.show.report.numbers import NONE, axes, um
 
 TITLES = {
     "blocks": "whole parts of the path held out: what to expect at a new place",
@@ -16,12 +17,12 @@ def pair_section(contents: Contents) -> Section:
     assert contents.pair is not None
     data = contents.pair.to_dict()
     rows = [(key, str(data[key]["rows"]), *axes(data[key]["rms_um"])) for key in ("before", "after")]
-    rows.append(("less by", "", *(_less(data["reduction_percent"][axis]) for axis in (*"xyz", "total"))))
+    rows.append(("less by", "", *(_less(data["reduction_percent"][axis]) for axis in AXES_TOTAL)))
     title = f"Tool against its targets, RMS in um ({data['frame']})"
     zones = [(zone["where"], um(zone["before_um"]), um(zone["after_um"])) for zone in data["where"]]
     blocks: list[Block] = [
         Words(f"Before: {data['before']['source']}; after: {data['after']['source']}."),
-        grid(title, ("", "readings", *AXES), rows),
+        grid(title, ("", "readings", *AXES_TOTAL), rows),
         Picture("pair", "Error of the tool seen from above, before and after, on one scale."),
         grid("Where, RMS in um", ("part of the workspace", "before", "after"), zones),
     ]

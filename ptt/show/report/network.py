@@ -8,10 +8,9 @@ from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.rest import inputs_of
 from ptt.errors import ModelError
 from ptt.record import Record
+from ptt.run.axes import AXES
 from ptt.run.problem import Problem
 from ptt.show.report.source import MadeOf
-
-AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)

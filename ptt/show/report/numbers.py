@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping
 
 from ptt.judge.compare import rows
+from ptt.run.axes import AXES_TOTAL
 
-AXES = ("x", "y", "z", "total")
 NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
 NONE = "\N{EM DASH}"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -26,7 +26,7 @@ def um(value: float | None, digits: int = 1) -> str:
 
 def axes(figures: Mapping[str, float]) -> tuple[str, ...]:
     """x, y, z and total of a dictionary of figures in um."""
-    return tuple(um(figures[axis]) for axis in AXES)
+    return tuple(um(figures[axis]) for axis in AXES_TOTAL)
 
 
 def percent(share: float | None) -> str:

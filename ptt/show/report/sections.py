@@ -1,6 +1,7 @@
 """The sections of a report, in order."""
 
 from ptt.effects.phrases import capital
+from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import source_in_words
 from ptt.show.report.about_error import error_section, left_section
 from ptt.show.report.about_model import ladder_section, network_section, parameter_section
@@ -9,7 +10,7 @@ from ptt.show.report.about_use import iso_section, pair_section, reduction_secti
 from ptt.show.report.about_verdict import in_short, verdict_section
 from ptt.show.report.blocks import Block, Section, Words, grid
 from ptt.show.report.contents import Contents
-from ptt.show.report.numbers import AXES, axes, percent
+from ptt.show.report.numbers import axes, percent
 
 
 def sections_of(contents: Contents) -> tuple[Section, ...]:
@@ -49,7 +50,7 @@ def summary_section(contents: Contents) -> Section:
     if noise is not None:
         figures = noise.to_dict()
         rows.append((f"noise floor, from {source_in_words(figures['source'])}", *axes(figures)))
-    blocks: list[Block] = [Words(_verdict(contents), "verdict"), grid("Error, RMS in um", ("", *AXES), rows)]
+    blocks: list[Block] = [Words(_verdict(contents), "verdict"), grid("Error, RMS in um", ("", *AXES_TOTAL), rows)]
     return Section("summary", "In short", tuple(blocks))
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ptt.run.axes import AXES_TOTAL
 from ptt.show.card.words import prefixed
 from ptt.show.studio.figures import (
     ABOVE,
@@ -27,7 +28,6 @@ STAGES = {
     "physics": ("refitted, held out", BLUE),
     "rbf": ("with the network, held out", VIOLET),
 }
-AXES = ("x", "y", "z", "total")
 
 
 def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str = "total") -> Figure:
@@ -102,11 +102,11 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
     Returns:
         The figure.
     """
-    factor, unit = prefixed([float(stages[key][axis]) for key in STAGES for axis in AXES], "um")
-    bars = [_bars(key, [factor * float(stages[key][axis]) for axis in AXES]) for key in STAGES]
+    factor, unit = prefixed([float(stages[key][axis]) for key in STAGES for axis in AXES_TOTAL], "um")
+    bars = [_bars(key, [factor * float(stages[key][axis]) for axis in AXES_TOTAL]) for key in STAGES]
     floor = {
-        "type": "scatter", "mode": "markers", "name": "noise floor", "x": list(AXES),
-        "y": [factor * float(noise_um[axis]) for axis in AXES],
+        "type": "scatter", "mode": "markers", "name": "noise floor", "x": list(AXES_TOTAL),
+        "y": [factor * float(noise_um[axis]) for axis in AXES_TOTAL],
         "marker": {"symbol": "line-ew-open", "size": 44, "color": ORANGE, "line": {"width": 3}},
     }  # fmt: skip
     layout = whole_layout(
@@ -123,7 +123,7 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
 def _bars(key: str, values: Sequence[float]) -> Figure:
     words, colour = STAGES[key]
     return {
-        "type": "bar", "name": words, "x": list(AXES), "y": list(values), "marker": {"color": colour},
+        "type": "bar", "name": words, "x": list(AXES_TOTAL), "y": list(values), "marker": {"color": colour},
         "text": [f"{value:.1f}" for value in values], "textposition": "inside", "insidetextanchor": "start",
         "textangle": 0, "constraintext": "none", "textfont": {"size": 11},
     }  # fmt: skip

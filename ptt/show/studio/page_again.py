@@ -11,6 +11,7 @@ from nicegui import ui
 
 from ptt.errors import PttError
 from ptt.files import write_text
+from ptt.run.axes import AXES_TOTAL
 from ptt.show.card.words import length, parameter_in_words, percent, pretty, together
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import WHEN, error_figure, pair_figure, value_figure
@@ -21,7 +22,6 @@ from ptt.show.studio.tables import table_html
 
 FOUND = "again.json"
 TIE = "cannot tell them apart"
-AXES = ("x", "y", "z", "total")
 EMPTY = (
     "Measure the machine again, with corrected commands or a month later, and drop the run here: errors before and "
     "after side by side, what has changed since, and every value by date."
@@ -130,14 +130,14 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
             return
         fall = pair["reduction_percent"]
         rows = [
-            ("before", *(length(pair["before"]["rms_um"][axis]) for axis in AXES)),
-            ("after", *(length(pair["after"]["rms_um"][axis]) for axis in AXES)),
-            ("change", *("\N{EN DASH}" if fall[axis] is None else change(fall[axis]) for axis in AXES)),
+            ("before", *(length(pair["before"]["rms_um"][axis]) for axis in AXES_TOTAL)),
+            ("after", *(length(pair["after"]["rms_um"][axis]) for axis in AXES_TOTAL)),
+            ("change", *("\N{EN DASH}" if fall[axis] is None else change(fall[axis]) for axis in AXES_TOTAL)),
         ]
         caption = "error of the tool against its targets"
-        ui.html(table_html(("tool against its targets, rms", *AXES), rows, caption=caption), sanitize=False).classes(
-            "w-full"
-        )
+        ui.html(
+            table_html(("tool against its targets, rms", *AXES_TOTAL), rows, caption=caption), sanitize=False
+        ).classes("w-full")
         times = pair["arrows"]["times"]
         note = f"From above; errors {times:,.0f} times enlarged, one scale for both; {pretty(pair['frame'])}."
         if pair["shared_poses"]:

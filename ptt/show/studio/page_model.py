@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from nicegui import ui
 
 from ptt.machine_schema import EffectEntry
+from ptt.run.axes import AXES
 from ptt.show.card.words import parameter_in_words, pretty, together
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures import against_figure, empty_figure, label_of
@@ -14,8 +15,6 @@ from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
 from ptt.show.studio.snapshot import Rung, Snapshot, parameter_rows
 from ptt.show.studio.tables import table_html
-
-AXES = ("total", "x", "y", "z")
 
 
 class ModelView:
@@ -43,7 +42,7 @@ class ModelView:
         with ui.element("div").classes("st-tools"):
             ui.html("Error after each step", sanitize=False, tag="h2").classes("st-head")
             ui.space()
-            self.axis = ui.toggle(list(AXES), value="total", on_change=self.redraw)
+            self.axis = ui.toggle(["total", *AXES], value="total", on_change=self.redraw)
             self.axis.props('dense no-caps aria-label="axis of the ladder"')
         self.figures = ui.label().classes("st-note").mark("ladder")
         self.ladder = Picture().classes("st-plot st-ladder")

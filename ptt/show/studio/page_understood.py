@@ -7,6 +7,7 @@ from nicegui import ui
 
 from ptt.effects.phrases import capital
 from ptt.fitting.chunks import LONG
+from ptt.run.axes import AXES
 from ptt.run.noise import source_in_words
 from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
@@ -129,5 +130,5 @@ def parted(lines: Sequence[str]) -> tuple[list[str], list[str]]:
 def _noise(noise: object) -> str:
     if not isinstance(noise, dict):
         return "not known from this run alone; the diagnosis estimates it"
-    figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in ("x", "y", "z"))
+    figures = ", ".join(f"{axis} {noise[axis]:.1f}" for axis in AXES)
     return f"{length(noise['total'])} ({figures}), from {source_in_words(noise['source'])}"

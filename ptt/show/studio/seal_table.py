@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ptt.effects.phrases import figure, scaled
+from ptt.run.axes import AXES_TOTAL
 from ptt.show.card.words import MICRO, length, parameter_in_words, prefixed
 from ptt.show.studio.tables import table_html
 
 MOST_NUMBERS = 6  # of one cell
-AXES = ("x", "y", "z", "total")
 UNIT = re.compile(r"_((?:nmm|um|mm|m|mrad|urad|rad|deg|n|kg|k|s|ms|h|c)(?:_per_[a-z]+(?:_[a-z]+)*)?)$")
 SIGNS = {"n": "N", "nmm": "N mm", "k": "K", "c": "\N{DEGREE SIGN}C", "um": f"{MICRO}m", "urad": f"{MICRO}rad"}
 TOLD = {
@@ -35,7 +35,7 @@ def seal_html(opened: Mapping[str, Any]) -> str:
         caption="what was hidden and what was found",
     )  # fmt: skip
     tool = table_html(
-        ("true error of the tool, rms", *AXES), _tool(opened["tool_error_um"]),
+        ("true error of the tool, rms", *AXES_TOTAL), _tool(opened["tool_error_um"]),
         caption="the tool measured again without noise",
     )  # fmt: skip
     return (
@@ -102,6 +102,6 @@ def _model(parameters: Sequence[Mapping[str, Any]] | None) -> str:
 def _tool(error: Mapping[str, Mapping[str, float] | None]) -> list[tuple[str, ...]]:
     words = {"before": "with the controller's own commands", "after": "with the model's commands"}
     return [
-        (words.get(when, when), *(length(row[axis]) if row else "cannot be followed" for axis in AXES))
+        (words.get(when, when), *(length(row[axis]) if row else "cannot be followed" for axis in AXES_TOTAL))
         for when, row in error.items()
     ]
