@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 QUOTED = 60  # characters of a value that a message quotes
-WHOLE = 500  # characters of a part of a message
+LONGEST_PART = 500  # characters of a part of a message
 
 
 def shown(value: object, most: int = QUOTED) -> str:
@@ -25,8 +25,8 @@ def shown(value: object, most: int = QUOTED) -> str:
 
 def _brief(text: str) -> str:
     """A part of a message with whatever it quotes, and itself, cut to a length that can be read."""
-    text = re.sub(rf"'([^']{{{QUOTED + 1},}})'", lambda found: f"'{shown(found[1])}'", text[: 100 * WHOLE])
-    return shown(" ".join(text.split()), WHOLE)
+    text = re.sub(rf"'([^']{{{QUOTED + 1},}})'", lambda found: f"'{shown(found[1])}'", text[: 100 * LONGEST_PART])
+    return shown(" ".join(text.split()), LONGEST_PART)
 
 
 class PttError(Exception):
@@ -52,7 +52,7 @@ class InputError(PttError):
             where: file, row and column, or the key, as far as known.
             fix: the way out, as an imperative.
         """
-        self.what, self.where, self.fix = _brief(what), shown(where, WHOLE), _brief(fix)
+        self.what, self.where, self.fix = _brief(what), shown(where, LONGEST_PART), _brief(fix)
         message = f"{self.where}: {self.what}" if where else self.what
         super().__init__(f"{message}; {self.fix}" if fix else message)
 

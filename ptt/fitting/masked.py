@@ -13,7 +13,7 @@ from ptt.machine_schema import MaskedSpec
 from ptt.model.model import rival
 from ptt.run.problem import Problem
 
-FEW = 12  # values up to which an effect is kept: curves would outgrow the file
+LARGEST = 12  # values up to which an effect is kept: curves would outgrow the file
 MASKED_ROWS = 10_000  # beyond which the columns of all of the library's effects at once take too much memory
 LEAST_ROOT = 0.03  # what a thousand usual sizes would hardly show says nothing
 
@@ -96,7 +96,7 @@ def _candidates(fitted: FitResult, problem: Problem) -> list[Effect]:
     for name, cls in library().items():
         effect = cls()
         size = sum(parameter.size(joints) for parameter in effect.parameters)
-        if kind not in cls.mechanisms or name in keys or cls.of_run or effect.stage == "metrology" or size > FEW:
+        if kind not in cls.mechanisms or name in keys or cls.of_run or effect.stage == "metrology" or size > LARGEST:
             continue
         if any(parameter.shapes for parameter in effect.parameters) or rival(effect, keys):
             continue

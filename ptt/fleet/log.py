@@ -29,7 +29,7 @@ from ptt.run.turns import Entry
 from ptt.run.viewing import build_view
 
 SPREAD = 4_000  # rows all over a log that tell the frame and what varies
-FEW = 4  # rows of it that are kept
+KEPT_ROWS = 4  # rows of it that are kept
 NUMBERS = re.compile(
     r"[xyz]_(cmd|meas|std)|q[xyzw]_(cmd|meas)|[bq]\d+_cmd(_rad|_deg)?|(dir|tau)\d+|repeat|time_s|payload_kg|temp_c|feed_mm_s"
 )
@@ -106,7 +106,7 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
     driven = ("speed" in seen.varies) == ("speed" in first.view.varies)
     clock = 0.0 if table.time_s is None else float(table.time_s[0])
     varies = first.view.varies | spread.view.varies - {"speed", "direction"}  # those two are told by rows side by side
-    few = take_entered(spread, [(0, FEW)], [None])  # it travels with every task
+    few = take_entered(spread, [(0, KEPT_ROWS)], [None])  # it travels with every task
     few = replace(few, view=replace(few.view, varies=varies))
     parts = tuple(stretches(rows, size))
     return Log(machine, path, rows, parts, few, ranges_of(spread), driven, clock, first.noise)

@@ -8,7 +8,7 @@ from ptt.setup.rows import places
 from ptt.setup.setup import Setup, used_rows
 
 LONGEST_STEP, LONGEST_RUN = 600.0, 2.0 * 86400.0  # s: slower runs are rare, slower still and long ones are in ms
-FEW = 10  # rows: fewer show no rule
+LEAST_MOVES = 10  # fewer show no rule
 EPOCH_MS = 1e11  # s since 1970 are 1.8e9
 
 
@@ -83,7 +83,7 @@ def _pace(setup: Setup, rows: np.ndarray) -> np.ndarray:
 
 def _paced(pace: np.ndarray) -> bool:
     """Whether every row took a thousand times as long as its path does: waiting does not grow with the path."""
-    if len(pace) < FEW:
+    if len(pace) < LEAST_MOVES:
         return False
     (low, usual, high), (short, _, long) = np.percentile(pace, [10.0, 50.0, 90.0], axis=0).T
     return bool(300.0 < usual < 3000.0 and high < 1.5 * low and long > 2.0 * short)

@@ -10,7 +10,7 @@ from ptt.setup.result import Finding
 from ptt.setup.score import forward_many
 from ptt.setup.setup import Setup, used_rows
 
-FEW = 0.05  # of the rows: where more are off, the column is in another unit
+MOST_STRAY = 0.05  # of the rows: where more are off, the column is in another unit
 APART = 0.5  # of the limit that lies between a stray value and all others: what grows to beyond it is no slip
 OFF, BEYOND = 20.0, 100.0  # mm, and times the median: what a target is off its commands by, no correction is as large
 SHOWN_ROWS = 5
@@ -83,7 +83,7 @@ def _beyond(values: np.ndarray, limit: float) -> np.ndarray:
 
 def _few(known: np.ndarray) -> int:
     """How many of the known rows are few; none where there are too few to hold one against."""
-    return int(np.ceil(FEW * known.sum())) if known.sum() >= 1.0 / FEW else 0
+    return int(np.ceil(MOST_STRAY * known.sum())) if known.sum() >= 1.0 / MOST_STRAY else 0
 
 
 def _runs_of(setup: Setup, rows: np.ndarray) -> Iterator[np.ndarray]:

@@ -15,7 +15,7 @@ NOTHING = 1e-6  # um: less is rounding
 LOAD_KG = 1.0  # tried where no payload is stated: what it does to an effect's share does not depend on its size
 UNSTATED = "the format has no payload, and none is given here; --run RUN.csv evaluates it at the loads of a run"
 SHOWN_UM = 0.05  # less is printed as 0.0
-WHOLE = 0.95  # share of an effect's error that counts as all of it
+ALMOST_ALL = 0.95  # share of an effect's error that counts as all of it
 APART = "its table entries are too far apart for it, or it does not depend on one axis position alone"
 TOLD = {"payload": "payload_kg", "temperature": "temp_c", "speed": "feed_mm_s"}  # context -> the run's column of it
 CONTEXTS = {
@@ -143,7 +143,7 @@ def said_left(whole: float, left: float, *, untold: bool = False) -> str:
         )
     if whole < SHOWN_UM:
         return f"its whole error is less than {SHOWN_UM:g} um"
-    if left > WHOLE * whole:
+    if left > ALMOST_ALL * whole:
         return f"all of its {whole:.1f} um remain"
     return f"{left:.1f} um of its {whole:.1f} um remain; the rest is in the file"
 

@@ -6,7 +6,7 @@ G-codes and M-codes here are those of RS274/NGC and LinuxCNC, and what Marlin an
 from ptt.correct.program.words import EXPAND, ProgramBlock, at_line
 from ptt.errors import InputError
 
-AXES, CARRIED = "XYZ", "ABCUVWE"
+TOOL_AXES, FURTHER_AXES = "XYZ", "ABCUVWE"
 # Codes are ten times their numbers, as G59.1 needs a tenth; M-codes that `own_words` looks at are plain numbers.
 MM = {200: 25.4, 210: 1.0}
 MOTIONS = (0, 10, 20, 30)
@@ -73,11 +73,11 @@ def refuse(block: ProgramBlock, codes: list[int], source: str) -> None:
     """
     where = at_line(source, block.line)
     for code in codes:
-        if code == RETRACT and not any(word.letter in ("L", *AXES) for word in block.words):
+        if code == RETRACT and not any(word.letter in ("L", *TOOL_AXES) for word in block.words):
             continue
         if code in REFUSED:
             raise InputError(f"G{code / 10:g}, {REFUSED[code]}, cannot be corrected", where=where, fix=EXPAND)
-        placed = any(word.letter in AXES + CARRIED for word in block.words)
+        placed = any(word.letter in TOOL_AXES + FURTHER_AXES for word in block.words)
         if code in PROBES and any(other in MOTIONS for other in codes):
             raise InputError(f"G{code / 10:g} and a move in one line", where=where, fix="split the line")
         if code in (*ALONE, *PROBES) and placed:
@@ -95,7 +95,7 @@ def refuse(block: ProgramBlock, codes: list[int], source: str) -> None:
 
 def _refuse_settings(block: ProgramBlock, codes: list[int], where: str) -> None:
     """Refuse M-codes that move what the program's places are counted from, or whose axis words nobody knows."""
-    letters = {word.letter for word in block.words} & set(AXES + CARRIED)
+    letters = {word.letter for word in block.words} & set(TOOL_AXES + FURTHER_AXES)
     for number in own_words(block):
         asks = number != 428 and not any(word.letter not in "NM" for word in block.words)  # alone it only reports
         if number in MOVES_ORIGIN and letters != {"E"} and not asks:

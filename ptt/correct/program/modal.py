@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ptt.correct.program.codes import (
-    AXES,
-    CARRIED,
     EXTRUDER_RELATIVE,
+    FURTHER_AXES,
     HOME,
     LENGTHS,
     MM,
@@ -19,6 +18,7 @@ from ptt.correct.program.codes import (
     NO_MOTION,
     OWN_AXES,
     PROBES,
+    TOOL_AXES,
     own_words,
     refuse,
 )
@@ -139,10 +139,10 @@ def _own_axes(state: ModalState, block: ProgramBlock, code: int, start: Array, s
     if code in HOME:
         return replace(state, place=np.asarray(start, dtype=float), known=np.zeros(3, dtype=bool))
     if code == 920:
-        if any(word.letter in AXES for word in block.words):
+        if any(word.letter in TOOL_AXES for word in block.words):
             fix = "write all positions from one origin, or state it with --offset"
             raise InputError("G92 moves the origin within the program", where=at_line(source, block.line), fix=fix)
-        return replace(state, carried=state.carried | block.values(CARRIED, source))
+        return replace(state, carried=state.carried | block.values(FURTHER_AXES, source))
     return state
 
 
@@ -151,7 +151,7 @@ def _moves(block: ProgramBlock, state: ModalState) -> bool:
     if own_words(block) and not any(word.letter == "G" and word.code in MOTIONS for word in block.words):
         return False
     centre = state.motion in (20, 30) and bool(letters & {"I", "J", "K"})
-    return bool(letters & set(AXES + CARRIED)) or centre
+    return bool(letters & set(TOOL_AXES + FURTHER_AXES)) or centre
 
 
 def _move(
@@ -167,12 +167,12 @@ def _move(
     if machine and (home is None or not state.absolute or state.motion not in (0, 10)):
         what = "G53 needs G90, G0 or G1, and coordinates that are not turned"
         raise InputError(what, where=at_line(*where), fix="correct the line")
-    stated = block.values(AXES, source)
+    stated = block.values(TOOL_AXES, source)
     end, known = _end(state, stated, home if machine and home is not None else np.zeros(3))
     arc = None
     if state.motion in (20, 30):
         arc = _arc(state, block, end, where)
-    carried = _carried(state, block.values(CARRIED, source))
+    carried = _carried(state, block.values(FURTHER_AXES, source))
     feed = float("nan") if state.motion == 0 else state.feed
     move = Move(
         index, state.motion == 0, state.place, end, known, bool(state.known.all()), arc, feed, state.absolute,
@@ -185,7 +185,7 @@ def _move(
 def _end(state: ModalState, stated: dict[str, float], origin: Array) -> tuple[Array, Array]:
     """Where a move ends, mm, and which axes are stated by then; `origin` is that of the numbers."""
     end, known = state.place.copy(), state.known.copy()
-    for axis, letter in enumerate(AXES):
+    for axis, letter in enumerate(TOOL_AXES):
         if letter in stated:
             base = origin[axis] if state.absolute else state.place[axis]
             end[axis], known[axis] = base + state.unit * stated[letter], True

@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ptt.correct.program.codes import HOME
-from ptt.correct.program.modal import ARC, AXES, CARRIED, MOTIONS, ModalState, Read
+from ptt.correct.program.codes import FURTHER_AXES, HOME, MOTIONS, TOOL_AXES
+from ptt.correct.program.modal import ARC, ModalState, Read
 from ptt.correct.program.moves import Move
 from ptt.correct.program.words import ProgramBlock, Word
 
 Array = np.ndarray
 
 DIGITS = {1.0: 5, 25.4: 6}  # 0.01 um and 0.025 um
-CARRIED_DIGITS = 5
+FURTHER_DIGITS = 5
 STOPS = (0, 10, 20, 300, 600)  # M0, M1, M2, M30, M60 act after the move of their block
 
 
@@ -58,7 +58,7 @@ class Writer:
             The lines.
         """
         said = {word.letter for word in block.words}
-        drop = set(AXES + CARRIED) | (set(ARC) if move.arc is not None else set())
+        drop = set(TOOL_AXES + FURTHER_AXES) | (set(ARC) if move.arc is not None else set())
         head = [part for part in block.parts if not _dropped(part, drop)]
         at = next(number for number, part in enumerate(block.parts) if _dropped(part, drop))
         before = sum(not _dropped(part, drop) for part in block.parts[:at])
@@ -99,7 +99,7 @@ class Writer:
         if not move.known[axis]:
             return []
         digits = DIGITS[move.unit]
-        letter, here = AXES[axis], self.place[axis]
+        letter, here = TOOL_AXES[axis], self.place[axis]
         zero = self.home[axis] if move.machine else 0.0 if move.absolute else here
         printed = round((piece.place[axis] - zero) / move.unit, digits)
         same = printed == (round((here - zero) / move.unit, digits))
@@ -111,9 +111,9 @@ class Writer:
         for letter, (begin, end, relative) in move.carried.items():
             here = self.carried.get(letter, begin)
             wanted = begin + piece.share * (end - begin)
-            printed = round(wanted - here if relative else wanted, CARRIED_DIGITS)
+            printed = round(wanted - here if relative else wanted, FURTHER_DIGITS)
             self.carried[letter] = here + printed if relative else printed
-            words.append(f"{letter}{_plain(printed, CARRIED_DIGITS)}")
+            words.append(f"{letter}{_plain(printed, FURTHER_DIGITS)}")
         return words
 
 

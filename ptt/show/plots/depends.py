@@ -10,12 +10,13 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from ptt.dependence.contexts import context_views
 from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence
-from ptt.judge.compare.comparison import AXES, Comparison
+from ptt.judge.compare.comparison import Comparison
+from ptt.run.axes import AXES
 from ptt.run.problem import Problem
 from ptt.show.plots.common import DARK, DPI, ORANGE, PALE, POINTS, legend_below
 
 MOST_PANELS = 6
-FEW = 6  # levels up to which a variable is drawn level by level
+MOST_LEVELS = 6  # levels up to which a variable is drawn level by level
 PHASES = 10
 BINS = 12
 
@@ -158,7 +159,7 @@ def _draw_points(panel: Axes, values: np.ndarray, error: np.ndarray) -> None:
     step = max(1, -(-len(values) // POINTS))
     values, error = values[::step], error[::step]
     levels = np.unique(values)
-    if len(levels) <= FEW:
+    if len(levels) <= MOST_LEVELS:
         gap = float(np.diff(levels).min()) if len(levels) > 1 else 1.0
         values = values + np.random.default_rng(0).uniform(-0.15, 0.15, len(values)) * gap
         panel.set_xticks(levels)
@@ -167,7 +168,7 @@ def _draw_points(panel: Axes, values: np.ndarray, error: np.ndarray) -> None:
 
 def _draw_curve(panel: Axes, values: np.ndarray, error: np.ndarray, colour: str, label: str, count: int = BINS) -> None:
     centre, mean, half = binned_curve(values, error, count).T
-    if len(centre) <= FEW:
+    if len(centre) <= MOST_LEVELS:
         panel.errorbar(
             centre,
             mean,

@@ -14,7 +14,7 @@ from ptt.show.studio.looks import Look
 
 SCALE = "Cividis"  # made for every kind of colour vision
 SHOWN_ARROWS = 240  # more hide each other
-FEW = 1e6  # cells that are counted one by one
+MOST_CELLS = 1e6  # cells that are counted one by one
 REACH = 0.45  # of the path's size that the 95 % arrow takes
 OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
 APART = 0.4  # of the way to the next arrow, half a head's width at most
@@ -102,7 +102,7 @@ def _cells(place: np.ndarray, cell: float) -> np.ndarray:
     index = np.round(place / cell)
     index -= index.min(axis=0)
     many = index.max(axis=0) + 1.0
-    if many.prod() < FEW:  # counted, without sorting anything
+    if many.prod() < MOST_CELLS:  # counted, without sorting anything
         flat = ((index[:, 0] * many[1] + index[:, 1]) * many[2] + index[:, 2]).astype(np.int64)
         return (np.cumsum(np.bincount(flat) > 0) - 1)[flat]
     owner = np.zeros(len(place), dtype=np.int64)

@@ -12,7 +12,7 @@ from ptt.show.studio.figures import ABOVE, BLUE, GREY, ORANGE, Figure, axis_of, 
 WHEN = ("before", "after")
 DAYS = 5  # up to so many days apart each day of a run has a mark
 MICRO = "\N{MICRO SIGN}m"
-FEW = 0.99  # of the readings: a gross error beside the others would make them all one colour
+SHOWN_SHARE = 0.99  # of the readings: a gross error beside the others would make them all one colour
 
 
 def pair_figure(pair: Mapping[str, Any], when: str) -> Figure:
@@ -27,9 +27,9 @@ def pair_figure(pair: Mapping[str, Any], when: str) -> Figure:
     """
     times = float(pair["arrows"]["times"])
     every = {each: _both(pair, each) for each in WHEN}
-    top = max(float(np.quantile(_size(error), FEW)) for _, error in every.values())
+    top = max(float(np.quantile(_size(error), SHOWN_SHARE)) for _, error in every.values())
     reach = np.concatenate([where for place, error in every.values() for where in (place, place + times * error)])
-    (place, error), (low, high) = every[when], np.quantile(reach[:, :2], (1.0 - FEW, FEW), axis=0)
+    (place, error), (low, high) = every[when], np.quantile(reach[:, :2], (1.0 - SHOWN_SHARE, SHOWN_SHARE), axis=0)
     room = 0.08 * max(float((high - low).max()), 1e-3)
     tip = place + times * error
     lines = {axis: _parted(place[:, i], tip[:, i]) for i, axis in enumerate("xy")}
