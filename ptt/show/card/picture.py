@@ -10,12 +10,11 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
-from ptt.show.card.scene import PoseLines, legs_at_fault, moved, only, parts_of, place_of_part
+from ptt.show.card.scene import GHOST, PART_COLOURS, PoseLines, legs_at_fault, moved, only, parts_of, place_of_part
 from ptt.show.card.solids import Solid
 from ptt.show.card.words import by_part
 
-COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
-GHOST, FAULT = "#e69f00", "#b34700"
+FAULT = "#b34700"
 TURN, RISE = np.radians(38.0), np.radians(20.0)  # from where it is seen
 LIGHT = np.array([0.35, -0.5, 0.8])
 RIM = 6.0  # pixels about a label that stay free
@@ -38,7 +37,7 @@ def draw_scene(
     """
     figure = Figure(figsize=(7.2, 5.6), layout="constrained")
     axes = figure.add_subplot()
-    parts = [(solid, COLOURS[name], 1.0) for name, solid in parts_of(lines).items()]
+    parts = [(solid, PART_COLOURS[name], 1.0) for name, solid in parts_of(lines).items()]
     there = lines
     if shift is not None:
         at = len(shift["platform"]) // 2

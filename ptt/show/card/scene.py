@@ -10,6 +10,8 @@ from ptt.show.card.solids import Solid, ball, block, joined, plate, tube
 from ptt.show.sizing import round_down
 
 AT_FAULT = 0.25  # of the largest share, from which a part is drawn as the one that is off
+PART_COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
+GHOST = "#e69f00"  # what is off
 POSES = 48  # along the travel; a slider scrubs through them
 SEEN_SHARE = 0.13  # of the machine's size that the largest displacement is drawn as
 

@@ -118,7 +118,7 @@ def arrows(start: np.ndarray, vector: np.ndarray, least: float, most: float = ma
     drawn = np.flatnonzero(length > 0.0)
     tail, way, length = start[drawn, None], vector[drawn, None], length[drawn]
     thick = np.minimum(WIDTH * np.minimum(np.maximum(length, least), 2.5 * length), most)  # a short one is no blob
-    across, other = _squares_to(vector[drawn] / length[:, None])
+    across, other = _square_to(vector[drawn])
     one = _one_arrow()
     flat = one.points[:, 1:2] * across[:, None] - one.points[:, 0:1] * other[:, None]  # shape: (n, v, 3)
     points = tail + one.points[:, 2:] * way + thick[:, None, None] * flat
@@ -133,11 +133,12 @@ def _one_arrow() -> Solid:
     return joined((tube(np.zeros(3), neck, 0.38, 5), _cone(neck, tip, 1.0)))
 
 
-def _squares_to(unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """As `_square_to`, of many unit vectors at once."""
-    helper = np.where(np.abs(unit[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+def _square_to(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors square to each direction (..., 3) and to each other."""
+    unit = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-12)
+    helper = np.where(np.abs(unit[..., 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     across = np.cross(unit, helper)
-    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-12)[:, None]
+    across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-12)
     return across, np.cross(unit, across)
 
 
@@ -153,12 +154,3 @@ def _cone(base: np.ndarray, tip: np.ndarray, radius: float) -> Solid:
         np.column_stack([after, near, np.full(sides, sides + 1)]),
     ]
     return Solid(points, np.concatenate(faces))
-
-
-def _square_to(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors square to a direction and to each other."""
-    unit = way / max(float(np.linalg.norm(way)), 1e-12)
-    helper = np.array([0.0, 0.0, 1.0]) if abs(unit[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    across = np.cross(unit, helper)
-    across /= np.linalg.norm(across)
-    return across, np.cross(unit, across)

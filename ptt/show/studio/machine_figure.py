@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from ptt.show.card.scene import PoseLines, legs_at_fault, moved, only, parts_of, place_of_part
+from ptt.show.card.scene import GHOST, PART_COLOURS, PoseLines, legs_at_fault, moved, only, parts_of, place_of_part
 from ptt.show.card.words import by_part
 from ptt.show.studio.arrow_figure import arrow_traces, mean_arrows, mesh, xyz
 from ptt.show.studio.figures import MIDDLE, MOST_READINGS, ORANGE, Figure, shown_rows, whole_figure, whole_layout
 from ptt.show.studio.looks import Look
 
-COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
 GRID = "#a9b1b7"  # seen on white and on dark; what is transparent there comes out white
-GHOST, LETTERS = "#e69f00", "#8a3500"
+LETTERS = "#8a3500"
 LIFT, LINE, ASIDE = 38, 15, 64  # px that a label stands off its part, that a line of it takes, and beside an arm
 SAID = 2  # values of one part that a label has
 RIM = 0.04  # of what is drawn, that is left around it
@@ -52,7 +51,7 @@ def machine_figure(
     data: list[Figure] = []
     if machine:
         seen = {"platform": 0.3} if near else {}  # readings lie about the platform
-        data += [mesh(solid, name, COLOURS[name], seen.get(name, 1.0)) for name, solid in parts_of(lines).items()]
+        data += [mesh(solid, name, PART_COLOURS[name], seen.get(name, 1.0)) for name, solid in parts_of(lines).items()]
     if ghost is not None and there is not None:
         ghosts = only(there, *legs_at_fault(ghost["shift"])).values()
         data += [mesh(solid, "ghost", GHOST, 0.5) | {"uid": f"ghost-{index}"} for index, solid in enumerate(ghosts)]
@@ -212,6 +211,6 @@ def chain_figure(chain: Sequence[Sequence[float]]) -> Figure:
     """
     lines = PoseLines(np.zeros((0, 2, 3)), np.asarray(chain, dtype=float)[None], np.zeros((0, 3)))
     solids = parts_of(lines)
-    data = [mesh(solid, name, COLOURS[name]) for name, solid in solids.items()]
+    data = [mesh(solid, name, PART_COLOURS[name]) for name, solid in solids.items()]
     box = _around(np.concatenate([solid.points for solid in solids.values()]), RIM)
     return whole_figure(data, _layout(_scene(box), "arm"))
