@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
+from ptt.judge.compare.rows import percent
 from ptt.show.plots.common import in_micro
 from ptt.show.report.blocks import side_by_side
-from ptt.show.report.numbers import chance, percent, plus_minus
+from ptt.show.report.numbers import chance, plus_minus
 from ptt.show.report.source import short_names
 
 
@@ -18,16 +19,15 @@ def test_numbers_carry_the_digits_that_are_known() -> None:
     assert plus_minus(2.7253e-5, 5.1e-6) == "(2.73 ± 0.51) × 10⁻⁵"
     assert plus_minus(-1234.56, 12.0) == "−1235 ± 12"
     assert plus_minus(0.25, None) == "0.25"
-    assert (chance(0.0), chance(0.04), chance(3e-7, equals=True)) == ("< 10⁻¹²", "0.04", "= 3 × 10⁻⁷")
+    assert (chance(0.0), chance(0.04), chance(3e-7)) == ("< 10⁻¹²", "0.04", "3 × 10⁻⁷")
 
 
 def test_nearly_all_is_not_all() -> None:
-    assert [percent(share) for share in (0.5, 0.995, 0.99996, 1.0, None)] == [
+    assert [percent(share) for share in (0.5, 0.995, 0.99996, 1.0)] == [
         "50 %",
         "99.5 %",
         "> 99.9 %",
         "100 %",
-        "—",
     ]
 
 

@@ -8,7 +8,7 @@ from ptt.fleet.store import Store, shown
 
 RUNS = """
 SELECT runs.*, outcomes.verdict FROM runs LEFT JOIN outcomes USING (run) WHERE runs.machine = ? ORDER BY date, place"""
-ENOUGH = 6  # signs of a SHA-256 that somebody may name a run by
+ENOUGH = 6  # characters of a SHA-256 that somebody may name a run by
 
 
 def which_run(store: Store, machine: str, which: str | None = None) -> dict[str, Any]:

@@ -52,12 +52,11 @@ def in_prose(on: str, serial: bool) -> str:
     return f"the {words}" if JOINT.fullmatch(on) else words
 
 
-def length(um: float, digits: int = 3) -> str:
-    """A length with the prefix that leaves one to three digits before the point.
+def length(um: float) -> str:
+    """A length to three figures, with the prefix that leaves one to three of them before the point.
 
     Args:
         um: in micrometres.
-        digits: that count.
 
     Returns:
         For example '54.9 um' with the real sign, or '1.19 mm'.
@@ -65,10 +64,10 @@ def length(um: float, digits: int = 3) -> str:
     if not math.isfinite(um):
         return "\N{EN DASH}"
     if abs(um) >= 999.5 * 1e3:
-        return together(f"{um / 1e6:.{digits}g} m")
+        return together(f"{um / 1e6:.3g} m")
     if abs(um) >= 999.5:
-        return together(f"{um / 1e3:.{digits}g} mm")
-    return together(f"{_short(um, digits)} {MICRO}m")
+        return together(f"{um / 1e3:.3g} mm")
+    return together(f"{_short(um, 3)} {MICRO}m")
 
 
 def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:

@@ -19,7 +19,7 @@ from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
 MOST_VALUES = 6  # drawn of one machine, the ones that move first
 WIDE = 5.0  # times the least error from which a tick for every figure would lie on the next; 1, 2, 5 are there then
-NAME = 28  # signs of a name that fit beside a picture
+NAME = 28  # characters of a name that fit beside a picture
 ROWS = 60  # machines in one picture of the whole fleet
 
 

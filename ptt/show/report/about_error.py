@@ -11,6 +11,7 @@ from ptt.judge.compare.rows import (
     joint_rows,
     joint_title,
     meaning,
+    percent,
     place_of,
     worst_part,
 )
@@ -19,7 +20,7 @@ from ptt.run.problem import Problem
 from ptt.show.plots.depends import variable_label
 from ptt.show.report.blocks import Block, Grid, Picture, Section, Words, grid
 from ptt.show.report.contents import Contents
-from ptt.show.report.numbers import NONE, axes, chance, percent, um
+from ptt.show.report.numbers import NONE, axes, chance, um
 
 WORST, DEPENDENCES = 8, 10
 

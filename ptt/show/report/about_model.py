@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from ptt.fitting.report import Value
+from ptt.judge.compare.rows import percent
 from ptt.judge.history import HistoryEntry
 from ptt.model.model import Term, parameter_names, told_values
 from ptt.run.axes import AXES_TOTAL
@@ -11,7 +12,7 @@ from ptt.show.report.blocks import Block, Grid, Lines, Picture, Section, Words, 
 from ptt.show.report.commands import ladder_command
 from ptt.show.report.contents import Contents
 from ptt.show.report.network import NetworkFacts
-from ptt.show.report.numbers import NONE, axes, percent, plus_minus, um
+from ptt.show.report.numbers import NONE, axes, plus_minus, um
 
 MEASURED = {
     "yes": "yes",

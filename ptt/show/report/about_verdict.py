@@ -6,10 +6,11 @@ from ptt.effects import Library
 from ptt.effects.card import Card
 from ptt.effects.cards import card_of
 from ptt.effects.registry import parse_key
+from ptt.judge.compare.rows import percent
 from ptt.show.report.about_error import depends_grid
 from ptt.show.report.blocks import Block, Lines, Section, Words, grid, side_by_side
 from ptt.show.report.contents import Contents, ModelLook
-from ptt.show.report.numbers import chance, percent, plus_minus, um
+from ptt.show.report.numbers import chance, plus_minus, um
 
 NOTE = (
     "Share: part of the residual's variance that an effect explains by itself; p-value: corrected for the number of "

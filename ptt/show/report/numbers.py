@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 
-from ptt.judge.compare import rows
 from ptt.run.axes import AXES_TOTAL
 
 NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
@@ -29,31 +28,18 @@ def axes(figures: Mapping[str, float]) -> tuple[str, ...]:
     return tuple(um(figures[axis]) for axis in AXES_TOTAL)
 
 
-def percent(share: float | None) -> str:
-    """Percent, without turning nearly all into all.
-
-    Args:
-        share: 0 to 1.
-
-    Returns:
-        Text.
-    """
-    return NONE if share is None else rows.percent(share)
-
-
-def chance(p_value: float | None, equals: bool = False) -> str:
+def chance(p_value: float | None) -> str:
     """A p-value.
 
     Args:
         p_value: 0 to 1.
-        equals: with a sign of equality where it is not below what counts.
 
     Returns:
         Text.
     """
     if p_value is None:
         return NONE
-    return f"< {_power(-12)}" if p_value < NO_CHANCE else ("= " if equals else "") + _plain(p_value, 1)
+    return f"< {_power(-12)}" if p_value < NO_CHANCE else _plain(p_value, 1)
 
 
 def plus_minus(value: float, std: float | None) -> str:

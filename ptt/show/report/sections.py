@@ -1,6 +1,7 @@
 """The sections of a report, in order."""
 
 from ptt.effects.phrases import capital
+from ptt.judge.compare.rows import percent
 from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import source_in_words
 from ptt.show.report.about_error import error_section, left_section
@@ -10,7 +11,7 @@ from ptt.show.report.about_use import iso_section, pair_section, reduction_secti
 from ptt.show.report.about_verdict import in_short, verdict_section
 from ptt.show.report.blocks import Block, Section, Words, grid
 from ptt.show.report.contents import Contents
-from ptt.show.report.numbers import axes, percent
+from ptt.show.report.numbers import axes
 
 
 def sections_of(contents: Contents) -> tuple[Section, ...]:

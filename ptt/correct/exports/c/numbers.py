@@ -15,13 +15,12 @@ def number(value: float) -> str:
     return text if any(c in text for c in ".en") else f"{text}.0"
 
 
-def table(name: str, values: Any, kind: str = "double", note: str = "") -> str:
-    """A constant array of any dimension.
+def table(name: str, values: Any, note: str = "") -> str:
+    """A constant array of doubles, of any dimension.
 
     Args:
         name: of the array.
         values: array, at least one number.
-        kind: C type.
         note: comment behind it.
 
     Returns:
@@ -30,7 +29,7 @@ def table(name: str, values: Any, kind: str = "double", note: str = "") -> str:
     array = np.asarray(values, dtype=float)
     sizes = "".join(f"[{size}]" for size in array.shape)
     comment = f" /* {note} */" if note else ""
-    return f"static const {kind} {name}{sizes} ={comment}\n{_block(array, 1)};\n"
+    return f"static const double {name}{sizes} ={comment}\n{_block(array, 1)};\n"
 
 
 def _block(array: np.ndarray, depth: int) -> str:
