@@ -64,7 +64,9 @@ def _verdict(contents: Contents) -> str:
     effects = ", ".join(contents.given.model.keys)
     before = contents.drawing.comparison.to_dict()["rms_um"]["total"]
     after = contents.given.comparison.to_dict()["rms_um"]["total"]
-    gained = percent(1.0 - after / before) if before > 0 else ""
-    head = f"The model ({effects}) reduces the error from {before:.1f} to {after:.1f} um RMS ({gained} less)."
+    fall = f"does not reduce the error: {before:.1f} um RMS without it, {after:.1f} um with it"
+    if after < before:
+        gained = percent(1.0 - after / before)
+        fall = f"reduces the error from {before:.1f} to {after:.1f} um RMS ({gained} less)"
     tail = "" if drawn is None or drawn.verdict != "unknown" else " For the bare drawing no full explanation was found."
-    return f"{head} {found.words}{tail}"
+    return f"The model ({effects}) {fall}. {found.words}{tail}"
