@@ -1,11 +1,9 @@
 """Pictures of a fleet: everybody's error by month, and of one machine the error and the values that move."""
 
 from collections.abc import Sequence
-from io import BytesIO
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -14,7 +12,7 @@ from ptt.effects.phrases import SHOWN_UNITS
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
 from ptt.run.dates import days_of
-from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
+from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE, png
 
 NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
 MOST_VALUES = 6  # drawn of one machine, the ones that move first
@@ -35,16 +33,16 @@ def draw_machine(machine: Standing) -> bytes | None:
     if len(errors) < 2:
         return None
     places = _worth_drawing(machine)
-    figure = Figure(figsize=(9.0, 2.2 * (1 + -(-len(places) // 2))), layout="constrained")
+    figure = Figure(figsize=(9.0, 2.2 * (1 + -(-len(places) // 2))), dpi=DPI, layout="constrained")
     grid = figure.add_gridspec(1 + -(-len(places) // 2), 2)
     _draw_error(figure.add_subplot(grid[0, :]), machine)
     for number, place in enumerate(places):
         _draw_value(figure.add_subplot(grid[1 + number // 2, number % 2]), machine, place)
-    return _png(figure)
+    return png(figure)
 
 
 def _strips(machines: Sequence[Standing]) -> bytes:
-    figure = Figure(figsize=(9.0, max(2.8, 1.2 + 0.22 * len(machines))), layout="constrained")
+    figure = Figure(figsize=(9.0, max(2.8, 1.2 + 0.22 * len(machines))), dpi=DPI, layout="constrained")
     panel = figure.add_subplot()
     every = [(day, error, row) for row, machine in enumerate(machines) for day, error in _errors(machine)]
     days, errors, rows = (np.array(part) for part in zip(*every, strict=True))
@@ -75,7 +73,7 @@ def _strips(machines: Sequence[Standing]) -> bytes:
         bar.ax.yaxis.set_minor_locator(NullLocator())
     bar.ax.yaxis.set_major_formatter(NUMBERS)
     bar.ax.yaxis.set_minor_formatter(NUMBERS)
-    return _png(figure)
+    return png(figure)
 
 
 def _draw_error(panel: Axes, machine: Standing) -> None:
@@ -134,10 +132,3 @@ def _date_axis(panel: Axes) -> None:
     locator = AutoDateLocator(maxticks=8)
     panel.xaxis.set_major_locator(locator)
     panel.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = BytesIO()
-    FigureCanvasAgg(figure)
-    figure.savefig(buffer, format="png", dpi=DPI)
-    return buffer.getvalue()

@@ -1,20 +1,18 @@
 """Dexterity of an arm: where it can move evenly, where forcefully, and at which joint values it cannot at all."""
 
-import io
 from collections.abc import Sequence
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ptt.files import write_bytes
 from ptt.mechanisms.dexterity_serial import DexterityMap, dexterity_map, joint_map, singular_families
 from ptt.mechanisms.serial import Serial
+from ptt.show.plots.common import save
 
 SAMPLES = 200_000  # joint values to try for the workspace
 CELLS = 60
@@ -28,9 +26,7 @@ def plot_arm_dexterity(arm: Serial, path: str | Path) -> None:
         arm: the arm.
         path: PNG to write.
     """
-    picture = io.BytesIO()
-    FigureCanvasAgg(draw_arm_dexterity(arm)).print_png(picture, metadata={"Software": None})
-    write_bytes(path, picture.getvalue())
+    save(draw_arm_dexterity(arm), path)
 
 
 def draw_arm_dexterity(arm: Serial) -> Figure:

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
 from ptt.judge.before_after import BeforeAfter, Side
@@ -140,7 +141,7 @@ def _draw_space(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
     panel.set_title("in space", fontsize=10)
 
 
-def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndarray, norm: Normalize):  # type: ignore[no-untyped-def]
+def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndarray, norm: Normalize) -> Quiver:
     panel.plot(place[:, 0], place[:, 1], linestyle="none", marker=".", markersize=2, color="0.6")
     drawn = panel.quiver(
         place[:, 0], place[:, 1], arrow[:, 0], arrow[:, 1], size, norm=norm, cmap=COLOUR_MAP, angles="xy",

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -78,7 +79,7 @@ def _draw(result: WorkspaceMap, title: str) -> Figure:
     return figure
 
 
-def _draw_panel(panel: Axes, result: WorkspaceMap, index: int, norm: Normalize):  # type: ignore[no-untyped-def]
+def _draw_panel(panel: Axes, result: WorkspaceMap, index: int, norm: Normalize) -> QuadMesh:
     """Draw one height: condition number, pale beyond the ends of travel, which a line marks."""
     x, y, condition = result.x.numpy(), result.y.numpy(), result.condition[index].numpy()
     margin = result.travel_margin[index].numpy()
