@@ -46,7 +46,7 @@ async def _all(folder: Path, clients: int) -> None:
     most, processes = max(size for _, size in memory), max(count for count, _ in memory)
     print(f"{clients} clients: at most {most / 2**30:.2f} GB resident, in at most {processes} processes")
     print(f"diagnosed after {min(waited):.0f} s (first), {statistics.median(waited):.0f} s, {max(waited):.0f} s (last)")
-    assert all(studio.session.lesson is not None for studio in studios), "somebody got nothing"
+    assert all(studio.session.diagnosis is not None for studio in studios), "somebody got nothing"
 
 
 async def _one(studio: Studio, began: float) -> float:

@@ -25,7 +25,7 @@ def test_the_card_of_an_arm_shows_the_joint_at_fault_alone(tmp_path: Path, monke
     monkeypatch.chdir(tmp_path)
     for name in ("run.csv", "machine.toml"):
         (tmp_path / name).write_bytes((DATA.parent / "arm" / name).read_bytes())
-    learned = jobs.learn(Source("run.csv"), (tmp_path / "machine.toml").read_text(encoding="utf-8"), silent)
+    learned = jobs.diagnose(Source("run.csv"), (tmp_path / "machine.toml").read_text(encoding="utf-8"), silent)
     fit, hidden = learned.fits["backlash"], draw_arm(load_machine("machine.toml").machine, "backlash", 41).rig.faults
     label, name, unit = fit["labels"]
     gaps = [1e6 * gap for gap in hidden.gap.tolist()]

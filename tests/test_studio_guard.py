@@ -132,7 +132,7 @@ async def _stopped(pool: Pool, folder: Path) -> list[str]:
         told.append(what)
         begun.set() if what.startswith("which effects") else None
 
-    task = asyncio.create_task(pool.run(folder, "learn", (RUN, MACHINE), tell))
+    task = asyncio.create_task(pool.run(folder, "diagnose", (RUN, MACHINE), tell))
     await begun.wait()
     task.cancel()
     with pytest.raises(asyncio.CancelledError):

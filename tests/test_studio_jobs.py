@@ -53,7 +53,7 @@ def test_a_look_says_what_the_comparison_says(here: Path, look: Look):
 
 
 def test_diagnosis_is_the_one_of_the_command_line(here: Path):
-    found = jobs.learn(RUN, MACHINE, silent)
+    found = jobs.diagnose(RUN, MACHINE, silent)
     assert found.data == verb("diagnose", "run.csv", "--model", "machine.toml")
     assert found.data["suggested"] == [["backlash"]] and found.measure_next == "" and found.sizes == []
 
@@ -65,7 +65,7 @@ def test_where_a_size_of_the_drawing_is_found_the_others_can_be_added_as_the_com
     stood = robot.forward(sent + torch.tensor([0.0, 0.1, 0.0])).numpy() + random.normal(0.0, 0.003, place.shape)
     columns = [f"{axis}_{kind}" for kind in ("cmd", "meas") for axis in "xyz"]
     pd.DataFrame(np.hstack([place, stood]), columns=columns).to_csv("high.csv", index=False)
-    found = jobs.learn(Source("high.csv"), MACHINE, silent)
+    found = jobs.diagnose(Source("high.csv"), MACHINE, silent)
     assert [step[0] for step in found.data["suggested"]] == ["homing-offset"]
     mine = jobs.change(Source("high.csv"), MACHINE, "add", ("homing-offset", *found.sizes), silent)
     theirs = verb("add", "high.csv", "homing-offset", "--sizes", "--model", "machine.toml", "--out", "theirs.toml")

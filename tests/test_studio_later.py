@@ -75,7 +75,7 @@ def test_answers_on_a_later_run_leave_those_on_the_first_as_they_are(files: Path
 def test_what_a_date_was_taken_from_is_told_and_a_first_run_that_is_later_than_the_others():
     assert "name" in whence("mill-2026-03-15.csv", "2026-03-15", False)
     assert "you said" in whence("mill-2026-03-15.csv", "2026-03-20", True)
-    assert "when was it measured" in whence("run.csv", "2026-03-15", False)
+    assert "enter the day it was measured" in whence("run.csv", "2026-03-15", False)
     later = [("b.csv", "2026-03-01"), ("c.csv", "2026-05-01")]
     assert before_first(("a.csv", "2026-03-01"), later) == ""
     assert "b.csv was measured before a.csv" in before_first(("a.csv", "2026-04-01"), later)

@@ -31,16 +31,16 @@ from ptt.show.studio.machine_figure import machine_figure
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.page import told_of
 from ptt.show.studio.page_model import ladder_of
-from ptt.show.studio.results import Learned, Source, Trained
+from ptt.show.studio.results import Diagnosed, Source, Trained
 from ptt.show.studio.session import Session
 from ptt.show.studio.store import SessionStore
 
 
 @pytest.fixture(scope="module")
-def learned(folder: Path) -> Learned:
+def learned(folder: Path) -> Diagnosed:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        return jobs.learn(RUN, MACHINE, silent)
+        return jobs.diagnose(RUN, MACHINE, silent)
 
 
 def sealed_gaps_um() -> list[float]:
@@ -49,7 +49,7 @@ def sealed_gaps_um() -> list[float]:
     return [1e3 * value for value in truth["backlash"]["backlash_mm"]]
 
 
-def test_a_session_is_taken_up_as_it_was(here: Path, learned: Learned, tmp_path: Path):
+def test_a_session_is_taken_up_as_it_was(here: Path, learned: Diagnosed, tmp_path: Path):
     look = jobs.look(RUN, MACHINE, silent)
     added = jobs.change(RUN, MACHINE, "add", ("backlash",), silent)
     session = Session().opened(RUN, MACHINE).remembering(look=look, learned=learned)
@@ -66,7 +66,7 @@ def test_a_session_is_taken_up_as_it_was(here: Path, learned: Learned, tmp_path:
         session.past,
         session.future,
     )
-    assert back.undone().lesson == learned and back.training == session.training
+    assert back.undone().diagnosis == learned and back.training == session.training
     shown = back.undone().look
     assert shown is not None
     np.testing.assert_array_equal(shown.residual, look.residual)
@@ -92,7 +92,7 @@ def test_a_mistaken_set_up_is_said_with_its_proof_and_mended(here: Path):
     assert jobs.look(replace(source, anyway=True), MACHINE, silent).setup[0]["mistake"] == "axis-sign"
 
 
-def test_the_card_says_side_size_cure_and_how_sure(learned: Learned):
+def test_the_card_says_side_size_cure_and_how_sure(learned: Diagnosed):
     card = learned.card
     assert (card["verdict"], len(card["findings"])) == ("missing", 1)
     (finding,) = card["findings"]
@@ -122,12 +122,12 @@ def test_the_card_says_that_an_unknown_may_do_a_part_of_what_is_named(here: Path
 
 
 def test_a_report_from_the_page_diagnoses_nothing_anew(
-    here: Path, learned: Learned, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    here: Path, learned: Diagnosed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     session = Session().opened(RUN, MACHINE).remembering(learned=learned)
-    assert session.lesson_of_drawing is learned
+    assert session.diagnosis_of_drawing is learned
     added = session.changed("add", ("backlash",), jobs.change(RUN, MACHINE, "add", ("backlash",), silent))
-    assert added.lesson is None and added.lesson_of_drawing is learned
+    assert added.diagnosis is None and added.diagnosis_of_drawing is learned
     anew = jobs.report(RUN, MACHINE, None, b"", b"", silent).decode()
     monkeypatch.setattr("ptt.show.report.gather.diagnose_run", lambda *of, **more: pytest.fail("diagnosed again"))
     handed = jobs.report(RUN, MACHINE, None, learned.whole, b"", silent).decode()
@@ -136,11 +136,11 @@ def test_a_report_from_the_page_diagnoses_nothing_anew(
     # What is on a disk could run where it is unpacked: none of it gets there.
     place = SessionStore(tmp_path).fresh(OWNER)
     place.save(session)
-    kept = place.load().lesson
+    kept = place.load().diagnosis
     assert kept is not None and kept.whole == b"" and kept.data == learned.data
 
 
-def test_one_thing_has_one_number_on_the_page(here: Path, learned: Learned):
+def test_one_thing_has_one_number_on_the_page(here: Path, learned: Diagnosed):
     """Head line, ladder and card of a diagnosed model say the same; the comparison has another frame and more rows."""
     compared = jobs.compare(RUN, MACHINE, silent)
     session = Session().opened(RUN, MACHINE).remembering(compared=compared)
@@ -186,7 +186,7 @@ def test_a_later_run_is_held_beside_the_first_and_by_date(here: Path):
     assert date_in("run 2026-13-45.csv") == date_in("run.csv")
 
 
-def test_the_fit_goes_through_this_runs_data(learned: Learned):
+def test_the_fit_goes_through_this_runs_data(learned: Diagnosed):
     fit = learned.fits["backlash"]
     data, through = np.asarray(fit["data_um"]), np.asarray(fit["fit_um"])
     noise = learned.card["noise_um"]
@@ -196,7 +196,7 @@ def test_the_fit_goes_through_this_runs_data(learned: Learned):
     assert np.ptp(through) == pytest.approx(gap, rel=0.7)  # the frame takes a part of it
 
 
-def test_labels_of_legs_lie_above_and_below_by_turns_and_have_few_lines(learned: Learned, here: Path):
+def test_labels_of_legs_lie_above_and_below_by_turns_and_have_few_lines(learned: Diagnosed, here: Path):
     look = jobs.look(RUN, MACHINE, silent)
     values = [{"who": f"slider {leg}", "size": 10.0, "error": 1.0, "unit": "um"} for leg in (1, 2, 3, 3, 3, 3)]
     ghost = {"shift": learned.ghosts["shift"]["backlash"], "at": 0, "times": 1.0, "values": values}
@@ -212,7 +212,7 @@ def test_labels_of_legs_lie_above_and_below_by_turns_and_have_few_lines(learned:
     assert labels["<b>slider 3</b>"]["text"].endswith("and 2 more")
 
 
-def test_a_ghost_moves_the_slider_that_lags_and_no_rail(learned: Learned):
+def test_a_ghost_moves_the_slider_that_lags_and_no_rail(learned: Diagnosed):
     shift = learned.ghosts["shift"]["backlash"]
     gaps = np.asarray(sealed_gaps_um()) / 2e3
     along = np.abs(np.asarray(shift["sliders"])[:, :, 2])

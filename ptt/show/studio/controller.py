@@ -21,7 +21,7 @@ from ptt.show.studio.session import Session
 from ptt.show.studio.steps import START
 from ptt.show.studio.store import SessionFolder
 
-LEARN = "finding what is missing"
+DIAGNOSING = "finding what is missing"
 TOPICS = ("session", "picked", "busy", "staged", "view")
 Listener = Callable[[], None]
 
@@ -162,7 +162,7 @@ class Studio(Doing):
             with self.client:
                 then()
         await self.compare()
-        await self.learn(unasked=True)
+        await self.diagnose(unasked=True)
         return True
 
     def with_source(self, source: Source) -> None:
@@ -185,16 +185,16 @@ class Studio(Doing):
         if compared is not None:
             self._found(session, compared=compared)
 
-    async def learn(self, unasked: bool = False) -> None:
+    async def diagnose(self, unasked: bool = False) -> None:
         """Find what is missing from the active model; unasked only what is not known yet and does not take long."""
         session = self.session
         long = session.look is not None and session.look.rows > LONG  # a minute or more
-        if not session.ready or (unasked and (session.lesson is not None or long)):
+        if not session.ready or (unasked and (session.diagnosis is not None or long)):
             return
         how = "unasked" if unasked else "asked"
-        found = await self.work(LEARN, "learn", session.source, session.text, how=how)
+        found = await self.work(DIAGNOSING, "diagnose", session.source, session.text, how=how)
         if found is not None:
-            self._found(session, learned=found)
+            self._found(session, diagnosed=found)
 
     async def change(self, verb: str, *effects: str) -> None:
         """Add, remove or refit, one after the other; then what is missing is looked for again."""
@@ -212,7 +212,7 @@ class Studio(Doing):
             self.session = session.changed(verb, wanted, changed)
             self.tell("session")
         await self._look()
-        await self.learn(unasked=True)
+        await self.diagnose(unasked=True)
 
     async def train(self) -> None:
         """Train the network on what the active model leaves."""
@@ -239,7 +239,7 @@ class Studio(Doing):
         if self.session.ready:
             self.tell("session")
             await self._look()
-            await self.learn(unasked=True)
+            await self.diagnose(unasked=True)
 
     def _found(self, session: Session, **found: Any) -> None:
         """Keep what was found on the model of a session, if the run is still the same."""

@@ -14,7 +14,7 @@ from ptt.show.studio.jobs_files import columns, describe, mend, peek
 from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effect
 from ptt.show.studio.looks import Look
 from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
-from ptt.show.studio.results import SEAL, Changed, Compared, Learned, Predicted, Source, Trained
+from ptt.show.studio.results import SEAL, Changed, Compared, Diagnosed, Predicted, Source, Trained
 
 MOST_READINGS = 1200  # of an unknown that a picture shows
 
@@ -30,10 +30,10 @@ __all__ = [
     "compare",
     "describe",
     "dexterity",
+    "diagnose",
     "export",
     "formats",
     "iso",
-    "learn",
     "look",
     "mend",
     "names",
@@ -80,7 +80,7 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
     return Compared(look_at(opened.model, opened.problem, source.run, result, setup), data, format_comparison(result))
 
 
-def learn(source: Source, model: str, tell: Progress) -> Learned:
+def diagnose(source: Source, model: str, tell: Progress) -> Diagnosed:
     """As `ptt diagnose`; long runs in chunks. Beside it the card, the data with the fits through it, and the ghosts."""
     from ptt.diagnosis.diagnose import diagnose_run
     from ptt.door.diagnosing import format_diagnosis
@@ -101,7 +101,7 @@ def learn(source: Source, model: str, tell: Progress) -> Learned:
     csv = "" if poses is None else table_to_frame(poses).to_csv(index=False, lineterminator="\n")
     steps = tuple(step[0] for step in result.suggested)
     family = problem.file.machine.kind
-    return Learned(
+    return Diagnosed(
         plain(result.to_dict() | opened.set_up),
         format_diagnosis(result, problem),
         csv,
@@ -218,7 +218,7 @@ def report(source: Source, model: str, archive: bytes | None, drawing: bytes, gi
         source: the files.
         model: text of the active model.
         archive: the compensator's folder as a zip; None without one.
-        drawing: `Learned.whole` of the machine without effects; b'' where it is not known.
+        drawing: `Diagnosed.whole` of the machine without effects; b'' where it is not known.
         given: the same of the active model.
         tell: told what is done.
 

@@ -55,7 +55,7 @@ def whence(run: str, when: str, said: bool) -> str:
         return "date as you said"
     if named is not None and named.isoformat() == when:
         return "date from its name"
-    return "date of the day it came here: when was it measured?"
+    return "date it was added here; enter the day it was measured"
 
 
 def before_first(first: tuple[str, str], later: Sequence[tuple[str, str]]) -> str:

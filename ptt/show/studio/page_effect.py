@@ -12,7 +12,7 @@ from ptt.show.studio.card_figures import fit_figure, ruler_html, sign_figure
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.panels import BEHIND
 from ptt.show.studio.picture import Picture
-from ptt.show.studio.results import Learned
+from ptt.show.studio.results import Diagnosed
 
 PARTS = (
     ("Cause", "cause"), ("Shows as", "fingerprint"), ("Equation", "equation"), ("Usual size", "size"),
@@ -37,26 +37,26 @@ class EffectCards:
         self.studio = studio
         self._dialogs: dict[str, ui.element] = {}
 
-    def prepare(self, lesson: Learned) -> None:
+    def prepare(self, diagnosis: Diagnosed) -> None:
         """Take away the cards of what was found before, and have those of a diagnosis built ahead."""
         for dialog in self._dialogs.values():
             dialog.delete()
         self._dialogs.clear()
-        for finding in lesson.card["findings"]:
-            if finding["effect"] in lesson.cards:
-                self.studio.later.ask(BEHIND, partial(self._ahead, lesson, finding["effect"]))
+        for finding in diagnosis.card["findings"]:
+            if finding["effect"] in diagnosis.cards:
+                self.studio.later.ask(BEHIND, partial(self._ahead, diagnosis, finding["effect"]))
 
     def open_on(self, button: ui.button, key: str) -> None:
         """Have a button open the card of an effect."""
         known = f"document.querySelector({json.dumps(f'dialog[data-card={json.dumps(key)}]')})"
         button.on("click", lambda: self._open(key), js_handler=f"() => {{ const own = {known}; {SHOW} : emit(); }}")
 
-    def _ahead(self, lesson: Learned, key: str) -> None:
-        if self.studio.session.lesson is lesson and key not in self._dialogs:
+    def _ahead(self, diagnosis: Diagnosed, key: str) -> None:
+        if self.studio.session.diagnosis is diagnosis and key not in self._dialogs:
             body = self._dialog(key)
             with body:
                 fit = self._found(key)
-                _show_card(lesson.cards[key], own=fit)
+                _show_card(diagnosis.cards[key], own=fit)
 
     async def _open(self, key: str) -> None:
         if key in self._dialogs:  # it was on its way
@@ -108,9 +108,9 @@ def _own(studio: Studio, key: str) -> tuple[Mapping[str, Any] | None, Mapping[st
     """Data with fit, and finding, of the last diagnosis that has the effect."""
     session = studio.session
     for text in (session.text, *(snapshot.active for snapshot in reversed(session.past))):
-        lesson = session.lessons.get(text)
-        if lesson is not None and key in lesson.fits:
-            return lesson.fits[key], next((one for one in lesson.card["findings"] if one["effect"] == key), None)
+        diagnosis = session.diagnoses.get(text)
+        if diagnosis is not None and key in diagnosis.fits:
+            return diagnosis.fits[key], next((one for one in diagnosis.card["findings"] if one["effect"] == key), None)
     return None, None
 
 

@@ -123,7 +123,7 @@ class FinishView:
     async def _give_report(self) -> None:
         session = self.studio.session
         archive = session.training.archive if session.training else None
-        known = [found.whole if found else b"" for found in (session.lesson_of_drawing, session.lesson)]
+        known = [found.whole if found else b"" for found in (session.diagnosis_of_drawing, session.diagnosis)]
         page = await self.studio.work("writing the report", "report", session.source, session.text, archive, *known)
         if page is not None:
             ui.download.content(page, "report.html")

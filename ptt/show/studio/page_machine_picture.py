@@ -13,7 +13,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import empty_space, machine_figure
 from ptt.show.studio.picture import Picture
-from ptt.show.studio.results import Learned
+from ptt.show.studio.results import Diagnosed
 
 STEP = 1.0 / 3.0  # of a power of ten, a notch of the sliders
 
@@ -24,7 +24,7 @@ class MachinePicture:
     def __init__(self, studio: Studio) -> None:
         """Build it."""
         self.studio = studio
-        self.lesson: Learned | None = None
+        self.diagnosis: Diagnosed | None = None
         self.key = ""
         self.look: Look | None = None
         self.drawn: object = None
@@ -52,14 +52,14 @@ class MachinePicture:
         slider.on("change", lambda: None, throttle=0.15)
         return slider
 
-    def show(self, lesson: Learned | None) -> None:
+    def show(self, diagnosis: Diagnosed | None) -> None:
         """Take over a diagnosis, or none yet; the errors are of the run as it was held against the drawing."""
         look = self.studio.session.look
-        if (lesson, look) == (self.lesson, self.look) and self.drawn is not None:
+        if (diagnosis, look) == (self.diagnosis, self.look) and self.drawn is not None:
             return
         fresh = self.look is None or look is None or self.look.source != look.source
-        self.lesson, self.look = lesson, look
-        shifts = {} if lesson is None else lesson.ghosts.get("shift", {})
+        self.diagnosis, self.look = diagnosis, look
+        shifts = {} if diagnosis is None else diagnosis.ghosts.get("shift", {})
         if self.key not in shifts:
             self.key = next(iter(shifts), "")
         if look is None:
@@ -89,15 +89,15 @@ class MachinePicture:
 
     def _rows(self) -> np.ndarray:
         """Rows that the travel is scrubbed through: those that the ghosts were worked out at."""
-        if self.lesson is not None and self.lesson.ghosts.get("rows"):
-            return np.asarray(self.lesson.ghosts["rows"], dtype=int)
+        if self.diagnosis is not None and self.diagnosis.ghosts.get("rows"):
+            return np.asarray(self.diagnosis.ghosts["rows"], dtype=int)
         assert self.look is not None
         kept = np.flatnonzero(self.look.kept)
         kept = kept if len(kept) else np.arange(self.look.rows)
         return np.asarray(kept[spread(len(kept), POSES)])
 
     def _shift(self) -> Any:
-        return None if self.lesson is None else self.lesson.ghosts.get("shift", {}).get(self.key)
+        return None if self.diagnosis is None else self.diagnosis.ghosts.get("shift", {}).get(self.key)
 
     def draw(self) -> None:
         """Draw it again."""
@@ -108,8 +108,8 @@ class MachinePicture:
         at = min(int(self.pose.value or 0), len(rows) - 1)
         scale, times = round_figure(10.0 ** float(self.scale.value)), round_figure(10.0 ** float(self.times.value))
         finding = (
-            next((one for one in self.lesson.card["findings"] if one["effect"] == self.key), None)
-            if self.lesson
+            next((one for one in self.diagnosis.card["findings"] if one["effect"] == self.key), None)
+            if self.diagnosis
             else None
         )
         ghost = None

@@ -80,7 +80,7 @@ class ModelView:
         asked = f"{session.kind} {session.source.effects if session.source else ''}"
         if session.ready and self.asked != asked:
             self.asked = asked
-            ui.timer(0.01, self._learn_names, once=True)
+            ui.timer(0.01, self._fetch_names, once=True)
         self._fill_selects()
         self.redraw()
         if session.now is not self.listed:  # never rebuilt under the pointer for the same model
@@ -95,7 +95,7 @@ class ModelView:
         for draw in (self._draw_ladder, self._draw_against):
             self.studio.later.ask("Model", draw)
 
-    async def _learn_names(self) -> None:
+    async def _fetch_names(self) -> None:
         session = self.studio.session
         files = () if session.source is None else session.source.effect_files
         known = await self.studio.work("effects", "names", session.kind, files, how="spare")

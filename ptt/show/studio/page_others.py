@@ -10,7 +10,7 @@ from ptt.show.card.words import length, percent, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_effect import EffectCards
 from ptt.show.studio.panels import BEHIND
-from ptt.show.studio.results import Learned, Source
+from ptt.show.studio.results import Diagnosed, Source
 
 HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told from", "")
 
@@ -21,7 +21,7 @@ class OthersView:
     def __init__(self, studio: Studio, add: Callable[[str], Awaitable[None]], cards: EffectCards) -> None:
         """Build it."""
         self.studio, self.add, self.cards = studio, add, cards
-        self.shown: Learned | None = None
+        self.shown: Diagnosed | None = None
         self.of: Source | None = None
         self.adds: dict[str, ui.button] = {}
         with (
@@ -35,22 +35,22 @@ class OthersView:
     def show(self) -> None:
         """Take over a changed session; rows stay where they are."""
         session = self.studio.session
-        lesson = session.lesson
+        diagnosis = session.diagnosis
         if session.source is not self.of:  # what was found of another run is no news of this one
             self.of, self.shown = session.source, None
-        self.box.set_visibility(lesson is not None or self.shown is not None)
-        if lesson is not None and lesson is not self.shown:
-            self.shown = lesson
+        self.box.set_visibility(diagnosis is not None or self.shown is not None)
+        if diagnosis is not None and diagnosis is not self.shown:
+            self.shown = diagnosis
             self.body.clear()
             self.adds.clear()
             with self.body:
-                self._fill(lesson)
+                self._fill(diagnosis)
         there = {entry.key for entry in session.effects}
         for key, button in self.adds.items():
             button.set_visibility(key not in there)
 
-    def _fill(self, lesson: Learned) -> None:
-        data = lesson.data
+    def _fill(self, diagnosis: Diagnosed) -> None:
+        data = diagnosis.data
         with ui.element("table").classes("st-plain st-keep").mark("candidates"):
             with ui.element("thead"), ui.element("tr"):
                 for index, head in enumerate(HEADS):
@@ -74,7 +74,7 @@ class OthersView:
             "st-note"
         )
         with ui.expansion("The same as the command line prints it").classes("w-full").props("dense"):
-            ui.label(pretty(lesson.text)).classes("st-mono")
+            ui.label(pretty(diagnosis.text)).classes("st-mono")
 
     def _row(self, item: dict[str, Any]) -> None:
         key = item["effect"]

@@ -9,12 +9,12 @@ from ptt.effects.phrases import capital
 from ptt.fitting.chunks import LONG
 from ptt.show.card.bar import COLOURS, MOST_FINDINGS, bar_html
 from ptt.show.card.words import how_sure, length
-from ptt.show.studio.controller import LEARN, Studio
+from ptt.show.studio.controller import DIAGNOSING, Studio
 from ptt.show.studio.page_effect import EffectCards
 from ptt.show.studio.page_machine_picture import MachinePicture
 from ptt.show.studio.page_others import OthersView
 from ptt.show.studio.page_unknown import UnknownView
-from ptt.show.studio.results import Learned
+from ptt.show.studio.results import Diagnosed
 
 ICONS = {"missing": "lightbulb", "nothing-missing": "check_circle", "unknown": "help"}
 
@@ -26,7 +26,7 @@ class ResultView:
         """Build it."""
         self.studio = studio
         self.cards = EffectCards(studio)
-        self.filled: Learned | None = None
+        self.filled: Diagnosed | None = None
         self.adds: dict[str, tuple[ui.button, ui.label]] = {}
         self.rows: dict[str, ui.element] = {}
         with ui.element("div").classes("st-two st-wide-right"):
@@ -54,7 +54,7 @@ class ResultView:
             self.title.style("flex: 1 1 200px; min-width: 0")
             self.sure = ui.label().classes("st-chip").mark("sure")
         self.words = ui.label().mark("words")
-        self.find = ui.button("Find what is missing", icon="search", on_click=self.studio.learn).props(
+        self.find = ui.button("Find what is missing", icon="search", on_click=self.studio.diagnose).props(
             "no-caps unelevated"
         )
 
@@ -68,23 +68,23 @@ class ResultView:
         self.finish = ui.button("Take it to the machine", icon="task_alt", on_click=lambda: self.studio.go("Finish"))
         self.finish.props("no-caps outline")
 
-    def lesson(self) -> tuple[Learned | None, bool]:
+    def diagnosis(self) -> tuple[Diagnosed | None, bool]:
         """The diagnosis that is shown, and whether the model has changed since it was made."""
         session = self.studio.session
-        if session.lesson is not None:
-            return session.lesson, False
+        if session.diagnosis is not None:
+            return session.diagnosis, False
         before = (snapshot.active for snapshot in reversed(session.past))
-        return next((session.lessons[text] for text in before if text in session.lessons), None), True
+        return next((session.diagnoses[text] for text in before if text in session.diagnoses), None), True
 
     def _enable(self) -> None:
         session, busy = self.studio.session, self.studio.busy
-        lesson, _ = self.lesson()
-        looking = busy is not None and busy.words.startswith(LEARN)
-        self.find.set_visibility(session.ready and session.lesson is None and not looking)
+        diagnosis, _ = self.diagnosis()
+        looking = busy is not None and busy.words.startswith(DIAGNOSING)
+        self.find.set_visibility(session.ready and session.diagnosis is None and not looking)
         self.find.set_enabled(self.studio.idle)
         self.all.set_enabled(self.studio.idle)
         self.whole.set_enabled(self.studio.idle)
-        if lesson is None:
+        if diagnosis is None:
             self._empty(looking)
 
     def _empty(self, looking: bool) -> None:
@@ -113,34 +113,34 @@ class ResultView:
 
     def show(self) -> None:
         """Take over a changed session; the card is only built anew for another diagnosis, rows are updated."""
-        lesson, stale = self.lesson()
+        diagnosis, stale = self.diagnosis()
         self._enable()
-        self.next.set_visibility(lesson is not None)
-        if lesson is None:
+        self.next.set_visibility(diagnosis is not None)
+        if diagnosis is None:
             self.card.clear()
             self.filled = None
             self.picture.show(None)
             return
-        card = lesson.card
-        if lesson is not self.filled:
-            self.filled = lesson
+        card = diagnosis.card
+        if diagnosis is not self.filled:
+            self.filled = diagnosis
             self.card.clear()
             self.adds.clear()
             self.rows.clear()
             with self.card:
-                self._fill(lesson)
+                self._fill(diagnosis)
             self._say(card["title"], self._told(card), ICONS[card["verdict"]])
             self.sure.set_text(f"this verdict: {how_sure(card['probability'])}")
             self.sure.set_visibility(True)
-            self.picture.show(lesson)
-            self.cards.prepare(lesson)
+            self.picture.show(diagnosis)
+            self.cards.prepare(diagnosis)
         there, left = {entry.key for entry in self.studio.session.effects}, self._left()
         for key, (button, note) in self.adds.items():
             button.set_visibility(key not in there)
             note.set_visibility(key in there)
         self.all.set_visibility(len(left) > 1)
-        self.whole.set_visibility(bool(left and lesson.sizes))
-        self.poses.set_visibility(bool(lesson.measure_next))
+        self.whole.set_visibility(bool(left and diagnosis.sizes))
+        self.poses.set_visibility(bool(diagnosis.measure_next))
         self.finish.set_visibility(not left and card["verdict"] != "unknown")
         if stale:
             self.words.set_text("The model has changed since; this was found before the change.")
@@ -152,8 +152,8 @@ class ResultView:
         began = self.studio.session.began_um
         return f"{card['words']} It began with {length(began['total'])}." if began else str(card["words"])
 
-    def _fill(self, lesson: Learned) -> None:
-        card = lesson.card
+    def _fill(self, diagnosis: Diagnosed) -> None:
+        card = diagnosis.card
         ui.html(bar_html(card), sanitize=False).classes("w-full").style("margin: 10px 0").mark("bar")
         for number, finding in enumerate(card["findings"][:MOST_FINDINGS]):
             self._finding(finding, number)
@@ -218,22 +218,21 @@ class ResultView:
 
     def _left(self) -> list[str]:
         """What is found and not in the model."""
-        lesson, _ = self.lesson()
+        diagnosis, _ = self.diagnosis()
         there = {entry.key for entry in self.studio.session.effects}
-        return (
-            [] if lesson is None else [one["effect"] for one in lesson.card["findings"] if one["effect"] not in there]
-        )
+        found = [] if diagnosis is None else [one["effect"] for one in diagnosis.card["findings"]]
+        return [key for key in found if key not in there]
 
     async def _add_all(self) -> None:
         await self.studio.change("add", *self._left())
 
     async def _add_whole(self) -> None:
         """As `ptt add ... --sizes`."""
-        lesson, _ = self.lesson()
-        if lesson is not None:
-            await self.studio.change("add", *self._left(), *lesson.sizes)
+        diagnosis, _ = self.diagnosis()
+        if diagnosis is not None:
+            await self.studio.change("add", *self._left(), *diagnosis.sizes)
 
     def _give_poses(self) -> None:
-        lesson, _ = self.lesson()
-        if lesson is not None:
-            ui.download.content(lesson.measure_next, "measure_next.csv")
+        diagnosis, _ = self.diagnosis()
+        if diagnosis is not None:
+            ui.download.content(diagnosis.measure_next, "measure_next.csv")

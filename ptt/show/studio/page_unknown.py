@@ -13,7 +13,7 @@ from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.picture import Picture
-from ptt.show.studio.results import Learned
+from ptt.show.studio.results import Diagnosed
 
 HOW = {
     "levels": "level by level", "smooth": "smoothly", "step": "in a step", "bump": "near one place",
@@ -27,7 +27,7 @@ class UnknownView:
     def __init__(self, studio: Studio) -> None:
         """Build it."""
         self.studio = studio
-        self.shown: Learned | None = None
+        self.shown: Diagnosed | None = None
         self.file = ""
         with ui.element("div").classes("st-box").mark("unknown") as self.box:
             ui.html("The curve that it follows", sanitize=False, tag="h2").classes("st-head")
@@ -45,13 +45,13 @@ class UnknownView:
 
     def show(self) -> None:
         """Take over a changed session."""
-        lesson = self.studio.session.lesson
-        self.box.set_visibility(lesson is not None and lesson.unknown is not None)
-        if lesson is None or lesson.unknown is None or lesson is self.shown:
+        diagnosis = self.studio.session.diagnosis
+        self.box.set_visibility(diagnosis is not None and diagnosis.unknown is not None)
+        if diagnosis is None or diagnosis.unknown is None or diagnosis is self.shown:
             return
-        self.shown = lesson
-        self.plot.show(unknown_figure(lesson.unknown, self.studio.session.kind == "serial"))
-        unknown = lesson.unknown
+        self.shown = diagnosis
+        self.plot.show(unknown_figure(diagnosis.unknown, self.studio.session.kind == "serial"))
+        unknown = diagnosis.unknown
         rivals = f"; {', '.join(unknown['rivals'])} would explain it about as well" if unknown["rivals"] else ""
         follows = f"{percent(unknown['share'])} of the variance of {remaining_error(unknown['residual'])} depends on it"
         self.how.set_text(f"{follows} ({HOW[unknown['shape']]}){rivals}.{_seen_as(unknown)}")
@@ -59,11 +59,11 @@ class UnknownView:
         self.add.set_visibility(False)
 
     async def _write(self) -> None:
-        lesson = self.studio.session.lesson
+        diagnosis = self.studio.session.diagnosis
         name = re.sub(r"[^a-z0-9]+", "-", str(self.name.value or "").lower()).strip("-") or "my-effect"
-        if lesson is None or lesson.unknown is None:
+        if diagnosis is None or diagnosis.unknown is None:
             return
-        dependence = {key: value for key, value in lesson.unknown.items() if key != "points"}
+        dependence = {key: value for key, value in diagnosis.unknown.items() if key != "points"}
         made = await self.studio.work("writing the effect", "write_effect", name, dependence, how="asked")
         if made is None:
             return

@@ -104,7 +104,7 @@ class Compared:
 
 
 @dataclass(frozen=True)
-class Learned:
+class Diagnosed:
     """A diagnosis.
 
     Attributes:

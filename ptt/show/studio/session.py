@@ -9,7 +9,7 @@ from ptt.machine import format_machine, parse_machine
 from ptt.machine_schema import EffectEntry
 from ptt.show.studio.later import Said
 from ptt.show.studio.looks import Look
-from ptt.show.studio.results import Changed, Compared, Learned, Source, Trained
+from ptt.show.studio.results import Changed, Compared, Diagnosed, Source, Trained
 from ptt.show.studio.snapshot import Figures, Rung, Snapshot, parsed
 from ptt.show.studio.steps import START, step_command, switch_commands
 
@@ -28,7 +28,7 @@ class Session:
         future: models that were undone, the next one first.
         looks: model text -> look.
         comparisons: model text -> comparison.
-        lessons: model text -> diagnosis.
+        diagnoses: model text -> diagnosis.
         trainings: model text -> compensator.
         first: when the run was measured, '2026-03-15'; '' where nobody said.
         later: file and date of runs that were measured later on the same machine.
@@ -41,7 +41,7 @@ class Session:
     future: tuple[Snapshot, ...] = ()
     looks: Mapping[str, Look] = field(default_factory=dict)
     comparisons: Mapping[str, Compared] = field(default_factory=dict)
-    lessons: Mapping[str, Learned] = field(default_factory=dict)
+    diagnoses: Mapping[str, Diagnosed] = field(default_factory=dict)
     trainings: Mapping[str, Trained] = field(default_factory=dict)
     first: str = ""
     later: tuple[tuple[str, str], ...] = ()
@@ -68,15 +68,15 @@ class Session:
         return self.comparisons.get(self.text)
 
     @property
-    def lesson(self) -> Learned | None:
+    def diagnosis(self) -> Diagnosed | None:
         """Its diagnosis."""
-        return self.lessons.get(self.text)
+        return self.diagnoses.get(self.text)
 
     @property
-    def lesson_of_drawing(self) -> Learned | None:
+    def diagnosis_of_drawing(self) -> Diagnosed | None:
         """The diagnosis of the machine without any effect, where the session has been there."""
         bare = None if self.now is None else replace(self.now.file, effect=(), **_WAY)
-        files = ((parsed(text), found) for text, found in self.lessons.items())
+        files = ((parsed(text), found) for text, found in self.diagnoses.items())
         return next((found for file, found in files if replace(file, **_WAY) == bare), None)
 
     @property
@@ -94,8 +94,8 @@ class Session:
         return self._error_of(self.past[0].active) if self.past else None
 
     def _error_of(self, text: str) -> Figures | None:
-        if text in self.lessons:
-            return dict(self.lessons[text].data["rms_um"]["before"])
+        if text in self.diagnoses:
+            return dict(self.diagnoses[text].data["rms_um"]["before"])
         return dict(self.comparisons[text].data["rms_um"]) if text in self.comparisons else None
 
     @property
@@ -133,7 +133,7 @@ class Session:
         text: str | None = None,
         look: Look | None = None,
         compared: Compared | None = None,
-        learned: Learned | None = None,
+        diagnosed: Diagnosed | None = None,
         trained: Trained | None = None,
     ) -> "Session":
         """With a finding on a model kept: the active one, unless its text says which."""
@@ -142,7 +142,7 @@ class Session:
             self,
             looks=_with(self.looks, text, compared.look if compared else look),
             comparisons=_with(self.comparisons, text, compared),
-            lessons=_with(self.lessons, text, learned),
+            diagnoses=_with(self.diagnoses, text, diagnosed),
             trainings=_with(self.trainings, text, trained),
         )
 

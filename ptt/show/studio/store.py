@@ -18,12 +18,13 @@ from typing import Any
 from ptt.errors import InputError, PttError
 from ptt.files import write_bytes, write_text
 from ptt.show.studio.arrays import pack_look, unpack_look
-from ptt.show.studio.results import Compared, Learned, Source, Trained
+from ptt.show.studio.results import Compared, Diagnosed, Source, Trained
 from ptt.show.studio.session import Session
 from ptt.show.studio.snapshot import Rung, Snapshot
 
 KEY = re.compile(r"[a-z0-9]{12}")
 STATE, FOUND, FILES = "session.json", "found", "files"
+DIAGNOSED = "learned.json"  # as sessions on disk have it
 SHOWN_SESSIONS = 12  # of a browser that are listed
 VERSION = 1
 
@@ -87,8 +88,8 @@ class SessionFolder:
         for text, compared in session.comparisons.items():
             said = {"data": compared.data, "text": compared.text}
             self._once(session.source, text, "compared.json", partial(_json, said))
-        for text, learned in session.lessons.items():
-            self._once(session.source, text, "learned.json", partial(_json, _told(learned)))
+        for text, diagnosed in session.diagnoses.items():
+            self._once(session.source, text, DIAGNOSED, partial(_json, _told(diagnosed)))
         for text, trained in session.trainings.items():
             self._once(session.source, text, "trained.json", partial(_json, trained.data))
             self._once(session.source, text, "trained.zip", partial(bytes, trained.archive))
@@ -107,7 +108,7 @@ class SessionFolder:
             said = tuple((str(a), str(b), str(c), str(d)) for a, b, c, d in state.get("said", ()))
         except (OSError, ValueError, KeyError, TypeError):
             return Session()
-        found: dict[str, dict[str, Any]] = {"looks": {}, "comparisons": {}, "lessons": {}, "trainings": {}}
+        found: dict[str, dict[str, Any]] = {"looks": {}, "comparisons": {}, "diagnoses": {}, "trainings": {}}
         for snapshot in (*past, now, *future):
             with suppress(PttError):
                 self._find(source, snapshot.active, found)
@@ -139,8 +140,8 @@ class SessionFolder:
             compared = json.loads(self._place(source, text, "compared.json").read_text(encoding="utf-8"))
             found["comparisons"][text] = Compared(found["looks"][text], compared["data"], compared["text"])
         with suppress(OSError, ValueError, KeyError, TypeError):
-            learned = json.loads(self._place(source, text, "learned.json").read_text(encoding="utf-8"))
-            found["lessons"][text] = Learned(**learned)
+            diagnosed = json.loads(self._place(source, text, DIAGNOSED).read_text(encoding="utf-8"))
+            found["diagnoses"][text] = Diagnosed(**diagnosed)
         with suppress(OSError, ValueError, KeyError, TypeError):
             data = json.loads(self._place(source, text, "trained.json").read_text(encoding="utf-8"))
             found["trainings"][text] = Trained(data, self._place(source, text, "trained.zip").read_bytes())
@@ -201,9 +202,9 @@ def _json(value: Any) -> bytes:
     return json.dumps(value).encode()
 
 
-def _told(learned: Learned) -> dict[str, Any]:
+def _told(diagnosed: Diagnosed) -> dict[str, Any]:
     """What is kept of a diagnosis: plain values, nothing that could run when it is read."""
-    return {name: value for name, value in asdict(learned).items() if name != "whole"}
+    return {name: value for name, value in asdict(diagnosed).items() if name != "whole"}
 
 
 def _plain(snapshot: Snapshot) -> dict[str, Any]:
