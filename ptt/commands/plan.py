@@ -9,8 +9,8 @@ from ptt.commands.common import Effects, Json, ReadOptions, progress, read_rows,
 
 if TYPE_CHECKING:
     from ptt.door.model import Model
+    from ptt.plan.expected import ExpectedKind
     from ptt.plan.first_run import FirstRun
-    from ptt.plan.foresight import Expected
 
 
 def plan(
@@ -112,6 +112,8 @@ def format_plan(result: "FirstRun", out: str) -> str:
     Returns:
         Lines.
     """
+    from ptt.plan.expected import by_kind
+
     lines = [f"{out}: {result.targets.rows} rows", result.words, ""]
     own = any(effect.in_model for effect in result.effects)
     lines.append(f"{'effect':<20} {'seen':>8}  expected standard errors at {result.sigma * 1e3:g} um noise")
@@ -120,19 +122,15 @@ def format_plan(result: "FirstRun", out: str) -> str:
         if effect.needs:
             lines.append(f"{title:<20} {'-':>8}  needs {effect.needs}")
             continue
-        told: dict[str, list[Expected]] = {}
-        for one in effect.parameters:
-            told.setdefault(one.name.split(" ")[0], []).append(one)
-        parts = "; ".join(_expected(stem, values) for stem, values in told.items())
+        parts = "; ".join(map(_in_words, by_kind(effect.parameters)))
         lines.append(f"{title:<20} {f'{effect.seen} of {effect.size}':>8}  {parts}")
     lines += ["= already in the model: how well this run would determine it again"] if own else []
     lines.append("each effect alone, added to the model; effects fitted together are determined less well")
     return "\n".join(lines)
 
 
-def _expected(stem: str, values: "list[Expected]") -> str:
+def _in_words(kind: "ExpectedKind") -> str:
     """The largest standard error of one kind of parameter."""
-    known = [value.std for value in values if value.std is not None]
-    some = ", some unseen" if len(known) < len(values) else ""
-    none = "seen in combinations alone" if any(value.combined for value in values) else "unseen"
-    return f"{stem} {max(known):.2g}{some}" if known else f"{stem} {none}"
+    if kind.std is None:
+        return f"{kind.name} {kind.unseen}"
+    return ", ".join(filter(None, (f"{kind.name} {kind.std:.2g}", kind.unseen)))

@@ -1,7 +1,7 @@
 """What rows will be able to tell before they are measured: which effects, how many of their parameters, how well."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -18,6 +18,7 @@ from ptt.machine import MachineFile
 from ptt.model.chain import Chain, linearise, trace
 from ptt.model.chain import signature as signature_of
 from ptt.model.model import Model, parameter_names
+from ptt.plan.expected import Expected
 from ptt.progress import Progress
 from ptt.record import Record
 from ptt.run.frames import rigid_columns
@@ -29,19 +30,6 @@ from ptt.run.viewing import build_view
 DWELL, FEED = 10.0, 20.0  # s for a reading, and between two runs; mm/s between poses
 FRAME_USUAL = torch.tensor([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, dtype=torch.float64)
 FREE = 1e-6  # prior on what is fitted beside an effect, in usual sizes squared
-
-
-class Expected(NamedTuple):
-    """One parameter: its standard error to be expected, None where the rows do not tell it, and its usual size.
-
-    `combined` says whether they tell combinations of it with others, as where all joints alike are the frame.
-    """
-
-    name: str
-    unit: str
-    std: float | None
-    usual: float
-    combined: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import groupby
 from typing import Any
 
+from ptt.plan.expected import Expected, by_kind
 from ptt.show.card.words import length, parameter_in_words, percent, pretty
 from ptt.show.studio.tables import table_html
 
@@ -41,13 +41,9 @@ def plan_in_words(told: Mapping[str, Any]) -> str:
 def _errors(parameters: Sequence[Mapping[str, Any]]) -> str:
     """The largest standard error of each kind of parameter."""
     said = []
-    for stem, group in groupby(parameters, key=lambda item: str(item["name"]).partition(" ")[0]):
-        parts = list(group)
-        known = [item["std"] for item in parts if item["std"] is not None]
-        name, size, _ = parameter_in_words(stem, float(f"{max(known, default=0.0):.2g}"), None)
-        some = ", some unseen" if known and len(known) < len(parts) else ""
-        none = "seen in combinations alone" if any(item["combined"] for item in parts) else "unseen"
-        said.append(f"{name} {size}{some}" if known else f"{name} {none}")
+    for kind in by_kind(Expected(**item) for item in parameters):
+        name, size, _ = parameter_in_words(kind.name, float(f"{kind.std or 0.0:.2g}"), None)
+        said.append(", ".join(filter(None, (f"{name} {size}", kind.unseen))) if kind.std else f"{name} {kind.unseen}")
     return "; ".join(said)
 
 
