@@ -194,7 +194,7 @@ def _show_months(months: Mapping[str, Any]) -> None:
                 str(run["date"])[:10],
                 run["file"],
                 run["verdict"] or "",
-                length(run["error_um"]) if run["error_um"] else "",
+                "" if run["error_um"] is None else length(run["error_um"]),
             )
             for run in months["history"]
         ]

@@ -8,6 +8,7 @@ from nicegui import ui
 from ptt.run.readers.columns import UNITS, dimension_of
 from ptt.run.readers.mapping import IGNORE
 from ptt.run.readers.titles import stated_unit
+from ptt.show.studio.column_rows import BETWEEN
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_question import show_question
 from ptt.show.studio.results import ORDER
@@ -113,7 +114,7 @@ class ColumnsView:
             with ui.element("td").classes("w"):
                 ui.label(title).classes("font-medium")
             with ui.element("td").classes("w"):
-                ui.label(" \N{MIDDLE DOT} ".join(cell[:10] for cell in column["cells"][:3])).classes("st-note")
+                ui.label(BETWEEN.join(cell[:10] for cell in column["cells"][:3])).classes("st-note")
             with ui.element("td").classes("w"):
                 pick = ui.select(choices, value=value, on_change=lambda _, t=title: self._units(t, stated_unit(t)))
                 pick.props("dense outlined options-dense").props["aria-label"] = f"what {title} holds"

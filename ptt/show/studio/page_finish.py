@@ -3,15 +3,14 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import ui
 
-from ptt.errors import PttError
 from ptt.show.card.words import length, percent
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.ladder_figures import before_after_figure
 from ptt.show.studio.page_export import ExportView
 from ptt.show.studio.page_tools import build_tools
+from ptt.show.studio.page_upload import upload_box
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import SEAL
 from ptt.show.studio.seal_table import seal_html
@@ -63,13 +62,8 @@ class FinishView:
                 "Corrected commands for a list of targets, by the compensator where one is trained, else by the model."
             ).classes("st-note").style("margin-top: 8px")
             with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 4px"):
-                self.targets = ui.upload(
-                    label="Targets (CSV): drop here", on_upload=self._predict, max_file_size=LIMIT, auto_upload=True,
-                    on_rejected=lambda: self.studio.fail(f"not taken: larger than {LIMIT >> 20} MB"),
-                )  # fmt: skip
-                self.targets.classes("st-drop st-drop-predict").props("flat hide-upload-btn")
-                choose = ui.button("Choose").props('no-caps outline aria-label="choose targets"')
-                choose.on("click", js_handler=f"() => getElement({self.targets.id}).pickFiles()")
+                label = "Targets (CSV): drop here"
+                upload_box(self.studio, label, "predict", self._predict, choose="choose targets")
             self.predicted = ui.label().classes("st-note").mark("predicted")
             with ui.element("div").classes("st-tools").style("margin-top: 8px"):
                 self.seal = ui.button("Open the seal", icon="lock_open", on_click=self._reveal).props("no-caps outline")
@@ -128,18 +122,12 @@ class FinishView:
         if page is not None:
             ui.download.content(page, "report.html")
 
-    async def _predict(self, event: events.UploadEventArguments) -> None:
-        data = await event.file.read()
-        self.targets.reset()
+    async def _predict(self, name: str, data: bytes) -> None:
         session = self.studio.session
         if session.source is None:
             self.studio.fail("load a run and its machine first")
             return
-        try:
-            kept = keep(self.studio.folder, event.file.name, data)
-        except PttError as error:
-            self.studio.fail(str(error))
-            return
+        kept = keep(self.studio.folder, name, data)
         model = session.training.archive if session.training else session.text
         found = await self.studio.work("working out commands", "predict", session.source, model, kept)
         if found is None:

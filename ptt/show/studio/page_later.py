@@ -6,13 +6,12 @@ from dataclasses import replace
 from datetime import date
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import ui
 
-from ptt.errors import PttError
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.later import DATE, before_first, date_in, later_source, whence
 from ptt.show.studio.page_question import show_question
+from ptt.show.studio.page_upload import upload_box
 from ptt.show.studio.uploads import keep
 
 
@@ -25,13 +24,8 @@ class LaterRuns:
         self.troubles: dict[str, Mapping[str, Any]] = {}  # file -> what stands against it
         self.listed: object = None
         with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 6px"):
-            self.drop = ui.upload(
-                label="Later run (CSV, TXT): drop here", on_upload=self._take, max_file_size=LIMIT, auto_upload=True,
-                multiple=True, on_rejected=lambda: self.studio.fail(f"not taken: larger than {LIMIT >> 20} MB"),
-            )  # fmt: skip
-            self.drop.classes("st-drop st-drop-later").props("flat hide-upload-btn")
-            choose = ui.button("Choose").props('no-caps outline aria-label="choose later runs"')
-            choose.on("click", js_handler=f"() => getElement({self.drop.id}).pickFiles()")
+            label = "Later run (CSV, TXT): drop here"
+            self.drop = upload_box(studio, label, "later", self._take, choose="choose later runs", multiple=True)
         self.runs = ui.element("div").classes("w-full").style("margin-top: 6px").mark("later")
 
     def show(self) -> None:
@@ -91,16 +85,10 @@ class LaterRuns:
 
         show_question(trouble["about"], trouble["question"], trouble["choices"], answer)
 
-    async def _take(self, event: events.UploadEventArguments) -> None:
-        data = await event.file.read()
-        self.drop.reset()
-        try:
-            kept = keep(self.studio.folder, event.file.name, data)
-        except PttError as error:
-            self.studio.fail(str(error))
-            return
+    async def _take(self, name: str, data: bytes) -> None:
+        kept = keep(self.studio.folder, name, data)
         later = dict(self.studio.session.later)
-        later.setdefault(kept, date_in(event.file.name))
+        later.setdefault(kept, date_in(name))
         self._keep(later=tuple(sorted(later.items(), key=lambda each: each[1])))
         await self._vet(kept)
 

@@ -5,9 +5,8 @@ from dataclasses import replace
 from functools import partial
 from importlib.resources import files
 
-from nicegui import events, ui
+from nicegui import ui
 
-from ptt.errors import PttError
 from ptt.files import write_bytes
 from ptt.machine import parse_machine
 from ptt.show.studio.controller import Studio
@@ -17,6 +16,7 @@ from ptt.show.studio.page_machine import open_machine_form
 from ptt.show.studio.page_recent import build_recent
 from ptt.show.studio.page_setup import build_setup
 from ptt.show.studio.page_understood import build_understood
+from ptt.show.studio.page_upload import upload_box
 from ptt.show.studio.results import SEAL, Source
 from ptt.show.studio.samples import ARM, FIRST, LEVELS, SAMPLES, sample_files
 from ptt.show.studio.uploads import keep
@@ -162,25 +162,8 @@ def dropped(label: str, there: str = "", used: str = "") -> str:
 
 
 def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awaitable[None]]) -> ui.upload:
-    async def uploaded(event: events.UploadEventArguments) -> None:
-        data = await event.file.read()
-        upload.reset()
-        try:
-            await take(event.file.name, data)
-        except PttError as error:
-            studio.fail(str(error))
-
-    def rejected() -> None:
-        ui.notify(f"not taken: larger than {LIMIT >> 20} MB", type="warning")
-
     with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
-        upload = ui.upload(
-            label=dropped(label), on_upload=uploaded, on_rejected=rejected, max_file_size=LIMIT, auto_upload=True
-        )
-        upload.classes(f"st-drop st-drop-{key}").props("flat hide-upload-btn")
-        choose = ui.button("Choose").props(f'no-caps outline aria-label="choose {label}"')
-        choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
-    return upload
+        return upload_box(studio, dropped(label), key, take, choose=f"choose {label}")
 
 
 async def _open(studio: Studio) -> None:

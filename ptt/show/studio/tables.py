@@ -18,14 +18,17 @@ def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], words: int = 
     Returns:
         HTML.
     """
-    wordy = [' class="w"' if column < words else "" for column in range(40)]
-    top = "".join(f'<th scope="col"{wordy[i]}>{escape(title)}</th>' for i, title in enumerate(head))
+
+    def wordy(column: int) -> str:
+        return ' class="w"' if column < words else ""
+
+    top = "".join(f'<th scope="col"{wordy(i)}>{escape(title)}</th>' for i, title in enumerate(head))
     body = "".join(
         "<tr>"
         + "".join(
             f'<th scope="row" class="w">{escape(together(str(cell)))}</th>'
             if not head and i == 0
-            else f"<td{wordy[i]}>{escape(together(str(cell)))}</td>"
+            else f"<td{wordy(i)}>{escape(together(str(cell)))}</td>"
             for i, cell in enumerate(row)
         )
         + "</tr>"
