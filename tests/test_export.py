@@ -12,7 +12,7 @@ import ptt
 from ptt.commands.main import run
 from ptt.correct.exports.format import Options
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.left import error_left, holdings, survey
+from ptt.correct.exports.left import error_left, holdings, sample_workspace
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.exports.whole import write_all
 from ptt.correct.training.compensator import Compensator
@@ -67,13 +67,13 @@ def test_a_link_is_written_through_and_the_dead_are_swept(tmp_path: Path) -> Non
 
 def test_errors_left_are_those_of_a_machine_worked_out_by_hand(bench: MachineFile) -> None:
     compensator = _model(bench)
-    ground = survey(compensator, Options(), 200)
-    left = error_left(ground, ground.static)
+    sample = sample_workspace(compensator, Options(), 200)
+    left = error_left(sample, sample.static)
     assert left.model < 1e-3 < left.format < left.drawing
     # Without reversal compensation each slider stays half a gap behind: dp = J^-1 (gap / 2), signs as they come.
     from ptt.mechanisms import build_mechanism
 
-    jacobian = build_mechanism(bench.machine).jacobian(torch.as_tensor(ground.nominal)).numpy()
+    jacobian = build_mechanism(bench.machine).jacobian(torch.as_tensor(sample.nominal)).numpy()
     square = np.einsum("nck,k->n", jacobian**2, (GAPS.numpy() / 2.0) ** 2)
     assert left.format == pytest.approx(1e3 * np.sqrt(square.mean()), rel=0.2)
     whole = np.einsum("nck,k->nc", jacobian, ZEROS.numpy())
@@ -83,11 +83,11 @@ def test_errors_left_are_those_of_a_machine_worked_out_by_hand(bench: MachineFil
 
 def test_what_the_controller_compensates_is_neither_held_nor_counted(bench: MachineFile) -> None:
     compensator = _model(replace(bench, controller=ControllerSpec(compensates=("backlash",))))
-    ground = survey(compensator, Options(), 60)
-    holds, cannot = holdings(ground, {"column-bend": "not in the model"})
+    sample = sample_workspace(compensator, Options(), 60)
+    holds, cannot = holdings(sample, {"column-bend": "not in the model"})
     assert holds == ("homing-offset",)
     assert [item.effect for item in cannot] == ["backlash"]
-    assert error_left(ground, ground.static).format < 1e-3
+    assert error_left(sample, sample.static).format < 1e-3
 
 
 def test_the_head_names_model_and_digest_without_ending_a_comment(bench: MachineFile, tmp_path: Path) -> None:

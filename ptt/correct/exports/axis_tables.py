@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BSpline
 
-from ptt.correct.exports.left import Ground
+from ptt.correct.exports.left import WorkspaceSample
 from ptt.correct.terms import split_terms
 from ptt.effects import Effect
 from ptt.run.table import make_table
@@ -68,20 +68,20 @@ class Drives:
         return _straight(q, self.at, self.shift)
 
 
-def read_drives(ground: Ground) -> Drives:
+def read_drives(sample: WorkspaceSample) -> Drives:
     """Look at what the steady drive effects do along each axis, all axes going through their travel side by side.
 
     Args:
-        ground: for the model, at its first place's payload, temperature and speed.
+        sample: for the model, at its first place's payload, temperature and speed.
 
     Returns:
         What they do; nothing where the drawing cannot be there.
     """
-    model = ground.compensator.model
+    model = sample.compensator.model
     limits = joint_limits(model.file).numpy()
     at = np.linspace(limits[:, 0], limits[:, 1], FINE)
     terms = [item for item in split_terms(model)[0] if item[0].stage == "drive"]
-    of = _shifts(ground, terms, at)
+    of = _shifts(sample, terms, at)
     return Drives(at, sum(of.values(), np.zeros_like(at)), of)
 
 
@@ -134,16 +134,16 @@ def smooth_basis(q: Array, drives: Drives) -> tuple[Array, Callable[[Array], Arr
     return basis, values
 
 
-def by_direction(ground: Ground) -> Array:
+def by_direction(sample: WorkspaceSample) -> Array:
     """Half of what commands differ by between the two ways of each axis.
 
     Args:
-        ground: places and commands.
+        sample: places and commands.
 
     Returns:
         (k,) mm or rad.
     """
-    return np.asarray((ground.commands.reversal * ground.direction).mean(axis=0))
+    return np.asarray((sample.commands.reversal * sample.direction).mean(axis=0))
 
 
 def cut_tables(drives: Drives, at: Array, smooth: Array, half: Array) -> AxisTables:
@@ -165,23 +165,23 @@ def cut_tables(drives: Drives, at: Array, smooth: Array, half: Array) -> AxisTab
     return AxisTables(at, value + half, value - half)
 
 
-def tabled(ground: Ground, drives: Drives, at: Array) -> Callable[[Effect], Array]:
+def tabled(sample: WorkspaceSample, drives: Drives, at: Array) -> Callable[[Effect], Array]:
     """How far each axis is moved by an effect as far as a table of these entries can say it, (n, k)."""
 
     def shift(effect: Effect) -> Array:
         if effect.key not in drives.of:
-            return np.zeros_like(ground.nominal)
-        return _tabled(drives, drives.of[effect.key], at, ground.static)
+            return np.zeros_like(sample.nominal)
+        return _tabled(drives, drives.of[effect.key], at, sample.static)
 
     return shift
 
 
-def _shifts(ground: Ground, terms: list, at: Array) -> dict[str, Array]:
+def _shifts(sample: WorkspaceSample, terms: list, at: Array) -> dict[str, Array]:
     if not terms:
         return {}
-    context = {key: getattr(ground.table, key) for key in ("payload_kg", "temp_c", "feed_mm_s")}
+    context = {key: getattr(sample.table, key) for key in ("payload_kg", "temp_c", "feed_mm_s")}
     told = {key: float(value[0]) for key, value in context.items() if value is not None}
-    view = build_view(ground.compensator.model.file, make_table(None, at, **told))
+    view = build_view(sample.compensator.model.file, make_table(None, at, **told))
     shifts = {effect.key: effect.shift(theta, view).numpy() for effect, theta in terms}
     return {key: np.where(np.isfinite(value).all(), value, 0.0) for key, value in shifts.items()}
 

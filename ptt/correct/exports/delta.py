@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from scipy.optimize import least_squares
 
-from ptt.correct.exports.left import Ground
+from ptt.correct.exports.left import WorkspaceSample
 from ptt.errors import InputError
 from ptt.machine import ThreePttSpec
 from ptt.mechanisms import build_mechanism
@@ -74,22 +74,22 @@ def drawn_delta(spec: ThreePttSpec) -> Delta:
     return Delta(abs(spread), azimuth, rod, shift, np.zeros(2))
 
 
-def fit_delta(ground: Ground, *, tilted: bool = False) -> tuple[Delta, Array]:
+def fit_delta(sample: WorkspaceSample, *, tilted: bool = False) -> tuple[Delta, Array]:
     """Find the delta whose commands miss least over the workspace.
 
     Least squares of the tool's miss: what the commands lack of the model's, carried to the tool by the Jacobian. What
     reversal adds is left aside; no delta knows of it.
 
     Args:
-        ground: places and the model's commands there.
+        sample: places and the model's commands there.
         tilted: whether the firmware has a tilt of the bed.
 
     Returns:
         The delta, and how the tool moves with each of its parameters, (n, 3, P).
     """
-    spec = require_upright(ground)
+    spec = require_upright(sample)
     start = drawn_delta(spec)
-    jacobian = tool_by_slider(ground)
+    jacobian = tool_by_slider(sample)
     scale = np.concatenate([[1.0], np.full(3, np.degrees(1.0 / max(start.radius, 1.0))), np.ones(6), np.full(2, 1e-3)])
     free = np.arange(12 if tilted else 10)
 
@@ -102,17 +102,17 @@ def fit_delta(ground: Ground, *, tilted: bool = False) -> tuple[Delta, Array]:
         )  # fmt: skip
 
     def miss(values: Array) -> Array:
-        lacks = np.nan_to_num(delta(values).sliders(ground.targets) - ground.static, nan=1e3)
+        lacks = np.nan_to_num(delta(values).sliders(sample.targets) - sample.static, nan=1e3)
         return np.asarray(np.einsum("ncl,nl->nc", jacobian, lacks).ravel())
 
     found = least_squares(miss, np.zeros(len(free)), method="lm", xtol=1e-14, ftol=1e-14)
     return delta(found.x), found.jac.reshape(len(jacobian), 3, -1)
 
 
-def tool_by_slider(ground: Ground) -> Array:
+def tool_by_slider(sample: WorkspaceSample) -> Array:
     """dp/db of the drawing at the places, (n, 3, 3)."""
-    mechanism = build_mechanism(ground.compensator.model.file.machine)
-    return np.asarray(mechanism.jacobian(torch.as_tensor(ground.nominal)).numpy())
+    mechanism = build_mechanism(sample.compensator.model.file.machine)
+    return np.asarray(mechanism.jacobian(torch.as_tensor(sample.nominal)).numpy())
 
 
 def rounded(delta: Delta, digits: int) -> Delta:
@@ -121,16 +121,16 @@ def rounded(delta: Delta, digits: int) -> Delta:
     return replace(delta, radius=round(delta.radius, digits), **parts)
 
 
-def upper_ends(ground: Ground) -> Array:
+def upper_ends(sample: WorkspaceSample) -> Array:
     """Where the end stops are: the upper ends of the sliders' travel, (3,) mm."""
-    return np.asarray(joint_limits(ground.compensator.model.file).numpy()[:, 1])
+    return np.asarray(joint_limits(sample.compensator.model.file).numpy()[:, 1])
 
 
-def require_upright(ground: Ground) -> ThreePttSpec:
+def require_upright(sample: WorkspaceSample) -> ThreePttSpec:
     """The drawing, refused where no delta of printer firmware can stand for it.
 
     Args:
-        ground: of the machine.
+        sample: of the machine.
 
     Returns:
         The [machine] section.
@@ -138,7 +138,7 @@ def require_upright(ground: Ground) -> ThreePttSpec:
     Raises:
         InputError: the sliders are below the platform.
     """
-    file = ground.compensator.model.file
+    file = sample.compensator.model.file
     spec = file.machine
     assert isinstance(spec, ThreePttSpec)
     if spec.sliders == "below":

@@ -11,7 +11,7 @@ from ptt.correct.exports.delta import Delta, fit_delta, require_anticlockwise
 from ptt.correct.exports.format import ErrorLeft, Options, Written, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
-from ptt.correct.exports.left import Ground, error_left, holdings, left_of_drawing, survey
+from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, left_of_drawing, sample_workspace
 from ptt.correct.exports.whole import write_all
 from ptt.errors import InputError
 
@@ -25,7 +25,7 @@ LEAST_UM = 1.0  # beyond it, that are worth another way
 NOTHING_TO_GAIN = "this file is no better than the drawing; there is nothing to gain by loading it"
 MEASURE = "then home, measure again and see `ptt evaluate BEFORE.csv AFTER.csv`"
 
-Printed = Callable[[Delta, Ground], tuple[list[str], Delta]]
+Printed = Callable[[Delta, WorkspaceSample], tuple[list[str], Delta]]
 
 
 @dataclass(frozen=True)
@@ -66,28 +66,28 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
     Raises:
         InputError: the machine is none that this firmware can drive.
     """
-    ground = survey(compensator, options)
-    delta, tangent = fit_delta(ground, tilted=firmware.tilted)
+    sample = sample_workspace(compensator, options)
+    delta, tangent = fit_delta(sample, tilted=firmware.tilted)
     file = compensator.model.file
     if firmware.anticlockwise:
         require_anticlockwise(delta, firmware.name, file.source)
-    lines, printed = firmware.lines(delta, ground)
-    left = error_left(ground, printed.sliders(ground.targets))
+    lines, printed = firmware.lines(delta, sample)
+    left = error_left(sample, printed.sliders(sample.targets))
     refuse_worse(left, firmware.name, file.source)
-    why = cannot_hold(ground, tangent, SHAPE, hints=_hints(ground, firmware))
-    holds, cannot = holdings(ground, why)
+    why = cannot_hold(sample, tangent, SHAPE, hints=_hints(sample, firmware))
+    holds, cannot = holdings(sample, why)
     shape = left_of_drawing(
-        ground, options, lambda bare: fit_delta(bare, tilted=firmware.tilted)[0].sliders(bare.targets)
+        sample, options, lambda bare: fit_delta(bare, tilted=firmware.tilted)[0].sliders(bare.targets)
     )
     notes = what_to_do(f"{firmware.load}; {MEASURE}", left, shape=shape)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot]), *notes]
     text = "\n".join([*(f"{firmware.comment} {line}" for line in told), *lines]) + "\n"
-    return Written(write_all({out: text}), holds, cannot, left, (*notes, *network_note(ground)))
+    return Written(write_all({out: text}), holds, cannot, left, (*notes, *network_note(sample)))
 
 
-def _hints(ground: Ground, firmware: Firmware) -> dict[str, str]:
+def _hints(sample: WorkspaceSample, firmware: Firmware) -> dict[str, str]:
     """What the firmware's own settings can do about an effect that its delta has no place for."""
-    scale = [term.theta for term in ground.compensator.model.terms if term.effect.name == "lead-scale"]
+    scale = [term.theta for term in sample.compensator.model.terms if term.effect.name == "lead-scale"]
     if not scale:
         return {}
     factors = ", ".join(f"{1.0 + float(value):.6f}" for value in sum(scale[1:], scale[0]))
@@ -153,6 +153,6 @@ def refuse_worse(left: ErrorLeft, name: str, source: str) -> None:
         )
 
 
-def reach_of(ground: Ground) -> tuple[float, float]:
+def reach_of(sample: WorkspaceSample) -> tuple[float, float]:
     """Largest distance of the places from the middle, and their least height, whole mm outwards."""
-    return float(np.ceil(np.hypot(*ground.targets[:, :2].T).max())), float(np.floor(ground.targets[:, 2].min()))
+    return float(np.ceil(np.hypot(*sample.targets[:, :2].T).max())), float(np.floor(sample.targets[:, 2].min()))

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ptt.correct.exports.left import Ground
+from ptt.correct.exports.left import WorkspaceSample
 from ptt.correct.terms import split_terms
 from ptt.effects import Effect
 from ptt.model.chain import predict
@@ -28,7 +28,7 @@ CONTEXTS = {
 
 
 def cannot_hold(
-    ground: Ground,
+    sample: WorkspaceSample,
     tangent: np.ndarray,
     shape: str,
     *,
@@ -41,7 +41,7 @@ def cannot_hold(
     The tool's shift by each effect alone is projected on what the format's parameters can do, to first order.
 
     Args:
-        ground: places and model.
+        sample: places and model.
         tangent: (n, 3, P), how the tool moves with each parameter of the format.
         shape: what the format has no place for, as a reason.
         known: contexts that the format knows, of `CONTEXTS`.
@@ -51,45 +51,45 @@ def cannot_hold(
     Returns:
         Key -> why.
     """
-    model = ground.compensator.model
+    model = sample.compensator.model
     steady, turning, _ = split_terms(model)
     terms = [*steady, *turning]
-    view = build_view(model.file, ground.table.replace(command=ground.commands.q))
+    view = build_view(model.file, sample.table.replace(command=sample.commands.q))
     whole = predict(terms, view).p
     basis = np.linalg.qr(_scaled(tangent.reshape(whole.numel(), -1)))[0]
     by_joint = view.jacobian.numpy()
-    asleep = set() if "payload" in known else _asleep(ground)
-    why = dict.fromkeys(asleep, UNSTATED)
+    unloaded = set() if "payload" in known else _unloaded(sample)
+    why = dict.fromkeys(unloaded, UNSTATED)
     for effect, _ in terms:
-        if effect.key in asleep:
+        if effect.key in unloaded:
             continue
         without = predict([item for item in terms if item[0] is not effect], view).p
         moved = (whole - without).numpy().ravel()
         rest = moved if tabled is None else moved - np.einsum("nck,nk->nc", by_joint, tabled(effect)).ravel()
         left = rest - basis @ (basis.T @ rest)
         lacking = APART if tabled is not None and effect.stage == "drive" else shape
-        reason = _reason(effect, moved, left, lacking, known, untold=_untold(effect, ground))
+        reason = _reason(effect, moved, left, lacking, known, untold=_untold(effect, sample))
         if reason:
             hint = (hints or {}).get(effect.name)
             why[effect.key] = f"{reason}; {hint}" if hint else reason
     return why
 
 
-def without_payload(ground: Ground) -> dict[str, float]:
+def without_payload(sample: WorkspaceSample) -> dict[str, float]:
     """How much of each effect is there without a payload.
 
     Args:
-        ground: places and model; where no payload is stated, a payload of 1 kg is tried.
+        sample: places and model; where no payload is stated, a payload of 1 kg is tried.
 
     Returns:
         Key -> share of its shift under payload, 1 where the payload is no matter to it.
     """
-    model = ground.compensator.model
-    stated = ground.table.payload_kg
-    loads = stated if stated is not None and _stated(ground) else np.full(len(ground.targets), LOAD_KG)
-    command = ground.commands.q
+    model = sample.compensator.model
+    stated = sample.table.payload_kg
+    loads = stated if stated is not None and _stated(sample) else np.full(len(sample.targets), LOAD_KG)
+    command = sample.commands.q
     views = [
-        build_view(model.file, ground.table.replace(command=command, payload_kg=each)) for each in (loads, 0.0 * loads)
+        build_view(model.file, sample.table.replace(command=command, payload_kg=each)) for each in (loads, 0.0 * loads)
     ]
     shares = {}
     for effect, values in split_terms(model)[0]:
@@ -98,25 +98,25 @@ def without_payload(ground: Ground) -> dict[str, float]:
     return shares
 
 
-def _stated(ground: Ground) -> bool:
-    return ground.table.payload_kg is not None and bool(np.nan_to_num(ground.table.payload_kg).any())
+def _stated(sample: WorkspaceSample) -> bool:
+    return sample.table.payload_kg is not None and bool(np.nan_to_num(sample.table.payload_kg).any())
 
 
-def _asleep(ground: Ground) -> set[str]:
+def _unloaded(sample: WorkspaceSample) -> set[str]:
     """Effects that act under a payload alone, where none is stated: nothing of them is there to be held."""
-    return set() if _stated(ground) else {key for key, share in without_payload(ground).items() if share < HELD}
+    return set() if _stated(sample) else {key for key, share in without_payload(sample).items() if share < HELD}
 
 
-def network_note(ground: Ground) -> tuple[str, ...]:
+def network_note(sample: WorkspaceSample) -> tuple[str, ...]:
     """What a format that holds physics alone says of a network."""
-    if ground.compensator.network is None:
+    if sample.compensator.network is None:
         return ()
     return ("the network's part is included only as far as the format's parameters can reproduce it",)
 
 
-def _untold(effect: Effect, ground: Ground) -> bool:
+def _untold(effect: Effect, sample: WorkspaceSample) -> bool:
     """Whether an effect asks for a context that a run could tell and the places do not have."""
-    return any(getattr(ground.table, TOLD[context]) is None for context in effect.requires if context in TOLD)
+    return any(getattr(sample.table, TOLD[context]) is None for context in effect.requires if context in TOLD)
 
 
 def _reason(

@@ -13,7 +13,7 @@ import numpy as np
 from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, reach_of, write_delta
 from ptt.correct.exports.format import Options, Written
-from ptt.correct.exports.left import Ground
+from ptt.correct.exports.left import WorkspaceSample
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
@@ -31,12 +31,12 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     return write_delta(compensator, out, options, Firmware("Klipper", "#", _lines, LOAD, SCALE, anticlockwise=True))
 
 
-def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
-    ends = upper_ends(ground)
+def _lines(delta: Delta, sample: WorkspaceSample) -> tuple[list[str], Delta]:
+    ends = upper_ends(sample)
     plain = rounded(delta, DIGITS)
     stop = np.round(ends - delta.shift - plain.stops, DIGITS)
     printed = Delta(plain.radius, plain.azimuth, plain.rod, ends - stop - plain.stops, plain.tilt)
-    wide, low = reach_of(ground)
+    wide, low = reach_of(sample)
     lines = ["[printer]", "kinematics: delta", f"delta_radius: {plain.radius:.{DIGITS}f}"]
     lines += [f"print_radius: {wide:g}", f"minimum_z_position: {low:g}"]
     for tower in range(3):

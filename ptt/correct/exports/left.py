@@ -31,7 +31,7 @@ COMPENSATED = "left to the controller, which compensates it already"
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class WorkspaceSample:
     """Places all over the workspace that the model can be sent to, each joint arriving from one side or the other.
 
     Attributes:
@@ -53,7 +53,7 @@ class Ground:
     commands: Commands
 
 
-def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> Ground:
+def sample_workspace(compensator: "Compensator", options: Options, poses: int = POSES) -> WorkspaceSample:
     """Spread targets over a machine's workspace and work out the whole model's commands there.
 
     Args:
@@ -89,31 +89,33 @@ def survey(compensator: "Compensator", options: Options, poses: int = POSES) -> 
     table = take_rows(table, kept)
     commands = first if len(kept) == len(q) else solve(compensator, table, q.numpy()[kept])
     static = commands.q - commands.reversal
-    return Ground(compensator, table, place[kept], q.numpy()[kept], direction[kept], static, commands)
+    return WorkspaceSample(compensator, table, place[kept], q.numpy()[kept], direction[kept], static, commands)
 
 
-def left_of_drawing(ground: Ground, options: Options, sliders: Callable[[Ground], np.ndarray]) -> float:
+def left_of_drawing(
+    sample: WorkspaceSample, options: Options, sliders: Callable[[WorkspaceSample], np.ndarray]
+) -> float:
     """What a format leaves of a machine that is just as drawn: a drawing that leans or is uneven has no place in some.
 
     Args:
-        ground: of the machine, a 3-PTT.
-        options: as of `survey`.
-        sliders: what the format sends, fitted to a ground, for its places, (n, 3) mm.
+        sample: of the machine, a 3-PTT.
+        options: as of `sample_workspace`.
+        sliders: what the format sends, fitted to a sample, for its places, (n, 3) mm.
 
     Returns:
         Root mean square over the workspace, um; 0 of upright towers at even azimuths, which any delta is.
     """
-    compensator = ground.compensator
+    compensator = sample.compensator
     spec = compensator.model.file.machine
     assert isinstance(spec, ThreePttSpec)
     apart = np.diff(np.sort(np.mod(spec.slider_azimuth_deg, 360.0)))
     if not np.any(spec.slider_lean_deg) and np.abs(apart - 120.0).max() < EVEN:
         return 0.0
-    bare = survey(replace(compensator, model=replace(compensator.model, terms=()), network=None), options)
+    bare = sample_workspace(replace(compensator, model=replace(compensator.model, terms=()), network=None), options)
     return error_left(bare, sliders(bare)).format
 
 
-def error_left(ground: Ground, q: np.ndarray) -> ErrorLeft:
+def error_left(sample: WorkspaceSample, q: np.ndarray) -> ErrorLeft:
     """By how much the tool misses where a controller sends certain commands, judged by the model itself.
 
     The tool goes where drive, geometry and structure of the model say, reversal along the travel included unless the
@@ -123,27 +125,27 @@ def error_left(ground: Ground, q: np.ndarray) -> ErrorLeft:
     its own figure is then only what its solution leaves, which is near zero.
 
     Args:
-        ground: the places.
+        sample: the places.
         q: (n, k) mm or rad, what is sent there; NaN rows are left out.
 
     Returns:
         The figures.
     """
-    sigma = np.nan_to_num(ground.commands.sigma)
-    return ErrorLeft(*(_rms_um(ground, each, sigma) for each in (ground.nominal, q, ground.commands.q)))
+    sigma = np.nan_to_num(sample.commands.sigma)
+    return ErrorLeft(*(_rms_um(sample, each, sigma) for each in (sample.nominal, q, sample.commands.q)))
 
 
-def holdings(ground: Ground, cannot: dict[str, str]) -> tuple[tuple[str, ...], tuple[CannotHold, ...]]:
+def holdings(sample: WorkspaceSample, cannot: dict[str, str]) -> tuple[tuple[str, ...], tuple[CannotHold, ...]]:
     """Divide the effects of a model into those that a format holds and those that it cannot hold.
 
     Args:
-        ground: for the model.
+        sample: for the model.
         cannot: key -> why, of effects that the format has no place for; others than the model's are passed over.
 
     Returns:
         Keys, and the others with the reason; what the controller compensates already is among the latter.
     """
-    model = ground.compensator.model
+    model = sample.compensator.model
     why = cannot | dict.fromkeys(left_to_controller(model), COMPENSATED)
     steady, turning, _ = split_terms(model)
     keys = [effect.key for effect, _ in (*steady, *turning)] + left_to_controller(model)
@@ -151,26 +153,26 @@ def holdings(ground: Ground, cannot: dict[str, str]) -> tuple[tuple[str, ...], t
     return holds, tuple(CannotHold(key, why[key]) for key in keys if key in why)
 
 
-def _rms_um(ground: Ground, q: np.ndarray, sigma: np.ndarray) -> float:
+def _rms_um(sample: WorkspaceSample, q: np.ndarray, sigma: np.ndarray) -> float:
     rows = np.isfinite(q).all(axis=1)
     if not rows.any():
         return float("nan")
-    miss = _tool(ground, np.where(rows[:, None], q, ground.nominal)) - _asked(ground)
+    miss = _tool(sample, np.where(rows[:, None], q, sample.nominal)) - _asked(sample)
     return 1e3 * float(np.sqrt(np.mean((miss[rows] ** 2).sum(axis=1) + sigma[rows] ** 2)))
 
 
-def _tool(ground: Ground, q: np.ndarray) -> np.ndarray:
+def _tool(sample: WorkspaceSample, q: np.ndarray) -> np.ndarray:
     """Where the model puts the tool, (n, 3) mm; the network left aside."""
-    model = ground.compensator.model
+    model = sample.compensator.model
     steady, turning, _ = split_terms(model)
     terms: Shifts = [*steady, *turning]
-    return np.asarray(predict(terms, build_view(model.file, ground.table.replace(command=q))).p.numpy())
+    return np.asarray(predict(terms, build_view(model.file, sample.table.replace(command=q))).p.numpy())
 
 
-def _asked(ground: Ground) -> np.ndarray:
+def _asked(sample: WorkspaceSample) -> np.ndarray:
     """What physics is asked for so that network and physics together reach the targets, (n, 3) mm."""
-    correction, _ = network_parts(ground.compensator, ground.nominal)
-    return ground.targets if correction is None else correction(ground.targets)
+    correction, _ = network_parts(sample.compensator, sample.nominal)
+    return sample.targets if correction is None else correction(sample.targets)
 
 
 def network_parts(compensator: "Compensator", posture: np.ndarray) -> tuple[Correction | None, Inside | None]:

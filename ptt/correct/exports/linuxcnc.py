@@ -28,7 +28,7 @@ from ptt.correct.exports.firmware import MEASURE, judged, refuse_worse, what_to_
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
-from ptt.correct.exports.left import Ground, error_left, holdings, left_of_drawing, survey
+from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, left_of_drawing, sample_workspace
 from ptt.correct.exports.whole import write_all
 
 if TYPE_CHECKING:
@@ -69,10 +69,10 @@ class Fit:
         """Joint positions of tool positions in the base frame, (n, 3) mm, before compensation."""
         return _joints(self.radius, self.rod, self.turn, p)
 
-    def sliders(self, ground: Ground) -> Array:
-        """Slider heights that the controller sends for the places of a ground, (n, 3) mm."""
-        joints = self.joints(ground.targets)
-        return joints + self.tables.added(joints, ground.direction) + self.height
+    def sliders(self, sample: WorkspaceSample) -> Array:
+        """Slider heights that the controller sends for the places of a sample, (n, 3) mm."""
+        joints = self.joints(sample.targets)
+        return joints + self.tables.added(joints, sample.direction) + self.height
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:
@@ -86,49 +86,49 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     Returns:
         What was written, and what it leaves.
     """
-    ground = survey(compensator, options)
-    fit, tangent, drives = fit_tables(ground, options.step)
+    sample = sample_workspace(compensator, options)
+    fit, tangent, drives = fit_tables(sample, options.step)
     file = compensator.model.file
-    left = error_left(ground, fit.sliders(ground))
+    left = error_left(sample, fit.sliders(sample))
     refuse_worse(left, "LinuxCNC's lineardeltakins", file.source)
-    shape = left_of_drawing(ground, options, lambda bare: fit_tables(bare, options.step)[0].sliders(bare))
+    shape = left_of_drawing(sample, options, lambda bare: fit_tables(bare, options.step)[0].sliders(bare))
     at = fit.tables.at + fit.height
-    why = cannot_hold(ground, tangent, SHAPE, known=("direction",), tabled=tabled(ground, drives, at))
-    holds, cannot = holdings(ground, why)
+    why = cannot_hold(sample, tangent, SHAPE, known=("direction",), tabled=tabled(sample, drives, at))
+    holds, cannot = holdings(sample, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     ini = out.with_suffix(".ini") if out.suffix == ".hal" else out
     ini = ini if out.suffix and not out.is_dir() else out / "lineardelta.ini"
     first, *instead = what_to_do(f"{LOAD}; {MEASURE}", left, shape=shape)
     notes = (first, *_notes(compensator, fit), *instead)
     written = write_all(_texts(ini, fit, told, notes))
-    return Written(written, holds, cannot, left, (*notes, *network_note(ground)))
+    return Written(written, holds, cannot, left, (*notes, *network_note(sample)))
 
 
-def fit_tables(ground: Ground, step: float | None) -> tuple[Fit, Array, Drives]:
+def fit_tables(sample: WorkspaceSample, step: float | None) -> tuple[Fit, Array, Drives]:
     """Find R, L and tables that together miss least over the workspace.
 
     Tables are what the drives ask along each slider plus smooth curves; for every R and L the best curves follow by
     linear least squares.
 
     Args:
-        ground: places and commands.
+        sample: places and commands.
         step: distance of table entries, mm; None for as close as needed.
 
     Returns:
         The fit, how the tool moves with its smooth parameters (n, 3, P), and the drives along each slider.
     """
-    spec = require_upright(ground)
-    start, drives = drawn_delta(spec), read_drives(ground)
-    require_anticlockwise(start, "LinuxCNC's lineardeltakins", ground.compensator.model.file.source)
+    spec = require_upright(sample)
+    start, drives = drawn_delta(spec), read_drives(sample)
+    require_anticlockwise(start, "LinuxCNC's lineardeltakins", sample.compensator.model.file.source)
     turn, height = _turn(start), spec.joint_height_mm
-    jacobian = tool_by_slider(ground)
-    basis, along = smooth_basis(ground.nominal, drives)
+    jacobian = tool_by_slider(sample)
+    basis, along = smooth_basis(sample.nominal, drives)
     columns = np.einsum("ncl,nlp->ncp", jacobian, basis).reshape(-1, basis.shape[2])
     inverse = np.linalg.pinv(columns)
-    come = ground.static + drives.at_rows(ground.static)  # where the sliders are to come
+    come = sample.static + drives.at_rows(sample.static)  # where the sliders are to come
 
     def lacks(values: Array) -> Array:
-        joints = _joints(start.radius + values[0], start.rod[0] + values[1], turn, ground.targets) + height
+        joints = _joints(start.radius + values[0], start.rod[0] + values[1], turn, sample.targets) + height
         rest = np.nan_to_num(come - joints, nan=1e3)
         return np.asarray(np.einsum("ncl,nl->nc", jacobian, rest).ravel())
 
@@ -140,10 +140,10 @@ def fit_tables(ground: Ground, step: float | None) -> tuple[Fit, Array, Drives]:
     radius, rod = (round(float(value), DIGITS) for value in (start.radius + found[0], start.rod[0] + found[1]))
     found = np.array([radius - start.radius, rod - start.rod[0]])
     at = np.round(table_entries(drives, step, MOST_ENTRIES) - height, DIGITS)
-    tables = cut_tables(drives, at + height, along(inverse @ lacks(found)), by_direction(ground))
+    tables = cut_tables(drives, at + height, along(inverse @ lacks(found)), by_direction(sample))
     tables = AxisTables(at, np.round(tables.forward, DIGITS), np.round(tables.reverse, DIGITS))
     slope = np.stack([(lacks(found + each) - lacks(found - each)) / 2e-3 for each in 1e-3 * np.eye(2)], axis=-1)
-    ways = (jacobian * ground.direction[:, None, :]).reshape(-1, 3)  # a table's difference between the two ways
+    ways = (jacobian * sample.direction[:, None, :]).reshape(-1, 3)  # a table's difference between the two ways
     tangent = np.concatenate([columns, slope, ways], axis=1)
     return Fit(radius, rod, turn, height, tables), tangent.reshape(len(jacobian), 3, -1), drives
 

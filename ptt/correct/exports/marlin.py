@@ -13,7 +13,7 @@ import numpy as np
 from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, write_delta
 from ptt.correct.exports.format import Options, Written
-from ptt.correct.exports.left import Ground
+from ptt.correct.exports.left import WorkspaceSample
 from ptt.correct.exports.reprapfirmware import SCALE, TOWERS, corrections, words_of
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     return write_delta(compensator, out, options, Firmware("Marlin", ";", _lines, LOAD, SCALE, anticlockwise=True))
 
 
-def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
-    ends = upper_ends(ground)
+def _lines(delta: Delta, sample: WorkspaceSample) -> tuple[list[str], Delta]:
+    ends = upper_ends(sample)
     plain = rounded(delta, DIGITS)
     rod = round(float(plain.rod.mean()), DIGITS)
     trim, angle = np.round(plain.rod - rod, DIGITS), np.round(corrections(plain.azimuth), DIGITS)

@@ -13,7 +13,7 @@ from ptt.correct.exports.graph_arm import CONTEXT, settle
 from ptt.correct.exports.graph_effects import EFFECTS
 from ptt.correct.exports.graph_legs import LegRows, Vector, meet, spread
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.left import error_left, holdings, solve, survey, without
+from ptt.correct.exports.left import error_left, holdings, sample_workspace, solve, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.errors import InputError
@@ -58,13 +58,13 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     cannot = _cannot(compensator)
     if compensator.model.file.machine.kind == "serial":
         _require_no_network(compensator)
-    ground = survey(compensator, options)
+    sample = sample_workspace(compensator, options)
     model = build_graph(without(compensator, cannot), head_lines(compensator, options))
     onnx.checker.check_model(model)
     written = write_all({out: model.SerializeToString()})
-    q = solve(without(ground.compensator, cannot), ground.table, ground.nominal).q
-    holds, left_out = holdings(ground, cannot)
-    return Written(written, holds, left_out, error_left(ground, q), network=compensator.network is not None)
+    q = solve(without(sample.compensator, cannot), sample.table, sample.nominal).q
+    holds, left_out = holdings(sample, cannot)
+    return Written(written, holds, left_out, error_left(sample, q), network=compensator.network is not None)
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:

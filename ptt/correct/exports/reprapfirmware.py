@@ -13,7 +13,7 @@ import numpy as np
 from ptt.correct.exports.delta import Delta, rounded, upper_ends
 from ptt.correct.exports.firmware import Firmware, reach_of, write_delta
 from ptt.correct.exports.format import Options, Written
-from ptt.correct.exports.left import Ground
+from ptt.correct.exports.left import WorkspaceSample
 
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
@@ -37,8 +37,8 @@ def corrections(azimuth: np.ndarray) -> np.ndarray:
     return np.asarray((azimuth - TOWERS + 180.0) % 360.0 - 180.0)
 
 
-def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
-    ends = upper_ends(ground)
+def _lines(delta: Delta, sample: WorkspaceSample) -> tuple[list[str], Delta]:
+    ends = upper_ends(sample)
     plain = rounded(delta, DIGITS)
     stop = ends - delta.shift - plain.stops
     height = round(float(stop.mean()), DIGITS)
@@ -46,7 +46,7 @@ def _lines(delta: Delta, ground: Ground) -> tuple[list[str], Delta]:
     angle = np.round(corrections(plain.azimuth), DIGITS)
     tilt = np.round(100.0 * delta.tilt, DIGITS)
     shift = ends - height - adjust - plain.stops
-    wide, _ = reach_of(ground)
+    wide, _ = reach_of(sample)
     rods = ":".join(f"{rod:.{DIGITS}f}" for rod in plain.rod)
     lines = [
         f"M665 L{rods} R{plain.radius:.{DIGITS}f} H{height:.{DIGITS}f} B{wide:g} {words_of('XYZ', angle, DIGITS)}",

@@ -28,7 +28,7 @@ from ptt.correct.exports.firmware import MEASURE, judged, what_to_do
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
-from ptt.correct.exports.left import Ground, error_left, holdings, survey
+from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, sample_workspace
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.mechanisms.least_move import least_move
@@ -48,39 +48,39 @@ SHAPE = "each axis is corrected by its own position alone"
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write a compensation table for each axis: AX1, AX2, ... are sliders or joints 1, 2, ..., in mm or degrees."""
-    ground = survey(compensator, options)
+    sample = sample_workspace(compensator, options)
     arm = compensator.model.file.machine.kind == "serial"
     unit = np.degrees(1.0) if arm else 1.0
     step = None if options.step is None else options.step / unit
-    drives = read_drives(ground)
-    smooth, tangent = _curves(ground, drives)
+    drives = read_drives(sample)
+    smooth, tangent = _curves(sample, drives)
     at = table_entries(drives, step, FINEST + 1)
     tables = _rounded(cut_tables(drives, at, smooth, np.zeros(at.shape[1])), unit)
-    ahead = np.ones_like(ground.nominal)
-    left = error_left(ground, ground.nominal + tables.added(ground.nominal, ahead))
-    hints = {"backlash": _backlash(ground, unit)}
-    why = cannot_hold(ground, tangent, SHAPE, hints=hints, tabled=tabled(ground, drives, at))
-    holds, cannot = holdings(ground, why)
+    ahead = np.ones_like(sample.nominal)
+    left = error_left(sample, sample.nominal + tables.added(sample.nominal, ahead))
+    hints = {"backlash": _backlash(sample, unit)}
+    why = cannot_hold(sample, tangent, SHAPE, hints=hints, tabled=tabled(sample, drives, at))
+    holds, cannot = holdings(sample, why)
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     notes = (
         f"this file needs MD38000 $MA_MM_ENC_COMP_MAX_POINTS of {len(at)} or more",
         *what_to_do(LOAD, left, arm=arm),
     )
     written = write_all({out: "\n".join(_lines(tables, unit, [*told, *notes])) + "\n"})
-    return Written(written, holds, cannot, left, (*notes, *network_note(ground)))
+    return Written(written, holds, cannot, left, (*notes, *network_note(sample)))
 
 
-def _curves(ground: Ground, drives: Drives) -> tuple[Array, Array]:
+def _curves(sample: WorkspaceSample, drives: Drives) -> tuple[Array, Array]:
     """How far beyond its own position each axis is to come, as smooth curves, and how the tool moves with them.
 
     On sliders the curves are those that let the tool miss least; the joints of an arm, which can make up for one
     another, each follow what is asked of them.
     """
-    jacobian = tool_by_slider(ground)
+    jacobian = tool_by_slider(sample)
     count = jacobian.shape[2]
-    basis, along = smooth_basis(ground.nominal, drives)
-    arm = ground.compensator.model.file.machine.kind == "serial"
-    rest = _asked_of_joints(ground, drives) if arm else ground.static + drives.at_rows(ground.static) - ground.nominal
+    basis, along = smooth_basis(sample.nominal, drives)
+    arm = sample.compensator.model.file.machine.kind == "serial"
+    rest = _asked_of_joints(sample, drives) if arm else sample.static + drives.at_rows(sample.static) - sample.nominal
     weight = np.broadcast_to(np.eye(count), (len(rest), count, count)) if arm else jacobian
     columns = np.einsum("ncl,nlp->ncp", weight, basis).reshape(-1, basis.shape[2])
     wanted = np.einsum("ncl,nl->nc", weight, rest).ravel()
@@ -88,12 +88,12 @@ def _curves(ground: Ground, drives: Drives) -> tuple[Array, Array]:
     return along(found), np.einsum("ncl,nlp->ncp", jacobian, basis)
 
 
-def _asked_of_joints(ground: Ground, drives: Drives) -> Array:
+def _asked_of_joints(sample: WorkspaceSample, drives: Drives) -> Array:
     """Least moves of an arm's joints that put right what is left once every drive is, (n, k) rad."""
-    model = ground.compensator.model
-    undone = ground.nominal - drives.at_rows(ground.nominal)
-    view = build_view(model.file, ground.table.replace(command=undone))
-    missed = torch.as_tensor(ground.targets) - predict(split_terms(model)[0], view).p
+    model = sample.compensator.model
+    undone = sample.nominal - drives.at_rows(sample.nominal)
+    view = build_view(model.file, sample.table.replace(command=undone))
+    missed = torch.as_tensor(sample.targets) - predict(split_terms(model)[0], view).p
     return np.asarray(least_move(view.jacobian, missed, tool_ways(view.mechanism)).numpy())
 
 
@@ -103,9 +103,9 @@ def _rounded(tables: AxisTables, unit: float) -> AxisTables:
     return AxisTables(at, add, add)
 
 
-def _backlash(ground: Ground, unit: float) -> str:
-    gaps = ", ".join(f"{round(2.0 * unit * half, DIGITS) + 0.0:.{DIGITS}f}" for half in by_direction(ground))
-    arm = ground.compensator.model.file.machine.kind == "serial"
+def _backlash(sample: WorkspaceSample, unit: float) -> str:
+    gaps = ", ".join(f"{round(2.0 * unit * half, DIGITS) + 0.0:.{DIGITS}f}" for half in by_direction(sample))
+    arm = sample.compensator.model.file.machine.kind == "serial"
     name, instead = ("deg", "predict") if arm else ("mm", "program")
     return (
         f"MD32450 $MA_BACKLASH of the axes takes {gaps} {name}, instead of what `ptt {instead}` does at a reversal: "

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import HELD, rms_um, said_left, without_payload
-from ptt.correct.exports.left import Ground, error_left, holdings, solve, survey, without
+from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, sample_workspace, solve, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.errors import InputError
@@ -53,12 +53,12 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     Raises:
         InputError: a step that makes no table.
     """
-    ground = survey(compensator, options)
-    axes = _axes(ground, options.step)
+    sample = sample_workspace(compensator, options)
+    axes = _axes(sample, options.step)
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     cannot = _cannot(compensator)
-    still = without(ground.compensator, cannot)  # places are in the base frame, whatever frame targets are stated in
-    between = _between(still, axes, places, ground)
+    still = without(sample.compensator, cannot)  # places are in the base frame, whatever frame targets are stated in
+    between = _between(still, axes, places, sample)
     still = without(still, [key for key, (whole, left) in between.items() if left > whole])
     shift = _corrections(still, places, options.progress)
     there = np.isfinite(shift).all(axis=1)
@@ -69,16 +69,16 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     rows = np.column_stack([places, shift, there])
     text += "".join(",".join(f"{value:.7g}" for value in row) + "\n" for row in rows)
     written = write_all({out: text})
-    q = ground.nominal + _interpolate(axes, shift, ground.targets)
+    q = sample.nominal + _interpolate(axes, shift, sample.targets)
     fine = {
         key: f"{APART} ({said_left(whole, min(left, whole))})"  # what comes out as something else is left out
         for key, (whole, left) in between.items()
         if left > HELD * whole
     }
-    loaded = {key: WHY["payload"] for key, share in without_payload(ground).items() if share < 1.0 - HELD}
-    holds, lost = holdings(ground, fine | loaded | cannot)
+    loaded = {key: WHY["payload"] for key, share in without_payload(sample).items() if share < 1.0 - HELD}
+    holds, lost = holdings(sample, fine | loaded | cannot)
     network = compensator.network is not None
-    return Written(written, holds, lost, error_left(ground, q), tuple(head[-3:]), network)
+    return Written(written, holds, lost, error_left(sample, q), tuple(head[-3:]), network)
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:
@@ -93,7 +93,7 @@ def _cannot(compensator: "Compensator") -> dict[str, str]:
 
 
 def _between(
-    still: "Compensator", axes: Sequence[np.ndarray], places: np.ndarray, ground: Ground
+    still: "Compensator", axes: Sequence[np.ndarray], places: np.ndarray, sample: WorkspaceSample
 ) -> dict[str, tuple[float, float]]:
     """How far each effect alone moves the tool over the workspace, and how much of it lies between the places, um rms.
 
@@ -102,17 +102,17 @@ def _between(
     file, found = still.model.file, dict[str, tuple[float, float]]()
     reached = build_mechanism(file.machine).inverse(torch.as_tensor(places)).isfinite().all(dim=1).numpy()
     nearest = cKDTree(places[reached]).query(places)[1]
-    views = [build_view(file, make_table(some)) for some in (places[reached], ground.targets)]
+    views = [build_view(file, make_table(some)) for some in (places[reached], sample.targets)]
     for term in split_terms(still.model)[0]:
         at, there = ((predict([term], view).p - predict([], view).p).numpy() for view in views)
-        left = _interpolate(axes, at[nearest], ground.targets) - there
+        left = _interpolate(axes, at[nearest], sample.targets) - there
         found[term[0].key] = (rms_um(there), rms_um(left))
     return found
 
 
-def _axes(ground: Ground, step: float | None) -> list[np.ndarray]:
+def _axes(sample: WorkspaceSample, step: float | None) -> list[np.ndarray]:
     """Places along x, y and z: whole steps about the origin that reach over the workspace."""
-    low, high = ground.targets.min(axis=0), ground.targets.max(axis=0)
+    low, high = sample.targets.min(axis=0), sample.targets.max(axis=0)
     width = float((high - low).max()) / CELLS if step is None else step
     count = _count(low, high, width)
     if count > MOST_POINTS or width > float((high - low).min()):

@@ -19,7 +19,7 @@ from ptt.correct.exports.firmware import judged
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
-from ptt.correct.exports.left import Ground, error_left, holdings, survey
+from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, sample_workspace
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.mechanisms import build_mechanism
@@ -45,33 +45,33 @@ FAINT = 1e-7  # mm: a chain that leaves less is the model
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     """Write a URDF: links base_link, link_1, ..., tool; joints joint_1, ... turn by the commands of the controller."""
-    ground = survey(compensator, options)
+    sample = sample_workspace(compensator, options)
     arm = build_mechanism(compensator.model.file.machine)
     assert isinstance(arm, Serial)
-    geometry, tangent = fit_links(ground, arm)
-    left = error_left(ground, _inverse(arm, geometry, ground))
-    holds, cannot = holdings(ground, cannot_hold(ground, tangent, SHAPE))
+    geometry, tangent = fit_links(sample, arm)
+    left = error_left(sample, _inverse(arm, geometry, sample))
+    holds, cannot = holdings(sample, cannot_hold(sample, tangent, SHAPE))
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     written = write_all({out: _text(arm, origins(arm, geometry), [*told, UNKNOWN])})
-    return Written(written, holds, cannot, left, network_note(ground))
+    return Written(written, holds, cannot, left, network_note(sample))
 
 
-def fit_links(ground: Ground, arm: Serial) -> tuple[Array, Array]:
+def fit_links(sample: WorkspaceSample, arm: Serial) -> tuple[Array, Array]:
     """Find the link parameters with which rigid links come nearest to the model.
 
     Least squares of the tool's miss, links of usual errors preferred by as much as the miss that rigid links leave:
     what the places hardly tell would else run away after what no rigid link does.
 
     Args:
-        ground: places and commands.
+        sample: places and commands.
         arm: the drawing.
 
     Returns:
         Shifts of the arm's slots (G,), mm and rad, and how the tool moves with them, (n, 3, G).
     """
-    model = ground.compensator.model
+    model = sample.compensator.model
     steady = split_terms(model)[0]
-    view = build_view(model.file, ground.table.replace(command=ground.static))
+    view = build_view(model.file, sample.table.replace(command=sample.static))
     tool = predict(steady, view).p
     scale = torch.tensor([USUAL_MM if "mm" in slot else USUAL_RAD for slot in arm.slots], dtype=torch.float64)
     geometry = torch.zeros(len(scale), dtype=torch.float64)
@@ -112,10 +112,10 @@ def origins(arm: Serial, geometry: Array) -> list[Array]:
     return [*found, carried @ tool]
 
 
-def _inverse(arm: Serial, geometry: Array, ground: Ground) -> Array:
+def _inverse(arm: Serial, geometry: Array, sample: WorkspaceSample) -> Array:
     """Joint values at which the chain puts the tool on the places, in the posture that they have, (n, k) rad."""
-    shift, place = torch.as_tensor(geometry)[None], torch.as_tensor(ground.targets)
-    q = torch.as_tensor(ground.nominal)
+    shift, place = torch.as_tensor(geometry)[None], torch.as_tensor(sample.targets)
+    q = torch.as_tensor(sample.nominal)
     for _ in range(ROUNDS):
         q = q + least_move(sensitivity(arm, q, shift)[1], place - arm.forward(q, shift), tool_ways(arm))
     return np.asarray(q.numpy())

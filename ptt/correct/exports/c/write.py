@@ -12,7 +12,15 @@ from ptt.correct.exports.c.numbers import number, table
 from ptt.correct.exports.c.source import comment_of, source_of
 from ptt.correct.exports.format import Options, Written, said_held
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.left import Ground, error_left, holdings, network_parts, solve, survey, without
+from ptt.correct.exports.left import (
+    WorkspaceSample,
+    error_left,
+    holdings,
+    network_parts,
+    sample_workspace,
+    solve,
+    without,
+)
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.machine import MachineFile
@@ -45,13 +53,13 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     Returns:
         What came of it.
     """
-    ground = survey(compensator, options)
+    sample = sample_workspace(compensator, options)
     head = head_lines(compensator, options)
     source = source_of(compensator, head)
     cannot = source.parts.cannot
-    holds, left_out = holdings(ground, cannot)
-    held = without(ground.compensator, cannot)
-    left = error_left(ground, ground.commands.q if not cannot else solve(held, ground.table, ground.nominal).q)
+    holds, left_out = holdings(sample, cannot)
+    held = without(sample.compensator, cannot)
+    left = error_left(sample, sample.commands.q if not cannot else solve(held, sample.table, sample.nominal).q)
     network = compensator.network is not None
     head += [f"holds {said_held(holds, [item.effect for item in left_out], left, network=network)}"]
     head += [f"cannot hold {item.effect}" for item in left_out]
@@ -59,26 +67,26 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
         {
             out / "ptt_model.h": source.header,
             out / "ptt_model.c": source.body,
-            out / "ptt_selftest.c": _selftest(compensator.model.file, held, ground, comment_of(head)),
+            out / "ptt_selftest.c": _selftest(compensator.model.file, held, sample, comment_of(head)),
         }
     )
     return Written(written, holds, left_out, left, _notes(compensator), network)
 
 
-def _selftest(file: MachineFile, held: "Compensator", ground: Ground, head: str) -> str:
+def _selftest(file: MachineFile, held: "Compensator", sample: WorkspaceSample, head: str) -> str:
     """A path through the workspace with reversals, its commands and where the model puts the tool.
 
     Args:
         file: the machine, with the frame that targets are stated in.
         held: what the code holds, in the base frame.
-        ground: places of the workspace.
+        sample: places of the workspace.
         head: comment at the top.
 
     Returns:
         Text of the program.
     """
-    path = _path(held, ground)
-    q = solve(held, path, np.asarray(ground.nominal[: path.rows] if path.command is None else path.command)).q
+    path = _path(held, sample)
+    q = solve(held, path, np.asarray(sample.nominal[: path.rows] if path.command is None else path.command)).q
     (frame,) = target_frames(file, make_table(path.target))
     arm = path.command is not None
     tables = table("nominal", path.command) if arm else table("target", frame.as_stated(path.target))
@@ -98,9 +106,9 @@ def _selftest(file: MachineFile, held: "Compensator", ground: Ground, head: str)
     return head + text
 
 
-def _path(held: "Compensator", ground: Ground) -> Table:
+def _path(held: "Compensator", sample: WorkspaceSample) -> Table:
     """Rows from place to place, joint by joint in proportion; those that cannot be sent are left out."""
-    corners = ground.nominal[np.linspace(0, len(ground.nominal) - 1, CORNERS).round().astype(int)]
+    corners = sample.nominal[np.linspace(0, len(sample.nominal) - 1, CORNERS).round().astype(int)]
     part = np.arange(BETWEEN)[:, None] / BETWEEN
     joints = np.concatenate([begin + part * (end - begin) for begin, end in pairwise(corners)])
     file = held.model.file
