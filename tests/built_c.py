@@ -9,7 +9,6 @@ import torch
 
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.source import source_of
-from ptt.correct.exports.left import network_parts
 from ptt.correct.training.compensator import Compensator
 from ptt.effects import library
 from ptt.effects.registry import make_effect
@@ -105,7 +104,7 @@ def path_of(file: MachineFile, seed: int, rows: int = 120) -> np.ndarray:
 
 
 def expected(compensator: Compensator, targets: Table, posture: np.ndarray):
-    correction, inside = network_parts(compensator, posture)
+    correction, inside = compensator.network_parts(posture)
     return compensate(compensator.model, targets, correction=correction, inside=inside)
 
 

@@ -12,7 +12,6 @@ from test_export_urdf import arm
 
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import Options
-from ptt.correct.exports.left import network_parts
 from ptt.correct.exports.onnx import write
 from ptt.correct.training.compensator import Compensator
 from ptt.machine import MachineFile
@@ -55,7 +54,7 @@ def test_the_network_its_domain_and_a_frame(bench: MachineFile, tmp_path: Path) 
         random_model(stated, 9, ("homing-offset", "lead-scale")), network_over(targets[:90], 3), {}
     )
     write(compensator, tmp_path / "m.onnx", Options())
-    correction, inside = network_parts(compensator, targets)
+    correction, inside = compensator.network_parts(targets)
     expected = compensate(compensator.model, make_table(targets), correction=correction, inside=inside)
     found = run(tmp_path / "m.onnx", p=targets)
     np.testing.assert_array_equal(found["inside"][:, 0], expected.in_domain)

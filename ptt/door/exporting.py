@@ -82,7 +82,7 @@ def export(
         model: the model, or what `train` handed back.
         to: the format: c, onnx, klipper, linuxcnc, reprapfirmware, marlin, siemens, urdf or table.
         out: file or folder to write.
-        step: distance of table entries, mm or rad; None takes the format's own.
+        step: distance of table entries, mm, or degrees of an arm's joint; None takes the format's own.
         run: a run; errors are judged at its loads and speeds.
         progress: told what is done, how much of how much.
 
@@ -134,7 +134,7 @@ def export_as(
         chosen: the format.
         out: file or folder to write.
         path: file or folder that the model is kept in.
-        step: distance of table entries.
+        step: distance of table entries, mm or deg.
         table: rows at whose loads and speeds errors are judged.
         called: what the model's file is called; None: by its path.
         progress: told what is done, how much of how much.

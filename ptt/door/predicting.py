@@ -9,7 +9,6 @@ import numpy as np
 
 from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate
 from ptt.correct.context import Beyond, beyond_context, beyond_lines, missing_context, require_context
-from ptt.correct.training.rest import correction_of
 from ptt.door.given import require_number, require_word
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
@@ -195,11 +194,12 @@ def warnings_of(
 def _invert(machine: Model, table: Table, reversal: Reversal | None, limit_mm: float, progress: Progress) -> Commands:
     compensator, network = machine.compensator, machine.compensator.network
     posture = _posture(table) if network is not None and compensator.space == "joints" else None
+    correction, inside = compensator.network_parts(posture)
     return compensate(
         compensator.model,
         table,
-        correction=None if network is None else correction_of(network, posture),
-        inside=None if network is None else lambda wanted: network.inside(wanted if posture is None else posture),
+        correction=correction,
+        inside=inside,
         reversal=reversal,
         limit=limit_mm,
         network=compensator.error,

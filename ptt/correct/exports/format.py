@@ -106,7 +106,7 @@ class Options:
 
     Attributes:
         model_path: machine file or compensator folder that the model came from; None where it came from neither.
-        step: distance of table entries, mm or rad of the axis or mm of the workspace; None takes the format's own.
+        step: distance of table entries, mm of axis or workspace, deg of an arm's joint; None takes the format's own.
         table: a run; where one is given, errors are judged at the payloads, temperatures and speeds of its rows.
         date: of the export, for the head of the files.
         progress: told what is done, how much of how much.

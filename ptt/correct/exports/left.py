@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.correct.commands import Commands
-from ptt.correct.compensate import Correction, Inside, compensate
+from ptt.correct.compensate import compensate
 from ptt.correct.exports.format import CannotHold, ErrorLeft, Options
 from ptt.correct.terms import left_to_controller, split_terms
-from ptt.correct.training.rest import correction_of
 from ptt.errors import PosesError
-from ptt.machine_schema import TargetsSpec, ThreePttSpec
+from ptt.machine_schema import ThreePttSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import Shifts, predict
 from ptt.model.model import Model
@@ -68,7 +67,7 @@ def sample_workspace(compensator: "Compensator", options: Options, poses: int = 
     Raises:
         PosesError: none of them can.
     """
-    compensator = _in_base(compensator)
+    compensator = compensator.in_base()
     file = compensator.model.file
     mechanism = build_mechanism(file.machine)
     random = np.random.default_rng(0)
@@ -171,25 +170,8 @@ def _tool(sample: WorkspaceSample, q: np.ndarray) -> np.ndarray:
 
 def _asked(sample: WorkspaceSample) -> np.ndarray:
     """What physics is asked for so that network and physics together reach the targets, (n, 3) mm."""
-    correction, _ = network_parts(sample.compensator, sample.nominal)
+    correction, _ = sample.compensator.network_parts(sample.nominal)
     return sample.targets if correction is None else correction(sample.targets)
-
-
-def network_parts(compensator: "Compensator", posture: np.ndarray) -> tuple[Correction | None, Inside | None]:
-    """What a compensator's network adds, as `compensate` takes it.
-
-    Args:
-        compensator: with or without a network.
-        posture: (n, k) nominal joint commands, for a network over joints.
-
-    Returns:
-        Correction and domain; None without a network.
-    """
-    network = compensator.network
-    if network is None:
-        return None, None
-    at = posture if compensator.space == "joints" else None
-    return correction_of(network, at), lambda wanted: network.inside(wanted if at is None else at)
 
 
 def without(compensator: "Compensator", keys: Iterable[str]) -> "Compensator":
@@ -209,7 +191,7 @@ def solve(compensator: "Compensator", table: Table, posture: np.ndarray, progres
     Returns:
         The commands.
     """
-    correction, inside = network_parts(compensator, posture)
+    correction, inside = compensator.network_parts(posture)
     return compensate(
         compensator.model,
         table,
@@ -219,12 +201,6 @@ def solve(compensator: "Compensator", table: Table, posture: np.ndarray, progres
         nearest=False,
         progress=progress,
     )
-
-
-def _in_base(compensator: "Compensator") -> "Compensator":
-    """The same for targets in the base frame, whatever frame the targets of its runs were stated in."""
-    model = compensator.model
-    return replace(compensator, model=replace(model, file=replace(model.file, targets=TargetsSpec(frame="base"))))
 
 
 def _context(run: Table | None, rows: int) -> dict[str, np.ndarray]:

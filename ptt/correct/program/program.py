@@ -1,6 +1,6 @@
 """A Cartesian program corrected: what a controller with nominal kinematics is told to make the tool go right."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, ClassVar
 
@@ -15,10 +15,8 @@ from ptt.correct.program.modal import Read, read_moves
 from ptt.correct.program.moves import Move
 from ptt.correct.program.words import at_line, read_blocks
 from ptt.correct.program.write import Piece, write_program
-from ptt.correct.training.rest import correction_of
 from ptt.errors import InputError, PosesError
 from ptt.machine import ThreePttSpec
-from ptt.machine_schema import TargetsSpec
 from ptt.mechanisms import build_mechanism
 from ptt.record import Record
 from ptt.run.table import make_table
@@ -157,15 +155,15 @@ def _command(
     compensator: "Compensator", places: Places, limit: float, source: str, context: "Mapping[str, float]"
 ) -> tuple[Commands, list[str]]:
     """Corrected slider heights of all places, in the order of travel, and what the model asks for and nobody says."""
-    model, network = compensator.model, compensator.network
-    model = replace(model, file=replace(model.file, targets=TargetsSpec(frame="base")))
+    model = compensator.in_base().model
+    correction, inside = compensator.network_parts()
     moving = any("speed" in term.effect.requires for term in model.terms)
     table = make_table(places.place, source=source, feed_mm_s=places.feed if moving else None, **context)
     commands = compensate(
         model,
         table,
-        correction=None if network is None else correction_of(network, None),
-        inside=None if network is None else network.inside,
+        correction=correction,
+        inside=inside,
         limit=limit,
         network=compensator.error,
     )

@@ -1,15 +1,17 @@
 """The folder that train.py writes: model.toml, rbf.safetensors, compensator.json. Never pickle."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from nets import GaussianRbf, NetsError, load_rbf, save_rbf
 from ptt.correct.doubt import NetworkError
 from ptt.correct.training.machine_of import MODEL, NOTES, read_notes, require_own_model
-from ptt.correct.training.rest import Space
+from ptt.correct.training.rest import Space, correction_of
 from ptt.correct.training.train import Training
 from ptt.documents import format_json
 from ptt.effects import Library
@@ -18,12 +20,14 @@ from ptt.files import sha256, write_text
 from ptt.fitting.kept import keep_covariance
 from ptt.folders import recover_folder, require_own, write_folder
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
+from ptt.machine_schema import TargetsSpec
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model
 from ptt.version import __version__
 
 NETWORK = "rbf.safetensors"
 OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})  # older folders have the network's digest beside it too
+FromPlaces = Callable[[np.ndarray], np.ndarray]  # of wanted positions, (n, 3) mm
 TRIES = 3  # readings of a folder that may be exchanged while it is read
 
 
@@ -54,6 +58,28 @@ class Compensator:
     def space(self) -> Space:
         """What the network's inputs are."""
         return "joints" if self.notes.get("rbf", {}).get("inputs") == "joints" else "tool"
+
+    def network_parts(self, posture: np.ndarray | None = None) -> tuple[FromPlaces | None, FromPlaces | None]:
+        """What the network adds, as `ptt.correct.compensate.compensate` takes it.
+
+        Args:
+            posture: (n, k) rad, nominal joint commands of the rows that will be asked for; only a network over joints
+                needs them.
+
+        Returns:
+            Wanted position -> position to ask the model for; wanted position -> whether the network knows it. None
+            without a network.
+        """
+        network = self.network
+        if network is None:
+            return None, None
+        at = posture if self.space == "joints" else None
+        return correction_of(network, at), lambda wanted: network.inside(wanted if at is None else at)
+
+    def in_base(self) -> "Compensator":
+        """The same for targets in the base frame, whatever frame the targets of its runs were stated in."""
+        file = replace(self.model.file, targets=TargetsSpec(frame="base"))
+        return replace(self, model=replace(self.model, file=file))
 
 
 def save_compensator(folder: str | Path, training: Training, inputs: list[str]) -> Path:

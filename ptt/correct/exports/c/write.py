@@ -16,7 +16,6 @@ from ptt.correct.exports.left import (
     WorkspaceSample,
     error_left,
     holdings,
-    network_parts,
     sample_workspace,
     solve,
     without,
@@ -140,7 +139,7 @@ def tool_place(held: "Compensator", q: np.ndarray, like: Table) -> np.ndarray:
     for _ in range(ROUNDS if held.network is not None else 0):
         if held.space == "joints":
             posture = build_mechanism(model.file.machine).inverse(torch.as_tensor(place), None, torch.as_tensor(q))
-        correction, _ = network_parts(held, posture.numpy())
+        correction, _ = held.network_parts(posture.numpy())
         assert correction is not None
         place = physics - (correction(place) - place)
     return np.asarray(place)
