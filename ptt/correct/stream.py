@@ -1,7 +1,7 @@
 """A list of targets of any length from disk to commands on disk: in memory are a block and the rows beside it."""
 
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,8 +20,6 @@ from ptt.progress import Progress
 from ptt.run.spool import Spool
 from ptt.run.table import Table
 from ptt.run.viewing import elapsed
-
-Aid = Callable[[Table], tuple[Correction | None, Inside | None]]  # what a network adds at some rows, and where it knows
 
 
 @dataclass(frozen=True)
@@ -52,8 +50,11 @@ class Stream:
         sent: whether every row has a command.
     """
 
-    def __init__(self, plan: InversionPlan, spool: Spool, aid: Aid, folder: Path) -> None:
-        self._plan, self._spool, self._aid, self._folder = plan, spool, aid, folder
+    def __init__(
+        self, plan: InversionPlan, spool: Spool, correction: Correction | None, inside: Inside | None, folder: Path
+    ) -> None:
+        self._plan, self._spool, self._folder = plan, spool, folder
+        self._correction, self._inside = correction, inside
         self.bounds = stretches(spool.rows, ROWS)
         self.starts: list[float] = []
         self.sent = True
@@ -76,7 +77,7 @@ class Stream:
             task = self._task(low, self._seen_to(first, last, handover), start)
             self.starts.append(float(task.time[first - low]))
             settled = settle_block(task, first - low, last - low, handover)
-            commands = finish(self._plan, settled, self._aid(settled.task.targets)[1])
+            commands = finish(self._plan, settled, self._inside)
             handover = leave_block(settled)
             if last < self._spool.rows:  # behind the last row there is none whose time could be told
                 start = float(task.time[last - (0 if handover is None else len(handover.q)) - low])
@@ -99,7 +100,7 @@ class Stream:
 
     def _task(self, low: int, high: int, start: float) -> CommandTask:
         table = self._spool.take(low, high).replace(command=None)  # it tells the frame of targets, and that is known
-        task = prepare(self._plan, table, self._aid(table)[0], elapsed(table) + start)
+        task = prepare(self._plan, table, self._correction, elapsed(table) + start)
         if task.clock is None or len(self.bounds) == 1:
             return task
         return replace(task, clock=with_one_clock(task.clock, self._spool.feed, task.wanted.numpy()))

@@ -13,7 +13,6 @@ import numpy as np
 from ptt.correct.compensate import LIMIT_MM, Reversal, plan_of
 from ptt.correct.context import Beyond, beyond_context
 from ptt.correct.stream import Stream
-from ptt.correct.training.rest import correction_of
 from ptt.door.model import Model
 from ptt.door.opened import check_rows
 from ptt.door.options import ReadOptions
@@ -32,7 +31,6 @@ from ptt.run.readers import Ask
 from ptt.run.readers.parts import NotInParts
 from ptt.run.reading import read_targets_in_parts, require_pose
 from ptt.run.spool import Spool
-from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, target_frames
 from ptt.run.written import text_of
 
@@ -112,6 +110,8 @@ def predict_file(
     """
     require_asked(reversal, limit_mm)
     refuse_readings(out)
+    if model.compensator.network is not None and model.compensator.space == "joints":
+        raise NotInParts  # the network asks for the postures of all rows
     with TemporaryDirectory(prefix="ptt_") as name:
         folder = Path(name)
         spool = _read(model, path, reading, folder, ask, progress)
@@ -128,7 +128,7 @@ def predict_file(
         tell_frames(frames, note)
         compensator = model.compensator
         plan = plan_of(compensator.model, reversal, limit_mm, compensator.error)
-        stream = Stream(plan, spool, partial(_aid, model), folder)
+        stream = Stream(plan, spool, *compensator.network_parts(), folder)
         counted, titles, beyond = _invert(stream, model, progress)
         if not stream.sent:
             stream.find_nearest()
@@ -151,11 +151,6 @@ def _read(model: Model, path: Path, reading: ReadOptions, folder: Path, ask: Ask
         spool.add(part)
         progress("read", 0, 1)
     return spool
-
-
-def _aid(model: Model, table: Table) -> tuple[Any, Any]:
-    network = model.compensator.network
-    return (None, None) if network is None else (correction_of(network), network.inside)
 
 
 def _invert(stream: Stream, model: Model, progress: Progress) -> tuple[Tally, list[str], list[tuple[Beyond, ...]]]:
