@@ -84,7 +84,7 @@ def walk_loop(name: str, out: Path) -> str:
     after = measure_again(sealed, trained, read_table(HERE / name / "targets.csv", purpose="targets"), out)
     errors = error_um(run, file), error_um(after, file)
     truth = find_truth(sealed.drawn, known)
-    scored = score(trained.physics.model, truth, correction_of(trained.rbf.network))
+    scored = score(trained.physics.model, truth, lambda _: correction_of(trained.rbf.network))
     walk = Walk(compared, found, ladder, trained, errors, scored)
     draw_walk(walk, run, out / "loop.png")
     return describe(walk, name)

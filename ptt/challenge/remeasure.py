@@ -1,6 +1,6 @@
 """A rig measured again without noise with the commands of a model: how far its tool is off."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,9 @@ from ptt.model.model import Model
 from ptt.rig import Rig, RunResult, simulate
 from ptt.rig.arm_odd_schema import SlippingTool
 from ptt.rig.draw import DrawnRig
+
+# Of nominal joint commands (n, k) or None, which a network over joints asks for.
+CorrectionAt = Callable[[np.ndarray | None], Correction | None]
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class ToolError:
         return {"before": _rms(self.before), "after": None if self.after is None else _rms(self.after)}
 
 
-def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = None) -> ToolError:
+def remeasure(model: Model, drawn: DrawnRig, correction_at: CorrectionAt | None = None) -> ToolError:
     """Send a model's commands for the run's own targets to the rig, as the run has left it.
 
     What counts is where the run was read: of places that it only passed, on its way to a pose, no reading tells.
@@ -51,7 +54,7 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     Args:
         model: effects with their parameters.
         drawn: the rig and its targets.
-        correction: what a network adds to the commands.
+        correction_at: what a network adds to the commands; None without one.
 
     Returns:
         The tool's error before and after.
@@ -63,6 +66,7 @@ def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = Non
     read, missed, sigma = before.frame[READINGS].notna().all(axis=1)[poses].to_numpy(), None, None
     mount = mount_columns(drawn)
     try:
+        correction = None if correction_at is None else correction_at(wanted.command)
         commands = compensate(model, wanted, correction=correction)
         if not commands.sent.all():
             return ToolError(_error(before, drawn, read, mount), None)

@@ -6,9 +6,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ptt.challenge.remeasure import ToolError, remeasure
+from ptt.challenge.remeasure import CorrectionAt, ToolError, remeasure
 from ptt.challenge.truth import MICRO, UNSEEN, HiddenFault, Truth
-from ptt.correct.compensate import Correction
 from ptt.model.model import Model, parameter_names, told_values
 from ptt.run.noise import Noise
 
@@ -136,13 +135,13 @@ def judge(keys: Sequence[str], truth: Truth) -> Judgement:
     return Judgement(faults, named, instead)
 
 
-def score(model: Model, truth: Truth, correction: Correction | None = None) -> Score:
+def score(model: Model, truth: Truth, correction_at: CorrectionAt | None = None) -> Score:
     """Score a fitted model.
 
     Args:
         model: effects with their parameters.
         truth: what was hidden.
-        correction: what a network adds to the commands.
+        correction_at: what a network adds to the commands; None without one.
 
     Returns:
         The score.
@@ -153,7 +152,7 @@ def score(model: Model, truth: Truth, correction: Correction | None = None) -> S
         _read_parameters(model),
         truth.noise,
         MICRO * truth.left_rms(model.keys),
-        remeasure(model, truth.drawn, correction),
+        remeasure(model, truth.drawn, correction_at),
     )
 
 

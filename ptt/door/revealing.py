@@ -8,7 +8,6 @@ from typing import Any
 from ptt.challenge.challenge import Sealed, open_challenge
 from ptt.challenge.score import Score, score
 from ptt.challenge.truth import find_truth
-from ptt.correct.training.rest import correction_of
 from ptt.door.model import Model
 from ptt.door.result import Result
 from ptt.run.axes import AXES_TOTAL
@@ -48,9 +47,8 @@ def reveal(model: Model, folder: str | Path) -> Revealed:
         InputError: no challenge, or a broken seal.
     """
     sealed = open_challenge(folder)
-    network = model.compensator.network
     truth = find_truth(sealed.drawn, model.library)
-    return Revealed(sealed, score(model.physics, truth, None if network is None else correction_of(network)))
+    return Revealed(sealed, score(model.physics, truth, lambda posture: model.compensator.network_parts(posture)[0]))
 
 
 def _text(data: dict[str, Any]) -> str:
