@@ -14,7 +14,7 @@ from ptt.correct.training.compensator import load_compensator, save_compensator
 from ptt.correct.training.heldout import evaluate_heldout
 from ptt.correct.training.physics import fit_physics, sound
 from ptt.correct.training.protocols import block_protocol, random_protocol
-from ptt.correct.training.rest import correction_of, learn_rest, rest_of
+from ptt.correct.training.rest import correction_of, learn_rest, training_set_of
 from ptt.correct.training.train import train
 from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError, TableError
@@ -79,7 +79,7 @@ def test_the_network_learns_the_mean_step_of_each_pose_and_beside_it(first):
     file, table, problem = first
     fitted = fit_physics(read_model(file) + make_effect(library(), "homing-offset"), problem)
     rows = sound(problem, fitted)
-    rest = rest_of(problem, fitted, rows, pose_groups(table))
+    rest = training_set_of(problem, fitted, rows, pose_groups(table))
     assert len(rest.places) == 180 and len(rest.inputs) == 7 * 180
     here = pose_groups(table) == 17
     expected = -fitted.residual[here].mean(axis=0)

@@ -20,7 +20,7 @@ BESIDE = 1.0  # mm: the size of the errors, hence of the way from a target to wh
 
 
 @dataclass(frozen=True)
-class Lesson:
+class TrainingSet:
     """What a network is trained on.
 
     Attributes:
@@ -47,7 +47,9 @@ def inputs_of(problem: Problem, space: Space) -> np.ndarray:
     return problem.target if space == "tool" else np.asarray(problem.view.q.numpy())
 
 
-def rest_of(problem: Problem, fitted: Physics, rows: np.ndarray, groups: np.ndarray, space: Space = "tool") -> Lesson:
+def training_set_of(
+    problem: Problem, fitted: Physics, rows: np.ndarray, groups: np.ndarray, space: Space = "tool"
+) -> TrainingSet:
     """What the network learns: P_m(p) -> P_m(p - dp), as the step from p, the mean over all visits of a pose.
 
     Each pose is learned at its target and again a little beside it. A path is a line in space, and beside a line
@@ -74,7 +76,7 @@ def rest_of(problem: Problem, fitted: Physics, rows: np.ndarray, groups: np.ndar
     aside = _beside(places) if space == "tool" else np.zeros((1, places.shape[1]))
     copies = len(aside)
     inputs = (places[None] + aside[:, None]).reshape(-1, places.shape[1])
-    return Lesson(inputs, np.tile(steps, (copies, 1)), np.tile(groups, copies), places)
+    return TrainingSet(inputs, np.tile(steps, (copies, 1)), np.tile(groups, copies), places)
 
 
 def learn_rest(
@@ -101,7 +103,7 @@ def learn_rest(
     Raises:
         TableError: fewer than two groups of rows.
     """
-    rest = rest_of(problem, fitted, rows, groups, space)
+    rest = training_set_of(problem, fitted, rows, groups, space)
     try:
         trained = train_rbf(rest.inputs, rest.steps, rest.groups, settings=settings)
     except NetsError as error:
