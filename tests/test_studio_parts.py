@@ -37,7 +37,7 @@ from ptt.show.studio.store import SessionStore
 
 
 @pytest.fixture(scope="module")
-def learned(folder: Path) -> Diagnosed:
+def diagnosed(folder: Path) -> Diagnosed:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         return jobs.diagnose(RUN, MACHINE, silent)
@@ -49,10 +49,10 @@ def sealed_gaps_um() -> list[float]:
     return [1e3 * value for value in truth["backlash"]["backlash_mm"]]
 
 
-def test_a_session_is_taken_up_as_it_was(here: Path, learned: Diagnosed, tmp_path: Path):
+def test_a_session_is_taken_up_as_it_was(here: Path, diagnosed: Diagnosed, tmp_path: Path):
     look = jobs.look(RUN, MACHINE, silent)
     added = jobs.change(RUN, MACHINE, "add", ("backlash",), silent)
-    session = Session().opened(RUN, MACHINE).remembering(look=look, learned=learned)
+    session = Session().opened(RUN, MACHINE).remembering(look=look, diagnosed=diagnosed)
     session = session.changed("add", ("backlash",), added).switched("backlash", False).undone()
     session = session.remembering(trained=Trained({"share": 0.5}, b"zip"))
     place = SessionStore(tmp_path).fresh(OWNER)
@@ -66,7 +66,7 @@ def test_a_session_is_taken_up_as_it_was(here: Path, learned: Diagnosed, tmp_pat
         session.past,
         session.future,
     )
-    assert back.undone().diagnosis == learned and back.training == session.training
+    assert back.undone().diagnosis == diagnosed and back.training == session.training
     shown = back.undone().look
     assert shown is not None
     np.testing.assert_array_equal(shown.residual, look.residual)
@@ -92,8 +92,8 @@ def test_a_mistaken_set_up_is_said_with_its_proof_and_mended(here: Path):
     assert jobs.look(replace(source, anyway=True), MACHINE, silent).setup[0]["mistake"] == "axis-sign"
 
 
-def test_the_card_says_side_size_cure_and_how_sure(learned: Diagnosed):
-    card = learned.card
+def test_the_card_says_side_size_cure_and_how_sure(diagnosed: Diagnosed):
+    card = diagnosed.card
     assert (card["verdict"], len(card["findings"])) == ("missing", 1)
     (finding,) = card["findings"]
     values = {value["joint"]: value for value in finding["values"]}
@@ -122,35 +122,35 @@ def test_the_card_says_that_an_unknown_may_do_a_part_of_what_is_named(here: Path
 
 
 def test_a_report_from_the_page_diagnoses_nothing_anew(
-    here: Path, learned: Diagnosed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    here: Path, diagnosed: Diagnosed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    session = Session().opened(RUN, MACHINE).remembering(learned=learned)
-    assert session.diagnosis_of_drawing is learned
+    session = Session().opened(RUN, MACHINE).remembering(diagnosed=diagnosed)
+    assert session.diagnosis_of_drawing is diagnosed
     added = session.changed("add", ("backlash",), jobs.change(RUN, MACHINE, "add", ("backlash",), silent))
-    assert added.diagnosis is None and added.diagnosis_of_drawing is learned
+    assert added.diagnosis is None and added.diagnosis_of_drawing is diagnosed
     anew = jobs.report(RUN, MACHINE, None, b"", b"", silent).decode()
     monkeypatch.setattr("ptt.show.report.gather.diagnose_run", lambda *of, **more: pytest.fail("diagnosed again"))
-    handed = jobs.report(RUN, MACHINE, None, learned.whole, b"", silent).decode()
+    handed = jobs.report(RUN, MACHINE, None, diagnosed.whole, b"", silent).decode()
     clock = re.compile(r"\d\d:\d\d(:\d\d)?")
     assert clock.sub("", handed) == clock.sub("", anew)
     # What is on a disk could run where it is unpacked: none of it gets there.
     place = SessionStore(tmp_path).fresh(OWNER)
     place.save(session)
     kept = place.load().diagnosis
-    assert kept is not None and kept.whole == b"" and kept.data == learned.data
+    assert kept is not None and kept.whole == b"" and kept.data == diagnosed.data
 
 
-def test_one_thing_has_one_number_on_the_page(here: Path, learned: Diagnosed):
+def test_one_thing_has_one_number_on_the_page(here: Path, diagnosed: Diagnosed):
     """Head line, ladder and card of a diagnosed model say the same; the comparison has another frame and more rows."""
     compared = jobs.compare(RUN, MACHINE, silent)
     session = Session().opened(RUN, MACHINE).remembering(compared=compared)
     studio = cast(Studio, SimpleNamespace(session=session))
     assert f"error {length(compared.data['rms_um']['total'])} rms" in told_of(studio)
-    studio.session = session.remembering(learned=learned)
-    assert told_of(studio).endswith(f"error {length(learned.card['error_um'])} rms")
-    assert ladder_of(studio)[0][-1].rms_um["total"] == learned.card["error_um"] != compared.data["rms_um"]["total"]
+    studio.session = session.remembering(diagnosed=diagnosed)
+    assert told_of(studio).endswith(f"error {length(diagnosed.card['error_um'])} rms")
+    assert ladder_of(studio)[0][-1].rms_um["total"] == diagnosed.card["error_um"] != compared.data["rms_um"]["total"]
     stepped = replace(studio.session, past=(studio.session.now,))
-    assert session.began_um is None and stepped.began_um["total"] == learned.card["error_um"]
+    assert session.began_um is None and stepped.began_um["total"] == diagnosed.card["error_um"]
 
 
 def test_a_later_run_is_held_beside_the_first_and_by_date(here: Path):
@@ -186,20 +186,20 @@ def test_a_later_run_is_held_beside_the_first_and_by_date(here: Path):
     assert date_in("run 2026-13-45.csv") == date_in("run.csv")
 
 
-def test_the_fit_goes_through_this_runs_data(learned: Diagnosed):
-    fit = learned.fits["backlash"]
+def test_the_fit_goes_through_this_runs_data(diagnosed: Diagnosed):
+    fit = diagnosed.fits["backlash"]
     data, through = np.asarray(fit["data_um"]), np.asarray(fit["fit_um"])
-    noise = learned.card["noise_um"]
+    noise = diagnosed.card["noise_um"]
     assert np.std(data - through) < 1.5 * noise < 0.5 * np.std(data)
     number = int(fit["labels"][1].split()[1])
     gap = sealed_gaps_um()[number - 1]
     assert np.ptp(through) == pytest.approx(gap, rel=0.7)  # the frame takes a part of it
 
 
-def test_labels_of_legs_lie_above_and_below_by_turns_and_have_few_lines(learned: Diagnosed, here: Path):
+def test_labels_of_legs_lie_above_and_below_by_turns_and_have_few_lines(diagnosed: Diagnosed, here: Path):
     look = jobs.look(RUN, MACHINE, silent)
     values = [{"who": f"slider {leg}", "size": 10.0, "error": 1.0, "unit": "um"} for leg in (1, 2, 3, 3, 3, 3)]
-    ghost = {"shift": learned.ghosts["shift"]["backlash"], "at": 0, "times": 1.0, "values": values}
+    ghost = {"shift": diagnosed.ghosts["shift"]["backlash"], "at": 0, "times": 1.0, "values": values}
     scene = machine_figure(look, 0, scale=1.0, ghost=ghost)["layout"]["scene"]
     labels = {label["text"].split("<br>")[0]: label for label in scene["annotations"]}
     order = [labels[f"<b>slider {leg}</b>"] for leg in (1, 3, 2)]  # from left to right
@@ -212,8 +212,8 @@ def test_labels_of_legs_lie_above_and_below_by_turns_and_have_few_lines(learned:
     assert labels["<b>slider 3</b>"]["text"].endswith("and 2 more")
 
 
-def test_a_ghost_moves_the_slider_that_lags_and_no_rail(learned: Diagnosed):
-    shift = learned.ghosts["shift"]["backlash"]
+def test_a_ghost_moves_the_slider_that_lags_and_no_rail(diagnosed: Diagnosed):
+    shift = diagnosed.ghosts["shift"]["backlash"]
     gaps = np.asarray(sealed_gaps_um()) / 2e3
     along = np.abs(np.asarray(shift["sliders"])[:, :, 2])
     np.testing.assert_allclose(along.max(axis=0), gaps, rtol=0.1)
