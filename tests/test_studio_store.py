@@ -15,8 +15,8 @@ from ptt.errors import InputError
 from ptt.files import cannot_write
 from ptt.show.studio import jobs
 from ptt.show.studio.arrays import pack_look, unpack_look
-from ptt.show.studio.keeping import Keeper
 from ptt.show.studio.session import Session
+from ptt.show.studio.session_writer import SessionWriter
 from ptt.show.studio.store import SessionFolder, SessionStore
 
 
@@ -30,7 +30,7 @@ def test_the_newest_state_gets_on_the_disk_and_a_full_disk_says_so(tmp_path: Pat
         SessionFolder.save(place, session)
 
     async def keep() -> None:
-        keeper = Keeper(place, said.append)
+        keeper = SessionWriter(place, said.append)
         keeper.keep(states[0])
         await asyncio.sleep(0.02)  # the first is being written
         for state in states[1:3]:
@@ -46,7 +46,7 @@ def test_the_newest_state_gets_on_the_disk_and_a_full_disk_says_so(tmp_path: Pat
         raise cannot_write(place.folder / "session.json", OSError(errno.ENOSPC, "No space left on device"))
 
     async def fail() -> None:
-        keeper = Keeper(place, said.append)
+        keeper = SessionWriter(place, said.append)
         keeper.keep(states[0])
         await keeper.kept()
         keeper.keep(states[1])

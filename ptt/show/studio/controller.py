@@ -1,4 +1,4 @@
-"""One page's hands: keeps the session, gives jobs to the pool, tells the views what changed."""
+"""The controller of one page: it keeps the session, gives jobs to the pool, and tells the views what changed."""
 
 import asyncio
 from collections.abc import Callable
@@ -10,14 +10,14 @@ from nicegui import Client
 from ptt.errors import PttError
 from ptt.fitting.chunks import LONG
 from ptt.machine import parse_machine
-from ptt.show.studio.doing import Doing
-from ptt.show.studio.keeping import Keeper
 from ptt.show.studio.looks import Look
 from ptt.show.studio.outcomes import QuestionError, SetupFoundError
-from ptt.show.studio.panels import Later
+from ptt.show.studio.panels import DrawQueue
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
+from ptt.show.studio.running import How, JobRunner
 from ptt.show.studio.session import Session
+from ptt.show.studio.session_writer import SessionWriter
 from ptt.show.studio.steps import START
 from ptt.show.studio.store import SessionFolder
 
@@ -36,7 +36,7 @@ class Staged:
     setup: tuple[dict[str, Any], ...] = ()
 
 
-class Studio(Doing):
+class Studio(JobRunner):
     """One session on a page: its steps, its folder, what is being done for it; nothing is shared with another."""
 
     def __init__(self, place: SessionFolder, pool: Pool) -> None:
@@ -55,7 +55,7 @@ class Studio(Doing):
         self.go: Callable[[str], object] = lambda view: None  # shows another view, once there is a page
         self._listeners: dict[str, list[Listener]] = {}
         self._turn_of, self._looking = asyncio.Lock(), asyncio.Lock()
-        self._keeper = Keeper(place, self.fail)
+        self._keeper = SessionWriter(place, self.fail)
 
     def attach(self, client: Client) -> None:
         """Show the session on a page, a reloaded one for instance; a page before is forgotten.
@@ -65,7 +65,7 @@ class Studio(Doing):
         """
         self.client = client
         self._listeners = {topic: [] for topic in TOPICS}
-        self.later = Later(self)
+        self.later = DrawQueue(self)
 
     def on(self, topic: str, listener: Listener) -> None:
         """Call a view whenever something changes.
@@ -191,7 +191,7 @@ class Studio(Doing):
         long = session.look is not None and session.look.rows > LONG  # a minute or more
         if not session.ready or (unasked and (session.diagnosis is not None or long)):
             return
-        how = "unasked" if unasked else "asked"
+        how: How = "unasked" if unasked else "asked"
         found = await self.work(DIAGNOSING, "diagnose", session.source, session.text, how=how)
         if found is not None:
             self._found(session, diagnosed=found)

@@ -21,8 +21,8 @@ SWITCH = """document.querySelectorAll('.st-panel')
   .forEach(panel => panel.classList.toggle('st-here', panel.dataset.view === 'VIEW'))"""
 
 
-class Later:
-    """What is still to be drawn: of the view that is seen at once, of the others when there is time."""
+class DrawQueue:
+    """What is still to be drawn: the view that is seen at once, the others when there is time."""
 
     def __init__(self, studio: "Studio") -> None:
         """Begin with nothing."""

@@ -26,7 +26,7 @@ LEAST_WORKERS, MOST_WORKERS = 2, 4  # a diagnosis beside a quick look; more than
 KEPT = 1.2 * 2**30  # bytes: a process that has grown beyond twice its usual size is not kept
 
 
-class Hand:
+class WorkerProcess:
     """One process; it works in the folder of whichever session a job belongs to."""
 
     def __init__(self, verb: Run | None) -> None:
@@ -101,8 +101,8 @@ class Pool:
         """
         self.most = most or max(LEAST_WORKERS, min(MOST_WORKERS, os.cpu_count() or LEAST_WORKERS))
         self.idle, self.verb = idle, verb
-        self._free: list[Hand] = []
-        self._all: set[Hand] = set()
+        self._free: list[WorkerProcess] = []
+        self._all: set[WorkerProcess] = set()
         self._closed = False
         self._room = asyncio.Semaphore(self.most)
         atexit.register(self.close)
@@ -139,23 +139,23 @@ class Pool:
         if self._room.locked() and tell is not None:
             tell("waiting until other sessions are served", 0, 0)
         async with self._room:
-            hand = self._free.pop() if self._free else self._started()
+            worker = self._free.pop() if self._free else self._started()
             reserve = asyncio.get_running_loop().call_later(SHORT, self._reserve)
             try:
-                kind, *content = await hand.answer(folder, job, arguments, tell)
+                kind, *content = await worker.answer(folder, job, arguments, tell)
             except BaseException:
-                if await hand.leaves():
-                    self._take_back(hand)
+                if await worker.leaves():
+                    self._take_back(worker)
                 else:
-                    self._end(hand)
+                    self._end(worker)
                     self._ready()  # in its place
                 raise
             finally:
                 reserve.cancel()
             if kind == "lost":
-                self._end(hand)
+                self._end(worker)
             else:
-                self._take_back(hand)
+                self._take_back(worker)
         if kind == "done":
             return content[0]
         if kind == "question":
@@ -168,21 +168,21 @@ class Pool:
     def close(self) -> None:
         """End all processes."""
         self._closed = True
-        for hand in list(self._all):
-            self._end(hand)
+        for worker in list(self._all):
+            self._end(worker)
         self._free.clear()
 
-    def _started(self) -> Hand:
-        hand = Hand(self.verb)
-        self._all.add(hand)
-        return hand
+    def _started(self) -> WorkerProcess:
+        worker = WorkerProcess(self.verb)
+        self._all.add(worker)
+        return worker
 
-    def _take_back(self, hand: Hand) -> None:
-        if hand.large:
-            self._end(hand)
+    def _take_back(self, worker: WorkerProcess) -> None:
+        if worker.large:
+            self._end(worker)
             return
-        hand.since = time.monotonic()
-        self._free.append(hand)
+        worker.since = time.monotonic()
+        self._free.append(worker)
         self._trim_later()
 
     def _reserve(self) -> None:
@@ -196,9 +196,9 @@ class Pool:
             self._free.insert(0, self._started())  # those that have begun are taken first
             self._trim_later()
 
-    def _end(self, hand: Hand) -> None:
-        self._all.discard(hand)
-        hand.kill()
+    def _end(self, worker: WorkerProcess) -> None:
+        self._all.discard(worker)
+        worker.kill()
 
     def _trim_later(self) -> None:
         with suppress(RuntimeError):  # without a loop nobody waits for anything
@@ -206,6 +206,6 @@ class Pool:
 
     def _trim(self) -> None:
         """Give back what has had no work for a while."""
-        for hand in [hand for hand in self._free if time.monotonic() - hand.since > self.idle]:
-            self._free.remove(hand)
-            self._end(hand)
+        for worker in [worker for worker in self._free if time.monotonic() - worker.since > self.idle]:
+            self._free.remove(worker)
+            self._end(worker)

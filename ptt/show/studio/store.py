@@ -62,7 +62,7 @@ class SessionFolder:
         self._kept: set[Path] = set()
 
     def save(self, session: Session) -> None:
-        """Write down a session; what was found is written once. One at a time, which its `Keeper` sees to.
+        """Write down a session; what was found is written once. One at a time, which its `SessionWriter` sees to.
 
         Raises:
             InputError: the folder cannot be written.

@@ -5,10 +5,12 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ptt.show.studio.outcomes import JobCancelledError, JobFailedError
 from ptt.show.studio.pool import Pool
+
+How = Literal["asked", "quiet", "unasked", "aside", "spare"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Busy:
     yields: bool = False
 
 
-class Doing:
+class JobRunner:
     """Jobs of one session, what of them is shown, and what went wrong with the last."""
 
     def __init__(self, folder: Path, pool: Pool) -> None:
@@ -57,7 +59,7 @@ class Doing:
         for task in self._tasks:
             task.cancel()
 
-    async def work(self, words: str, job: str, *arguments: Any, how: str = "asked") -> Any:
+    async def work(self, words: str, job: str, *arguments: Any, how: How = "asked") -> Any:
         """Do a job off the page.
 
         Args:
@@ -93,7 +95,7 @@ class Doing:
             self._is_busy(None) if shown else self.tell("busy")
         return None
 
-    async def _do(self, words: str, job: str, arguments: Sequence[Any], how: str) -> Any:
+    async def _do(self, words: str, job: str, arguments: Sequence[Any], how: How) -> Any:
         def tell(what: str, done: int, of: int) -> None:
             if how in ("asked", "unasked") and self.busy is not None:
                 self._is_busy(

@@ -1,4 +1,4 @@
-"""Sessions written down beside the page: a disk that takes its time keeps nobody waiting for a picture."""
+"""Sessions written to disk beside the page, which does not wait for the disk."""
 
 import asyncio
 from collections import deque
@@ -10,7 +10,7 @@ from ptt.show.studio.session import Session
 from ptt.show.studio.store import SessionFolder
 
 
-class Keeper:
+class SessionWriter:
     """Writes the newest state of one session; states that came while it wrote are passed over."""
 
     def __init__(self, place: SessionFolder, failed: Callable[[str], None]) -> None:
