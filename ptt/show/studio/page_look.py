@@ -10,16 +10,16 @@ from ptt.show.card.words import length, together
 from ptt.show.studio.arrow_figure import SHOWN_ARROWS as ARROWS
 from ptt.show.studio.arrow_figure import mean_arrows, usual_scale
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, label_of, unit_of
+from ptt.show.studio.figures import against_figure, unit_of
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import empty_space, machine_figure
+from ptt.show.studio.page_against import AgainstPicture
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
 from ptt.show.studio.tables import table_html
 
 PICKS = {0.0: "pose, all its visits", -1.0: "one reading", 10.0: "region of 10 mm", 25.0: "region of 25 mm"}
 SHOWN_ROWS = 60  # of the table
-NONE = "nothing"
 PLACES = {"mm": 4, "m": 6, "mrad": 4, "rad": 6}  # behind the point, one with micro
 ROWS = "e => emit((e?.points ?? []).map(p => p.customdata).filter(row => row !== undefined))"
 POINTED = "e => { getElement(ID).pointed = e?.points?.[0]?.customdata; }"
@@ -36,7 +36,7 @@ class LookView:
         """Build it."""
         self.studio = studio
         self.drawn: Look | None = None
-        self.led = ""
+        self.led: tuple[str, str] | None = None  # what was shown first
         with ui.element("div").classes("st-look"):
             with ui.element("div").classes("st-box st-col"):
                 self._build_field()
@@ -65,18 +65,10 @@ class LookView:
         self.field.on("click", self._clicked, js_handler=CLICKED.replace("ID", str(self.field.id)))
 
     def _build_against(self) -> None:
-        with ui.element("div").classes("st-tools st-line"):
-            self.view = ui.select(["x"], value="x", label="residual in", on_change=self.redraw_against)
-            self.context = ui.select(["time"], value="time", label="against", on_change=self.redraw_against)
-            self.beside = ui.select([NONE], value=NONE, label="beside it", on_change=self.redraw_against)
-            for select in (self.view, self.context, self.beside):
-                select.props("dense outlined options-dense")
-            self.context.classes("st-longer")
-        self.against = Picture().classes("st-plot")
-        self.against.props('role=img aria-label="residual against a variable"')
+        self.against = AgainstPicture(self.redraw_against, "residual against a variable")
         self.time = Picture().classes("st-plot")
         self.time.props('role=img aria-label="residual over time"')
-        for plot in (self.against, self.time):
+        for plot in (self.against.plot, self.time):
             plot.on("plotly_click", self._clicked, js_handler=ROWS)
             plot.on("plotly_selected", self._selected, js_handler=ROWS)
 
@@ -99,28 +91,25 @@ class LookView:
             return
         fresh = self.drawn is None or self.drawn.source != look.source or self.drawn.rows != look.rows
         self.drawn = look
-        others = [NONE, *self.studio.session.others()]
-        self.beside.set_options(others, value=self.beside.value if self.beside.value in others else NONE)
+        self.against.offer_beside(list(self.studio.session.others()), self.against.beside.value)
         if fresh:
-            view, context = first_of(self.studio.session, look)
-            self.view.set_options(list(look.views), value=view)
-            self.context.set_options({name: label_of(name, look) for name in look.contexts}, value=context)
+            self.against.offer(look, *first_of(self.studio.session, look))
             self.scale.set_value(usual_scale(look))
-            self.led = ""
+            self.led = None
         self._lead()
         self.redraw()
 
     def _lead(self) -> None:
         """Show the strongest dependence first, once it is known and until the person chooses another one."""
         session = self.studio.session
-        chosen = f"{self.view.value} {self.context.value}"
-        if session.comparison is None or self.led not in ("", chosen):
+        if session.comparison is None or self.led not in (None, self.against.chosen):
             return
+        view, context = self.against.view, self.against.context
         for item in session.comparison.data["depends_on"][:1]:
-            if item["residual"] in self.view.options and item["on"] in self.context.options:
-                self.led = f"{item['residual']} {item['on']}"
-                self.view.set_value(item["residual"])
-                self.context.set_value(item["on"])
+            if item["residual"] in view.options and item["on"] in context.options:
+                self.led = item["residual"], item["on"]
+                view.set_value(item["residual"])
+                context.set_value(item["on"])
 
     def redraw(self) -> None:
         """Draw everything again, piece by piece where it is not seen."""
@@ -158,15 +147,11 @@ class LookView:
         )
 
     def _draw_against(self) -> None:
-        look = self.drawn
-        if look is None or self.view.value not in look.views or self.context.value not in look.contexts:
+        look, picked = self.drawn, self.studio.picked
+        if look is None or not self.against.draw(look, self.studio.session.others(), picked):
             return
-        others = self.studio.session.others()
-        beside = (self.beside.value, others[self.beside.value]) if self.beside.value in others else None
-        picked = self.studio.picked
-        self.against.show(against_figure(look, self.view.value, self.context.value, picked, beside))
         if "time" in look.contexts:
-            self.time.show(against_figure(look, self.view.value, "time", picked, None))
+            self.time.show(against_figure(look, self.against.view.value, "time", picked, None))
 
     def _fill_table(self) -> None:
         look, picked = self.drawn, self.studio.picked

@@ -8,8 +8,9 @@ from ptt.machine_schema import EffectEntry
 from ptt.run.axes import AXES
 from ptt.show.card.words import parameter_in_words, pretty, together
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, empty_figure, label_of
+from ptt.show.studio.figures import empty_figure
 from ptt.show.studio.ladder_figures import ladder_figure
+from ptt.show.studio.page_against import NOTHING, AgainstPicture
 from ptt.show.studio.page_look import first_of
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
@@ -49,16 +50,7 @@ class ModelView:
         self.ladder.props('role=img aria-label="ladder of errors"')
 
     def _build_against(self) -> None:
-        with ui.element("div").classes("st-tools st-line"):
-            ui.html("With and without", sanitize=False, tag="h2").classes("st-head")
-            self.view = ui.select(["x"], value="x", label="residual in", on_change=self.redraw)
-            self.context = ui.select(["time"], value="time", label="against", on_change=self.redraw)
-            self.beside = ui.select(["nothing"], value="nothing", label="beside it", on_change=self.redraw)
-            for select in (self.view, self.context, self.beside):
-                select.props("dense outlined options-dense")
-            self.context.classes("st-longer")
-        self.against = Picture().classes("st-plot")
-        self.against.props('role=img aria-label="residual with and without"')
+        self.against = AgainstPicture(self.redraw, "residual with and without", "With and without")
 
     def _build_add(self) -> None:
         with ui.element("div").classes("st-tools"):
@@ -141,23 +133,16 @@ class ModelView:
         look = self.studio.session.look
         if look is None:
             return
-        chosen = self.view.value, self.context.value
-        if self.view.options != list(look.views) or chosen == self.led:
-            self.led = view, context = first_of(self.studio.session, look)
-            self.view.set_options(list(look.views), value=view)
-            self.context.set_options({name: label_of(name, look) for name in look.contexts}, value=context)
+        if self.against.view.options != list(look.views) or self.against.chosen == self.led:
+            self.led = first_of(self.studio.session, look)
+            self.against.offer(look, *self.led)
         others = list(self.studio.session.others())
-        self.beside.set_options(["nothing", *others], value=others[-1] if others else "nothing")
+        self.against.offer_beside(others, others[-1] if others else NOTHING)
 
     def _draw_against(self) -> None:
         session = self.studio.session
-        look = session.look
-        if look is None or self.view.value not in look.views or self.context.value not in look.contexts:
-            return
-        others = session.others()
-        beside = (self.beside.value, others[self.beside.value]) if self.beside.value in others else None
-        view, context = self.view.value, self.context.value
-        self.against.show(against_figure(look, view, context, self.studio.picked, beside))
+        if session.look is not None:
+            self.against.draw(session.look, session.others(), self.studio.picked)
 
     async def _add(self) -> None:
         if self.which.value:
