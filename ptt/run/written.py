@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ptt.run.axes import AXES
 from ptt.run.cores import map_cores
 from ptt.run.readers.columns import file_title
 from ptt.run.readers.mapping import IGNORE
@@ -16,7 +17,6 @@ from ptt.run.readers.mapping import IGNORE
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-COORDINATES = ("x", "y", "z")
 QUATERNION = ("qx", "qy", "qz", "qw")
 ROWS = 20_000  # of a block: some MB of text
 
@@ -36,9 +36,9 @@ def columns_of(table: "Table", whole: bool = False) -> dict[str, np.ndarray]:
     columns: dict[str, np.ndarray] = {}
     put = partial(_put, columns, whole)
     angle = "_rad" if table.joint_prefix == "q" else ""
-    put([f"{axis}_cmd" for axis in COORDINATES], table.target)
+    put([f"{axis}_cmd" for axis in AXES], table.target)
     put([f"{table.joint_prefix}{i + 1}_cmd{angle}" for i in range(table.joints)], table.command)
-    put([f"{axis}_meas" for axis in COORDINATES], table.measured)
+    put([f"{axis}_meas" for axis in AXES], table.measured)
     if whole or (table.name != "").any():
         columns["name"] = table.name
     if whole or (table.role != "pose").any():
@@ -49,7 +49,7 @@ def columns_of(table: "Table", whole: bool = False) -> dict[str, np.ndarray]:
         put([title], getattr(table, title))
     for title, values in (("dir", table.direction), ("tau", table.torque)):
         put([f"{title}{i + 1}" for i in range(0 if values is None else values.shape[1])], values)
-    put([f"{axis}_std" for axis in COORDINATES], table.std)
+    put([f"{axis}_std" for axis in AXES], table.std)
     put([f"{axis}_meas" for axis in QUATERNION], table.orientation_measured)
     put([f"{axis}_cmd" for axis in QUATERNION], table.orientation_command)
     return columns | dict(table.extra)

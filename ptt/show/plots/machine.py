@@ -72,7 +72,7 @@ def _from_above(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
 
 def _from_side(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
     """Slider 1 in the plane of its rail: travel, which way b counts, z = 0, the side that the sliders are on."""
-    above, size = spec.sliders == "above", _width(spec)
+    size = _width(spec)
     home, ends = float(mechanism.home()[0]), mechanism.limits().numpy()[:, 0]
     lean = np.radians(spec.slider_lean_deg[0])
     rail = np.array([np.sin(lean), np.cos(lean)])
@@ -87,7 +87,21 @@ def _from_side(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
     _slider(axes, slider, "1")
     axes.plot(0.0, 0.0, "o", color="black", ms=7, zorder=7)
     _count(axes, slider, rail, size, ((home, "home"), (ends[0], "least"), (ends[1], "most")))
-    left, side = -2.1 * size, -1.0 if above else 1.0
+    _name_parts(axes, spec, inner, joint)
+    side = -1.0 if spec.sliders == "above" else 1.0
+    heights = np.array([low[1], high[1], 0.0, joint[1], side * 0.5 * size])
+    rim = BEYOND * np.ptp(heights)
+    towards = f"{spec.slider_azimuth_deg[0]:g}\N{DEGREE SIGN}"
+    axes.set_title(f"from the side, through slider 1 (towards {towards}); shaded: reach", fontsize=10)
+    _frame(
+        axes, (-2.15 * size, 2.3 * size), (heights.min() - rim, heights.max() + rim), "towards slider 1 [mm]", "z [mm]"
+    )
+
+
+def _name_parts(axes: Axes, spec: ThreePttSpec, inner: np.ndarray, joint: np.ndarray) -> None:
+    """What z = 0, the side of the sliders and the lengths mean, beside platform joint and slider joint, (2,) mm."""
+    above = spec.sliders == "above"
+    left, side = -2.1 * _width(spec), -1.0 if above else 1.0
     words = "z = 0: tool (black) at home,\nlevel with the platform's joints"
     axes.text(left, 0.0, words, fontsize=9, va="bottom" if above else "top")
     hang = "hang down from them" if above else "stand up from them"
@@ -100,13 +114,6 @@ def _from_side(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
     if spec.joint_height_mm:
         axes.annotate(f"joint {spec.joint_height_mm:g} mm below the height that is read", _at(joint), (14, -4),
                       textcoords="offset points", fontsize=8, color=GREY, va="top")  # fmt: skip
-    heights = np.array([low[1], high[1], 0.0, joint[1], side * 0.5 * size])
-    rim = BEYOND * np.ptp(heights)
-    towards = f"{spec.slider_azimuth_deg[0]:g}\N{DEGREE SIGN}"
-    axes.set_title(f"from the side, through slider 1 (towards {towards}); shaded: reach", fontsize=10)
-    _frame(
-        axes, (-2.15 * size, 2.3 * size), (heights.min() - rim, heights.max() + rim), "towards slider 1 [mm]", "z [mm]"
-    )
 
 
 def _slider(axes: Axes, place: np.ndarray, number: str) -> None:
