@@ -74,35 +74,19 @@ def _show(studio: Studio, look: Look) -> None:
     for finding in look.setup:
         show_finding(finding)
     if look.rows > LONG:
-        least = PER_ROW * look.rows / 60.0
         with ui.element("div").classes("st-tie").style("margin: 6px 0"):
             ui.label(
-                f"{look.rows:,} rows: a diagnosis takes about {least:.0f} to {max(SLOWEST * least, 1.0):.0f} minutes "
-                "in the background; it starts only when you ask for it."
+                f"{look.rows:,} rows: a diagnosis takes {_minutes(look.rows)} in the background; it starts only when "
+                "you ask for it."
             )
     with ui.element("div").classes("st-tools").style("margin: 6px 0"):
-        ui.button("See the result", icon="troubleshoot", on_click=lambda: studio.go("Result")).props(
-            "no-caps unelevated"
-        )
-        ui.button("Look at the readings", icon="visibility", on_click=lambda: studio.go("Look")).props(
-            "no-caps outline"
-        )
-    left = int((~look.kept).sum())
-    rest = f" ({left} left out: base, not observed or gross errors)" if left else ""
-    facts = [
-        ("Rows", f"{look.rows}, {look.rows - left} of them count{rest}"),
-        ("Runs", ", ".join(look.runs) or "one"),
-        ("Besides poses", ", ".join(look.covariates) or "nothing: only effects of the pose can be found"),
-        ("Noise of one reading", _noise(look.noise)),
-    ]
-    ui.html(table_html((), facts, words=2), sanitize=False).classes("w-full")
+        result = ui.button("See the result", icon="troubleshoot", on_click=lambda: studio.go("Result"))
+        result.props("no-caps unelevated")
+        readings = ui.button("Look at the readings", icon="visibility", on_click=lambda: studio.go("Look"))
+        readings.props("no-caps outline")
+    ui.html(table_html((), _facts(look), words=2), sanitize=False).classes("w-full")
     if look.column_rows:
-        ui.html("Columns", sanitize=False, tag="h3").classes("st-head").style("margin-top: 10px")
-        head = ("column", "taken for", "unit", "first rows as in the file", "read as")
-        with ui.element("div").classes("st-grid").props("tabindex=0"):
-            last = len(head) if any(row[-1] for row in look.column_rows) else len(head) - 1  # where units were turned
-            rows = [row[:last] for row in look.column_rows]
-            ui.html(table_html(head[:last], rows, words=5), sanitize=False).classes("w-full")
+        _show_columns(look)
     with ui.expansion("How the file was read, in words").classes("w-full").props("dense"):
         for line in lines:
             ui.label(pretty(line)).classes("st-note")
@@ -110,6 +94,36 @@ def _show(studio: Studio, look: Look) -> None:
     if figures is not None:
         with ui.expansion("Compared with the model, in figures", value=False).classes("w-full").props("dense"):
             ui.label(pretty(figures.text)).classes("st-mono st-pre").props("tabindex=0")
+
+
+def _facts(look: Look) -> list[tuple[str, str]]:
+    """A run in figures."""
+    left = int((~look.kept).sum())
+    rest = f" ({left} left out: base, not observed or gross errors)" if left else ""
+    return [
+        ("Rows", f"{look.rows}, {look.rows - left} of them count{rest}"),
+        ("Runs", ", ".join(look.runs) or "one"),
+        ("Besides poses", ", ".join(look.covariates) or "nothing: only effects of the pose can be found"),
+        ("Noise of one reading", _noise(look.noise)),
+    ]
+
+
+def _show_columns(look: Look) -> None:
+    ui.html("Columns", sanitize=False, tag="h3").classes("st-head").style("margin-top: 10px")
+    head = ("column", "taken for", "unit", "first rows as in the file", "read as")
+    with ui.element("div").classes("st-grid").props("tabindex=0"):
+        last = len(head) if any(row[-1] for row in look.column_rows) else len(head) - 1  # where units were turned
+        rows = [row[:last] for row in look.column_rows]
+        ui.html(table_html(head[:last], rows, words=5), sanitize=False).classes("w-full")
+
+
+def _minutes(rows: int) -> str:
+    """How long a diagnosis of a long run takes."""
+    least = PER_ROW * rows / 60.0
+    most = max(SLOWEST * least, 1.0)
+    return (
+        f"about {least:.0f} to {most:.0f} minutes" if least >= 1.0 else f"up to {most:.0f} minute{'s' * (most >= 1.5)}"
+    )
 
 
 def parted(lines: Sequence[str]) -> tuple[list[str], list[str]]:
