@@ -8,8 +8,9 @@ import numpy as np
 
 from ptt.errors import InputError
 from ptt.fleet.database import duckdb, in_memory
+from ptt.run.axes import AXES
 from ptt.run.table import Table, make_table, table_to_frame
-from ptt.run.written import COORDINATES, QUATERNION
+from ptt.run.written import QUATERNION
 
 Columns = Mapping[str, np.ndarray]
 OWN = ("machine", "run_sha256", "line")
@@ -78,14 +79,14 @@ def columns_to_table(columns: Columns, file: str, run: str) -> Table:
     joints = range(1, MOST_JOINTS)
     rows = len(columns["line"])
     labels, codes = _runs(columns.get("run"), rows)
-    target = _stack(columns, [f"{axis}_cmd" for axis in COORDINATES])
+    target = _stack(columns, [f"{axis}_cmd" for axis in AXES])
     fields: dict[str, Any] = {
         "run": codes,
         "run_label": labels,
         "run_sha256": (run,) * len(labels),
         "direction": _stack(columns, [name for i in joints if (name := f"dir{i}") in columns]),
         "torque": _stack(columns, [name for i in joints if (name := f"tau{i}") in columns]),
-        "std": _stack(columns, [f"{axis}_std" for axis in COORDINATES]),
+        "std": _stack(columns, [f"{axis}_std" for axis in AXES]),
         "orientation_measured": _stack(columns, [f"{axis}_meas" for axis in QUATERNION]),
         "orientation_command": _stack(columns, [f"{axis}_cmd" for axis in QUATERNION]),
         "line": columns["line"],
@@ -96,7 +97,7 @@ def columns_to_table(columns: Columns, file: str, run: str) -> Table:
     return make_table(
         np.full((rows, 3), np.nan) if target is None else target,
         _stack(columns, [name for i in joints if (name := f"{prefix}{i}_cmd{angle}") in columns]),
-        _stack(columns, [f"{axis}_meas" for axis in COORDINATES]),
+        _stack(columns, [f"{axis}_meas" for axis in AXES]),
         **fields,
     )
 
