@@ -71,7 +71,7 @@ class CommandTask:
 
     @property
     def lag(self) -> Tensor:
-        """Of each axis, (k,) s."""
+        """Lag of each axis behind its command, (k,) s."""
         joints = self.nominal.shape[1]
         return sum((theta[:joints] for _, theta in self.late), torch.zeros(joints, dtype=torch.float64))
 

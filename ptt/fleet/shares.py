@@ -181,7 +181,7 @@ def drawers_of(place: np.ndarray) -> np.ndarray:
 
 
 def add_shares(one: Share, other: Share) -> Share:
-    """What two say together."""
+    """The sums of two shares."""
     distant = np.append(one.distant[0], other.distant[0]), np.append(one.distant[1], other.distant[1])
     return Share(
         add_totals(one.total, other.total), one.far + other.far, one.poses + other.poses, one.square + other.square,

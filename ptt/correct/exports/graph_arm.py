@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ptt.correct.exports.graph import Graph, Node
-from ptt.correct.exports.graph_vectors import FLAT, Vector, along_by, by, cross, dot, less, plus, turned
+from ptt.correct.exports.graph_vectors import FLAT, Vector, add, cross, dot, move_along, multiply, subtract, turned
 from ptt.effects import Effect
 from ptt.effects.layout import sizes
 from ptt.machine import SerialSpec
@@ -35,7 +35,10 @@ class Frame:
     def point(self, local: Vector) -> Vector:
         """A point of this frame in base coordinates, mm."""
         parts = zip(self.x, self.y, self.z, self.origin, strict=True)
-        return [plus(plus(plus(o, by(local[0], x)), by(local[1], y)), by(local[2], z)) for x, y, z, o in parts]
+        return [
+            add(add(add(o, multiply(local[0], x)), multiply(local[1], y)), multiply(local[2], z))
+            for x, y, z, o in parts
+        ]
 
 
 @dataclass(frozen=True)
@@ -79,9 +82,9 @@ def walk(arm: Serial, links: Sequence[Sequence[Any]], q: Sequence[Node]) -> tupl
         if arm.convention != "standard":
             here = _screw_x(here, a, alpha, beta)
         axes.append(here)
-        angle = plus(value, turn)
+        angle = add(value, turn)
         x, y = turned(here.x, here.y, _cosine(angle), angle.graph.node("Sin", angle))
-        here = Frame(x, y, here.z, along_by(here.origin, here.z, d))
+        here = Frame(x, y, here.z, move_along(here.origin, here.z, d))
         if arm.convention == "standard":
             here = _screw_x(here, a, alpha, beta)
         ends.append(here)
@@ -90,7 +93,7 @@ def walk(arm: Serial, links: Sequence[Sequence[Any]], q: Sequence[Node]) -> tupl
 
 def _screw_x(here: Frame, a: Any, alpha: float, beta: float) -> Frame:
     y, z = turned(here.y, here.z, float(np.cos(alpha)), float(np.sin(alpha)))
-    origin = along_by(here.origin, here.x, a)
+    origin = move_along(here.origin, here.x, a)
     z, x = turned(z, here.x, float(np.cos(beta)), float(np.sin(beta)))
     return Frame(x, y, z, origin)
 
@@ -126,33 +129,31 @@ def settle(
     for _ in range(ROUNDS if effects else 0):
         axes, ends = walk(arm, drawn, q)
         tip = ends[-1].point(arm.tool_mm)
-        lever = [cross(axis.z, [less(t, o) for t, o in zip(tip, axis.origin, strict=True)]) for axis in axes]
+        lever = [cross(axis.z, [subtract(t, o) for t, o in zip(tip, axis.origin, strict=True)]) for axis in axes]
         seen = ArmRows(graph, arm, spec, q, axes, ends, lever, payload, warmth)
         moved = list(q)
         for effect, theta in effects:
             if effect.name in DRIVES:
                 shifts = DRIVES[effect.name].add(seen, theta, effect)
-                moved = [plus(value, shift) for value, shift in zip(moved, shifts, strict=True)]
+                moved = [add(value, shift) for value, shift in zip(moved, shifts, strict=True)]
         there = walk(arm, links, moved)[1][-1].point(arm.tool_mm)
         for effect, theta in effects:
             if effect.name == "frame-growth":
-                there = [plus(a, b) for a, b in zip(there, _grown(seen, moved, theta), strict=True)]
-        step = _least_move(lever, [less(a, b) for a, b in zip(goal, there, strict=True)], damping)
-        q = [plus(value, part) for value, part in zip(q, step, strict=True)]
+                there = [add(a, b) for a, b in zip(there, _grown(seen, moved, theta), strict=True)]
+        step = _least_move(lever, [subtract(a, b) for a, b in zip(goal, there, strict=True)], damping)
+        q = [add(value, part) for value, part in zip(q, step, strict=True)]
     return graph.node("Concat", *q, axis=1)
 
 
 def _least_move(lever: Sequence[Vector], step: Vector, damping: float) -> list[Any]:
     """J^T (J J^T + damping)^-1 step, by the minors of that matrix."""
     square = [
-        [reduce(plus, [by(each[row], each[column]) for each in lever]) for column in range(3)] for row in range(3)
+        [reduce(add, [multiply(each[row], each[column]) for each in lever]) for column in range(3)] for row in range(3)
     ]
-    square = [
-        [plus(value, damping) if i == j else value for j, value in enumerate(row)] for i, row in enumerate(square)
-    ]
+    square = [[add(value, damping) if i == j else value for j, value in enumerate(row)] for i, row in enumerate(square)]
     minors = [cross(square[(row + 1) % 3], square[(row + 2) % 3]) for row in range(3)]
     volume = dot(square[0], minors[0])
-    force = [reduce(plus, [by(minors[row][axis], step[row]) for row in range(3)]) / volume for axis in range(3)]
+    force = [reduce(add, [multiply(minors[row][axis], step[row]) for row in range(3)]) / volume for axis in range(3)]
     return [dot(each, force) for each in lever]
 
 
@@ -167,14 +168,16 @@ def _offset(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
 
 
 def _scale(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
-    return [by(float(share), value) for share, value in zip(t, s.q, strict=True)]
+    return [multiply(float(share), value) for share, value in zip(t, s.q, strict=True)]
 
 
 def _turn(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     k, found = s.arm.joints, []
     for joint, value in enumerate(s.q):
-        phase = by(float(2.0 * np.pi / t[2 * k]), value)
-        found.append(plus(by(float(t[joint]), _cosine(phase)), by(float(t[k + joint]), s.graph.node("Sin", phase))))
+        phase = multiply(float(2.0 * np.pi / t[2 * k]), value)
+        found.append(
+            add(multiply(float(t[joint]), _cosine(phase)), multiply(float(t[k + joint]), s.graph.node("Sin", phase)))
+        )
     return found
 
 
@@ -193,16 +196,16 @@ def _error_map(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
 def _yield(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     """Torque of the payload at the tool, and of the links that the drawing weighs, by virtual work."""
     down = [float(value) for value in gravity_of(s.spec)]
-    torque = [by(s.payload, by(GRAVITY, dot(each, down))) for each in s.lever]
+    torque = [multiply(s.payload, multiply(GRAVITY, dot(each, down))) for each in s.lever]
     for index, joint in enumerate(s.spec.joint):
         if joint.mass_kg:
             centre = s.ends[index].point(joint.com_mm or (0.0, 0.0, 0.0))
             force = [GRAVITY * joint.mass_kg * value for value in down]
             for moved in range(index + 1):
                 axis = s.axes[moved]
-                arm = [less(c, o) for c, o in zip(centre, axis.origin, strict=True)]
-                torque[moved] = plus(torque[moved], dot(cross(axis.z, arm), force))
-    return [by(float(share), value) for share, value in zip(t, torque, strict=True)]
+                arm = [subtract(c, o) for c, o in zip(centre, axis.origin, strict=True)]
+                torque[moved] = add(torque[moved], dot(cross(axis.z, arm), force))
+    return [multiply(float(share), value) for share, value in zip(t, torque, strict=True)]
 
 
 def _sag(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
@@ -212,8 +215,8 @@ def _sag(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
         pull, total = cross(down, s.axes[joint].z), 0.0
         for behind in range(joint, k):
             x = s.ends[behind].x
-            total = plus(total, by(float(t[number]), dot(pull, x)))
-            total = plus(total, by(float(t[pairs + number]), dot(pull, cross(s.axes[behind].z, x))))
+            total = add(total, multiply(float(t[number]), dot(pull, x)))
+            total = add(total, multiply(float(t[pairs + number]), dot(pull, cross(s.axes[behind].z, x))))
             number += 1
         found.append(total)
     return found
@@ -221,11 +224,17 @@ def _sag(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
 
 def _grown(s: ArmRows, moved: Sequence[Node], t: np.ndarray) -> Vector:
     grown = [
-        [by(plus(by(float(t[0]), s.warmth), 1.0), a), alpha, by(plus(by(float(t[1]), s.warmth), 1.0), d), turn, beta]
+        [
+            multiply(add(multiply(float(t[0]), s.warmth), 1.0), a),
+            alpha,
+            multiply(add(multiply(float(t[1]), s.warmth), 1.0), d),
+            turn,
+            beta,
+        ]
         for a, alpha, d, turn, beta in drawn_links(s.arm, None)
     ]
     still, there = (walk(s.arm, each, moved)[1][-1].point(s.arm.tool_mm) for each in (drawn_links(s.arm, None), grown))
-    return [less(a, b) for a, b in zip(there, still, strict=True)]
+    return [subtract(a, b) for a, b in zip(there, still, strict=True)]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ FLAT = np.array([[1.0]])
 NEARLY = 1e-3  # onnxruntime leaves out a factor that is one but for a hundred-thousandth
 
 
-def by(a: Any, b: Any) -> Any:
+def multiply(a: Any, b: Any) -> Any:
     """Product."""
     if isinstance(a, Node) or isinstance(b, Node):
         number, value = (a, b) if isinstance(b, Node) else (b, a)
@@ -26,7 +26,7 @@ def by(a: Any, b: Any) -> Any:
     return a * b
 
 
-def plus(a: Any, b: Any) -> Any:
+def add(a: Any, b: Any) -> Any:
     """Sum."""
     if not isinstance(a, Node) and not isinstance(b, Node):
         return a + b
@@ -36,28 +36,28 @@ def plus(a: Any, b: Any) -> Any:
     return value if number == 0.0 else value + FLAT * number
 
 
-def less(a: Any, b: Any) -> Any:
+def subtract(a: Any, b: Any) -> Any:
     """Difference."""
-    return plus(a, by(-1.0, b))
+    return add(a, multiply(-1.0, b))
 
 
 def cross(u: Vector, v: Vector) -> Vector:
     """Cross product."""
-    return [less(by(u[i], v[j]), by(u[j], v[i])) for i, j in ((1, 2), (2, 0), (0, 1))]
+    return [subtract(multiply(u[i], v[j]), multiply(u[j], v[i])) for i, j in ((1, 2), (2, 0), (0, 1))]
 
 
 def dot(u: Vector, v: Vector) -> Any:
     """Inner product."""
-    return plus(plus(by(u[0], v[0]), by(u[1], v[1])), by(u[2], v[2]))
+    return add(add(multiply(u[0], v[0]), multiply(u[1], v[1])), multiply(u[2], v[2]))
 
 
 def turned(u: Vector, v: Vector, cosine: Any, sine: Any) -> tuple[Vector, Vector]:
     """Two axes after a turn from the first toward the second."""
     pairs = list(zip(u, v, strict=True))
-    one = [plus(by(cosine, a), by(sine, b)) for a, b in pairs]
-    return one, [less(by(cosine, b), by(sine, a)) for a, b in pairs]
+    one = [add(multiply(cosine, a), multiply(sine, b)) for a, b in pairs]
+    return one, [subtract(multiply(cosine, b), multiply(sine, a)) for a, b in pairs]
 
 
-def along_by(origin: Vector, axis: Vector, way: Any) -> Vector:
+def move_along(origin: Vector, axis: Vector, way: Any) -> Vector:
     """A point moved along an axis."""
-    return [plus(o, by(way, a)) for o, a in zip(origin, axis, strict=True)]
+    return [add(o, multiply(way, a)) for o, a in zip(origin, axis, strict=True)]

@@ -51,7 +51,7 @@ def origin_section(contents: Contents) -> Section:
 
 
 def _drawing(file: MachineFile) -> str:
-    """The machine in a line."""
+    """Family, sizes and frame of the machine, in a line."""
     spec, frame = file.machine, f"tracker frame {file.tracker.frame}"
     corrected = f"; the controller compensates {', '.join(file.controller.compensates)}" * bool(
         file.controller.compensates

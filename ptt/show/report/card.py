@@ -40,7 +40,7 @@ class TopCard:
 
     @property
     def findings(self) -> list[dict[str, Any]]:
-        """Those that are shown."""
+        """The first `MOST_FINDINGS`, which are shown."""
         return list(self.card["findings"][:MOST_FINDINGS])
 
 

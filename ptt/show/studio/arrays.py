@@ -73,5 +73,5 @@ def unpack_look(data: bytes) -> Look:
 
 
 def _as_was(value: Any) -> Any:
-    """Inner lists were tuples."""
+    """JSON makes lists of tuples: turn them back."""
     return tuple(value) if isinstance(value, list) else value

@@ -34,10 +34,14 @@ VERDICTS = {
 
 
 class AgainView:
-    """The view's parts."""
+    """The view of runs measured later: before and after, what has changed, values by date."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.shown = ""
         with ui.element("div").classes("st-two st-wide-right"):

@@ -46,7 +46,11 @@ class ColumnsView:
     """The grid's parts; it opens where a file leaves something open, and on demand."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.quantity: dict[str, ui.select] = {}
         self.unit: dict[str, ui.toggle] = {}

@@ -17,10 +17,14 @@ BARS = (
 
 
 class ExportView:
-    """The box's parts."""
+    """The box that writes a model in a controller's own form."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.asked = ""
         with ui.element("div").classes("st-box").mark("export"):

@@ -24,10 +24,14 @@ UNTRAINED = (
 
 
 class FinishView:
-    """The view's parts."""
+    """The view of what is taken to the machine: commands, model, report, network, tools."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         with ui.element("div").classes("st-two"):
             with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):

@@ -16,10 +16,14 @@ from ptt.show.studio.uploads import keep
 
 
 class LaterRuns:
-    """The list's parts."""
+    """The list of later runs."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.troubles: dict[str, Mapping[str, Any]] = {}  # file -> what stands against it
         self.listed: object = None

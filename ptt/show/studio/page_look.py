@@ -33,7 +33,11 @@ class LookView:
     """The view's controls and figures."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.drawn: Look | None = None
         self.led: tuple[str, str] | None = None  # what was shown first

@@ -113,10 +113,15 @@ def open_machine_form(studio: Studio) -> None:
 
 
 class MachineForm:
-    """The form's parts."""
+    """The form that describes a machine."""
 
     def __init__(self, studio: Studio, dialog: ui.dialog) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+            dialog: that it lies in.
+        """
         self.studio, self.dialog = studio, dialog
         self.numbers: dict[str, ui.number] = {}
         self.joints: list[dict[str, float]] = _rows("UR10")

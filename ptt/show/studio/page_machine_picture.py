@@ -22,7 +22,11 @@ class MachinePicture:
     """The picture and what it is turned by."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.diagnosis: Diagnosed | None = None
         self.key = ""

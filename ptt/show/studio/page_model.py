@@ -19,10 +19,14 @@ from ptt.show.studio.tables import table_html
 
 
 class ModelView:
-    """The view's parts."""
+    """The view of the ladder, the effects and the residual with and without them."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.asked, self.led = "", ("", "")
         self.listed: Snapshot | None = None

@@ -16,10 +16,16 @@ HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told fr
 
 
 class OthersView:
-    """The view's parts."""
+    """The box of other candidates and of what could not be tested."""
 
     def __init__(self, studio: Studio, add: Callable[[str], Awaitable[None]], cards: EffectCards) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+            add: adds an effect by its key.
+            cards: of the effects.
+        """
         self.studio, self.add, self.cards = studio, add, cards
         self.shown: Diagnosed | None = None
         self.of: Source | None = None

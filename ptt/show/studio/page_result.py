@@ -20,10 +20,14 @@ ICONS = {"missing": "lightbulb", "nothing-missing": "check_circle", "unknown": "
 
 
 class ResultView:
-    """The view's parts."""
+    """The view of a diagnosis: verdict, findings, and the machine."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.cards = EffectCards(studio)
         self.filled: Diagnosed | None = None

@@ -22,10 +22,14 @@ HOW = {
 
 
 class UnknownView:
-    """The view's parts."""
+    """The box of an unknown's curve."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it."""
+        """Build it.
+
+        Args:
+            studio: of this session.
+        """
         self.studio = studio
         self.shown: Diagnosed | None = None
         self.file = ""

@@ -25,7 +25,11 @@ class DrawQueue:
     """What is still to be drawn: the view that is seen at once, the others when there is time."""
 
     def __init__(self, studio: "Studio") -> None:
-        """Begin with nothing."""
+        """Begin with nothing to draw.
+
+        Args:
+            studio: of this session.
+        """
         self._studio = studio
         self._due: dict[Callable[[], None], str] = {}
         self._from = 0.0
