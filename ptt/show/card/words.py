@@ -64,9 +64,9 @@ def length(um: float) -> str:
     if not math.isfinite(um):
         return "\N{EN DASH}"
     if abs(um) >= 999.5 * 1e3:
-        return together(f"{um / 1e6:.3g} m")
+        return together(f"{um / 1e6:.3g} m".replace("-", "\N{MINUS SIGN}"))
     if abs(um) >= 999.5:
-        return together(f"{um / 1e3:.3g} mm")
+        return together(f"{um / 1e3:.3g} mm".replace("-", "\N{MINUS SIGN}"))
     return together(f"{_short(um, 3)} {MICRO}m")
 
 
@@ -128,7 +128,7 @@ def how_sure(probability: float) -> str:
         probability: 0 to 1.
     """
     words = next(words for least, words in CHANCES if probability >= least)
-    return f"{words} ({'> 99' if probability > 0.995 else f'{100.0 * probability:.0f}'} %)"
+    return f"{words} ({'> 99' if probability >= 0.995 else f'{100.0 * probability:.0f}'} %)"
 
 
 SUFFIXES = (  # of a parameter's name -> factor and unit that a page shows

@@ -20,7 +20,11 @@ def um(value: float | None, digits: int = 1) -> str:
     Returns:
         Text.
     """
-    return NONE if value is None or not math.isfinite(value) else f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+    if value is None or not math.isfinite(value):
+        return NONE
+    return f"{round(float(value), digits) + 0.0:.{digits}f}".replace(
+        "-", "\N{MINUS SIGN}"
+    )  # what rounds to zero has no sign
 
 
 def axes(figures: Mapping[str, float]) -> tuple[str, ...]:
