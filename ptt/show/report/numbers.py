@@ -22,9 +22,8 @@ def um(value: float | None, digits: int = 1) -> str:
     """
     if value is None or not math.isfinite(value):
         return NONE
-    return f"{round(float(value), digits) + 0.0:.{digits}f}".replace(
-        "-", "\N{MINUS SIGN}"
-    )  # what rounds to zero has no sign
+    plain = round(float(value), digits) + 0.0  # what rounds to zero has no sign
+    return f"{plain:.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def axes(figures: Mapping[str, float]) -> tuple[str, ...]:
