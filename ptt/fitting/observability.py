@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ptt.effects.phrases import listed
 from ptt.fitting.indices import project_off
 from ptt.fitting.layout import FRAME, FRAME_NAMES, MOUNT, MOUNT_NAMES, Layout
 from ptt.fitting.patterns import Pattern, patterns
@@ -19,6 +20,7 @@ SMALL = 0.1  # motions below this share of the largest are not named
 NEW = 0.5  # length of what a combination must add to those told already
 NO_PATTERN = 3.0  # cost of an effect that no pattern describes; that of one with a pattern is 1 to 1.5
 MOST_MEMBERS, MEMBER = 4, 0.3  # of a combination without a pattern; and their least share of the largest
+TOGETHER = " together with "
 PULL = 1e-6  # prior on what imitates, in usual sizes, that keeps free directions finite
 
 
@@ -45,7 +47,7 @@ class Combination(Record):
         """The combination as a sentence."""
         if not self.partners:
             return f"{self.effect}: {self.what} leaves no trace in this run"
-        return f"{self.effect}: {self.what} cannot be told from {_listed(self.partners)}"
+        return f"{self.effect}: {self.what} cannot be told from {listed(self.partners, TOGETHER)}"
 
 
 @dataclass(frozen=True)
@@ -256,11 +258,7 @@ def _rest(layout: Layout, left: np.ndarray) -> list[Combination]:
             continue
         key = layout.terms[layout.owner[lead]].effect.key
         weights = {layout.names[i]: float(direction[i]) for i in big if layout.owner[i] == layout.owner[lead]}
-        what = "a combination of " + _listed([name.removeprefix(f"{key} ") for name in weights])
+        what = "a combination of " + listed([name.removeprefix(f"{key} ") for name in weights], TOGETHER)
         others = [layout.names[i] for i in big if layout.owner[i] != layout.owner[lead]]
         rest.append(Combination(key, what, tuple(others), weights))
     return rest
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} together with {words[-1]}" if words else ""

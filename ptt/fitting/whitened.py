@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.fitting.layout import Layout
 from ptt.model.chain import Chain, Prediction, Shifts, differentiate, linearise
-from ptt.run.frames import rotation
+from ptt.run.frames import by_own, rotation
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, apply_frames
 
@@ -125,13 +125,6 @@ def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) ->
     result = turned[0] if len(turned) == 1 else np.concatenate(turned, axis=-1)
     result *= scale
     return result
-
-
-def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarray]:
-    """Columns (n, 3, c) of each frame's or mount's own parameters, zero in the rows of the others."""
-    if count == 1:
-        return [columns]
-    return [np.where((owner == index)[:, None, None], columns, 0.0) for index in range(count)]
 
 
 def turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:

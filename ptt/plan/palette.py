@@ -12,10 +12,9 @@ from ptt.effects import Effect
 from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.linear import held_values, usual_sizes
 from ptt.fitting.result import FitResult
-from ptt.fitting.whitened import by_own
 from ptt.model.chain import linearise, signature
 from ptt.plan.contest import triangle
-from ptt.run.frames import rigid_columns
+from ptt.run.frames import by_own, rigid_columns
 from ptt.run.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.run.view import View
 

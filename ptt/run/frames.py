@@ -76,6 +76,22 @@ def rigid_columns(p: Tensor, about: Tensor | None = None, length: float = 1.0) -
     return torch.cat([torch.eye(3, dtype=p.dtype).expand(turns.shape), turns], dim=-1)
 
 
+def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarray]:
+    """Columns of each frame's or mount's own parameters, zero in the rows of the others.
+
+    Args:
+        columns: (n, 3, c).
+        owner: (n,) int, frame or mount of each row.
+        count: how many there are.
+
+    Returns:
+        (n, 3, c) for each.
+    """
+    if count == 1:
+        return [columns]
+    return [np.where((owner == index)[:, None, None], columns, 0.0) for index in range(count)]
+
+
 def rotation_vector(turn: np.ndarray) -> np.ndarray:
     """Rotation vector of a rotation matrix, by way of the largest component of its quaternion.
 

@@ -7,7 +7,7 @@ import torch
 
 from ptt.machine import MachineFile
 from ptt.mechanisms.sensitivity import sensitivity
-from ptt.run.frames import align, rigid_columns
+from ptt.run.frames import align, by_own, rigid_columns
 from ptt.run.table import Table
 from ptt.run.view import View
 
@@ -105,7 +105,7 @@ def _step(
 ) -> np.ndarray:  # fmt: skip
     """A Gauss-Newton step of all mounts, (m, 3) mm."""
     width = 3 * (int(mount.max()) + 1)
-    blocks = [np.where((mount == index)[:, None, None], by_mount, 0.0) for index in range(width // 3)]
+    blocks = by_own(by_mount, mount, width // 3)
     left = reading - p
     for index in np.unique(frame[rows]) if free else ():
         own = rows & (frame == index)
