@@ -22,7 +22,6 @@ from poses import best
 from nets import GaussianRbf, measure_domain
 from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.source import source_of
-from ptt.correct.exports.left import network_parts
 from ptt.correct.predictor import Predictor
 from ptt.correct.training.compensator import Compensator
 from ptt.effects import library
@@ -130,7 +129,7 @@ def commands(compensator: Compensator, targets: np.ndarray) -> list[tuple[str, f
     out = np.empty_like(wide)
     table = [(f"{CENTRES} exponentials, numpy", best(lambda: np.exp(wide, out=out), len(wide)))]
     part = targets[:20_000]
-    correction, inside = network_parts(compensator, part)
+    correction, inside = compensator.network_parts(part)
     begin = time.perf_counter()
     slow = compensate(compensator.model, make_table(part), correction=correction, inside=inside)
     table.append(("command, ptt predict (torch, statuses and all)", (time.perf_counter() - begin) / len(part)))
