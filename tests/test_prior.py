@@ -1,10 +1,9 @@
 """Sizes learned by the fit: what the rows see is released however large, what they do not see is held."""
 
-import importlib.util
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import drawings
 import numpy as np
 import pytest
 
@@ -19,18 +18,6 @@ from ptt.run.table import make_table
 
 ROOT = Path(__file__).resolve().parents[1]
 SIGMA = 0.01
-
-
-def load_benchmark(name: str) -> object:
-    spec = importlib.util.spec_from_file_location(f"bench_{name}", ROOT / "benchmarks" / f"{name}.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-drawings = load_benchmark("drawings")
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(6, marks=pytest.mark.long)])

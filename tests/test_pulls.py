@@ -1,27 +1,9 @@
 """Stated errors against the truth, on rigs that share no equation with the effects: single, several, other geometry."""
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
-
 import numpy as np
+import pulls
 import pytest
 
-BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
-
-
-def load_pulls() -> ModuleType:
-    sys.path.insert(0, str(BENCHMARKS))
-    spec = importlib.util.spec_from_file_location("bench_pulls", BENCHMARKS / "pulls.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-pulls = load_pulls()
 SEEDS = {"single": range(200, 210), "several": range(200, 206), "foreign": range(200, 210)}
 
 

@@ -1,39 +1,26 @@
 """Real measurements with published results: the ladder of a humanoid's arms, the terms of a telescope's mount."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pandas as pd
 import pytest
+import real
+import real_data
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
 
-BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 
-
-@pytest.fixture(scope="module")
-def real() -> ModuleType:
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        import real as module
-    finally:
-        sys.path.remove(str(BENCHMARKS))
-    return module
-
-
-def needs(real: ModuleType, folder: str) -> None:
+def needs(folder: str) -> None:
     if not real.here(folder):
         pytest.skip(f"the readings lie beside the project, in shared/data/{folder}")
 
 
-def test_humanoid_repeats_the_published_ladder(real: ModuleType) -> None:
+def test_humanoid_repeats_the_published_ladder() -> None:
     """Within a fifth: how the shoulders sit is not published, and both hands share no frame here."""
-    needs(real, "dlr_justin")
+    needs("dlr_justin")
     steps = ((), ("homing-offset",), ("dh-offsets",), ("dh-offsets", "self-weight"))
     means = []
     for side in real.SIDES:
@@ -45,9 +32,9 @@ def test_humanoid_repeats_the_published_ladder(real: ModuleType) -> None:
     assert (np.diff(means, axis=1) < 0.0).all(), means
 
 
-def test_the_other_arms_weight_is_what_one_chain_misses(real: ModuleType) -> None:
+def test_the_other_arms_weight_is_what_one_chain_misses() -> None:
     """A user's own effect beside self-weight: rows that no parameter saw get better by a quarter at least."""
-    needs(real, "dlr_justin")
+    needs("dlr_justin")
     problem = real.open_set(*real.humanoid("right"))
     shown, hidden = real.halves(problem)
     alone = real.with_effects(problem, ("dh-offsets", "self-weight"))
@@ -58,25 +45,25 @@ def test_the_other_arms_weight_is_what_one_chain_misses(real: ModuleType) -> Non
     assert errors[1] < 0.9 * errors[0] and errors[2] < 0.75 * errors[1], errors
 
 
-def test_telescope_has_its_published_terms(real: ModuleType) -> None:
-    needs(real, "rts2_pointing")
+def test_telescope_has_its_published_terms() -> None:
+    needs("rts2_pointing")
     for row in real.telescope_terms():
         published, error = row["published"]
         assert abs(row["arcsec"] - published) < error, row
 
 
-def test_telescope_moves_through_its_second_night(real: ModuleType) -> None:
+def test_telescope_moves_through_its_second_night() -> None:
     """By some ten arc seconds in five hours, more than a star scatters; no published term has time in it."""
-    needs(real, "rts2_pointing")
+    needs("rts2_pointing")
     second = [row["arcsec"] for row in real.telescope_drift() if row["night"] == 2]
     for way in range(2):
         (first, error), (last, other) = second[0][way], second[-1][way]
         assert last - first > 4.0 * np.hypot(error, other), second
 
 
-def test_telescope_points_where_its_errors_say(real: ModuleType) -> None:
+def test_telescope_points_where_its_errors_say() -> None:
     """By the file's own error columns, to first order: along the circle of altitude, and across it."""
-    needs(real, "rts2_pointing")
+    needs("rts2_pointing")
     problem = real.open_set(*real.telescope())
     q, p = problem.view.q.numpy(), problem.table.measured / real.STAR_MM
     drawn = problem.view.mechanism.forward(problem.view.q).numpy() / real.STAR_MM
@@ -84,7 +71,7 @@ def test_telescope_points_where_its_errors_say(real: ModuleType) -> None:
     upward = np.column_stack([-np.sin(q[:, 1]) * np.cos(q[:, 0]), -np.sin(q[:, 1]) * np.sin(q[:, 0]), np.cos(q[:, 1])])
     east = np.column_stack([np.sin(q[:, 0]), -np.cos(q[:, 0]), np.zeros(len(q))])
     found = np.column_stack([((drawn - p) * way).sum(axis=1) for way in (upward, east)])
-    rows = pd.read_csv(BENCHMARKS.parents[1] / "shared" / "data" / "rts2_pointing" / "altaz.csv")
+    rows = pd.read_csv(real_data.DATA / "rts2_pointing" / "altaz.csv")
     said = np.radians(np.column_stack([rows["az_err_deg"], rows["alt_err_deg"] * np.cos(q[:, 1])]))
     np.testing.assert_allclose(found, said, atol=3e-6)
 
@@ -92,14 +79,12 @@ def test_telescope_points_where_its_errors_say(real: ModuleType) -> None:
 @pytest.mark.parametrize("sigma", [None, 0.037])
 @pytest.mark.parametrize("timed", [True, False])
 @pytest.mark.parametrize("frame", ["trusted", "fitted"])
-def test_telescope_of_two_axes_is_named_alike_in_every_set_up(
-    real: ModuleType, frame: str, timed: bool, sigma: float | None
-) -> None:
+def test_telescope_of_two_axes_is_named_alike_in_every_set_up(frame: str, timed: bool, sigma: float | None) -> None:
     """What its drift, its lean and errors of one part of the sky ask for beside it does not hide what does most.
 
     Without times the drift looks like three slips: stages of one change, and none of them is named.
     """
-    needs(real, "rts2_pointing")
+    needs("rts2_pointing")
     file, table = real.plain_telescope(frame, timed)
     file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": sigma}))
     problem = real.open_set(file, table)
@@ -110,14 +95,12 @@ def test_telescope_of_two_axes_is_named_alike_in_every_set_up(
 @pytest.mark.parametrize(
     ("name", "count", "worst"), [("B", 50, 1.25), ("D", 50, 1.25), ("B", 100, 1.0), ("D", 100, 1.0)]
 )
-def test_link_geometry_fitted_on_few_rows_predicts_the_others(
-    real: ModuleType, name: str, count: int, worst: float
-) -> None:
+def test_link_geometry_fitted_on_few_rows_predicts_the_others(name: str, count: int, worst: float) -> None:
     """A stretch of a UR10's run sees few of its 30 link parameters: the error of all other rows is still the smaller.
 
     Of 50 rows, many of them repeats of a pose, one stretch in eight makes it a little larger.
     """
-    needs(real, "ur10_ipa")
+    needs("ur10_ipa")
     problem = real.open_set(*real.ur10(name))
     ratio = np.divide(*np.transpose([real.unseen(problem, count, seed)[::-1] for seed in range(4)]))
     assert np.median(ratio) < 0.85 and ratio.max() < worst, ratio

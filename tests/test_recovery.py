@@ -1,28 +1,11 @@
 """Recovery on the virtual machine and on real printers: a smaller draw of what the benchmarks print."""
 
-import importlib.util
-import sys
-from pathlib import Path
-from types import ModuleType
-
+import coverage
+import klipper
 import numpy as np
 import pytest
 
-BENCHMARKS = Path(__file__).resolve().parents[1] / "benchmarks"
 DRAWS = 4
-
-
-def load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(f"bench_{name}", BENCHMARKS / f"{name}.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-coverage = load("coverage")
-# The lag follows the derivative of the path; velocities between neighbouring rows are chords, 0.2 % short on this path.
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +32,6 @@ def test_gauges_are_told_every_time(scores: dict) -> None:
 
 
 def test_real_printers_drift_less_than_their_firmware_says() -> None:
-    klipper = load("klipper")
     if not klipper.DATA.exists():
         pytest.skip("the printers' probes lie beside the project, in shared/data/klipper_delta")
     cases = klipper.load()

@@ -1,16 +1,11 @@
 """Arms that nobody here built: drawings, runs, noise and hidden faults drawn by seed; sound means as drawn."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-
 import serial_sweep
+import torch
 
 from ptt.challenge.cases import VISIBLE, Case, draw, names_of, plan, protocols_of
 from ptt.challenge.fresh import fresh_poses

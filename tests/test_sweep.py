@@ -1,15 +1,10 @@
 """The sweep that judges diagnoses: its cases, its judgements against known truths, its tables."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-
 import sweep_judge
 
 from ptt.challenge.cases import VISIBLE, Case, draw, names_of, plan

@@ -1,14 +1,10 @@
 """The sweep is run and reported: a case that breaks, shares, families, pictures."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-
 import sweep
 import sweep_pictures
 import sweep_report

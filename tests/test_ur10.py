@@ -1,13 +1,10 @@
 """The real UR10: reference figures are reproduced, and each step of the physics lowers the held-out error."""
 
-import importlib.util
-import sys
 from functools import lru_cache
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
+import ur10
 from scipy.spatial.transform import Rotation
 
 from ptt.fitting.orientation import orientation_rms
@@ -16,19 +13,6 @@ from ptt.run.problem import Problem
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 
-PATH = Path(__file__).resolve().parents[1] / "benchmarks" / "ur10.py"
-
-
-def load() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("bench_ur10", PATH)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-ur10 = load()
 if not ur10.DATA.exists():
     pytest.skip("the UR10's readings lie beside the project, in shared/data/ur10_ipa", allow_module_level=True)
 
