@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from command_line import invoke
 
 from ptt.commands import common
-from ptt.commands.main import VERBS, app, guard
+from ptt.commands.main import VERBS, guard
 from ptt.commands.numbers import require_numbers
 from ptt.door.options import parse_settings
 from ptt.errors import InputError, PttError
@@ -21,10 +21,6 @@ from ptt.record import plain
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "data"
 MACHINE = str(DATA / "machine.toml")
-
-
-def invoke(*args: object):
-    return CliRunner().invoke(app, [str(each) for each in args])
 
 
 def error_line(result, code=2) -> str:

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 from test_compare import NOISE, machine, moved_sliders, places, with_noise
-from typer.testing import CliRunner
 
-from ptt.commands.main import app, run_alone
+from ptt.commands.main import run_alone
 from ptt.judge.compare.comparison import compare_run
 from ptt.machine import save_machine
 from ptt.model.model import Model
@@ -59,10 +59,6 @@ def test_scales_are_round_and_no_larger(value):
     assert rounded <= value * (1 + 1e-8)
     assert value < 2.5 * rounded * (1 + 1e-8)
     assert min(abs(rounded / 10.0 ** np.floor(np.log10(rounded * (1 + 1e-9))) - step) for step in (1, 2, 5)) < 1e-6
-
-
-def invoke(*words):
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture

@@ -4,13 +4,13 @@ import json
 import shutil
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from command_line import invoke
 
-from ptt.commands.main import app
 from ptt.commands.main import run as run_verb
 from ptt.effects import library
 from ptt.fleet.alarms import Alarm
@@ -44,6 +44,7 @@ screw_lead_mm = 5.0
 frame = "fitted"
 sigma_mm = 0.004
 """
+fleet = partial(invoke, "fleet")
 GAPS, WORN = [0.03, 0.02, 0.045], [0.03, 0.055, 0.045]
 EFFECTS = ("backlash", "link-length")
 
@@ -95,15 +96,12 @@ def plant(spring: Path, tmp_path: Path) -> Store:
     return open_store(tmp_path / "plant")
 
 
-def invoke(*args: object):
-    return CliRunner().invoke(app, ["fleet", *(str(each) for each in args)])
-
-
 def test_after_a_change_is_accepted_later_runs_are_the_same_and_nothing_is_lost(plant: Store, tmp_path: Path) -> None:
     (before,) = overview(plant).machines
     assert [past.verdict for past in before.past] == ["missing", "changed", "changed"]
     models = plant.ask("SELECT run, made, toml FROM models WHERE made IN ('given', 'solved')")
-    told = json.loads(invoke("accept", plant.folder, "mill", "mill-2026-04-05.csv", "--json").stdout)
+    assert {row["made"] for row in models} == {"given", "solved"}
+    told = json.loads(fleet("accept", plant.folder, "mill", "mill-2026-04-05.csv", "--json").stdout)
     assert told["new"] and told["date"][:10] == "2026-04-05" and told["waiting"] == 1
     assert told["error_um"]["before"] > 1.5 * told["error_um"]["after"]
     assert told["error_um"]["after"] < 1.2 * told["noise_um"]
@@ -121,7 +119,7 @@ def test_after_a_change_is_accepted_later_runs_are_the_same_and_nothing_is_lost(
 
 
 def test_a_run_is_taken_out_with_all_that_came_of_it_and_may_be_added_again(plant: Store, tmp_path: Path) -> None:
-    told = json.loads(invoke("remove", plant.folder, "mill", "2026-04-05", "--json").stdout)
+    told = json.loads(fleet("remove", plant.folder, "mill", "2026-04-05", "--json").stdout)
     assert (told["file"], told["waiting"]) == ("mill-2026-04-05.csv", 0)
     assert [past.verdict for past in overview(plant).machines[0].past] == ["missing", "changed"]
     for table in (*OF_RUN, "models", "runs"):
@@ -129,12 +127,10 @@ def test_a_run_is_taken_out_with_all_that_came_of_it_and_may_be_added_again(plan
     assert not list(plant.folder.rglob(f"{told['run']}*"))
     put(plant, measure(tmp_path, "2026-04-05", WORN))
     assert [past.verdict for past in overview(plant).machines[0].past] == ["missing", None, "changed"]
-    first_run = invoke(
-        "remove", plant.folder, "mill", "mill-2026-03-05.csv"
-    )  # whose model the others were held against
+    first_run = fleet("remove", plant.folder, "mill", "mill-2026-03-05.csv")  # whose model the others were held against
     assert "1 run rechecked against its model to be processed again: ptt fleet run" in first_run.stdout
     assert [past.verdict for past in overview(plant).machines[0].past] == [None, None]
-    gone = invoke("remove", plant.folder, "mill", "mill-2026-03-05.csv")
+    gone = fleet("remove", plant.folder, "mill", "mill-2026-03-05.csv")
     assert gone.exit_code == 2 and "no run of 'mill' is called" in gone.stderr
 
 
@@ -155,24 +151,24 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_same_accept_twice_is_one(plant: Store, quick: None) -> None:
-    assert invoke("accept", plant.folder, "mill").exit_code == 0
+    assert fleet("accept", plant.folder, "mill").exit_code == 0
     before = plant.ask("SELECT * FROM models ORDER BY ALL"), plant.ask("SELECT * FROM outcomes ORDER BY ALL")
-    again = invoke("accept", plant.folder, "mill", "2026-05-05")
+    again = fleet("accept", plant.folder, "mill", "2026-05-05")
     assert again.exit_code == 0 and "already" in again.stdout
     assert before == (plant.ask("SELECT * FROM models ORDER BY ALL"), plant.ask("SELECT * FROM outcomes ORDER BY ALL"))
-    first_run = invoke("accept", plant.folder, "mill", "mill-2026-03-05.csv", "--json")
+    first_run = fleet("accept", plant.folder, "mill", "mill-2026-03-05.csv", "--json")
     assert json.loads(first_run.stdout)["new"] is False  # the diagnosis of March made the model then
 
 
 def test_a_run_that_cannot_be_meant_is_refused_and_changes_nothing(plant: Store, tmp_path: Path) -> None:
     put(plant, measure(tmp_path, "2026-06-05", GAPS))
-    waits = invoke("accept", plant.folder, "mill")
+    waits = fleet("accept", plant.folder, "mill")
     assert waits.exit_code == 2 and "has not been processed yet; `ptt fleet run` first" in waits.stderr
-    assert "no machine 'press'" in invoke("accept", plant.folder, "press").stderr
-    assert "name one by its file: mill-2026-03-05.csv" in invoke("accept", plant.folder, "mill", "may").stderr
+    assert "no machine 'press'" in fleet("accept", plant.folder, "press").stderr
+    assert "name one by its file: mill-2026-03-05.csv" in fleet("accept", plant.folder, "mill", "may").stderr
     with alone_with(plant, "mill", ""):
         for verb in ("accept", "remove"):
-            busy = invoke(verb, plant.folder, "mill", "2026-05-05")
+            busy = fleet(verb, plant.folder, "mill", "2026-05-05")
             assert busy.exit_code == 2 and "another `ptt fleet run` is working on 'mill'" in busy.stderr
             assert f"{verb} when it is done" in busy.stderr
     assert not plant.ask("SELECT 1 FROM models WHERE made = 'accepted'")
@@ -180,11 +176,11 @@ def test_a_run_that_cannot_be_meant_is_refused_and_changes_nothing(plant: Store,
 
 def test_show_and_report_tell_what_was_accepted(plant: Store, quick: None) -> None:
     assert overview(plant).machines[0].verdict == "changed"
-    invoke("accept", plant.folder, "mill")
+    fleet("accept", plant.folder, "mill")
     (after,) = overview(plant).machines
     assert after.verdict == after.to_dict()["verdict"] == "accepted"
     assert after.to_dict()["history"][-1]["verdict"] == "changed" and after.to_dict()["history"][-1]["accepted"]
-    assert "its model is used from here on" in invoke("show", plant.folder, "mill").stdout
+    assert "its model is used from here on" in fleet("show", plant.folder, "mill").stdout
     assert "is accepted: " in render(overview(plant))
 
 
@@ -195,14 +191,14 @@ def test_a_machine_on_which_nothing_was_ever_found_has_nothing_to_refit(tmp_path
         path = measure(tmp_path, day, GAPS)
         add_run(plant, "press", path, read_table(path), None, ordered=False, units_said=False)
         keep(plant, Outcome(next_task(plant, "press").run, "press", "recheck", "same", "", 0.0, solved=solved))
-    refused = invoke("accept", plant.folder, "press")
+    refused = fleet("accept", plant.folder, "press")
     assert refused.exit_code == 3 and "nothing was ever fitted to 'press'" in refused.stderr
 
 
 def test_a_run_that_is_added_late_is_held_against_the_model_of_its_time(
     plant: Store, quick: None, tmp_path: Path
 ) -> None:
-    invoke("accept", plant.folder, "mill", "2026-05-05")
+    fleet("accept", plant.folder, "mill", "2026-05-05")
     accepted = next_model(plant)
     early, late = measure(tmp_path, "2026-03-20", GAPS), measure(tmp_path, "2026-06-20", WORN)
     put(plant, early)
@@ -227,12 +223,12 @@ def test_a_machine_with_an_effect_of_the_users_own_has_a_place_in_a_fleet(tmp_pa
     drawing.write_text(f'{DRAWING}[[effect]]\nname = "nut-pull"\n')
     create_store(tmp_path / "plant")
     named = "add", tmp_path / "plant", "mill", log, "--model", drawing
-    refused = invoke(*named)
+    refused = fleet(*named)
     assert refused.exit_code == 2 and "effect 'nut-pull' is not known" in refused.stderr
-    assert invoke(*named, "--effects", own).exit_code == 0
-    assert invoke("run", tmp_path / "plant", "--effects", own).exit_code == 0
+    assert fleet(*named, "--effects", own).exit_code == 0
+    assert fleet("run", tmp_path / "plant", "--effects", own).exit_code == 0
     store = open_store(tmp_path / "plant")
     assert [row["verdict"] for row in store.ask("SELECT verdict FROM outcomes")] == ["missing"]
-    assert invoke("accept", store.folder, "mill", "--effects", own).exit_code == 0
-    fitted = invoke("fit", log, "--model", drawing, "--out", tmp_path / "m2.toml", "--effects", own)
+    assert fleet("accept", store.folder, "mill", "--effects", own).exit_code == 0
+    fitted = fleet("fit", log, "--model", drawing, "--out", tmp_path / "m2.toml", "--effects", own)
     assert fitted.exit_code == 0 and "nut-pull" in fitted.stdout

@@ -5,15 +5,16 @@ import platform
 import subprocess
 import sys
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import duckdb
 import numpy as np
 import pytest
+from command_line import invoke
 from fleet_work import outcome
-from typer.testing import CliRunner
 
-from ptt.commands.main import app, run
+from ptt.commands.main import run
 from ptt.errors import InputError
 from ptt.files import sha256
 from ptt.fleet.database import rows, transaction
@@ -25,6 +26,7 @@ from ptt.run.table import make_table, table_to_frame, write_table
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINE = ROOT / "data" / "sealed_one" / "machine.toml"
+fleet = partial(invoke, "fleet")
 NASTY = 'mill "3"\'; DROP TABLE runs; -- <script>\n$x$ 机床'
 
 
@@ -183,7 +185,7 @@ def test_a_damaged_store_is_said_to_be_one(tmp_path, damage, capsys):
     for at in range(3 * 4096, len(data), 4096):
         data[at + 100] ^= 1
     file.write_bytes(bytes(data[:middle] if damage == "cut" else data))
-    outcome = invoke("show", folder)
+    outcome = fleet("show", folder)
     assert outcome.exit_code == 2
     assert "fleet.duckdb: " in outcome.stderr and len(outcome.stderr.strip().splitlines()) == 1
     assert "unexpected" not in outcome.stderr
@@ -203,35 +205,31 @@ def test_anybodys_sql_reads_the_store(tmp_path):
     assert joined == [("m0", 40), ("m1", 40)]
 
 
-def invoke(*args: object):
-    return CliRunner().invoke(app, ["fleet", *(str(each) for each in args)])
-
-
 def test_the_command_line_says_and_does_all_that(tmp_path, monkeypatch):
     monkeypatch.setattr("ptt.fleet.work.work", lambda task, tell: outcome(task))
     store, path = tmp_path / "s", tmp_path / "a.csv"
     write_table(table(1), path)
-    assert invoke("init", store).exit_code == 0
-    assert invoke("init", store).exit_code == 2
-    assert "--model" in invoke("add", store, "a", path).stderr
-    added = invoke("add", store, NASTY, path, "--model", MACHINE, "--date", "2026-03-15", "--json")
+    assert fleet("init", store).exit_code == 0
+    assert fleet("init", store).exit_code == 2
+    assert "--model" in fleet("add", store, "a", path).stderr
+    added = fleet("add", store, NASTY, path, "--model", MACHINE, "--date", "2026-03-15", "--json")
     assert json.loads(added.stdout)["runs"][0]["new"] is True
-    assert json.loads(invoke("show", store, "--json").stdout)["machines"][0]["verdict"] is None
-    assert json.loads(invoke("run", store, "--json").stdout)["runs"] == 1
-    assert json.loads(invoke("run", store, "--json").stdout)["runs"] == 0
-    machine = json.loads(invoke("show", store, "--json").stdout)["machines"][0]
+    assert json.loads(fleet("show", store, "--json").stdout)["machines"][0]["verdict"] is None
+    assert json.loads(fleet("run", store, "--json").stdout)["runs"] == 1
+    assert json.loads(fleet("run", store, "--json").stdout)["runs"] == 0
+    machine = json.loads(fleet("show", store, "--json").stdout)["machines"][0]
     assert {"machine", "runs", "last", "verdict", "error_um", "alarms"} <= set(machine)
     assert (machine["machine"], machine["runs"], machine["error_um"]) == (NASTY, 1, 5.0)
-    assert "\n" not in invoke("show", store).stdout.splitlines()[1].replace("\\n", "")
+    assert "\n" not in fleet("show", store).stdout.splitlines()[1].replace("\\n", "")
     out = tmp_path / "r.html"
-    assert invoke("report", store, "--out", out).exit_code == 0
+    assert fleet("report", store, "--out", out).exit_code == 0
     page = out.read_text()
     assert "<script" not in page and "&lt;script&gt;" in page and "http" not in page.replace("http-equiv", "")
-    assert invoke("show", store, "nobody").exit_code == 2
-    assert invoke("run", store, "--workers", "1", "--scheduler", "x").exit_code == 2
+    assert fleet("show", store, "nobody").exit_code == 2
+    assert fleet("run", store, "--workers", "1", "--scheduler", "x").exit_code == 2
 
 
 def test_without_duckdb_the_way_to_get_it_is_told(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "duckdb", None)
-    result = invoke("init", tmp_path / "s")
+    result = fleet("init", tmp_path / "s")
     assert result.exit_code == 2 and "pip install 'ptt[fleet]'" in result.stderr

@@ -5,10 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from command_line import invoke
 from made_runs import KNOWN, hidden_backlash
-from typer.testing import CliRunner
 
-from ptt.commands.main import app
 from ptt.errors import MachineError
 from ptt.files import sha256
 from ptt.judge.history import read_entries, record, runs_of
@@ -32,10 +31,6 @@ def folder(problem: Problem, tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_table(problem.table, place / "run.csv")
     save_machine(replace(problem.file, text=""), place / "m.toml")
     return place
-
-
-def ptt(*words: object) -> object:
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def test_a_ladder_is_drawn_again_from_the_file(problem: Problem, folder: Path) -> None:
@@ -63,7 +58,7 @@ def test_a_run_of_one_pose_is_refused_where_nothing_can_be_held_out(problem: Pro
     (tmp_path / "one.csv").write_text("\n".join(["x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas", *rows]) + "\n")
     words = ["one.csv", "--model", "m.toml", "--out", "n.toml"]
     for verb in (["add", words[0], "homing-offset", *words[1:]], ["fit", *words]):
-        outcome = ptt(*(tmp_path / word if "." in word else word for word in verb))
+        outcome = invoke(*(tmp_path / word if "." in word else word for word in verb))
         assert outcome.exit_code == 3 and "one.csv: no reading can be held out" in outcome.stderr
     assert not (tmp_path / "n.toml").exists()
 
@@ -89,7 +84,7 @@ def test_a_damaged_entry_is_refused_and_a_persons_own_is_left_alone(problem: Pro
 def test_add_then_remove_then_fit_on_the_command_line(folder: Path) -> None:
     out, back = folder / "m2.toml", folder / "m3.toml"
     add = ("add", folder / "run.csv", "backlash", "link-length")
-    done = ptt(*add, "--model", folder / "m.toml", "--out", out, "--json")
+    done = invoke(*add, "--model", folder / "m.toml", "--out", out, "--json")
     assert done.exit_code == 0, done.output
     figures = json.loads(done.stdout)
     assert [step["effect"] for step in figures["steps"]] == ["as given", "backlash", "link-length"]
@@ -97,11 +92,13 @@ def test_add_then_remove_then_fit_on_the_command_line(folder: Path) -> None:
     assert set(figures["steps"][0]["rms_um"]) == set(figures["steps"][0]["heldout_rms_um"]) == {"x", "y", "z", "total"}
     assert figures["noise_um"]["source"] == "machine file" and len(figures["parameters"]) == 6
     assert [entry.name for entry in load_machine(out).effect] == ["backlash", "link-length"]
-    done = ptt("remove", folder / "run.csv", "link-length", "--model", out, "--out", back, "--plots", folder / "plots")
+    done = invoke(
+        "remove", folder / "run.csv", "link-length", "--model", out, "--out", back, "--plots", folder / "plots"
+    )
     assert done.exit_code == 0 and "link-length was not needed" in done.stdout
     assert (folder / "plots" / "ladder.png").stat().st_size > 10_000
     assert [entry.kind for entry in read_entries(load_machine(back))] == ["added", "added", "refit", "removed"]
-    done = ptt("fit", folder / "run.csv", "--model", back)
+    done = invoke("fit", folder / "run.csv", "--model", back)
     assert done.exit_code == 0 and "gap_mm 1" in done.stdout
 
 
@@ -118,7 +115,7 @@ def test_bad_input_is_one_line_and_writes_nothing(folder: Path, effect: str, lin
     keep = [i for i, name in enumerate(text[0].split(",")) if name != "temp_c"]
     cold.write_text("\n".join(",".join(row.split(",")[i] for i in keep) for row in text) + "\n")
     out = folder / "never.toml"
-    failed = ptt("add", cold, effect, "--model", folder / "m.toml", "--out", out)
+    failed = invoke("add", cold, effect, "--model", folder / "m.toml", "--out", out)
     assert failed.exit_code == code and not out.exists()
     last = failed.stderr.strip().splitlines()[-1]
     assert last.startswith("error: ") and line in last

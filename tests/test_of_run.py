@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
+from command_line import invoke
 
-from ptt.commands.main import app
 from ptt.correct.compensate import compensate
 from ptt.machine import load_machine, save_machine
 from ptt.machine_schema import TrackerSpec
@@ -31,10 +30,6 @@ PATH = make_volume(ideal_machine(FILE.machine), 150, 4)
 def run_of(seed: int, tracker: dict | None = None, drive: dict | None = None) -> pd.DataFrame:
     rig = {"machine": FILE.machine.model_dump(), "seed": 3, "drive": DRIVE | (drive or {}), "tracker": tracker or {}}
     return simulate(parse_rig(rig | {"conditions": {"label": str(seed), "dwell_s": 20.0}}), PATH, seed=seed).frame
-
-
-def invoke(*words: object):
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def spoken(*words: object) -> dict:

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
 from made_runs import KNOWN, empty_run, machine, measure, term
 from report_page import Page
 from report_page import minimal as minimal
-from typer.testing import CliRunner
 
-from ptt.commands.main import app
 from ptt.correct.training.compensator import Compensator, load_compensator, save_compensator
 from ptt.correct.training.train import train
 from ptt.diagnosis.search.rest import LIGHT
@@ -31,10 +30,6 @@ from ptt.show.report.gather import with_network
 from ptt.show.report.html import render
 from ptt.show.report.numbers import plus_minus
 from ptt.show.report.source import source_of
-
-
-def invoke(*args: object) -> object:
-    return CliRunner().invoke(app, [str(each) for each in args])
 
 
 def spoken(*args: object) -> dict:

@@ -8,12 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from command_line import invoke
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
-from ptt.commands.main import app
 from ptt.errors import TableError
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
 from ptt.machine_schema import TargetsSpec, TrackerSpec
@@ -49,10 +48,6 @@ def moved(frame: pd.DataFrame, turn: tuple[float, ...], origin: np.ndarray = ORI
         if kind == "cmd" or names[0] in frame:
             out[names] = (frame[names].to_numpy() - origin) @ rotation
     return out
-
-
-def invoke(*words: object):
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 @pytest.fixture(scope="module")
