@@ -8,6 +8,7 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from told_models import with_effects
 
 from ptt.correct.compensate import compensate
 from ptt.correct.context import beyond_context, beyond_lines, missing_context, require_context
@@ -15,7 +16,7 @@ from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
 from ptt.machine import load_machine, parse_machine
-from ptt.machine_schema import ControllerSpec, EffectEntry, ParameterEntry
+from ptt.machine_schema import ControllerSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.entries import read_model
@@ -28,17 +29,6 @@ DATA = Path(__file__).resolve().parents[1] / "data"
 FILE = load_machine(DATA / "machine.toml")
 TARGETS = read_table(DATA / "targets.csv", purpose="targets")
 GAP = [0.04, 0.05, 0.03]
-
-
-def with_effects(file=FILE, **parameters) -> Model:
-    entries = tuple(
-        EffectEntry(
-            name=name.replace("_", "-"),
-            parameters={key: ParameterEntry(value=value) for key, value in values.items()},
-        )
-        for name, values in parameters.items()
-    )
-    return read_model(replace(file, effect=entries))
 
 
 def landing(model: Model, targets: Table, q: np.ndarray) -> np.ndarray:
@@ -55,7 +45,7 @@ PARAMETERS = (
     },
     {"homing_offset": {"offset_mm": [0.3, -0.2, 0.1]}, "backlash": {"gap_mm": GAP}},
 )
-STEADY, PLAY = (with_effects(**parameters) for parameters in PARAMETERS)
+STEADY, PLAY = (with_effects(FILE, **parameters) for parameters in PARAMETERS)
 
 
 def test_the_bare_drawing_gets_its_own_inverse():
@@ -79,7 +69,7 @@ def test_the_models_tool_lands_on_its_targets(model):
     step=st.integers(1, 7),
 )
 def test_play_and_homing_are_inverted_exactly_on_any_path(offset, gap, step):
-    model = with_effects(homing_offset={"offset_mm": offset}, backlash={"gap_mm": gap})
+    model = with_effects(FILE, homing_offset={"offset_mm": offset}, backlash={"gap_mm": gap})
     path = TARGETS.target[::step]
     targets = make_table(np.concatenate([path, path[-2::-1]]))
     commands = compensate(model, targets)
@@ -126,7 +116,7 @@ def test_a_correction_shifts_what_the_model_is_asked_for():
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
 def test_the_first_order_form_differs_by_the_third_order_of_the_correction(size):
-    commands = compensate(with_effects(), TARGETS, correction=lambda p: p + size / np.sqrt(3.0))
+    commands = compensate(with_effects(FILE), TARGETS, correction=lambda p: p + size / np.sqrt(3.0))
     assert 0 < commands.first_order_gap.max() < 5e-5 * size**3 / 2**3  # 0.05 um at 2 mm
     np.testing.assert_allclose(commands.first_order, commands.q, atol=1e-4)
 
@@ -167,7 +157,7 @@ def test_beyond_the_edge_every_row_has_a_status_and_the_nearest_command_works(mo
     assert ((commands.q[sent] >= low) & (commands.q[sent] <= high)).all() and np.isnan(commands.q[~sent]).all()
     np.testing.assert_array_equal(beside, ~sent)
     assert ((commands.nearest[beside] >= low) & (commands.nearest[beside] <= high)).all()
-    steady = with_effects(**{k: v for k, v in PARAMETERS[model is PLAY].items() if k != "backlash"})
+    steady = with_effects(FILE, **{k: v for k, v in PARAMETERS[model is PLAY].items() if k != "backlash"})
     landed = landing(steady, make_table(places[beside]), commands.nearest[beside])
     gap = np.linalg.norm(landed - places[beside], axis=1)
     np.testing.assert_allclose(gap, commands.nearest_gap[beside], atol=1e-6)
@@ -191,7 +181,9 @@ def test_the_limit_counts_physics_and_network_together():
     def lifted(wanted):
         return wanted + np.array([0.0, 0.0, 0.3])
 
-    physics = with_effects(homing_offset={"offset_mm": [-0.3, -0.3, -0.3]})  # commands 0.3 mm up, the network 0.3 more
+    physics = with_effects(
+        FILE, homing_offset={"offset_mm": [-0.3, -0.3, -0.3]}
+    )  # commands 0.3 mm up, the network 0.3 more
     assert compensate(physics, TARGETS, limit=0.31).counts["ok"] == TARGETS.rows
     both = compensate(physics, TARGETS, correction=lifted, limit=0.59)
     assert both.counts["too large"] == TARGETS.rows and both.shift == pytest.approx(0.6)
@@ -229,7 +221,7 @@ def test_what_the_targets_do_not_tell_is_said():
 
 
 def test_a_load_is_asked_for_where_the_model_moves_with_it():
-    yields = with_effects(axis_compliance={"compliance_mm_per_n": [2e-4] * 3})
+    yields = with_effects(FILE, axis_compliance={"compliance_mm_per_n": [2e-4] * 3})
     assert missing_context(yields, TARGETS) == [
         f"axis-compliance depends on payload, but {TARGETS.source} has no payload_kg: 0 kg is assumed"
     ]
@@ -243,12 +235,12 @@ def test_a_load_is_asked_for_where_the_model_moves_with_it():
     loaded = with_effects(replace(weighs, history=loads), axis_compliance={"compliance_mm_per_n": [2e-4] * 3})
     assert len(missing_context(loaded, TARGETS)) == 1
     clears = {"joint_clearance": {"clearance_mm": [0.02] * 3}}
-    assert len(missing_context(with_effects(**clears), TARGETS)) == 1
+    assert len(missing_context(with_effects(FILE, **clears), TARGETS)) == 1
     assert missing_context(with_effects(weighs, **clears), TARGETS) == []  # the platform's weight decides the side
 
 
 def test_loads_and_warmth_beyond_the_models_run_are_said():
-    model = with_effects(column_bend={"sway_mm_per_kg": [0.01, 0.0], "slope_per_kg": [0.0, 0.0]})
+    model = with_effects(FILE, column_bend={"sway_mm_per_kg": [0.01, 0.0], "slope_per_kg": [0.0, 0.0]})
     history = ({"kind": "added", "ranges": {"payload_kg": [0.0, 6.0], "temp_c": [18.0, 27.0]}},)
     model = replace(model, file=replace(model.file, history=history))
     load = np.array([0.0, 6.04, 50.0])
@@ -267,7 +259,7 @@ def test_loads_and_warmth_beyond_the_models_run_are_said():
 
 
 def test_an_empty_load_is_refused_only_where_it_decides():
-    yields, load = with_effects(axis_compliance={"compliance_mm_per_n": [2e-4] * 3}), np.full(TARGETS.rows, 2.0)
+    yields, load = with_effects(FILE, axis_compliance={"compliance_mm_per_n": [2e-4] * 3}), np.full(TARGETS.rows, 2.0)
     load[4] = np.nan
     with pytest.raises(TableError, match=r"row 6, column payload_kg: empty, and axis-compliance .*; write the value"):
         require_context(yields, TARGETS.replace(payload_kg=load))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from told_models import term
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.noise.memory import WHITE
@@ -28,10 +29,6 @@ from ptt.run.viewing import build_view
 def bench(sigma: float) -> MachineFile:
     file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
     return replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted", "sigma_mm": sigma}))
-
-
-def term(name: str, values: list[float]) -> Term:
-    return Term(library()[name](), torch.tensor(values, dtype=torch.float64))
 
 
 def bowed(poses: np.ndarray, file: MachineFile, random: np.random.Generator) -> Term:

@@ -9,15 +9,15 @@ import controllers
 import numpy as np
 import pandas as pd
 import pytest
+from told_models import compensator
 
 from ptt.correct.exports.format import ErrorLeft, Options, said_held
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError
 from ptt.machine import MachineFile, parse_machine
-from ptt.machine_schema import ControllerSpec, EffectEntry, ParameterEntry
+from ptt.machine_schema import ControllerSpec
 from ptt.mechanisms import build_mechanism
-from ptt.model.entries import read_model
 from ptt.plan.space import build_space, draw_poses
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import can_reach, ideal_machine, nominal_sliders
@@ -42,16 +42,6 @@ def drawn(**changes) -> MachineFile:
     return parse_machine(
         "[machine]\n" + "\n".join(f"{key} = {value!r}" for key, value in values.items()).replace("'", '"')
     )
-
-
-def compensator(file: MachineFile, **effects) -> Compensator:
-    entries = tuple(
-        EffectEntry(
-            name=name.replace("_", "-"), parameters={key: ParameterEntry(value=value) for key, value in own.items()}
-        )
-        for name, own in effects.items()
-    )
-    return Compensator(read_model(replace(file, effect=entries)), None, {})
 
 
 HELD = {

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from test_export_c import network_over
-from test_export_firmware import ALL, FILE, GAPS, compensator, export, missed, sliders, targets
+from test_export_firmware import ALL, FILE, GAPS, export, missed, sliders, targets
+from told_models import compensator
 
 from ptt.correct.exports.firmware import NOTHING_TO_GAIN, what_to_do
 from ptt.correct.exports.format import ErrorLeft, Options, said_held

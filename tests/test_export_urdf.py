@@ -9,7 +9,8 @@ from xml.etree import ElementTree
 import controllers
 import numpy as np
 import pytest
-from test_export_firmware import ALL, FILE, compensator, drawn, export
+from test_export_firmware import ALL, FILE, drawn, export
+from told_models import compensator
 
 from ptt.commands.main import run
 from ptt.files import sha256

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from told_models import term
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.evidence.memories import _ways
@@ -14,7 +15,7 @@ from ptt.effects import library
 from ptt.errors import PosesError
 from ptt.fitting.solve import fit
 from ptt.model.chain import predict
-from ptt.model.model import Model, Term
+from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
@@ -22,10 +23,6 @@ from ptt.run.table import make_table
 PLAY, WOUND = ("backlash", [0.09, 0.12, 0.1, 1.0]), ("windup", [0.045, 0.06, 0.05, 0.2, 0.2, 0.2])
 PART = ("backlash", [0.04, 0.02, -0.02, 1.0]), ("windup", [0.025, 0.05, 0.06, 0.1, 0.1, 0.1])
 NOISE, MACHINE = Noise(9e-6 * np.eye(3), "machine file"), bench_machine()
-
-
-def term(name, values):
-    return Term(library()[name](), torch.tensor(values, dtype=torch.float64))
 
 
 def model_of(*terms):

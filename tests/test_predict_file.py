@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from test_compensate import GAP, PLAY, landing, mixed, with_effects
+from test_compensate import GAP, PLAY, landing, mixed
+from told_models import with_effects
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
@@ -100,7 +101,7 @@ def test_what_is_sent_beside_unreachable_rows_puts_the_rigs_tool_right(tmp_path)
 @pytest.mark.parametrize(("gap", "said"), [(-0.1, True), (0.1, False)])
 def test_a_reversal_that_leaves_no_command_is_told_row_by_row(gap: float, said: bool) -> None:
     """A controller that gives too much at a reversal jumps past the end of a short move; play can be led through."""
-    model = with_effects(backlash={"gap_mm": [gap] * 3})
+    model = with_effects(FILE, backlash={"gap_mm": [gap] * 3})
     height = np.array([0.0, 5.0, 10.0, 9.98, 5.0, 0.0, 0.02, 5.0])  # at the fourth and the seventh it turns, for 0.02
     table = make_table(np.column_stack([0.0 * height, 0.0 * height, height]))
     commands = compensate(model, table)

@@ -11,14 +11,14 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from told_models import compensator
 
 from ptt.commands.main import run
 from ptt.correct.program.program import correct_program
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError
-from ptt.machine import MachineFile, load_machine, save_machine
-from ptt.machine_schema import EffectEntry, ParameterEntry, TargetsSpec
-from ptt.model.entries import read_model
+from ptt.machine import load_machine, save_machine
+from ptt.machine_schema import TargetsSpec
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import ideal_machine, nominal_sliders
 
@@ -27,19 +27,11 @@ FILE = load_machine(DATA / "machine.toml")
 PART = (DATA / "programs" / "bracket.ngc").read_text()
 
 
-def compensator(file: MachineFile = FILE, **effects) -> Compensator:
-    entries = tuple(
-        EffectEntry(
-            name=name.replace("_", "-"), parameters={key: ParameterEntry(value=value) for key, value in own.items()}
-        )
-        for name, own in effects.items()
-    )
-    return Compensator(read_model(replace(file, effect=entries)), None, {})
-
-
-BARE = compensator()
+BARE = compensator(FILE)
 GAPS, ZEROS, LINKS = (0.05, 0.03, 0.06), (0.31, -0.22, 0.15), (0.15, -0.1, 0.08)
-WORN = compensator(homing_offset={"offset_mm": ZEROS}, link_length={"length_mm": LINKS}, backlash={"gap_mm": GAPS})
+WORN = compensator(
+    FILE, homing_offset={"offset_mm": ZEROS}, link_length={"length_mm": LINKS}, backlash={"gap_mm": GAPS}
+)
 
 
 def corrected(text: str, model: Compensator = BARE, **options) -> str:
@@ -137,7 +129,7 @@ def test_the_tool_of_the_virtual_machine_follows_the_program() -> None:
     drive = {"homing_mm": ZEROS, "backlash_mm": GAPS}
     rig = parse_rig({"machine": machine, "drive": drive, "geometry": {"link_mm": LINKS}, "tracker": {}})
     wanted = gcode.whole_path(gcode.execute(PART))
-    still = compensator(homing_offset={"offset_mm": ZEROS}, link_length={"length_mm": LINKS})
+    still = compensator(FILE, homing_offset={"offset_mm": ZEROS}, link_length={"length_mm": LINKS})
 
     def off(text: str) -> np.ndarray:
         # The first two moves come from a place that the program has not stated, and so could nobody correct.
