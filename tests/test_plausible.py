@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from stated_bench import NOISE, stated
 
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.diagnose import diagnose
@@ -16,13 +17,6 @@ from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
-
-NOISE = 0.004  # mm, one coordinate
-
-
-def stated(frame: str = "fitted") -> MachineFile:
-    file = bench()
-    return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": NOISE, "frame": frame}))
 
 
 def told_of(

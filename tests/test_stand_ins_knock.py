@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_stand_ins import NOISE, run_of, stated, up_and_down
+from stated_bench import NOISE, run_of, stated, up_and_down
 
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.diagnose import diagnose

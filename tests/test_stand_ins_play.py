@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from test_stand_ins import NOISE, run_of, stated, up_and_down
+from stated_bench import NOISE, run_of, stated, up_and_down
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
