@@ -19,7 +19,7 @@ from ptt.rig.targets import make_volume
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
 
-FILE = load_machine("data/sealed_one/machine.toml")
+FILE = load_machine(Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml")
 MODEL = Model(FILE)
 ROWS = 3600
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 from ptt.run.turns import remember
 
-MACHINE = "data/sealed_one/machine.toml"
+MACHINE = Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml"
 GAP = torch.tensor([0.04, 3.0, 0.3], dtype=torch.float64)
 LENGTH = torch.tensor([0.5, 4.0, 20.0], dtype=torch.float64)
 

@@ -1,5 +1,7 @@
 """A thermometer that shows steps: warmth goes on between them."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -60,8 +62,9 @@ def test_nothing_goes_on_from_one_run_to_the_next_and_blanks_stay():
 
 
 def test_a_run_is_read_so_and_targets_are_taken_at_their_word():
-    model = ptt.load("data/sealed_three/machine.toml")
-    rows = pd.read_csv("data/sealed_three/run.csv")
+    folder = Path(__file__).resolve().parents[1] / "data" / "sealed_three"
+    model = ptt.load(folder / "machine.toml")
+    rows = pd.read_csv(folder / "run.csv")
     warmth = rows["temp_c"].to_numpy()
     rows["temp_c"] = shown(warmth, 0.5)
     read = ptt.read(rows, model).table.temp_c

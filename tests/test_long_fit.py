@@ -1,6 +1,7 @@
 """A long run is fitted by sums over chunks: the same fit and held-out errors, no work that grows as rows squared."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from ptt.rig.targets import make_volume
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
 
-MACHINE = "data/sealed_one/machine.toml"
+MACHINE = Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml"
 ROWS = 1600
 
 

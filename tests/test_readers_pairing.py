@@ -1,21 +1,16 @@
 """Readings of one file beside the targets of another: by name, by order, and what was missed."""
 
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import FIXTURES, never
+from asking import FIXTURES, never, say
 from numpy.testing import assert_allclose, assert_array_equal
 
 from ptt.errors import TableError
 from ptt.run.readers import Mapping
 from ptt.run.readers.mapping import Ask
 from ptt.run.reading import read_table
-
-
-def say(answer: str) -> Callable[[str, Sequence[str]], str]:
-    return lambda question, choices: answer
 
 
 def test_names_with_a_group_match_bare_targets(tmp_path: Path) -> None:

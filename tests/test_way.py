@@ -20,7 +20,7 @@ from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import make_table
 
-FILE = load_machine("data/sealed_one/machine.toml")
+FILE = load_machine(Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml")
 TARGET, READING = ["x_cmd", "y_cmd", "z_cmd"], ["x_meas", "y_meas", "z_meas"]
 
 
