@@ -1,3 +1,5 @@
+"""Kinematics of the 3-PTT: against an independent delta, by numerical derivatives, out of reach, by hand."""
+
 import csv
 import math
 from pathlib import Path
@@ -6,11 +8,11 @@ import pytest
 import torch
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from made_legs import at_random, drawing, made, tensor
 from torch.func import jacfwd, jvp, vmap
 from torch.testing import assert_close
 
 from ptt.errors import MachineError, WorkspaceError
-from ptt.machine import ThreePttSpec
 from ptt.mechanisms import build_mechanism, reachable, require_assembled, require_reachable
 from ptt.mechanisms.dexterity import singularities
 from ptt.mechanisms.spheres import BLOCK_ROWS
@@ -19,24 +21,6 @@ from ptt.mechanisms.three_ptt import ThreePtt
 GOLDEN = Path(__file__).parent / "golden" / "linear_delta.csv"
 # torch itself still scripts its forward-mode formulas on first use
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
-
-
-def drawing(**changes) -> ThreePttSpec:
-    values = {"base_radius_mm": 200.0, "platform_radius_mm": 100.0, "link_length_mm": 300.0}
-    return ThreePttSpec(kind="three-ptt", **{**values, "slider_travel_mm": (150.0, 420.0), **changes})
-
-
-def bench(**changes) -> ThreePtt:
-    return ThreePtt.from_spec(drawing(**changes))
-
-
-def rows(n: int, columns: int = 3, size: float = 60.0, seed: int = 0) -> torch.Tensor:
-    generator = torch.Generator().manual_seed(seed)
-    return size * (2.0 * torch.rand(n, columns, dtype=torch.float64, generator=generator) - 1.0)
-
-
-def tensor(*values) -> torch.Tensor:
-    return torch.tensor(values, dtype=torch.float64)
 
 
 def golden_cases():
@@ -87,7 +71,7 @@ def machines(draw) -> ThreePtt:
 @given(machine=machines(), seed=st.integers(0, 10_000))
 def test_forward_of_inverse_is_the_identity(machine, seed):
     size = 0.25 * float(machine.link.min())
-    p, geometry = rows(20, size=size, seed=seed), rows(20, 15, size=0.5, seed=seed + 1)
+    p, geometry = at_random(20, size=size, seed=seed), at_random(20, 15, size=0.5, seed=seed + 1)
     inside = singularities(machine, p)
     kept = (inside.inverse > 0.15) & (inside.direct > 0.1)
     assume(bool(kept.any()))
@@ -98,11 +82,11 @@ def test_forward_of_inverse_is_the_identity(machine, seed):
 @settings(max_examples=60, deadline=None)
 @given(machine=machines(), seed=st.integers(0, 10_000))
 def test_jacobians_are_the_derivatives(machine, seed):
-    p = rows(6, size=0.15 * float(machine.link.min()), seed=seed)
+    p = at_random(6, size=0.15 * float(machine.link.min()), seed=seed)
     inside = singularities(machine, p)
     p = p[(inside.inverse > 0.15) & (inside.direct > 0.1)]
     assume(len(p) > 0)
-    geometry = rows(len(p), 15, size=0.5, seed=seed)
+    geometry = at_random(len(p), 15, size=0.5, seed=seed)
     q = machine.inverse(p, geometry)
     assert_close(machine.jacobian(q, geometry), vmap(jacfwd(machine.forward))(q, geometry), rtol=1e-9, atol=1e-9)
     by_autograd = vmap(jacfwd(machine.inverse))(p, geometry)
@@ -111,7 +95,7 @@ def test_jacobians_are_the_derivatives(machine, seed):
 
 
 def test_jacobian_of_upright_machine_is_the_papers():
-    machine, p = bench(), rows(10)
+    machine, p = made(), at_random(10)
     w = p[:, 2:] - machine.inverse(p)
     angle = torch.deg2rad(tensor(0.0, 120.0, 240.0))
     row = torch.stack(((p[:, :1] - 100.0 * angle.cos()) / w, (p[:, 1:2] - 100.0 * angle.sin()) / w, w / w), -1)
@@ -119,21 +103,21 @@ def test_jacobian_of_upright_machine_is_the_papers():
 
 
 def test_slider_error_at_the_centre_of_the_bench():
-    jacobian = bench().jacobian(bench().home()[None])[0]
+    jacobian = made().jacobian(made().home()[None])[0]
     assert_close(jacobian[:2].norm(dim=0), torch.full((3,), 4.0 * math.sqrt(2.0) / 3.0, dtype=torch.float64))
     assert_close(jacobian[2], torch.full((3,), 1.0 / 3.0, dtype=torch.float64))
 
 
 @pytest.mark.parametrize(("sliders", "sign"), [("above", 1.0), ("below", -1.0)])
 def test_home_has_sliders_on_the_stated_side(sliders, sign):
-    machine = bench(sliders=sliders, joint_height_mm=12.0, slider_lean_deg=(3.0, -2.0, 7.0))
+    machine = made(sliders=sliders, joint_height_mm=12.0, slider_lean_deg=(3.0, -2.0, 7.0))
     drop = math.sqrt(300.0**2 - 100.0**2)
     assert_close(machine.home(), torch.full((3,), 12.0 + sign * drop, dtype=torch.float64))
     assert_close(machine.forward(machine.home()[None]), torch.zeros(1, 3, dtype=torch.float64), rtol=0.0, atol=1e-9)
 
 
 def test_leaning_rail_goes_outward_at_its_upper_end():
-    upright, leaning = bench(), bench(slider_lean_deg=(5.0, 0.0, 0.0))
+    upright, leaning = made(), made(slider_lean_deg=(5.0, 0.0, 0.0))
     for height, outward in ((50.0, 1.0), (-50.0, -1.0)):
         q = upright.home() + height
         centre = (leaning.foot - upright.foot) + q[:, None] * (leaning.rail - upright.rail)
@@ -142,7 +126,7 @@ def test_leaning_rail_goes_outward_at_its_upper_end():
 
 
 def test_geometry_slots_move_what_their_names_say():
-    machine, q = bench(), bench().inverse(rows(8))
+    machine, q = made(), made().inverse(at_random(8))
     assert len(machine.slots) == 15
     assert (machine.slots[0], machine.slots[7], machine.slots[14]) == (
         "leg 1 centre x [mm]",
@@ -160,19 +144,19 @@ def test_geometry_slots_move_what_their_names_say():
 
 
 def test_derivative_by_geometry_is_the_numerical_one():
-    machine, q = bench(slider_lean_deg=(2.0, 0.0, -1.0)), bench().home() + rows(4, size=30.0)
+    machine, q = made(slider_lean_deg=(2.0, 0.0, -1.0)), made().home() + at_random(4, size=30.0)
     analytic = vmap(jacfwd(machine.forward, argnums=1))(q, torch.zeros(4, 15, dtype=torch.float64))
     step = 1e-4 * torch.eye(15, dtype=torch.float64)
     numeric = [(machine.forward(q, s[None]) - machine.forward(q, -s[None])) / 2e-4 for s in step]
     assert_close(analytic, torch.stack(numeric, -1), rtol=0.0, atol=1e-7)
-    tangent = rows(1, 15, size=1.0)
+    tangent = at_random(1, 15, size=1.0)
     value, slope = jvp(lambda shift: machine.forward(q, shift), (torch.zeros_like(tangent),), (tangent,))
     assert_close(value, machine.forward(q), rtol=0.0, atol=1e-10)
     assert_close(slope, analytic @ tangent[0], rtol=0.0, atol=1e-9)
 
 
 def test_batch_equals_loop():
-    machine, p, geometry = bench(slider_lean_deg=(1.0, 2.0, 3.0)), rows(30), rows(30, 15, size=0.5)
+    machine, p, geometry = made(slider_lean_deg=(1.0, 2.0, 3.0)), at_random(30), at_random(30, 15, size=0.5)
     q = machine.inverse(p, geometry)
     for name, argument in (("forward", q), ("inverse", p), ("jacobian", q)):
         batch = getattr(machine, name)(argument, geometry)
@@ -182,8 +166,9 @@ def test_batch_equals_loop():
 
 @pytest.mark.parametrize("shifts", ["none", "one", "each"])
 def test_long_batches_are_the_same_in_blocks(shifts):
-    machine, n = bench(), 2 * BLOCK_ROWS + 7
-    p, geometry = rows(n), {"none": None, "one": rows(1, 15, size=0.5), "each": rows(n, 15, size=0.5)}[shifts]
+    machine, n = made(), 2 * BLOCK_ROWS + 7
+    p, one, each = at_random(n), at_random(1, 15, size=0.5), at_random(n, 15, size=0.5)
+    geometry = {"none": None, "one": one, "each": each}[shifts]
     last = slice(n - 5, n)
     part = geometry[last] if shifts == "each" else geometry
     q = machine.inverse(p, geometry)
@@ -193,7 +178,7 @@ def test_long_batches_are_the_same_in_blocks(shifts):
 
 
 def test_out_of_reach_is_nan_in_its_own_row_only():
-    machine = bench()
+    machine = made()
     p = tensor([0.0, 0.0, 0.0], [500.0, 0.0, 0.0], [10.0, 20.0, 30.0])
     assert reachable(machine, p).tolist() == [True, False, True]
     q = machine.inverse(p)
@@ -202,7 +187,7 @@ def test_out_of_reach_is_nan_in_its_own_row_only():
 
 
 def test_unreachable_targets_are_refused_by_row():
-    machine = bench()
+    machine = made()
     p = torch.zeros(12, 3, dtype=torch.float64)
     p[[2, 5, 6, 7, 8, 9, 11], 0] = 900.0
     with pytest.raises(WorkspaceError, match=r"^run\.csv: .*rows 2, 5, 6, 7, 8 and 2 more \(7 of 12 rows\)") as caught:
@@ -214,7 +199,7 @@ def test_unreachable_targets_are_refused_by_row():
 
 
 def test_links_that_do_not_meet_are_refused_by_row():
-    machine = bench()
+    machine = made()
     q = machine.home().expand(3, 3).clone()
     assert_close(require_assembled(machine, q), torch.zeros(3, 3, dtype=torch.float64), rtol=0.0, atol=1e-9)
     q[1, 2] += 2000.0
@@ -226,7 +211,7 @@ def test_links_that_do_not_meet_are_refused_by_row():
 def test_not_a_number_is_never_silently_passed_on():
     p = tensor([0.0, math.nan, 0.0])
     with pytest.raises(WorkspaceError, match="row 0"):
-        require_reachable(bench(), p)
+        require_reachable(made(), p)
 
 
 def test_home_out_of_reach_is_an_error():
