@@ -1,3 +1,5 @@
+"""How well a pose can be moved and held: determinants, singularities and forces against closed forms."""
+
 import json
 import math
 import re
@@ -9,10 +11,11 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_legs import at_random, drawing, made, tensor
 from torch.testing import assert_close
 
 from ptt.commands.main import run
-from ptt.machine import ThreePttSpec, load_machine
+from ptt.machine import load_machine
 from ptt.mechanisms.dexterity import (
     condition_number,
     determinant,
@@ -29,24 +32,6 @@ from ptt.show.plots.workspace import plot_workspace_map
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SINE = math.sqrt(3.0) / 2.0
-
-
-def drawing(**changes) -> ThreePttSpec:
-    values = {"base_radius_mm": 200.0, "platform_radius_mm": 100.0, "link_length_mm": 300.0}
-    return ThreePttSpec(kind="three-ptt", **{**values, "slider_travel_mm": (150.0, 420.0), **changes})
-
-
-def bench(**changes) -> ThreePtt:
-    return ThreePtt.from_spec(drawing(**changes))
-
-
-def rows(n: int, size: float = 60.0, seed: int = 0) -> torch.Tensor:
-    generator = torch.Generator().manual_seed(seed)
-    return size * (2.0 * torch.rand(n, 3, dtype=torch.float64, generator=generator) - 1.0)
-
-
-def tensor(*values) -> torch.Tensor:
-    return torch.tensor(values, dtype=torch.float64)
 
 
 def radial(azimuth_deg=(0.0, 120.0, 240.0)) -> torch.Tensor:
@@ -71,14 +56,14 @@ def upright(links, spread: float = 100.0) -> ThreePtt:
 def test_determinant_formula(base, platform, slack, first, sliders):
     spread = abs(base - platform)
     link = slack * max(spread, 40.0)
-    machine = bench(
+    machine = made(
         base_radius_mm=base,
         platform_radius_mm=platform,
         link_length_mm=link,
         sliders=sliders,
         slider_azimuth_deg=(first, first + 120.0, first + 240.0),
     )
-    p = rows(10, size=0.3 * (link - spread))
+    p = at_random(10, size=0.3 * (link - spread))
     w = p[:, 2:] - machine.inverse(p) - machine.joint_height_mm
     coplanarity = ((base - platform + 2.0 * p @ machine.outward.T) * w).sum(-1)
     product = 0.5 * math.sqrt(3.0) * (base - platform) * coplanarity / w.prod(-1)
@@ -91,14 +76,14 @@ def test_determinant_formula(base, platform, slack, first, sliders):
     ids=["lean", "angle"],
 )
 def test_determinant_of_legs_that_are_not_alike(changes):
-    machine, p = bench(**changes), rows(5)
+    machine, p = made(**changes), at_random(5)
     assert_close(determinant(machine, p), torch.linalg.det(machine.jacobian(machine.inverse(p))).reciprocal())
 
 
 def test_inverse_singularity_where_a_link_lies_square_to_its_rail():
     # leg 1 stands at x = 100, so the link of 300 lies flat at x = -200
     x = torch.cat((torch.linspace(-150.0, -199.9, 30, dtype=torch.float64), tensor(-200.0)))
-    found = singularities(bench(), torch.stack((x, 0.0 * x, 0.0 * x), -1))
+    found = singularities(made(), torch.stack((x, 0.0 * x, 0.0 * x), -1))
     assert_close(found.edge_mm, x + 200.0, rtol=0.0, atol=1e-9)
     assert_close(found.inverse_mm, (300.0**2 - (x - 100.0) ** 2).sqrt(), rtol=0.0, atol=1e-9)
     assert bool((found.inverse_mm.diff() < 0.0).all())
@@ -109,7 +94,7 @@ def test_inverse_singularity_where_a_link_lies_square_to_its_rail():
 
 
 def test_leaning_rail_has_its_inverse_singularity_square_to_the_rail():
-    machine = bench(slider_lean_deg=(8.0, 0.0, 0.0))
+    machine = made(slider_lean_deg=(8.0, 0.0, 0.0))
     square = torch.linalg.cross(machine.rail[0], tensor(0.0, 1.0, 0.0))
     p = machine.foot[0] + 280.0 * machine.rail[0] - square * 300.0 * math.copysign(1.0, float(square[0]))
     found = singularities(machine, p[None] + tensor([0.001, 0.0, 0.0]))
@@ -118,10 +103,10 @@ def test_leaning_rail_has_its_inverse_singularity_square_to_the_rail():
 
 
 def test_direct_singularity_where_the_radii_are_equal():
-    found = singularities(bench(base_radius_mm=100.0), rows(10))
+    found = singularities(made(base_radius_mm=100.0), at_random(10))
     assert_close(found.direct, torch.zeros(10, dtype=torch.float64), rtol=0.0, atol=1e-7)
     assert bool(found.near.all())
-    assert bool(torch.isnan(bench(base_radius_mm=100.0).forward(bench().home()[None])).all())
+    assert bool(torch.isnan(made(base_radius_mm=100.0).forward(made().home()[None])).all())
 
 
 def test_direct_singularity_where_the_factor_s_vanishes():
@@ -140,14 +125,14 @@ def test_direct_singularity_where_the_factor_s_vanishes():
 @settings(max_examples=50, deadline=None)
 @given(spread=st.floats(10.0, 200.0), seed=st.integers(0, 1000))
 def test_equal_links_have_no_direct_singularity_but_equal_radii(spread, seed):
-    found = singularities(bench(base_radius_mm=100.0 + spread), rows(50, size=300.0, seed=seed))
+    found = singularities(made(base_radius_mm=100.0 + spread), at_random(50, size=300.0, seed=seed))
     share = found.direct[torch.isfinite(found.direct)] / (math.sqrt(1.5) * spread / 300.0)
     assert bool(((share > 0.95) & (share < 1.0 + 1e-9)).all())
     assert bool((found.direct_volume[torch.isfinite(found.direct_volume)] < 0.0).all())
 
 
 def test_constraint_volume_is_the_polynomial_of_the_joint_axes():
-    machine, p, u = bench(), rows(20, size=100.0), radial()
+    machine, p, u = made(), at_random(20, size=100.0), radial()
     w = p[:, 2:] - machine.inverse(p)
     g = p @ u.T - 100.0
     g1, g2, g3, w1, w2, w3 = *g.unbind(-1), *w.unbind(-1)
@@ -158,7 +143,7 @@ def test_constraint_volume_is_the_polynomial_of_the_joint_axes():
 
 def test_constraint_singularity_where_two_outer_planes_stand_upright():
     # p = -2 rho u_3 has p . u_1 = p . u_2 = rho, so g_1 = g_2 = 0
-    machine, place = bench(base_radius_mm=180.0), -160.0 * radial()[2]
+    machine, place = made(base_radius_mm=180.0), -160.0 * radial()[2]
     found = singularities(machine, torch.stack((0.98 * place, place, 1.02 * place)))
     assert float(found.constraint[1]) < 1e-12
     assert float(found.constraint_volume[0] * found.constraint_volume[2]) < 0.0
@@ -169,11 +154,11 @@ def test_constraint_singularity_where_two_outer_planes_stand_upright():
 
 
 def test_paper_machine_is_far_from_singular_in_its_working_volume():
-    assert not bool(singularities(bench(), rows(500, size=60.0)).near.any())
+    assert not bool(singularities(made(), at_random(500, size=60.0)).near.any())
 
 
 def test_condition_and_manipulability_are_those_of_the_jacobian():
-    machine, p = bench(slider_lean_deg=(3.0, 0.0, -2.0)), rows(20)
+    machine, p = made(slider_lean_deg=(3.0, 0.0, -2.0)), at_random(20)
     jacobian, found = machine.jacobian(machine.inverse(p)), singularities(machine, p)
     assert_close(found.condition, torch.linalg.cond(jacobian))
     assert_close(condition_number(jacobian), found.condition)
@@ -184,7 +169,7 @@ def test_condition_and_manipulability_are_those_of_the_jacobian():
 
 def test_condition_number_of_the_bench_at_its_centre():
     # sideways singular value sqrt(3/2) 4 sqrt(2)/3, upward one sqrt(3)/3
-    found = singularities(bench(), torch.zeros(1, 3, dtype=torch.float64))
+    found = singularities(made(), torch.zeros(1, 3, dtype=torch.float64))
     assert float(found.condition) == pytest.approx(4.0)
 
 
@@ -205,14 +190,14 @@ def test_singular_values_keep_nan_in_its_own_row():
 
 def test_reach_names_the_status_of_each_target():
     p = tensor([0.0, 0.0, 0.0], [0.0, 0.0, 140.0], [0.0, 0.0, -140.0], [400.0, 0.0, 0.0], [-199.0, 0.0, 140.0])
-    status = reach(bench(), p)
+    status = reach(made(), p)
     assert status.tolist() == ["ok", "out of travel", "out of travel", "out of reach", "near singular"]
-    assert reach(bench(), torch.full((1, 3), math.nan, dtype=torch.float64)).tolist() == ["out of reach"]
+    assert reach(made(), torch.full((1, 3), math.nan, dtype=torch.float64)).tolist() == ["out of reach"]
 
 
 @pytest.mark.parametrize("platform_radius_mm", [100.0, 170.0, 196.0])
 def test_who_is_near_a_singularity_is_told_without_singular_values_where_a_bound_tells_it(platform_radius_mm):
-    mechanism, places = bench(platform_radius_mm=platform_radius_mm), rows(4000, size=320.0)
+    mechanism, places = made(platform_radius_mm=platform_radius_mm), at_random(4000, size=320.0)
     expected = singularities(mechanism, places).near
     assert bool((near_singularity(mechanism, places) == expected).all())
     assert bool(expected.any()) and bool(torch.isnan(mechanism.inverse(places)).any())
@@ -220,12 +205,17 @@ def test_who_is_near_a_singularity_is_told_without_singular_values_where_a_bound
 
 def test_travel_margin_counts_to_the_nearest_end():
     q = tensor([150.0, 300.0, 300.0], [300.0, 410.0, 300.0], [300.0, 300.0, 430.0])
-    assert travel_margin(bench(), q).tolist() == [0.0, 10.0, -10.0]
+    assert travel_margin(made(), q).tolist() == [0.0, 10.0, -10.0]
+
+
+def test_a_kilogram_weighs_what_standard_gravity_says():
+    """9.80665 m/s2, as the third General Conference on Weights and Measures agreed on in 1901."""
+    assert_close(weight(2.0, 1.0), 3.0 * tensor(0.0, 0.0, -9.80665), rtol=1e-12, atol=0.0)
 
 
 @pytest.mark.parametrize("sliders", ["above", "below"])
 def test_link_forces_balance_the_platform(sliders):
-    machine, p = bench(sliders=sliders, slider_lean_deg=(4.0, 0.0, -3.0)), rows(20)
+    machine, p = made(sliders=sliders, slider_lean_deg=(4.0, 0.0, -3.0)), at_random(20)
     payload = torch.linspace(0.0, 9.5, 20, dtype=torch.float64)
     force = link_forces(machine, p, payload, 2.0)
     unit = torch.nn.functional.normalize(machine.link_vectors(p), dim=-1)
@@ -237,7 +227,7 @@ def test_link_forces_balance_the_platform(sliders):
 
 
 def test_axis_forces_are_the_links_parts_along_the_rails():
-    machine, p = bench(slider_lean_deg=(4.0, 0.0, -3.0)), rows(20)
+    machine, p = made(slider_lean_deg=(4.0, 0.0, -3.0)), at_random(20)
     unit = torch.nn.functional.normalize(machine.link_vectors(p), dim=-1)
     along = -link_forces(machine, p, 5.0, 1.0) * (unit * machine.rail).sum(-1)
     by_virtual_work = (machine.jacobian(machine.inverse(p)) * weight(5.0, 1.0).unsqueeze(-1)).sum(-2)
@@ -246,17 +236,17 @@ def test_axis_forces_are_the_links_parts_along_the_rails():
 
 def test_link_force_changes_sign_only_outside_the_joint_triangle():
     # u_1's opposite side lies at x = -rho / 2 for links of equal inclination; well beyond it link 1 is relieved
-    force = link_forces(bench(), tensor([-40.0, 0.0, 0.0], [-70.0, 0.0, 0.0]), 5.0)
+    force = link_forces(made(), tensor([-40.0, 0.0, 0.0], [-70.0, 0.0, 0.0]), 5.0)
     assert float(force[0, 0]) < 0.0 < float(force[1, 0])
 
 
 def test_workspace_map_is_the_pointwise_condition():
     x, y, z = (torch.linspace(-low, low, n, dtype=torch.float64) for low, n in ((260.0, 9), (240.0, 7), (60.0, 3)))
-    result = workspace_map(bench(), x, y, z)
+    result = workspace_map(made(), x, y, z)
     assert result.condition.shape == (3, 7, 9)
     p = tensor([float(x[3]), float(y[2]), float(z[1])])
-    assert_close(result.condition[1, 2, 3], singularities(bench(), p).condition[0])
-    assert_close(result.travel_margin[1, 2, 3], travel_margin(bench(), bench().inverse(p))[0])
+    assert_close(result.condition[1, 2, 3], singularities(made(), p).condition[0])
+    assert_close(result.travel_margin[1, 2, 3], travel_margin(made(), made().inverse(p))[0])
     assert bool(torch.isnan(result.condition[:, 0, 0]).all())
     assert_close(result.condition, result.condition.flip(1), equal_nan=True)
 

@@ -172,27 +172,59 @@ def test_clearance_is_seen_where_pins_change_side_or_first_bear_a_load(bench):
     assert "changes sign" in effect.needs(build_view(weightless, make_table(inside, payload_kg=2.0)))
 
 
+def twisted(view, reflector, theta):
+    """Shift of the reflector of one row whose platform's joint axes are skew, mm, and its turn, rad.
+
+    Six equations for six unknowns: each link keeps its length, and lies across what both of its joint axes span.
+    """
+    pose = view.p[0].numpy()
+    skewed = TANGENT + theta[:3, None] * OUTWARD + theta[3:, None] * np.array([0.0, 0.0, 1.0])
+    sliders = RADIUS * OUTWARD + view.q[0].numpy()[:, None] * np.array([0.0, 0.0, 1.0])
+
+    def closure(x):
+        turn = Rotation.from_rotvec(x[3:] / LINK)
+        links = pose + x[:3] + turn.apply(SMALL * OUTWARD) - sliders
+        lengths = (links**2).sum(axis=1) - LINK**2
+        return np.concatenate([lengths / LINK, (links * np.cross(TANGENT, turn.apply(skewed))).sum(axis=1)])
+
+    found = root(closure, np.zeros(6), tol=1e-13).x
+    assert np.abs(closure(found)).max() < 1e-9
+    turn = found[3:] / LINK
+    return found[:3] + Rotation.from_rotvec(turn).apply(reflector) - reflector, turn
+
+
+SKEW = np.array([1.0, -0.4, 0.3, 0.8, -0.2, 0.6])
+
+
+@pytest.mark.parametrize("beyond", [1, 2, 3])
+def test_clearance_is_not_read_off_one_or_two_rows_beyond_the_triangle_of_the_joints(bench, beyond):
+    """At x = -70 the link of leg 1 is pushed, where it is pulled at all the others."""
+    place = np.concatenate([np.tile(POSES[0], (9, 1)), np.tile([-70.0, 0.0, 0.0], (beyond, 1))])
+    said = library()["joint-clearance"]().needs(build_view(bench, make_table(place)))
+    assert (said is None) == (beyond >= 3)
+
+
 @pytest.mark.parametrize("reflector", [(0.0, 0.0, 0.0), (30.0, -20.0, -50.0)])
 @pytest.mark.parametrize("pose", POSES.tolist())
 def test_platform_twist_against_six_equations(bench, reflector, pose):
     spec = bench.machine.model_copy(update={"reflector_mm": reflector})
     view = build_view(type(bench)(spec), make_table([pose]))
-    theta = 1e-6 * np.array([1.0, -0.4, 0.3, 0.8, -0.2, 0.6])
-    skewed = TANGENT + theta[:3, None] * OUTWARD + theta[3:, None] * np.array([0.0, 0.0, 1.0])
-    sliders = RADIUS * OUTWARD + view.q[0].numpy()[:, None] * np.array([0.0, 0.0, 1.0])
-
-    def closure(x):
-        turn = np.eye(3) + np.cross(np.eye(3), x[3:])  # (1 + [w x]) to first order
-        links = x[:3] + SMALL * OUTWARD @ turn.T - sliders
-        lengths = (links**2).sum(axis=1) - LINK**2
-        return np.concatenate([lengths / LINK, (links * np.cross(TANGENT, skewed @ turn.T)).sum(axis=1)])
-
-    start = np.concatenate([pose, np.zeros(3)])
-    found = root(closure, start, tol=1e-13).x
-    assert np.abs(closure(found)).max() < 1e-10
-    moved = found[:3] - np.array(pose) + np.cross(found[3:], reflector)
+    moved, _ = twisted(view, reflector, 1e-6 * SKEW)
     assert np.abs(moved).max() > 1e-5
-    assert_close(shift_of("platform-twist", theta, view)[0], tensor(moved), rtol=1e-4, atol=1e-9)
+    assert_close(shift_of("platform-twist", 1e-6 * SKEW, view)[0], tensor(moved), rtol=1e-4, atol=1e-9)
+
+
+@pytest.mark.parametrize("pose", POSES.tolist())
+def test_what_is_left_out_of_a_platform_twist_is_of_third_order(bench, pose):
+    """Of three times the skew it is 27 times as much; of second order it would be nine times."""
+    reflector = (30.0, -20.0, -50.0)
+    spec = bench.machine.model_copy(update={"reflector_mm": reflector})
+    view, missed = build_view(type(bench)(spec), make_table([pose])), []
+    for size in (1e-3, 3e-3):
+        moved, turn = twisted(view, reflector, size * SKEW)
+        assert np.linalg.norm(turn) > size  # the platform turns by more than its joints are skew
+        missed.append(np.linalg.norm(shift_of("platform-twist", size * SKEW, view)[0].numpy() - moved))
+    assert missed[1] / missed[0] == pytest.approx(27.0, rel=0.1)
 
 
 def test_column_bends_with_payload_and_height(bench):
@@ -217,6 +249,15 @@ def test_metrology_by_hand(bench):
     settled = -np.expm1(-np.array([0, 100, 200, 400]) / 100.0) / -np.expm1(-4.0)
     drift = shift_of("tracker-drift", [0.1, 0.0, -0.2, 100.0, 400.0], view)
     assert_close(drift[:, 0], tensor(0.1 * settled), atol=1e-12, rtol=0.0)
+
+
+def test_a_joint_offset_counts_by_the_angles_of_its_link(bench):
+    """At (0, 150, 0) link 1 leans 30 degrees sideways, and reaches 100 mm inward."""
+    view = build_view(bench, make_table([[0.0, 150.0, 0.0]]))
+    steep = np.sqrt(LINK**2 - 100.0**2 - 150.0**2) / LINK
+    rail, tangential = (library()["joint-offset"]().shift(tensor(np.eye(6)[place]), view)[0, 3] for place in (0, 3))
+    assert float(rail) == pytest.approx(steep, rel=1e-12)
+    assert float(tangential) == pytest.approx(np.cos(np.radians(30.0)), rel=1e-12)
 
 
 def test_joint_offset_rail_part_is_a_homing_offset(bench):

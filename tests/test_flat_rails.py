@@ -80,6 +80,19 @@ FAULTS = {
 }
 
 
+@pytest.mark.parametrize(("lean", "rises"), [(0.0, 0.0), (44.0, 0.0), (46.0, -np.sin(np.radians(46.0))), (90.0, -1.0)])
+def test_a_rail_is_flat_beyond_forty_five_degrees_and_stands_off_across_then(lean: float, rises: float) -> None:
+    """Less steep than that, what lies outward lies along the rail rather than across it, and is a homing offset."""
+    spec = parse_machine(STAR).machine.model_copy(update={"slider_lean_deg": (lean,) * 3})
+    mechanism = build_mechanism(spec)
+    assert mechanism.flat.tolist() == [lean > 45.0] * 3
+    np.testing.assert_allclose(mechanism.foot_way[:, 2], rises, atol=1e-12)
+    outward = np.sqrt(1.0 - rises**2)
+    azimuth = np.radians([0.0, 120.0, 240.0])
+    wanted = outward * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    np.testing.assert_allclose(mechanism.foot_way[:, :2], wanted, atol=1e-12)
+
+
 @pytest.mark.parametrize("fault", list(FAULTS))
 def test_what_lies_across_a_flat_rail_has_its_name_and_is_said_as_it_lies(fault: str, star: MachineFile, tmp_path):
     name, geometry, said = FAULTS[fault]
