@@ -185,7 +185,7 @@ def test_every_effect_has_a_whole_card(name):
     assert card.residual in RESIDUALS
     assert card.telling in TELLING
     assert card.shade in ("", *TELLING)
-    assert len(card.confused_with) >= 2 or name in ("joint-offset", "tracker-scale")
+    assert len(card.confused_with) >= 2
     assert all(len(pair) == 2 and all(pair) for pair in card.confused_with)
     assert name not in [what for what, _ in card.confused_with]
     assert (card.needs != "-") or not library()[name].requires

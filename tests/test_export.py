@@ -13,7 +13,7 @@ from ptt.commands.main import run
 from ptt.correct.exports.format import Options
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import error_left, holdings, sample_workspace
-from ptt.correct.exports.registry import find_format, writer
+from ptt.correct.exports.registry import FORMATS, find_format, writer
 from ptt.correct.exports.whole import write_all
 from ptt.correct.training.compensator import Compensator
 from ptt.effects.drive import HomingOffset
@@ -21,6 +21,7 @@ from ptt.effects.reversal import Backlash
 from ptt.errors import InputError
 from ptt.machine import MachineFile, save_machine
 from ptt.machine_schema import ControllerSpec
+from ptt.mechanisms import build_mechanism
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 
@@ -34,13 +35,11 @@ def _model(file: MachineFile) -> Compensator:
 
 
 def test_an_unknown_format_is_refused_with_the_nearest_one() -> None:
-    with pytest.raises(InputError, match=r"no export format 'tabel'.*table|no export format 'tabel'"):
+    with pytest.raises(InputError, match=r"no export format 'tabel'.*did you mean 'table'"):
         find_format("tabel")
 
 
 def test_a_format_of_other_machines_is_refused() -> None:
-    from ptt.correct.exports.registry import FORMATS
-
     klipper = next(each for each in FORMATS if each.name == "klipper")
     with pytest.raises(InputError, match="not for a serial machine"):
         writer(klipper, "serial")
@@ -71,8 +70,6 @@ def test_errors_left_are_those_of_a_machine_worked_out_by_hand(bench: MachineFil
     left = error_left(sample, sample.static)
     assert left.model < 1e-3 < left.format < left.drawing
     # Without reversal compensation each slider stays half a gap behind: dp = J^-1 (gap / 2), signs as they come.
-    from ptt.mechanisms import build_mechanism
-
     jacobian = build_mechanism(bench.machine).jacobian(torch.as_tensor(sample.nominal)).numpy()
     square = np.einsum("nck,k->n", jacobian**2, (GAPS.numpy() / 2.0) ** 2)
     assert left.format == pytest.approx(1e3 * np.sqrt(square.mean()), rel=0.2)

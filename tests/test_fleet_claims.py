@@ -12,7 +12,7 @@ from test_fleet_store import fill
 
 from ptt.errors import InputError
 from ptt.fleet.database import transaction
-from ptt.fleet.queue import claim, keep, next_task, waiting
+from ptt.fleet.queue import again, claim, keep, next_task, waiting
 from ptt.fleet.run import run_all
 from ptt.fleet.store import create_store
 from ptt.fleet.task import Outcome
@@ -125,9 +125,10 @@ def test_a_claim_of_a_dead_process_is_taken_over(tmp_path):
 
 def test_a_failed_run_waits_again_only_when_asked(tmp_path):
     store = fill(tmp_path / "s", 1, 2)
-    failed = lambda task, tell: Outcome(task.run, task.machine, "nothing", "failed", "no", 0.0)  # noqa: E731
+
+    def failed(task, tell):
+        return Outcome(task.run, task.machine, "nothing", "failed", "no", 0.0)
+
     assert run_all(store, work=failed).verdicts == {"failed": 2}
     assert run_all(store, work=failed).runs == 0
-    from ptt.fleet.queue import again
-
     assert again(store) == 2 and sum(waiting(store).values()) == 2

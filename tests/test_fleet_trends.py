@@ -1,7 +1,8 @@
 """What moves over runs: drifts and jumps are named on the value that moves, and on a sound machine nothing is."""
 
+import re
 from dataclasses import replace
-from datetime import date, datetime
+from datetime import date, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from ptt.fleet.trends import Moves, Series, movements
 from ptt.fleet.words import machine_in_words
 
 COUNT, ROWS, DAYS = 5, 120, 30.4
+EPOCH = date(1970, 1, 1)  # from which days are counted
 
 
 def series(random, runs=12, drift=None, jump=None, scatter=0.0, understated=1.0) -> Series:
@@ -137,12 +139,28 @@ def words(kind: str, slope: float, usual: float) -> str:
     return "" if alarm is None else alarm.words
 
 
-def test_alarms_say_pace_unit_and_the_day_on_which_the_usual_size_is_passed():
+def test_an_alarm_of_a_drift_says_its_pace_and_the_day_on_which_the_usual_size_is_passed():
+    """A thousandth of the usual 100 um a day; the day follows from where the value was drawn to begin."""
     text = words("drift", 1e-3, 0.1)
-    assert text.startswith("play of slider 4 ") and " um a month" in text
-    jumped = words("jump", 0.4, 0.1)
-    assert "jumped by +4" in jumped or "jumped by +3" in jumped
-    assert str(date(1970, 1, 1).year) in jumped
+    told = re.fullmatch(
+        r"play of slider 4 grows by ([\d.]+) \+- ([\d.]+) um a month, .* its usual size of 100 um about (\S+)", text
+    )
+    assert told is not None, text
+    pace, error = float(told[1]), float(told[2])
+    assert abs(pace - 0.1 * 365.25 / 12.0) < 4.0 * error < 0.5
+    random = np.random.default_rng(5)
+    random.uniform(size=12)  # the days of the runs
+    passed = EPOCH + timedelta(days=(1.0 - float(random.normal(size=COUNT)[4])) / 1e-3)
+    assert abs(date.fromisoformat(told[3]) - passed) < timedelta(days=4.0 * error / pace * 760.0)  # so far ahead
+
+
+def test_an_alarm_of_a_jump_says_its_size_and_the_runs_between_which_it_came():
+    text = words("jump", 0.4, 0.1)
+    told = re.search(r"jumped by \+([\d.]+) \+- ([\d.]+) um between (\S+) and (\S+), from", text)
+    assert told is not None, text
+    assert abs(float(told[1]) - 40.0) < 4.0 * float(told[2]) < 4.0
+    days = series(np.random.default_rng(5), jump=(4, 6, 0.4)).days
+    assert [date.fromisoformat(each) for each in told.groups()[2:]] == [EPOCH + timedelta(days[at]) for at in (5, 6)]
 
 
 def test_a_machine_unlike_its_sisters_is_named_and_no_other():

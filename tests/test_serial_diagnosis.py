@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.correct.compensate import compensate
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.score import Scorer
@@ -21,6 +22,7 @@ from ptt.model.model import Model
 from ptt.rig.serial_arm import ArmFaults, ArmRig, rigid
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table, make_table
+from ptt.run.viewing import build_view
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 
@@ -103,8 +105,6 @@ def test_sound_rig_agrees_with_the_mechanism(name: str) -> None:
 
 
 def test_link_weights_load_the_joints_as_the_rig_feels_them() -> None:
-    from ptt.run.viewing import build_view
-
     file = arm("ur10")
     q = np.random.default_rng(4).uniform(-2.0, 2.0, (15, 6))
     load = np.linspace(0.0, 5.0, 15)
@@ -129,8 +129,6 @@ def test_mount_and_frame_are_found_beside_the_links() -> None:
 
 def test_corrected_commands_mend_the_arm() -> None:
     """Perturbation compensation T(p - dp): measured again on the rig, unseen poses, tool point at the reflector."""
-    from ptt.correct.compensate import compensate
-
     file = arm("ur10", tool="trusted", frame="trusted")
     random = np.random.default_rng(12)
     faults = replace(
