@@ -113,6 +113,30 @@ def test_marked_phases_give_equation_19():
     assert one.by_counts == pytest.approx(0.2)
 
 
+def test_both_lengths_and_the_counts_are_weighed_by_hand(tmp_path):
+    """The way back is 4 % faster, so that the two lengths differ; steps and counts are a hundredth of a millimetre."""
+    stands, back = 10.0 - 0.0104 * np.arange(1, 21), 10.0 - 0.0104 * np.arange(21, 921)
+    rise = 0.01 * np.arange(1001)
+    path = write_log(
+        tmp_path / "log.csv",
+        np.concatenate([rise, stands, back]),
+        np.concatenate([rise, np.full(20, 10.0), 10.0 - 0.0104 * np.arange(1, 901)]),
+        extra={"phase": np.repeat(["S1", "S2", "S3"], [1001, 20, 900])},
+    )
+    figure = measure_backlash(read_scale_log(path, resolution_mm=0.01)).sliders[0]
+    assert figure.by_length == pytest.approx((20.5 * (0.01 + 0.0104) / 2.0, 0.005))  # 1e-4 (1/6 + 1/12) mm^2
+    assert figure.by_counts == pytest.approx((20 * 0.0104, 0.01 / np.sqrt(6.0)))
+    assert figure.gap == pytest.approx((0.4 * 20.5 * 0.0102 + 0.6 * 20 * 0.0104, 0.01 / np.sqrt(10.0)))
+    assert figure.agree
+
+
+@pytest.mark.parametrize(("jitter", "told"), [(0.0, 0.0), (0.002, 0.002)])
+def test_the_rounding_of_a_scale_to_its_counts_is_no_jitter(jitter, told):
+    """Steps that are no whole number of counts are rounded up and down: that scatters by 0.3 um."""
+    found = [measure_reversal(*scale_pass(0.05, 0.0012, noise=jitter, seed=seed), 0.001).noise for seed in range(5)]
+    assert np.mean(found) == pytest.approx(told, rel=0.05, abs=1e-4)
+
+
 def test_a_marked_log_needs_no_commands(tmp_path):
     command, scale = scale_pass(0.05)
     turn, still = 2500, 12

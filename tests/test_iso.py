@@ -57,6 +57,12 @@ def test_distance_figures_by_hand():
     assert figures.cycles == 3
 
 
+def test_the_worst_of_figures_with_a_sign_is_the_largest_either_way():
+    target = np.repeat([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [20.0, 0.0, 0.0]], 2, axis=0)
+    measured = np.repeat([[0.0, 0.0, 0.0], [9.7, 0.0, 0.0], [19.8, 0.0, 0.0]], 2, axis=0)  # 0.3 short, 0.1 long
+    assert pose_report(target, measured).to_dict()["AD_um"] == pytest.approx({"mean": -100.0, "worst": -300.0})
+
+
 def test_rows_are_grouped_by_target_direction_and_payload():
     target = np.tile([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], (8, 1))
     direction = np.repeat([[1], [-1]], 8, axis=0)

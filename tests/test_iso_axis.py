@@ -58,6 +58,12 @@ def test_reversal_term_rules_where_it_is_the_larger():
     assert figures.repeatability.both == pytest.approx(2 * 0.001 / np.sqrt(2) + 0.0495)
 
 
+def test_reversals_of_either_sign_cancel_in_their_mean_and_not_in_their_largest():
+    runs_of = {(0.0, 1): (0.004, 0.004), (0.0, -1): (0.0, 0.0), (9.0, 1): (0.0, 0.0), (9.0, -1): (0.006, 0.006)}
+    figures = axis_figures(*runs(runs_of))
+    assert (figures.reversal_mean, figures.reversal_max) == pytest.approx((-0.001, 0.006))
+
+
 def test_one_direction_alone_leaves_the_rest_unsaid():
     target, direction, measured = runs({k: v for k, v in HAND.items() if k[1] == 1})
     figures = axis_figures(target, direction, measured)

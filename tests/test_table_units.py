@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
+from scipy import constants
 from test_table import ROWS, csv, write
 
 from ptt.errors import TableError
+from ptt.run.readers.columns import UNITS, to_standard
 from ptt.run.reading import read_table
 from ptt.run.table import make_table, unit_hint
 
@@ -24,6 +26,41 @@ def test_unit_suffixes(tmp_path: Path) -> None:
     np.testing.assert_allclose(table.temp_c, [20.0, 21.0], rtol=1e-12)
     np.testing.assert_allclose(table.feed_mm_s, 10.0, rtol=1e-15)
     assert np.isnan(table.target).all()
+
+
+MM = 1e-3  # m
+KNOWN_UNITS = {
+    ("x_meas", "mm"): 1.0,
+    ("x_meas", "um"): constants.micron / MM,
+    ("x_meas", "cm"): constants.centi / MM,
+    ("x_meas", "m"): 1.0 / MM,
+    ("x_meas", "in"): constants.inch / MM,
+    ("q1_cmd", "rad"): 1.0,
+    ("q1_cmd", "deg"): constants.degree,
+    ("q1_cmd", "mrad"): constants.milli,
+    ("time", "s"): 1.0,
+    ("time", "ms"): constants.milli,
+    ("time", "min"): constants.minute,
+    ("time", "h"): constants.hour,
+    ("payload", "kg"): 1.0,
+    ("payload", "g"): constants.gram,
+    ("payload", "lb"): constants.pound,
+    ("feed", "mm_s"): 1.0,
+    ("feed", "mm_min"): 1.0 / constants.minute,
+    ("feed", "m_s"): 1.0 / MM,
+    ("feed", "m_min"): 1.0 / MM / constants.minute,
+    ("feed", "in_min"): constants.inch / MM / constants.minute,
+}
+
+
+def test_every_unit_is_as_large_as_scipy_has_it() -> None:
+    for (quantity, unit), size in KNOWN_UNITS.items():
+        np.testing.assert_allclose(to_standard(np.array([3.0]), quantity, unit), 3.0 * size, rtol=1e-15, err_msg=unit)
+    for unit, name in (("c", "Celsius"), ("k", "Kelvin"), ("f", "Fahrenheit")):
+        wanted = constants.convert_temperature(300.0, name, "Celsius")
+        np.testing.assert_allclose(to_standard(np.array([300.0]), "temp", unit), wanted, rtol=1e-14, err_msg=unit)
+    told = {unit for _, unit in KNOWN_UNITS} | {"c", "k", "f"}
+    assert {unit for units in UNITS.values() for unit in units} - {"", "stamp"} == told
 
 
 def test_joint_angle_without_unit_is_asked(tmp_path: Path) -> None:
