@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from ptt.fitting.evidence import WIDTH, maximise
+from ptt.fitting.evidence import WIDTH, maximise, noise_of
 from ptt.fitting.posterior import Posterior
 
 ROWS = 40
@@ -160,6 +160,15 @@ def test_only_free_columns_are_least_squares() -> None:
     np.testing.assert_allclose(found.values, expected[0], rtol=1e-2)
     assert found.phi == pytest.approx(expected[1][0] / ROWS, rel=1e-2)
     assert found.scales.shape == (0,) and found.curvature.shape == (0, 0)
+
+
+def test_no_noise_is_finer_than_the_last_digit_of_a_reading() -> None:
+    """Where it would be, it is known, and rows count by chi-squared alone: half of what they miss by more."""
+    phi, tail = noise_of(np.array([5.0, 9.0, 200.0]), 30.0, 10.0, 1.0)
+    np.testing.assert_allclose(phi, [1.0, 1.0, 210.0 / 40.0])
+    assert tail[0] - tail[1] == pytest.approx((9.0 - 5.0) / 2.0)
+    columns, values, owner = problem(3, [1.0])
+    assert solve(columns, values, owner, freedom=0.0).phi < 2.0 == solve(columns, values, owner, finest=2.0).phi
 
 
 def test_stated_scatter_is_what_repeated_problems_scatter_by() -> None:

@@ -8,6 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_runs import empty_run, hidden_backlash
+from scipy import stats
 from test_fit import fitted
 
 from ptt.fitting.outliers import inside
@@ -40,6 +41,17 @@ def test_sound_rows_are_no_outliers() -> None:
     random = np.random.default_rng(0)
     lost = [300 - inside(random.normal(size=(300, 3)), np.ones(300, dtype=bool)).sum() for _ in range(200)]
     assert np.mean(np.array(lost) > 0) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("misses", "far", "kept"), [(1.0, 0.9, True), (1.0, 1.3, False), (3.0, 1.8, True), (3.0, 2.4, False)]
+)
+def test_what_a_model_misses_has_ends_twice_as_far_out_as_noise(misses: float, far: float, kept: bool) -> None:
+    """One row of 300, off by so many times what one of a thousand such tables has of noise of that size."""
+    limit = float(np.sqrt(stats.chi2.isf(1e-3 / 300.0, 3)))
+    left = misses * np.random.default_rng(0).normal(size=(300, 3))
+    left[100] = (0.0, far * limit * misses, 0.0)
+    assert inside(left, np.ones(300, dtype=bool))[100] == kept
 
 
 # --- noise and its source

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ptt.diagnosis.noise.gross import alone, stand_out
+from ptt.fitting.outliers import linear_residual
 
 
 def test_gross_errors_do_not_hide_in_a_noise_that_they_have_widened():
@@ -14,6 +15,24 @@ def test_gross_errors_do_not_hide_in_a_noise_that_they_have_widened():
     rows = np.ones(200, dtype=bool)
     assert not stand_out(widened, rows).any()
     assert np.flatnonzero(stand_out(widened, rows, least=0.0)).tolist() == [20, 90, 160]
+
+
+def test_gross_errors_to_one_side_do_not_draw_a_fit_after_them():
+    """A line through 60 rows of noise one, six of which are off by 100 near its end: least squares follow them."""
+    random = np.random.default_rng(7)
+    along = np.linspace(0.0, 1.0, 60)
+    columns = np.zeros((60, 3, 2))
+    columns[:, 0, 0], columns[:, 0, 1] = 1.0, along
+    rows = random.normal(size=(60, 3))
+    rows[:, 0] += 20.0 - 40.0 * along
+    rows[50:56, 0] += 100.0
+    left, weight = linear_residual(rows, columns, np.zeros(0), np.zeros((0, 2)))
+    sound = np.delete(np.arange(60), np.arange(50, 56))
+    truth = rows[:, 0] - 20.0 + 40.0 * along
+    assert np.abs(left[:, 0] - truth).max() < 1.5  # three standard errors of a line through so few
+    assert weight[50:56].max() < 0.01 and np.median(weight[sound]) > 0.5
+    drawn = columns[:, 0] @ np.linalg.lstsq(columns[:, 0], rows[:, 0], rcond=None)[0]
+    assert np.abs(drawn - rows[:, 0] + truth).max() > 15.0
 
 
 def unloaded(places: np.ndarray) -> np.ndarray:
