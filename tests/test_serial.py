@@ -1,3 +1,5 @@
+"""Serial arms: chains against matrices multiplied out, reach, parallel axes, other libraries of kinematics."""
+
 import dataclasses
 import math
 

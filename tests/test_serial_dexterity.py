@@ -1,3 +1,5 @@
+"""How evenly arms move: singular where theory says, isotropic where the textbook says, maps of the workspace."""
+
 import math
 
 import numpy as np

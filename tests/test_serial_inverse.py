@@ -1,3 +1,5 @@
+"""Joint values of a pose: found from near and without a start, refused where there are none, posture kept."""
+
 import math
 
 import pytest

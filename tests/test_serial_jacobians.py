@@ -1,3 +1,5 @@
+"""Jacobians of arms by joints and by geometry errors, against automatic and numerical derivatives."""
+
 import pytest
 import torch
 from serial_arms import arm as arm

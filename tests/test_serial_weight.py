@@ -13,6 +13,7 @@ from ptt.errors import MachineError
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.model.chain import predict
+from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, parameter_names
 from ptt.rig.draw_arm import draw_masses, unweighed
 from ptt.rig.serial_arm import ArmFaults, ArmRig
@@ -153,8 +154,6 @@ def test_payload_pulls_along_the_machines_gravity() -> None:
 
 
 def test_zero_sag_is_nominal_and_a_saved_model_reads_back() -> None:
-    from ptt.model.entries import read_model, write_model
-
     file = arm("ur10")
     random = np.random.default_rng(3)
     q = random.uniform(-2.0, 2.0, (80, 6))

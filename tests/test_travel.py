@@ -1,3 +1,5 @@
+"""The way to a row: turns on it, directions of arrival, views of straight moves."""
+
 import re
 from dataclasses import fields, replace
 from pathlib import Path
