@@ -79,6 +79,13 @@ def test_distance_is_in_units_of_the_reach():
     )
 
 
+def test_the_typical_spacing_is_what_nine_points_of_ten_have_at_most():
+    """Of fifty points in a row ten lie three apart, and the others one: gaps are judged by the wider part."""
+    places = np.concatenate([np.arange(40.0), 50.0 + 3.0 * np.arange(10)])[:, None]
+    assert measure_domain(places).reach == pytest.approx(2 * 3.0)
+    assert measure_domain(places[:42]).reach == pytest.approx(2 * 1.0)  # two of 42 are fewer than one in ten
+
+
 def test_one_point_is_its_own_domain():
     domain = measure_domain(np.array([[0.3, 0.4]]))
     np.testing.assert_array_equal(domain.contains(np.array([[0.3, 0.4], [0.3, 0.41]])), [True, False])
