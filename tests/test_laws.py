@@ -193,7 +193,7 @@ def test_a_slip_on_the_same_path_is_still_a_slip() -> None:
 def test_where_a_slip_and_a_step_are_the_same_readings_nobody_is_sure(slips: bool) -> None:
     """The slip comes just as the tool goes up to the next circle, where the slider goes beyond all heights before."""
     found = learned(0.4, slips=slips)
-    assert all(candidate.probability < 0.6 for candidate in found.candidates)
+    assert 0.0 < max(candidate.probability for candidate in found.candidates) < 0.6
 
 
 def test_what_is_scored_beside_laws_is_no_set_of_the_system_without_them() -> None:

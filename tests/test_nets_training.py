@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nets import RbfSettings, TrainingDataError, fit_rbf, muted, train_rbf
-from nets.selection import HeldOut, choose, deal_folds
+from nets.selection import HeldOut, choose, deal_folds, judge
 
 SMALL = RbfSettings(centre_counts=(8, 32), spreads=(1.0, 2.0, 4.0), ridges=(1e-10, 1e-8, 1e-6, 1e-4, 1e-2))
 NOISE = 0.002  # mm
@@ -189,6 +189,15 @@ def test_the_choice_ignores_the_fold_left_out_and_takes_the_first_at_a_tie():
     held_out = HeldOut(squares, np.full((2, 1), 10.0), np.array([5, 5]), places=50)
     assert choose(held_out).candidate == 1
     assert choose(held_out, without=1).candidate == 0
+
+
+@pytest.mark.parametrize(("left", "learned"), [(1.0, True), (4.0, False)])
+def test_a_fold_with_nothing_to_gain_does_not_veto_a_gain_by_half(left, learned):
+    """Of three folds one has no error to begin with: Student's t of so few is no proof, an error by half is."""
+    null, squares = np.array([[10.0], [10.0], [1.0]]), np.array([left, left, 1.0]).reshape(1, 1, 3, 1)
+    verdict = judge(HeldOut(squares, null, np.array([5, 5, 5]), places=50), SMALL)
+    assert verdict.p_value[0] > SMALL.significance
+    assert (verdict.learned[0], verdict.heldout_rms[0] < verdict.null_rms[0]) == (learned, learned)
 
 
 @pytest.mark.parametrize(

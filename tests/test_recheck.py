@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+import ptt
 from ptt.again.before import look_back
 from ptt.again.figures import Moved
 from ptt.again.news import look_for_news
@@ -121,8 +122,11 @@ def test_of_a_long_run_stretches_are_looked_at_and_the_change_is_the_same(solved
 
 
 def test_what_is_new_at_one_slider_is_told_beside_what_is_gone_at_another(tmp_path: Path) -> None:
-    """Its play was never there, so nothing of it was clear in the run of the model. That it has come is one change,
-    that all are gone another: where both speak of one value, it stands where both together put it."""
+    """Its play was never there, so nothing of it was clear in the run of the model.
+
+    That it has come is one change, that all are gone another: where both speak of one value, it stands where both
+    together put it.
+    """
     before = solve(run_of(1, drive={"backlash_mm": (0.03, 0.0, 0.045)}), ("backlash", "link-length"), tmp_path)
     found = look(before, run_of(4, drive={"backlash_mm": (0.0, 0.08, 0.0)}))
     assert {item.moved.name: item.repaired for item in found.changed} == {
@@ -341,8 +345,6 @@ def test_the_command_prints_the_documented_keys(
 
 
 def test_the_front_door_says_what_the_command_says(solved: SimpleNamespace, tmp_path: Path) -> None:
-    import ptt
-
     run = tmp_path / "again.csv"
     write_table(run_of(2, 60).table, run)
     model = ptt.load(solved.folder / "solved.toml")

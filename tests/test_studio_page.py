@@ -93,12 +93,35 @@ def page(context: BrowserContext, server: Server) -> Page:
 
 
 def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_path: Path):
+    """The whole way through the page: nothing is asked of other places, and nothing breaks unseen."""
     asked: list[str] = []
     broken: list[str] = []
     page.on("request", lambda request: asked.append(request.url))
     page.on("console", lambda message: broken.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda error: broken.append(str(error)))
     load_sample(page)
+    _look_at_the_run(page)
+    _add_what_is_found(page)
+    theirs = verb("add", DATA / "run.csv", "backlash", "--model", DATA / "machine.toml", "--out", tmp_path / "m.toml")
+    _read_the_ladder(page, theirs)
+    _switch_and_undo(page)
+    for view in ("Finish", "Again"):
+        show(page, view)
+        check_layout(page, view)
+    _see_it_in_the_dark(page)
+    model = saved(page, "Model (machine.toml)", tmp_path / "mine.toml")
+    again = verb("diagnose", DATA / "run.csv", "--model", model)
+    assert again["verdict"] == "nothing-missing"
+    assert again["rms_um"]["before"]["total"] == pytest.approx(theirs["steps"][-1]["rms_um"]["total"], abs=0.01)
+    _correct_targets(page, model, tmp_path)
+    # A picture that cannot be drawn says so nowhere else.
+    assert [words for words in broken if HIDDEN not in words] == []
+    own = page.url.partition("/s/")[0]
+    assert [url for url in asked if not url.startswith((own, "data:", "blob:"))] == []
+
+
+def _look_at_the_run(page: Page) -> None:
+    """The field is drawn, readings are picked in it, and both views of the run keep their layout."""
     show(page, "Look")
     expect(page.locator(".st-field canvas").first).to_be_visible(timeout=WAIT)
     _pick_a_box(page)
@@ -106,6 +129,9 @@ def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_pa
     show(page, "Load")
     check_layout(page, "Load")
 
+
+def _add_what_is_found(page: Page) -> None:
+    """The one cause, its card and its cure; once it is added, the rest is diagnosed without being asked for."""
     show(page, "Result")
     expect(page.locator(".st-finding", has_text="backlash")).to_be_visible(timeout=WAIT)
     expect(page.get_by_text("One cause found")).to_be_visible()
@@ -115,14 +141,15 @@ def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_pa
     expect(page.get_by_text("Mended by")).to_be_visible(timeout=WAIT)
     page.get_by_role("button", name="close").click()
     page.get_by_role("button", name="add backlash", exact=True).click()
-
     expect(page.get_by_text(re.compile(r"error 5.36\s.m rms"))).to_be_visible(timeout=WAIT)
-    again = page.locator(".st-title", has_text="Nothing is missing")
-    expect(again).to_be_visible(timeout=WAIT)  # diagnosed anew without being asked
+    expect(page.locator(".st-title", has_text="Nothing is missing")).to_be_visible(timeout=WAIT)
+
+
+def _read_the_ladder(page: Page, theirs: dict) -> None:
+    """Words and bars of the model are the figures of the command line."""
     show(page, "Model")
     ladder = page.get_by_text(re.compile(r"^Now [\d.]+\s.* held out"))
     expect(ladder).to_be_visible(timeout=WAIT)
-    theirs = verb("add", DATA / "run.csv", "backlash", "--model", DATA / "machine.toml", "--out", tmp_path / "m.toml")
     last, noise = theirs["steps"][-1], theirs["noise_um"]["total"]
     micro = "\N{NO-BREAK SPACE}\N{MICRO SIGN}m"
     assert ladder.inner_text() == (
@@ -132,30 +159,23 @@ def test_from_a_sample_to_a_model_that_the_command_line_reads(page: Page, tmp_pa
     drawn = page.evaluate("document.querySelector('.st-ladder').data.map(trace => trace.y)")
     assert drawn[1] == pytest.approx([step["heldout_rms_um"]["total"] for step in theirs["steps"]], rel=1e-9)
     check_layout(page, "Model")
-    _switch_and_undo(page)
 
-    show(page, "Finish")
-    check_layout(page, "Finish")
-    show(page, "Again")
-    check_layout(page, "Again")
+
+def _see_it_in_the_dark(page: Page) -> None:
+    """Colours keep their contrast."""
     page.get_by_role("button", name="light or dark").click()
     for view in ("Result", "Model", "Finish"):
         show(page, view)
         assert settled(page, RULES) == [], f"{view}, dark"
-    model = saved(page, "Model (machine.toml)", tmp_path / "mine.toml")
-    again = verb("diagnose", DATA / "run.csv", "--model", model)
-    assert again["verdict"] == "nothing-missing"
-    assert again["rms_um"]["before"]["total"] == pytest.approx(last["rms_um"]["total"], abs=0.01)
+
+
+def _correct_targets(page: Page, model: Path, tmp_path: Path) -> None:
+    """The file of commands is that of the command line, byte for byte."""
     with page.expect_download(timeout=WAIT) as waiting:
         page.locator(".st-drop-predict input[type=file]").set_input_files(DATA / "targets.csv")
     waiting.value.save_as(tmp_path / "sliders.csv")
     verb("predict", DATA / "targets.csv", "--model", model, "--out", tmp_path / "theirs.csv")
     assert (tmp_path / "sliders.csv").read_bytes() == (tmp_path / "theirs.csv").read_bytes()
-    assert [
-        words for words in broken if HIDDEN not in words
-    ] == []  # a picture that cannot be drawn says so nowhere else
-    own = page.url.partition("/s/")[0]
-    assert [url for url in asked if not url.startswith((own, "data:", "blob:"))] == []
 
 
 AT_ONCE = """() => { [...document.querySelectorAll('[role=tab]')].find(tab => tab.innerText.includes('Look')).click();
