@@ -83,21 +83,32 @@ def test_any_text_in_a_cell_is_read_or_refused_in_one_bounded_line(tmp_path, cel
         assert np.isfinite(table.target).all()
 
 
+def spent(path: Path) -> float:
+    """Processor time of reading a file or refusing it, s: the least of three, for others work on the machine too."""
+    took = []
+    for _ in range(3):
+        started = time.process_time()
+        try:
+            read_table(path)
+        except TableError as error:
+            assert len(str(error)) < 500
+        took.append(time.process_time() - started)
+    return min(took)
+
+
 @pytest.mark.parametrize("text", ["x " * 15_000, "x" * 30_000, "[" * 30_000, "a/" * 15_000])
 @pytest.mark.parametrize("where", ["title", "cell", "comment"])
-def test_long_titles_and_cells_take_a_bounded_time(text, where, tmp_path):
-    body = {
-        "title": RUN.replace("payload_kg", text),
-        "cell": RUN + f"3,2,3,{text},1,2,3\n",
-        "comment": f"# {text}\n{RUN}",
-    }
-    path = put(tmp_path, body[where])
-    started = time.process_time()
-    try:
-        read_table(path)
-    except TableError as error:
-        assert len(str(error)) < 500
-    assert time.process_time() - started < 1.0  # 5.4 s before
+def test_the_time_for_a_title_or_cell_grows_no_faster_than_its_length(text, where, tmp_path):
+    """What is eight times as long takes eight times as long at most; a pattern that goes back and forth, 64 times."""
+    own, share = {}, len(text) // 8
+    for name, part in (("whole", text), ("eighth", text[:share])):
+        body = {
+            "title": RUN.replace("payload_kg", part),
+            "cell": RUN + f"3,2,3,{part},1,2,3\n",
+            "comment": f"# {part}\n{RUN}",
+        }
+        own[name] = spent(put(tmp_path, body[where], f"{name}.csv"))
+    assert own["whole"] < 20.0 * own["eighth"]
 
 
 OWN = (ROOT / "benchmarks" / "fuzz_inputs.py").read_text().split("OWN = '''")[1].split("'''")[0]

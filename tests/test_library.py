@@ -113,19 +113,19 @@ def test_names_are_there_and_clash_with_no_room():
         ptt.levitate  # noqa: B018
 
 
-def test_import_is_quick_and_loads_nothing_heavy():
+def test_import_loads_nothing_heavy_and_takes_less_than_numpy_alone():
     code = (
-        "import time; start = time.process_time(); import ptt; dir(ptt); took = time.process_time() - start\n"
-        "import sys; print(took, [m for m in ('torch', 'numpy', 'pandas', 'scipy') if m in sys.modules])"
+        "import sys, time; start = time.process_time(); import ptt; dir(ptt); took = time.process_time() - start\n"
+        "heavy = [m for m in ('torch', 'numpy', 'pandas', 'scipy') if m in sys.modules]\n"
+        "start = time.process_time(); import numpy; print(took / (time.process_time() - start), heavy)"
     )
-    best = 9.0
+    shares = []
     for _ in range(3):
-        said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split(
-            " ", 1
-        )
-        assert said[1].strip() == "[]"
-        best = min(best, float(said[0]))
-    assert best < 0.1
+        said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+        share, heavy = said.split(" ", 1)
+        assert heavy.strip() == "[]"
+        shares.append(float(share))
+    assert min(shares) < 1.0
 
 
 def test_effects_are_there_by_class_and_by_name():

@@ -125,13 +125,15 @@ def test_round_trip_is_lossless(
 
 
 @pytest.mark.long
-def test_a_million_rows_take_seconds(tmp_path: Path) -> None:
+def test_a_million_rows_take_no_longer_for_a_row_than_fifty_thousand(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     line = [",".join(map(repr, row)) for row in random.normal(size=(1000, 9)).round(6).tolist()]
     head = "x_cmd,y_cmd,z_cmd,b1_cmd,b2_cmd,b3_cmd,x_meas,y_meas,z_meas,time_s"
-    body = "\n".join(f"{line[i % 1000]},{i}" for i in range(1_000_000))
-    path = write(tmp_path, f"{head}\n{body}\n")
-    start = time.process_time()
-    table = read_table(path)
-    assert table.rows == 1_000_000
-    assert time.process_time() - start < 20.0
+    took = []
+    for rows in (50_000, 1_000_000):
+        body = "\n".join(f"{line[i % 1000]},{i}" for i in range(rows))
+        path = write(tmp_path, f"{head}\n{body}\n")
+        start = time.process_time()
+        assert read_table(path).rows == rows
+        took.append((time.process_time() - start) / rows)
+    assert took[1] < 2.0 * took[0]  # what a first file loads, and what memory costs, are in there
