@@ -12,6 +12,7 @@ import ptt
 from ptt.commands.main import run
 from ptt.correct.exports.format import Options
 from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.held import _reason
 from ptt.correct.exports.left import error_left, holdings, sample_workspace
 from ptt.correct.exports.registry import FORMATS, find_format, writer
 from ptt.correct.exports.whole import write_all
@@ -76,6 +77,23 @@ def test_errors_left_are_those_of_a_machine_worked_out_by_hand(bench: MachineFil
     whole = np.einsum("nck,k->nc", jacobian, ZEROS.numpy())
     both = np.sqrt(((whole**2).sum(axis=1) + square).mean())
     assert left.drawing == pytest.approx(1e3 * both, rel=0.1)
+
+
+def test_what_is_uncertain_is_in_all_three_figures(bench: MachineFile) -> None:
+    """Nothing is left of the model's own commands but what its parameters leave uncertain: 3 um, at every place."""
+    sample = sample_workspace(_model(bench), Options(), 60)
+    sure = error_left(sample, sample.static)
+    unsure = replace(sample, commands=replace(sample.commands, sigma=np.full(len(sample.targets), 3e-3)))
+    left = error_left(unsure, sample.static)
+    assert left.model == pytest.approx(3.0, abs=1e-3)
+    assert (left.format, left.drawing) == pytest.approx((np.hypot(sure.format, 3.0), np.hypot(sure.drawing, 3.0)))
+
+
+@pytest.mark.parametrize(("left", "held"), [(0.04, True), (0.06, False)])
+def test_an_effect_counts_as_held_where_a_twentieth_of_it_is_left_at_most(left: float, held: bool) -> None:
+    moved = np.random.default_rng(0).normal(0.0, 0.1, 90)
+    said = _reason(HomingOffset(), moved, left * moved, "no room for it", (), untold=False)
+    assert said == "" if held else said.startswith("no room for it")
 
 
 def test_what_the_controller_compensates_is_neither_held_nor_counted(bench: MachineFile) -> None:

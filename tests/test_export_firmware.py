@@ -11,7 +11,10 @@ import pandas as pd
 import pytest
 from told_models import compensator
 
+from ptt.correct.exports import reprapfirmware
+from ptt.correct.exports.delta import drawn_delta
 from ptt.correct.exports.format import ErrorLeft, Options, said_held
+from ptt.correct.exports.left import survey
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError
@@ -152,6 +155,18 @@ def test_lineardeltakins_is_what_linuxcnc_has() -> None:
     place = np.random.default_rng(4).uniform(-90.0, 90.0, (50, 3))
     wanted = [theirs.inverse(*row) for row in place.tolist()]
     np.testing.assert_allclose(controllers.lineardelta(100.25, 301.5, place), wanted, atol=1e-10)
+
+
+def test_a_tilt_of_the_bed_is_read_by_the_firmware_as_it_is_meant(tmp_path: Path) -> None:
+    """In millimetres of height a hundred millimetres aside, as M666 has it: 0.2 along x and -0.1 along y."""
+    ground = survey(compensator(FILE), Options(), 40)
+    meant = replace(drawn_delta(FILE.machine), tilt=np.array([2e-3, -1e-3]))
+    lines, printed = reprapfirmware._lines(meant, ground)
+    assert lines[1].endswith("A0.20000 B-0.10000")
+    (tmp_path / "config.g").write_text("\n".join(lines) + "\n")
+    read = sliders("reprapfirmware", FILE, tmp_path / "config.g")
+    for delta in (meant, printed):
+        np.testing.assert_allclose(read, delta.sliders(targets(FILE)), atol=5e-5)
 
 
 def test_wider_platforms_and_clockwise_sliders(tmp_path: Path) -> None:

@@ -60,7 +60,9 @@ def test_a_file_that_corrects_nothing_says_so(name: str, tmp_path: Path) -> None
     *asked, note = result.notes
     assert len(asked) == (name == "siemens") and not any("load" in line for line in result.notes)
     (play,) = (item.why for item in result.cannot_hold)
-    assert ("MD32450" in play) == ("instead of what `ptt program`" in play) == (name == "siemens")
+    gaps = ", ".join(f"{gap:.6f}" for gap in GAPS)
+    assert (f"MD32450 $MA_BACKLASH of the axes takes {gaps} mm" in play) == (name == "siemens")
+    assert ("instead of what `ptt program`" in play) == (name == "siemens")
     assert note.startswith("this file corrects almost nothing") and "ptt program" in note
     assert note in (tmp_path / "out").read_text()
 
