@@ -190,6 +190,14 @@ def test_the_limit_counts_physics_and_network_together():
     assert compensate(physics, TARGETS, correction=lifted, limit=0.61).counts["ok"] == TARGETS.rows
 
 
+def test_the_limit_counts_what_is_added_for_a_reversal():
+    """Play of a tenth of a millimetre and nothing else: each slider is sent half of it ahead, which moves the tool."""
+    worn = with_effects(FILE, backlash={"gap_mm": [0.1] * 3})
+    assert compensate(worn, TARGETS, limit=0.5).counts["ok"] == TARGETS.rows
+    close = compensate(worn, TARGETS, limit=0.01)
+    assert close.counts["too large"] == TARGETS.rows and np.isnan(close.q).all()
+
+
 def test_an_arm_whose_joints_state_no_limits_goes_as_far_as_its_targets_ask():
     text = (DATA / "arm" / "machine.toml").read_text()
     file = parse_machine("".join(line for line in text.splitlines(True) if "limits_deg" not in line))
