@@ -3,18 +3,20 @@
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from conftest import BENCH as MACHINE
+from told_models import with_effects
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.correct.compensate import compensate
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.errors import ModelError
-from ptt.machine import parse_machine
+from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
 from ptt.model.model import Model
@@ -75,6 +77,15 @@ def test_a_loop_that_lags_is_told_and_led_though_every_row_is_a_corner(moves: st
     before, after = (np.linalg.norm(place - target, axis=1)[1:].mean() for place in (actual, there))
     assert before > 0.2
     assert after < 0.03 * before
+
+
+def test_where_the_lag_is_as_long_as_a_move_to_a_stop_no_command_reaches_the_target_and_that_is_said() -> None:
+    """The axis lags by all of the move then, whatever is sent: the system that commands are solved from is singular."""
+    file, step, lag = load_machine(Path(__file__).resolve().parents[1] / "data" / "machine.toml"), 0.1, 0.02
+    place = np.column_stack([np.zeros((6, 2)), step * np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0])])
+    late = with_effects(file, following_error={"lag_s": [lag] * 3, "pace": 2.0})
+    sent = compensate(late, make_table(place, feed_mm_s=np.full(6, step / lag)), nearest=False)
+    assert sent.status.tolist() == ["ok"] * 2 + ["out of reach"] * 4
 
 
 def helix(random: np.random.Generator) -> np.ndarray:
