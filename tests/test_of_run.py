@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from command_line import invoke
 
 from ptt.correct.compensate import compensate
+from ptt.effects import library
+from ptt.effects.dated import RunPlace, at_place
 from ptt.machine import load_machine, save_machine
 from ptt.machine_schema import TrackerSpec
 from ptt.model.entries import read_model
@@ -17,6 +20,7 @@ from ptt.rig import parse_rig, simulate, write_run
 from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.table import make_table
+from ptt.run.viewing import build_view
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 FILE = replace(load_machine(DATA / "machine.toml"), tracker=TrackerSpec(sigma_mm=0.004), text="")
@@ -107,6 +111,18 @@ def test_two_runs_have_one_each(folder):
     best = total(place, "b.toml", place / "b.csv")
     for name in ("a", "b", "c"):
         assert total(place, "two.toml", place / f"{name}.csv") < 1.3 * best
+
+
+@pytest.mark.parametrize(("name", "share"), [("homing-slip", [0.0, 0.5, 1.0]), ("setup-jump", [0.0, 0.5, 0.0])])
+def test_between_two_runs_a_slip_lasts_and_a_knock_is_of_its_own_run(name, share):
+    """Of three runs it happens half-way through the second; each run has a clock that begins at zero."""
+    place = np.random.default_rng(4).uniform(-40.0, 40.0, (60, 3))
+    table = make_table(place, run=np.repeat([0, 1, 2], 20), time_s=np.tile(np.arange(20.0), 3))
+    view = build_view(FILE, table)
+    begun = float(view.time[20])
+    effect = at_place(library()[name](), RunPlace((1,), begun, 20.0))
+    moved = effect.basis(view, {"after": torch.tensor([9.0], dtype=torch.float64)}).abs().sum(dim=(1, 2)) > 0.0
+    assert [float(moved[20 * run : 20 * run + 20].double().mean()) for run in range(3)] == share
 
 
 def test_a_slider_that_slipped_stays_where_it_slipped_to(tmp_path):
