@@ -56,6 +56,19 @@ def test_figures_are_those_of_the_errors_that_were_put_in(folder: Path) -> None:
     assert len(data["where"]) == 7
 
 
+def test_the_quarter_in_which_a_run_is_off_has_its_name(folder: Path) -> None:
+    """Every pose is off by 10 um, and by ten times as much where x is high and y is low."""
+    target = np.random.default_rng(4).uniform(-50.0, 50.0, (80, 3))
+    aside = (target[:, 0] >= np.median(target[:, 0])) & (target[:, 1] < np.median(target[:, 1]))
+    error = 0.01 * np.where(aside, 10.0, 1.0)[:, None] * [0.0, 0.0, 1.0]
+    paths = write(folder, "a.csv", target, error), write(folder, "b.csv", target, 0.0 * error)
+    data = compare_pair(*map(read_table, paths), load_machine(folder / "machine.toml")).to_dict()
+    ground = {zone["where"]: zone["before_um"] for zone in data["where"] if not zone["where"].startswith("z")}
+    assert ground.pop("x high, y low") == pytest.approx(100.0)
+    assert set(ground) == {"x low, y low", "x low, y high", "x high, y high"}
+    assert list(ground.values()) == pytest.approx([10.0] * 3)
+
+
 def test_runs_on_different_poses_are_compared_as_wholes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     random = np.random.default_rng(2)
     one = write(folder, "a.csv", random.uniform(-50, 50, (40, 3)), random.normal(0.0, 0.05, (40, 3)))

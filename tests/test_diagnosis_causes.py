@@ -205,6 +205,29 @@ def test_one_figure_for_all_axes_says_how_wide_and_the_rows_say_along_which(monk
     assert stated.total < again.total < rows.total and again.source == "machine file"
 
 
+def test_what_values_have_taken_of_the_scatter_is_given_back():
+    """Ninety values fitted to three hundred coordinates of noise leave seven tenths of its variance."""
+    random = np.random.default_rng(12)
+    columns, read = random.normal(size=(300, 90)), random.normal(0.0, 0.01, 300)
+    left = (read - columns @ np.linalg.lstsq(columns, read, rcond=None)[0]).reshape(100, 3)
+    system = SimpleNamespace(
+        count=300, noise=SimpleNamespace(least=0.0), innovation=lambda *_: left, in_mm=lambda values: values,
+        errs_by_pose=lambda memory: False,
+    )  # fmt: skip
+    state = SimpleNamespace(columns=None, memory=None, decided=90.0, posterior=SimpleNamespace(values=None))
+    found = noises.noise_left(system, state)
+    assert found.freedom == 210.0 and found.total == pytest.approx(0.01 * np.sqrt(3.0), rel=0.08)
+
+
+@pytest.mark.parametrize(("size", "outdone"), [(0.002, True), (0.009, False), (0.03, False)])
+def test_repeats_are_outdone_by_an_explanation_that_leaves_far_less(size, outdone):
+    """Repeats of ten micrometres: by chance eighty of them scatter by a tenth too much, not by five times."""
+    left = Noise(size**2 * np.eye(3), "saturated model", 300.0)
+    repeats, stated = (Noise(1e-4 * np.eye(3), source, 80.0) for source in ("repeats", "std columns"))
+    assert noises.outdone(repeats, left) is outdone
+    assert not noises.outdone(stated, left)  # that is another's figure, to be held against what is left
+
+
 def wandering(random: np.random.Generator, rows: int, constant: float) -> np.ndarray:
     """What forgets within some rows, on three axes, (rows, 3) of variance one."""
     kept = np.exp(-1.0 / constant)

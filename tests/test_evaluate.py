@@ -13,10 +13,11 @@ from ptt.commands.main import app
 from ptt.door.evaluating import measured
 from ptt.errors import TableError
 from ptt.judge.before_after import compare_pair
-from ptt.judge.evaluate import compare_errors, errors_of, evaluate_pair
+from ptt.judge.evaluate import Evaluation, compare_errors, errors_of, evaluate_pair
 from ptt.judge.match import match_rows
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
+from ptt.run.noise import Noise
 from ptt.run.table import make_table, take_rows, write_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -85,6 +86,17 @@ def test_a_noise_that_the_machine_file_states_tells_where_nothing_but_noise_is_l
     before, after = run(0.1 + random.normal(0.0, 0.004, (40, 3))), run(random.normal(0.0, 0.004, (40, 3)))
     assert evaluate_pair(before, after, file).to_dict()["rest_is_noise"] == {"x": True, "y": True, "z": True}
     assert evaluate_pair(before, before, file).to_dict()["rest_is_noise"] == {"x": False, "y": False, "z": False}
+
+
+def test_a_noise_that_few_repeats_tell_is_not_held_against_the_rest():
+    """Thirty degrees of freedom tell a scatter to an eighth: as often as not it comes out too small for the rest."""
+    random, off = np.random.default_rng(9), 0
+    for _ in range(200):
+        noise = Noise(np.diag(random.chisquare(30.0, 3) / 30.0) * 1e-6, "repeats", 30.0)
+        left = random.normal(0.0, 1e-3, (400, 3))
+        told = Evaluation(left, left, {}, noise=noise)
+        off += sum(not told.rest_is_noise(axis) for axis in range(3))
+    assert off < 600 * 0.02  # three standard deviations, of a root of chi-squared that leans to the small side
 
 
 def test_runs_without_a_pose_in_common_are_refused():

@@ -113,6 +113,8 @@ def test_copied_rows_do_not_make_a_good_model_look_bad(bench) -> None:
     problem = build_problem(bench, make_table(np.tile(place, (2, 1)), measured=np.tile(reading, (2, 1))))
     test = lack_of_fit_of(problem, problem.measured - problem.target, 6)
     assert test.p_value is not None and test.p_value > 0.01
+    bare = lack_of_fit_of(problem, problem.measured - problem.target)
+    assert bare.freedom[0] - test.freedom[0] == 2.0  # six fitted numbers take two of each axis
 
 
 @pytest.mark.parametrize("missed", [0.0, 0.05])
