@@ -14,7 +14,7 @@ from told_models import compensator
 from ptt.correct.exports import reprapfirmware
 from ptt.correct.exports.delta import drawn_delta
 from ptt.correct.exports.format import ErrorLeft, Options, said_held
-from ptt.correct.exports.left import survey
+from ptt.correct.exports.left import sample_workspace
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError
@@ -159,9 +159,9 @@ def test_lineardeltakins_is_what_linuxcnc_has() -> None:
 
 def test_a_tilt_of_the_bed_is_read_by_the_firmware_as_it_is_meant(tmp_path: Path) -> None:
     """In millimetres of height a hundred millimetres aside, as M666 has it: 0.2 along x and -0.1 along y."""
-    ground = survey(compensator(FILE), Options(), 40)
+    sample = sample_workspace(compensator(FILE), Options(), 40)
     meant = replace(drawn_delta(FILE.machine), tilt=np.array([2e-3, -1e-3]))
-    lines, printed = reprapfirmware._lines(meant, ground)
+    lines, printed = reprapfirmware._lines(meant, sample)
     assert lines[1].endswith("A0.20000 B-0.10000")
     (tmp_path / "config.g").write_text("\n".join(lines) + "\n")
     read = sliders("reprapfirmware", FILE, tmp_path / "config.g")

@@ -170,7 +170,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
 
 
 def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarray:
-    """Means of visits in place of their readings, where each visit errs by itself: it is one witness, however often read.
+    """Means of visits in place of their readings, where each visit errs by itself: one witness, however often read.
 
     Args:
         residual: innovations, (n, 3) mm; NaN on rows left out.
