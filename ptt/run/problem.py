@@ -14,6 +14,7 @@ from ptt.run.driven import as_driven
 from ptt.run.frames import rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
 from ptt.run.noise import Noise, given_noise
+from ptt.run.rounded import unrounded
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, in_base, target_frames
 from ptt.run.view import View
@@ -146,7 +147,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
             missing that the machine file relies on.
     """
     stated_in = target_frames(file, table)
-    view = as_driven(build_view(file, in_base(table, stated_in)), table)
+    view = as_driven(build_view(file, unrounded(file, in_base(table, stated_in))), table)
     observed = np.isfinite(table.measured).all(axis=1)
     read = observed & (table.role != "base")
     used = read & ~pasted_rows(table)

@@ -7,9 +7,12 @@ import numpy as np
 
 from ptt.run.frames import rotation_vector
 from ptt.run.problem import Problem
+from ptt.run.rounded import left_by_rounding, rounded_to
+from ptt.run.target_frame import in_base
 
 WORTH_MM = 1.0  # of way, root mean square: less is what any set-up takes, and no machine is built off by more unseen
 MUCH_LESS = 0.1  # of the way to the drawing's places: a tracker elsewhere would not happen to read the targets' own
+SEEN = 0.3  # of the noise, from which what rounding leaves of commands shows in many readings
 SHARED = "several runs"
 SHOWN_FRAMES = 3
 
@@ -41,7 +44,7 @@ def set_up_lines(problem: Problem) -> list[str]:
         problem: the readings.
 
     Returns:
-        One line for each frame that took more, and for each base reflector that holds none.
+        One line for each frame that took more, for each base reflector that holds none, and for rounded commands.
     """
     lines, labels = [], problem.table.run_label
     for run, frame in enumerate(problem.stated_in):
@@ -58,9 +61,27 @@ def set_up_lines(problem: Problem) -> list[str]:
             )
     arm = problem.file.machine.kind == "serial"
     lines += [_frame_words(taken, arm=arm) for taken in _taken(problem) if taken["rms_mm"] > WORTH_MM]
+    lines += _rounding_words(problem, "deg" if arm else "mm")
     if arm and problem.table.command is None:
         lines.append("no joint commands: at each target the posture nearest the middle of the joints is assumed")
     return lines + _base_words(problem)
+
+
+def _rounding_words(problem: Problem, unit: str) -> list[str]:
+    """Joint commands of few digits: what is taken for them, or what their rounding may look like."""
+    table = in_base(problem.table, problem.stated_in)
+    if step := rounded_to(problem.file, table):
+        return [
+            f"joint commands are those of the targets, rounded to {step:g} {unit}; the targets tell finer and count"
+        ]
+    step, aside = left_by_rounding(problem.file, table, problem.view.jacobian.numpy())
+    if not step or problem.noise is None or aside < SEEN * problem.noise.total:
+        return []
+    return [
+        f"joint commands are written in steps of {step:g} {unit}: if the controller was sent more digits, rounding "
+        f"alone puts the tool {1e3 * aside:.1f} um (rms) aside, differently at each pose, which no effect explains; "
+        "export more digits, or the targets as well"
+    ]
 
 
 def frames_said(taken: Sequence[Mapping[str, Any]]) -> list[str]:
