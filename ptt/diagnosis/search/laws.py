@@ -26,7 +26,7 @@ from ptt.diagnosis.search.moves import LEAST_NATS, loose
 from ptt.diagnosis.search.plainest import plainest
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.jumps import AGAIN, HEIGHTS, Jump, heights_of, passed_again, spells_of
-from ptt.diagnosis.unknown.places import STILL, Place, one_way_each, places_of_chain, stand_of
+from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
@@ -223,13 +223,6 @@ def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
         yield Place("tool", axis, tool.slopes @ unit[:, None])
     for place in joints:
         yield from one_way_each(place)
-    if problem.file.machine.kind == "three-ptt":
-        by_slot = chain.by_slot.numpy()
-        for leg in range(problem.view.joints):
-            way = by_slot[:, :, 4 * leg + 3 : 4 * leg + 4]
-            lever = float(np.sqrt(np.square(way).sum(axis=1).mean()))
-            if lever > STILL:
-                yield Place("link", f"link {leg + 1}", way / lever, leg, lever)
 
 
 def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:

@@ -58,8 +58,8 @@ def follow_direction(found: Found, problem: Problem) -> bool:
     if not isinstance(system, RowSystem):
         return False
     rows = np.flatnonzero(found.gross & np.isfinite(left).all(axis=1))
-    places = [place for place in places_of_chain(problem, system.at.chain) if place.joint is not None]
-    ways = {place.joint: place.slopes[rows, :, 0] for place in places if place.slopes.shape[2] == 1}
+    places = [place for place in places_of_chain(problem, system.at.chain) if place.kind in ("slider", "joint")]
+    ways = {place.joint: place.slopes[rows, :, 0] for place in places}
     direction, spare = problem.view.direction.numpy()[rows], 3 * len(rows) - 3 - 2 * len(ways)
     if spare < LEAST_SPARE:
         return False

@@ -136,6 +136,11 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
     for place in moving:
         assert place.joint is not None
         own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])
+        if place.kind == "link":  # it grows, or gives way
+            for context in span.contexts:
+                if context.fields:
+                    yield _named(place, (context.name,), partial(_shapes, context))
+            continue
         yield _named(place, (own,), partial(_own_travel, q[:, place.joint], raw[:, place.joint], serial))
         if place.kind == "rail":
             yield from _of_rail(problem, place, own, low, span)

@@ -22,7 +22,7 @@ class Place:
     """Where something unknown may act.
 
     Attributes:
-        kind: what it is: a slider, the joint of an arm, a rail across its slider's travel, the tool.
+        kind: what it is: a slider, the joint of an arm, a rail across its slider's travel, a link's length, the tool.
         residual: its name: 'slider 2', 'joint 2', 'rail 2' (both ways across it), 'tool' or 'set-up'; of one way alone
             also 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
         slopes: shift of the reading by each of its ways, (n, 3, w), of about unit size.
@@ -48,7 +48,7 @@ class Place:
 
 
 def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] | None = None) -> list[Place]:
-    """Where something unknown may act: the tool first, then joints that move it, then rails sideways.
+    """Where something unknown may act: the tool first, then joints that move it, then rails sideways, then links.
 
     Args:
         problem: n rows.
@@ -64,6 +64,7 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
         by_slot = chain.by_slot.numpy()
         ways = np.stack([axis.numpy() for axis in across_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
         found += [("rail", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
+        found += [("link", by_slot[:, :, 4 * leg + 3 : 4 * leg + 4], leg) for leg in range(k)]
     for kind, slopes, joint in found:
         residual = f"{kind} {joint + 1}"
         lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
