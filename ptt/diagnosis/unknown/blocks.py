@@ -149,6 +149,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
+        yield _named(place, ("time",), lambda: span.settling, "steadily ")
         for context in span.contexts:
             if context.joints:
                 yield _named(place, (context.name, own), partial(product, _with_level(context), low))

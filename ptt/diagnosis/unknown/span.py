@@ -12,6 +12,7 @@ from ptt.run.fading import kept_shares, trailing
 from ptt.run.problem import Problem
 from ptt.run.watched import watched_values
 
+DYING = (0.02, 0.1)  # of the time of the run, in which what warms up or settles at its start is over
 SLOW = 10  # cosines over the time of the run
 FEED_SHARE = 0.05  # share of the largest that a feed has to vary by
 LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
@@ -55,6 +56,7 @@ class Span:
         contexts: what varies beside the pose, with the shapes of all its rows.
         two_sided: joints that came from both directions to readings that count, (k,) bool.
         levers: of each place, by its residual, where another part of the run has set them.
+        settling: how a joint may go on or come to rest over the time of the run, (n, 4).
     """
 
     q: np.ndarray
@@ -63,11 +65,12 @@ class Span:
     contexts: tuple[Context, ...]
     two_sided: np.ndarray
     levers: dict[str, float] = field(default_factory=dict)
+    settling: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def of(self, rows: np.ndarray) -> "Span":
         """The same for some of the rows, (m,) int."""
         contexts = tuple(context.of(rows) for context in self.contexts)
-        return replace(self, contexts=contexts)
+        return replace(self, contexts=contexts, settling=self.settling[rows])
 
     @property
     def slow(self) -> np.ndarray:
@@ -87,7 +90,18 @@ def span_of(problem: Problem) -> Span:
     view = problem.view
     q, p = view.q.numpy(), view.p.numpy()
     size = max(float(np.sqrt(np.square(p).mean())), 1e-9)
-    return Span(column_ends(q), column_ends(p), size, tuple(_contexts(problem)), problem.two_sided)
+    return Span(
+        column_ends(q), column_ends(p), size, tuple(_contexts(problem)), problem.two_sided,
+        settling=_settling(view.clock.numpy()),
+    )  # fmt: skip
+
+
+def _settling(clock: np.ndarray) -> np.ndarray:
+    """A line, a bow and two that die out, (n, 4): few shapes, for what is as simple as a wander of the tracker."""
+    first, last = column_ends(clock)
+    share = (clock - first) / max(float(last - first), 1e-9)
+    dying = [np.exp(-share / constant) for constant in DYING]
+    return np.column_stack([2.0 * share - 1.0, np.square(2.0 * share - 1.0) - 1.0 / 3.0, *dying])
 
 
 def _contexts(problem: Problem) -> Iterator[Context]:
