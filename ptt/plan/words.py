@@ -42,12 +42,12 @@ def say_ambiguity(pick: str, rival: str, instrument: str) -> str:
     Args:
         pick: key of one.
         rival: key of the other.
-        instrument: what could tell.
+        instrument: what could tell, or how they differ.
 
     Returns:
         A sentence.
     """
-    return f"No pose tells {pick} from {rival}: the tracker sees the same either way. Use instead: {instrument}."
+    return f"No pose tells {pick} from {rival}: the tracker sees the same either way. How they differ: {instrument}."
 
 
 def _where(places: np.ndarray, problem: Problem) -> str:

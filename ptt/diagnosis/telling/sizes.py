@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import torch
 
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views, unit_of
 from ptt.dependence.curves import bins_of
@@ -12,6 +13,8 @@ from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_si
 from ptt.diagnosis.telling.unknowns import LARGER, Unknown
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import SIZE
+from ptt.run.frames import rigid_columns
+from ptt.run.mounts import TURN_LENGTH
 from ptt.run.problem import Problem
 
 Contexts = dict[str, np.ndarray]
@@ -51,7 +54,23 @@ def size_of_unknown(
 
     second = found.with_ or next((name for name in item.block.on[1:] if name in contexts), None)
     size = _size(found, estimate, problem, contexts, rows, second)
-    return size and replace(size, rms=rms)
+    return size and replace(size, rms=_rms_beside_frames(part, problem, rows))
+
+
+def _rms_beside_frames(part: np.ndarray, problem: Problem, rows: np.ndarray) -> float:
+    """What an unknown puts into readings (m, 3) mm of some rows once their frames, where these are fitted, are aligned.
+
+    An error is read so, and part of a slow or a one-sided unknown is no more than another place of the tracker.
+    """
+    left = part.copy()
+    for index in range(problem.frames) if problem.file.tracker.frame != "measured" else ():
+        own = problem.frame[rows] == index
+        p = problem.view.p[torch.as_tensor(rows)][torch.as_tensor(own)]
+        if own.any():
+            columns = rigid_columns(p, p.mean(dim=0), TURN_LENGTH).numpy().reshape(-1, 6)
+            taken = columns @ np.linalg.lstsq(columns, part[own].ravel(), rcond=None)[0]
+            left[own] -= taken.reshape(-1, 3)
+    return float(np.sqrt(np.square(left).sum(axis=1).mean()))
 
 
 def sized(found: tuple[Dependence, ...], left: np.ndarray, problem: Problem) -> tuple[Dependence, ...]:
