@@ -57,7 +57,7 @@ def read_table(
         TableError: whatever cannot be read, with file, row, column and a way out.
     """
     answers = _answers(mapping)
-    request = Request(purpose, answers, ask)
+    request = Request(purpose, answers, ask, joints, joint_prefix)
     how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order
     tables = _with_copies_told([_table_of(each, read_any(each, request), *how) for each in (path, *also)])
     table = concat_tables([_kept(tables[0], mapping), *tables[1:]])
@@ -137,7 +137,7 @@ def _table_of(
 ) -> Table:
     poses = None
     if targets is not None:
-        wanted = Request("beside", request.mapping.targets or Mapping(), request.ask)
+        wanted = replace(request, purpose="beside", mapping=request.mapping.targets or Mapping())
         poses = read_any(targets, wanted)
     if joints is None:
         joints, prefix = joints_told(*(each for each in (export, poses) if each is not None))
@@ -180,6 +180,6 @@ def read_targets_in_parts(
         NotInParts: the file says something about itself that only the whole tells.
     """
     answers, digest = _answers(mapping), sha256(path)
-    for export, request in read_parts(path, Request("targets", answers, ask)):
+    for export, request in read_parts(path, Request("targets", answers, ask, joints, joint_prefix)):
         table = _table_of(path, export, joints, joint_prefix, None, set_values or {}, request, False, False, digest)
         yield _kept(table, mapping)

@@ -5,7 +5,7 @@ in mm, rad, s, kg, deg C and mm/s. In a file a suffix says another unit: `x_meas
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,11 +60,13 @@ class Meaning:
         quantity: name without unit, for instance `x_meas`.
         unit: a key of `UNITS[dimension]`; None where the file does not say.
         note: how the unit is known, where it is not written.
+        likely: whether the title alone does not make it sure: it gives way to any other column (`Motor 1 [mm]`).
     """
 
     quantity: str
     unit: str | None
     note: str = ""
+    likely: bool = False
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,7 @@ def of_axis(meaning: Meaning) -> Meaning:
     """
     turns = re.fullmatch(r"q[1-9]\d*_(cmd|bare)", meaning.quantity)
     slides = turns and meaning.unit in UNITS["length"]
-    return Meaning(f"b{meaning.quantity[1:]}", meaning.unit, meaning.note) if slides else meaning
+    return replace(meaning, quantity=f"b{meaning.quantity[1:]}") if slides else meaning
 
 
 def to_standard(values: np.ndarray, quantity: str, unit: str) -> np.ndarray:

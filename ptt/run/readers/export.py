@@ -27,11 +27,15 @@ class Request:
             readings of another file were taken at).
         mapping: answers known beforehand.
         ask: who answers what is ambiguous; None makes that an error.
+        joints: number k of joints of the machine; None where it is not known.
+        letter: 'b' (sliders) or 'q' (joint angles).
     """
 
     purpose: str = "run"
     mapping: Mapping = field(default_factory=Mapping)
     ask: Ask | None = None
+    joints: int | None = None
+    letter: str = "b"
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,8 @@ def read_raw(raw: RawText, request: Request) -> Export:
     if is_spatial_analyzer(raw):
         raw, notes = reshape(raw)
     raw, titles, meanings = titles_of(raw)
-    columns = understand(titles, meanings, request.purpose, raw.source, request.mapping, request.ask)
+    machine = request.joints, request.letter
+    columns = understand(titles, meanings, request.purpose, raw.source, request.mapping, request.ask, *machine)
     if not any(column.quantity for column in columns):
         _refuse_unknown(raw, titles)
     refuse_footer(raw, len(titles))

@@ -7,6 +7,7 @@ from ptt.errors import TableError
 from ptt.run.readers.columns import Column, Meaning, canonical, of_axis
 from ptt.run.readers.mapping import IGNORE, Ask, Mapping, answer
 from ptt.run.readers.separators import is_number, split_line
+from ptt.run.readers.series import counted_from_zero, settle_likely
 from ptt.run.readers.text import RawText
 from ptt.run.readers.titles import DRIVER_NOTE, is_polar, meaning_of
 from ptt.run.readers.units import unit_beside, with_begun, with_unit
@@ -15,7 +16,14 @@ GOALS = ("x_cmd", "y_cmd", "z_cmd")
 
 
 def understand(
-    titles: tuple[str, ...], meanings: list[Meaning | None], purpose: str, where: str, mapping: Mapping, ask: Ask | None
+    titles: tuple[str, ...],
+    meanings: list[Meaning | None],
+    purpose: str,
+    where: str,
+    mapping: Mapping,
+    ask: Ask | None,
+    joints: int | None = None,
+    letter: str = "b",
 ) -> list[Column]:
     """Decide for every column what it holds.
 
@@ -26,6 +34,8 @@ def understand(
         where: file, for messages.
         mapping: answers that override the titles.
         ask: who answers the rest.
+        joints: number k of joints of the machine; None where it is not known.
+        letter: 'b' or 'q' of its joints.
 
     Returns:
         One entry per column.
@@ -34,6 +44,7 @@ def understand(
         TableError: two columns for one quantity, an unknown unit, or an open question and nobody to ask.
     """
     meanings = [_mapped(title, meaning, mapping, where, ask) for title, meaning in zip(titles, meanings, strict=True)]
+    meanings = settle_likely(meanings, joints, letter)
     if purpose == "beside":  # readings were taken at what a file of `ptt predict` sent, not at the drawing's commands
         purpose = "sliders" if "reversal1" in titles else "targets"
     meanings = with_begun(titles, meanings, mapping, where, ask)
@@ -48,8 +59,9 @@ def understand(
 
 def meanings_of_titles(titles: tuple[str, ...], where: str) -> list[Meaning | None]:
     """What each title says; polar coordinates are refused."""
-    meanings = _with_driver_units([meaning_of(title) for title in titles])
-    found = {meaning.quantity[0] for meaning in meanings if meaning and meaning.quantity[:1] in ("x", "y", "z", "b")}
+    meanings = _with_driver_units(counted_from_zero(titles, [meaning_of(title) for title in titles]))
+    sure = [meaning.quantity[:1] for meaning in meanings if meaning and not meaning.likely]
+    found = {letter for letter in sure if letter in ("x", "y", "z", "b")}
     polar = [title for title in titles if is_polar(title)]
     if len(polar) >= 2 and not {"x", "y"} <= found and "b" not in found:
         refuse_polar(where, f"columns {', '.join(polar)}")

@@ -8,7 +8,7 @@ import re
 import unicodedata
 
 from ptt.run.readers.columns import UNITS, Meaning, canonical, dimension_of, of_axis
-from ptt.run.readers.words import FRENCH, GERMAN, LOADS
+from ptt.run.readers.words import DRIVES, FRENCH, GERMAN, LOADS
 
 LONGEST_TITLE = 300  # characters; the longest title of an export seen has 60. What takes it apart is not linear
 
@@ -48,6 +48,8 @@ _WORDS = {
     "std": ("standarddeviation", "stddev", "stdev", "std", "sigma", "标准差", "标准偏差"),
     "joint": ("joint", "axis", "关节", "轴", "q", "j"),
     "slider": ("slider", "carriage", "滑块", "滑台", "b"),
+    "drive": DRIVES,
+    "turning": ("a", "theta", "θ"),
     "dir": ("direction", "dir", "方向"),
     "tau": ("torque", "tau", "力矩", "扭矩", "转矩"),
     "name": ("pointname", "pointid", "pointno", "pointnumber", "point", "name", "punkt", "punktname", "id",
@@ -66,6 +68,7 @@ _KIND_OF_WORD = {word: kind for some in (FRENCH, GERMAN, _WORDS) for kind, words
 _TOKEN = re.compile("|".join([*sorted(map(re.escape, _KIND_OF_WORD), key=len, reverse=True), r"\d+"]))
 _DRIVER_JOINTS = ("shoulderpanjoint", "shoulderliftjoint", "elbowjoint", "wrist1joint", "wrist2joint", "wrist3joint")
 DRIVER_NOTE = "unit as the robot's ROS driver writes it"
+_KUKA = re.compile(r"(?:axisact|e1)(?=a[1-9]\d*$)")  # $AXIS_ACT is where the controller wants the axes to be
 _POLAR = re.compile(
     r"(hz|v|d|r|rho|theta|phi|azimuth|az|elevation|el|zenith|horizontal|vertical|range|distance|radius"
     r"|方位角|俯仰角|水平角|垂直角|天顶角|距离|斜距|半径|极角)"
@@ -177,12 +180,43 @@ def meaning_of(title: str) -> Meaning | None:
         return Meaning(f"q{_DRIVER_JOINTS.index(text) + 1}_cmd", unit or "rad", "" if unit else DRIVER_NOTE)
     if text in LOADS and unit in UNITS["mass"]:
         return Meaning("payload", unit)
+    if scatter := re.fullmatch(r"s([xyz])", text):
+        return Meaning(f"{scatter[1]}_std", unit, likely=True) if unit in UNITS["length"] else None
+    if text == "t":
+        return Meaning("temp", unit, likely=True) if unit in UNITS["temperature"] and _is_marked(title) else None
+    text = _KUKA.sub("axis", text)
     tokens = _TOKEN.findall(text)
     if "".join(tokens) != text or not tokens:
         return None
     kinds = [kind for kind in (_KIND_OF_WORD.get(token, token) for token in tokens) if kind]
-    quantity = _compose(kinds, text)
-    return of_axis(Meaning(quantity, unit)) if quantity else None
+    if quantity := _compose(kinds, text):
+        return of_axis(Meaning(quantity, unit))
+    return _driven(kinds, unit)
+
+
+def _is_marked(title: str) -> bool:
+    """Whether a unit cannot be another word: between brackets, or with a sign of degrees."""
+    return normalise(title).endswith(("]", ")")) or "°" in title
+
+
+def _driven(kinds: list[str], unit: str | None) -> Meaning | None:
+    """A joint by the name of what drives it: `Motor 1 [mm]`, `Actuator 2 [deg]`, KUKA's `A1 [°]`, `1 号滑块 [mm]`."""
+    subject = [kind for kind in kinds if kind != "cmd"]
+    numbers = [kind for kind in subject if kind.isdigit() and int(kind) > 0]
+    words = tuple(kind for kind in subject if not kind.isdigit())
+    if len(numbers) != 1 or len(words) + 1 != len(subject):
+        return None
+    is_driven = words in (("drive",), ("joint", "drive"), ("slider", "drive"))
+    is_turned = words in (("turning",), ("joint", "turning")) and subject[-1] == numbers[0]
+    if not (is_driven or is_turned or words in (("joint",), ("slider",))):
+        return None
+    slides, turns = unit in UNITS["length"], unit in UNITS["angle"]
+    named = "joint" in words and ("cmd" in kinds or is_turned)  # its unit is asked for, as that of any joint
+    if slides and not is_turned:
+        return Meaning(f"b{numbers[0]}_cmd", unit, likely=True)
+    if (turns and "slider" not in words) or (unit is None and named):
+        return Meaning(f"q{numbers[0]}_cmd", unit, likely=True)
+    return None
 
 
 def _compose(kinds: list[str], text: str) -> str | None:

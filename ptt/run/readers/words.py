@@ -21,6 +21,11 @@ LOADS = (
     "load", "mass", "masse", "beladung", "belastung", "zusatzlast", "质量", "weight", "gewicht", "poids", "重量",
 )  # fmt: skip
 """Words that mean a payload where their unit is one of mass, and else a motor's load or nothing that is known."""
+DRIVES = (
+    "motor", "antrieb", "actuator", "aktor", "aktuator", "drive", "servo", "wagen", "säule", "saeule", "turm", "tower",
+    "moteur", "vérin", "verin", "actionneur", "电机", "电缸", "马达", "驱动", "驱动器", "立柱",
+)  # fmt: skip
+"""What moves a joint: with a number and a unit of length a slider, with one of angle a joint."""
 STATISTICS = (
     "mean", "average", "avg", "median", "rms", "std", "stddev", "stdev", "standarddeviation", "sigma", "statistics",
     "mittelwert", "mittel", "durchschnitt", "stdabw", "standardabweichung", "anzahlpunkte", "statistik",
