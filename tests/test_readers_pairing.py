@@ -188,3 +188,36 @@ def test_errors_in_the_targets_name_that_file(tmp_path: Path) -> None:
     targets.write_text("name,x_cmd,y_cmd,z_cmd\nP1,0,0,300\nP2,,0,300\n", encoding="utf-8")
     with pytest.raises(TableError, match=r"targets\.csv row 3, column x_cmd: empty target"):
         read_table(FIXTURES / "spatial_analyzer.txt", targets=targets)
+
+
+@pytest.mark.parametrize(
+    "more",
+    ["", "x_cmd,y_cmd,z_cmd,", "X [mm],Y,Z,", "b1_cmd,b2_cmd,b3_cmd,", "x_cmd,y_cmd,z_cmd,b1_cmd,b2_cmd,b3_cmd,"],
+)
+@pytest.mark.parametrize("bare", ["b1,b2,b3", "b1 [mm],b2 [mm],b3 [mm]"])
+def test_bare_sliders_beside_readings_are_what_was_sent(tmp_path: Path, more: str, bare: str) -> None:
+    readings, targets = tmp_path / "readings.csv", tmp_path / "targets.csv"
+    readings.write_text("x,y,z\n1,2,3\n1,2,4\n", encoding="utf-8")
+    rows = "\n".join("1,2,3," * (more.count(",") // 3) + f"301,302,{last}" for last in (303, 304))
+    targets.write_text(f"{more}{bare}\n{rows}\n", encoding="utf-8")
+    assert_array_equal(read_table(readings, targets=targets).command, [[301, 302, 303], [301, 302, 304]])
+
+
+@pytest.mark.parametrize(
+    ("more", "radians"), [("x_cmd", False), ("q1_cmd_rad,q2_cmd_rad", True), ("reversal1", True), ("shift_um", True)]
+)
+def test_bare_angles_beside_readings_are_what_was_sent(tmp_path: Path, more: str, radians: bool) -> None:
+    readings, targets = tmp_path / "readings.csv", tmp_path / "targets.csv"
+    readings.write_text("x,y,z\n1,2,3\n1,2,4\n", encoding="utf-8")
+    more = "x_cmd,y_cmd,z_cmd" if more == "x_cmd" else more
+    rows = "\n".join(f"{','.join('9' * len(more.split(',')))},0.5,{last}" for last in (1.5, 2.5))
+    targets.write_text(f"{more},q1,q2\n{rows}\n", encoding="utf-8")
+    read = {"joints": 2, "joint_prefix": "q", "targets": targets}
+    if not radians:
+        with pytest.raises(TableError, match="which unit is q1_cmd in"):
+            read_table(readings, **read)
+    assert_array_equal(read_table(readings, **read, ask=say("rad")).command, [[0.5, 1.5], [0.5, 2.5]])
+    targets.write_text(targets.read_text().replace("q1,q2", "q1 [deg],q2 [deg]"), encoding="utf-8")
+    assert_allclose(read_table(readings, **read).command[0], np.radians([0.5, 1.5]), rtol=1e-15)
+    targets.write_text("q1 [deg],q2 [deg]\n0.5,1.5\n0.5,2.5\n", encoding="utf-8")
+    assert_allclose(read_table(targets, 2, joint_prefix="q", purpose="sliders").command[0], np.radians([0.5, 1.5]))

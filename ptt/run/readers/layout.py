@@ -13,6 +13,7 @@ from ptt.run.readers.titles import DRIVER_NOTE, is_polar, meaning_of
 from ptt.run.readers.units import unit_beside, with_begun, with_unit
 
 GOALS = ("x_cmd", "y_cmd", "z_cmd")
+_PREDICTED = re.compile(r"reversal1|in_domain|shift_um|sigma_um|q\d+_cmd_rad")  # beside which q1 is in rad as well
 
 
 def understand(
@@ -45,10 +46,11 @@ def understand(
     """
     meanings = [_mapped(title, meaning, mapping, where, ask) for title, meaning in zip(titles, meanings, strict=True)]
     meanings = settle_likely(meanings, joints, letter)
-    if purpose == "beside":  # readings were taken at what a file of `ptt predict` sent, not at the drawing's commands
-        purpose = "sliders" if "reversal1" in titles else "targets"
+    radians = purpose == "sliders" or any(map(_PREDICTED.fullmatch, titles))
+    if purpose == "beside":  # readings were taken at what was sent, b1, and not at the drawing's own b1_cmd
+        purpose = "sliders"
     meanings = with_begun(titles, meanings, mapping, where, ask)
-    meanings = _settle_bare(meanings, purpose, where, ask)
+    meanings = _settle_bare(meanings, purpose, where, ask, radians)
     meanings = _settle_double(titles, meanings, where, ask)
     have = {meaning.quantity for meaning in meanings if meaning}
     return [
@@ -123,14 +125,17 @@ def _mapped(title: str, meaning: Meaning | None, mapping: Mapping, where: str, a
     return of_axis(Meaning(known.quantity, unit if unit is not None else meaning.unit if meaning else known.unit))
 
 
-def _settle_bare(meanings: list[Meaning | None], purpose: str, where: str, ask: Ask | None) -> list[Meaning | None]:
+def _settle_bare(
+    meanings: list[Meaning | None], purpose: str, where: str, ask: Ask | None, radians: bool
+) -> list[Meaning | None]:
     """Bare x, y, z and b1 or q1 take the role that the purpose and the other columns leave."""
     have = {meaning.quantity for meaning in meanings if meaning}
     role = "meas" if purpose == "run" else "cmd"
     if purpose == "run" and "x_meas" in have:
         role = "cmd"
     sent = _bare_joints_are_commands(have, purpose, where, ask)
-    return [_settled(meaning, have, role, sent, purpose) for meaning in meanings]
+    unit = "rad" if radians and purpose == "sliders" else None
+    return [_settled(meaning, have, role, sent, unit) for meaning in meanings]
 
 
 def _bare_joints_are_commands(have: set[str], purpose: str, where: str, ask: Ask | None) -> bool:
@@ -145,14 +150,14 @@ def _bare_joints_are_commands(have: set[str], purpose: str, where: str, ask: Ask
     return answer(question, choices, ask, f"{where}, columns {', '.join(sorted(named))}", "[columns]") == choices[1]
 
 
-def _settled(meaning: Meaning | None, have: set[str], role: str, sent: bool, purpose: str) -> Meaning | None:
+def _settled(meaning: Meaning | None, have: set[str], role: str, sent: bool, angle: str | None) -> Meaning | None:
     if meaning is None:
         return None
     if meaning.quantity in ("x", "y", "z"):
         quantity = f"{meaning.quantity}_{role}"
         return None if quantity in have else Meaning(quantity, meaning.unit)
     if meaning.quantity.endswith("_bare"):
-        unit = "rad" if purpose == "sliders" and meaning.quantity[0] == "q" else meaning.unit
+        unit = angle if meaning.unit is None and meaning.quantity[0] == "q" else meaning.unit
         return Meaning(meaning.quantity.replace("_bare", "_cmd"), unit) if sent else None
     replaced = meaning.quantity.replace("_cmd", "_bare")
     return None if sent and replaced != meaning.quantity and replaced in have else meaning
