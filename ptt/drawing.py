@@ -137,6 +137,12 @@ class SerialSpec(Frozen):
         return len(self.joint)
 
     @property
+    def travel_ends(self) -> tuple[Pair, ...]:
+        """Least and greatest angle of each joint, rad; infinite where it has no limits."""
+        ends = [joint.limits_deg or (-math.inf, math.inf) for joint in self.joint]
+        return tuple((math.radians(low), math.radians(high)) for low, high in ends)
+
+    @property
     def turn(self) -> float:
         """How far a joint goes in one turn of its gear, rad."""
         return self.gear_period_rad or 2.0 * math.pi

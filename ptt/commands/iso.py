@@ -79,7 +79,9 @@ def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple
 
     file = machine_of(model)
     mechanism = build_mechanism(file.machine)
-    table = read_table(run, joints=mechanism.joints, joint_prefix=file.machine.letter, **reading)
+    table = read_table(
+        run, joints=mechanism.joints, joint_prefix=file.machine.letter, ends=file.machine.travel_ends, **reading
+    )
     return with_targets(table, mechanism), file
 
 

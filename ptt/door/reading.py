@@ -60,6 +60,7 @@ def read_rows(
         ask=ask,
         judge_scale=not checked,
         judge_order=ordered,
+        ends=None if file is None else file.machine.travel_ends,
     )
     table = watch(without_lost(table) if purpose == "run" else table, reading.context or ())
     for line in table.understood.lines:

@@ -13,6 +13,7 @@ from ptt.run.copies import SAID
 from ptt.run.readers import Ask, Mapping, Request, load_mapping, pair_targets, read_any, save_mapping
 from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.export import Export
+from ptt.run.readers.likely import Ends, has_commands, with_likely
 from ptt.run.readers.order import in_travel_order, refuse_order
 from ptt.run.readers.parts import read_parts
 from ptt.run.readers.required import joints_told, refuse_scale_log
@@ -33,6 +34,7 @@ def read_table(
     ask: Ask | None = None,
     judge_scale: bool = True,
     judge_order: bool = True,
+    ends: Ends | None = None,
 ) -> Table:
     """Read a tracker CSV, or an export of tracker or robot software.
 
@@ -49,6 +51,7 @@ def read_table(
         ask: who answers what is ambiguous: (question, choices) -> choice; None makes that an error.
         judge_scale: whether readings that look like another unit than the targets are refused; `ptt.setup` names more.
         judge_order: whether time that goes back is refused where nobody said what to do about it.
+        ends: least and greatest command of each joint, mm or rad: which columns that are not understood may hold them.
 
     Returns:
         The table; `table.understood` says what was made of the files.
@@ -58,7 +61,7 @@ def read_table(
     """
     answers = _answers(mapping)
     request = Request(purpose, answers, ask, joints, joint_prefix)
-    how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order
+    how = joints, joint_prefix, targets, set_values or {}, request, judge_scale, judge_order, ends
     tables = _with_copies_told([_table_of(each, read_any(each, request), *how) for each in (path, *also)])
     table = concat_tables([_kept(tables[0], mapping), *tables[1:]])
     require_pose(table)
@@ -133,14 +136,19 @@ def _table_of(
     request: Request,
     judge_scale: bool,
     judge_order: bool,
+    ends: Ends | None = None,
     digest: str = "",
 ) -> Table:
-    poses = None
+    poses, wanted = None, request
     if targets is not None:
         wanted = replace(request, purpose="beside", mapping=request.mapping.targets or Mapping())
         poses = read_any(targets, wanted)
     if joints is None:
         joints, prefix = joints_told(*(each for each in (export, poses) if each is not None))
+    if request.joints and request.purpose != "targets" and not (has_commands(export) or has_commands(poses)):
+        export = with_likely(path, export, request, ends)
+        if targets is not None and poses is not None and not has_commands(export):
+            poses = with_likely(targets, poses, wanted, ends)
     if poses is not None:
         table_fields(poses, joints, prefix, "targets")  # so that errors name the right file
         export = pair_targets(export, poses, request)
@@ -181,5 +189,7 @@ def read_targets_in_parts(
     """
     answers, digest = _answers(mapping), sha256(path)
     for export, request in read_parts(path, Request("targets", answers, ask, joints, joint_prefix)):
-        table = _table_of(path, export, joints, joint_prefix, None, set_values or {}, request, False, False, digest)
+        table = _table_of(
+            path, export, joints, joint_prefix, None, set_values or {}, request, False, False, digest=digest
+        )
         yield _kept(table, mapping)

@@ -93,6 +93,7 @@ def _read_asking(source: Source, place: Path, to: Path = Path(ANSWERS)) -> None:
             set_values=parse_settings(source.set_),
             mapping=source.map_ or None,
             ask=ask,
+            ends=spec.travel_ends,
         ).understood
         for run in (source.run, *source.also)
     ]
