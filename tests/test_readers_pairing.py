@@ -221,3 +221,45 @@ def test_bare_angles_beside_readings_are_what_was_sent(tmp_path: Path, more: str
     assert_allclose(read_table(readings, **read).command[0], np.radians([0.5, 1.5]), rtol=1e-15)
     targets.write_text("q1 [deg],q2 [deg]\n0.5,1.5\n0.5,2.5\n", encoding="utf-8")
     assert_allclose(read_table(targets, 2, joint_prefix="q", purpose="sliders").command[0], np.radians([0.5, 1.5]))
+
+
+def _two_files(tmp_path: Path) -> tuple[Path, Path]:
+    readings, targets = tmp_path / "readings.csv", tmp_path / "targets.csv"
+    readings.write_text("X [mm],Y [mm],Z [mm]\n1,2,3\n1,2,4\n", encoding="utf-8")
+    targets.write_text(
+        "X [mm],Y [mm],Z [mm],U1 [mm],U2 [mm],U3 [mm],Druck\n4,5,6,301,302,303,7\n4,5,7,301,302,304,7\n",
+        encoding="utf-8",
+    )
+    return readings, targets
+
+
+def test_a_map_holds_for_titles_of_the_targets_as_well(tmp_path: Path) -> None:
+    readings, targets = _two_files(tmp_path)
+    sliders = {f"U{number} [mm]": f"b{number}_cmd" for number in (1, 2, 3)}
+    for mapping in (Mapping(columns=sliders), Mapping(targets=Mapping(columns=sliders))):
+        table = read_table(readings, targets=targets, mapping=mapping, ask=never)
+        assert_array_equal(table.command, [[301, 302, 303], [301, 302, 304]])
+        assert_array_equal(table.target[0], [4, 5, 6])
+        assert "in the mapping but not in the file" not in str(table.understood)
+    both = Mapping(
+        columns=sliders | {f"{axis.upper()} [mm]": f"{axis}_meas" for axis in "xyz"} | {"nowhere": "temp"},
+        units={"X [mm]": "m"},
+    )
+    table = read_table(readings, targets=targets, mapping=both, ask=never, judge_scale=False)
+    assert_array_equal([table.target[0, 0], table.measured[0, 0]], [4, 1000])  # X [mm] is of the readings alone
+    assert str(table.understood).count("in the mapping but not in the file: nowhere") == 1
+    own = Mapping(columns=sliders, targets=Mapping(columns={"U1 [mm]": "ignore"} | {"elsewhere": "temp"}))
+    with pytest.raises(TableError, match="b1_cmd"):  # what stands below [targets] goes first
+        read_table(readings, targets=targets, mapping=own, ask=never)
+
+
+def test_a_question_on_the_targets_names_their_part_of_the_map(tmp_path: Path) -> None:
+    readings, targets = _two_files(tmp_path)
+    targets.write_text(targets.read_text().replace("Druck", "payload_st"), encoding="utf-8")
+    with pytest.raises(TableError, match=r"--map FILE.toml, \[targets.units\] \"payload_st\" = one of"):
+        read_table(readings, targets=targets)
+    targets.write_text("x,y,z,time\n1,2,3,01/02/25 10:00\n1,2,4,02/02/25 10:00\n", encoding="utf-8")
+    with pytest.raises(TableError, match=r"--map FILE.toml, \[targets\] dates = one of"):
+        read_table(readings, targets=targets)
+    said = Mapping(targets=Mapping(dates="day-first"))
+    assert read_table(readings, targets=targets, mapping=said).rows == 2

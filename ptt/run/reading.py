@@ -14,6 +14,7 @@ from ptt.run.readers import Ask, Mapping, Request, load_mapping, pair_targets, r
 from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.export import Export
 from ptt.run.readers.likely import Ends, has_commands, with_likely
+from ptt.run.readers.mapping import answers_on_targets, of_targets, without_absent
 from ptt.run.readers.order import in_travel_order, refuse_order
 from ptt.run.readers.parts import read_parts
 from ptt.run.readers.required import joints_told, refuse_scale_log
@@ -141,8 +142,9 @@ def _table_of(
 ) -> Table:
     poses, wanted = None, request
     if targets is not None:
-        wanted = replace(request, purpose="beside", mapping=request.mapping.targets or Mapping())
-        poses = read_any(targets, wanted)
+        answers = answers_on_targets(request.mapping, export.understood.mapping.columns)
+        wanted = replace(request, purpose="beside", mapping=answers)
+        poses = _read_targets(targets, wanted)
     if joints is None:
         joints, prefix = joints_told(*(each for each in (export, poses) if each is not None))
     if request.joints and request.purpose != "targets" and not (has_commands(export) or has_commands(poses)):
@@ -151,7 +153,7 @@ def _table_of(
             poses = with_likely(targets, poses, wanted, ends)
     if poses is not None:
         table_fields(poses, joints, prefix, "targets")  # so that errors name the right file
-        export = pair_targets(export, poses, request)
+        export = pair_targets(*_without_complaints(export, poses, request.mapping), request)
     values = {name: float(value) for name, value in set_values.items() if name != "order"}
     export, moved = replace(export, columns=set_columns(export, values)), list[str]()
     refuse_order(set_values.get("order"))
@@ -168,6 +170,22 @@ def _table_of(
     if hint:
         raise TableError(hint, where=table.source, fix=f"{scale_fix(hint)} or convert them")
     return table
+
+
+def _read_targets(path: str | Path, request: Request) -> Export:
+    try:
+        return read_any(path, request)
+    except TableError as error:
+        raise of_targets(error) from error
+
+
+def _without_complaints(export: Export, poses: Export, mapping: Mapping) -> tuple[Export, Export]:
+    """Both files, without a word on answers that are of the other one."""
+    own = mapping.targets or Mapping()
+    others = {*mapping.columns, *mapping.units} - {*own.columns, *own.units}
+    of_readings = without_absent(export.understood, poses.understood.mapping.columns)
+    of_poses = without_absent(poses.understood, others)
+    return replace(export, understood=of_readings), replace(poses, understood=of_poses)
 
 
 def read_targets_in_parts(

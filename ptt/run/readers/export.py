@@ -10,7 +10,7 @@ from ptt.run.readers.columns import Column, Meaning, canonical, standard_unit, t
 from ptt.run.readers.footer import refuse_footer
 from ptt.run.readers.head import titles_of, untitled
 from ptt.run.readers.layout import understand
-from ptt.run.readers.mapping import IGNORE, NOT_USED, Ask, Mapping, Understood
+from ptt.run.readers.mapping import ABSENT, IGNORE, NOT_USED, Ask, Mapping, Understood
 from ptt.run.readers.numbers import read_cells, refuse_beyond
 from ptt.run.readers.separators import DELIMITERS, is_number, split_line
 from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
@@ -218,7 +218,7 @@ def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: st
         lines.append(f"{NOT_USED}{', '.join(ignored)}")
     absent = [title for title in {**given.columns, **given.units} if title not in {column.title for column in columns}]
     if absent:
-        lines.append(f"in the mapping but not in the file: {', '.join(absent)}")
+        lines.append(f"{ABSENT}{', '.join(absent)}")
     return Understood((*lines, *notes), ignored, _answers(raw, columns, dates, given))
 
 

@@ -17,10 +17,12 @@ Every key may be left out; what is absent is worked out from the file, and asked
     "Goal x" = "m"
 
     [targets]                # the same for the file given with --targets: targets.columns, targets.units ...
+
+What [columns] and [units] say of a title that the file of the readings does not have holds for that of the targets.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +70,8 @@ class Mapping:
 
 
 NOT_USED = "not used: "
+ABSENT = "in the mapping but not in the file: "
+MAP = "--map FILE.toml, "
 
 
 @dataclass(frozen=True)
@@ -140,6 +144,45 @@ def _plain(mapping: Mapping) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value}
 
 
+def answers_on_targets(mapping: Mapping, titles: Collection[str]) -> Mapping:
+    """Answers on the file of the targets: those below [targets], and the others on titles that the readings lack.
+
+    Args:
+        mapping: all answers.
+        titles: of the file of the readings.
+
+    Returns:
+        The answers; what is called a reading is none of the targets.
+    """
+    own = mapping.targets or Mapping()
+    read = {title for title, quantity in mapping.columns.items() if quantity.partition("_")[2][:4] in ("meas", "std")}
+    columns, units = (
+        {title: said for title, said in each.items() if title not in titles and title not in read}
+        for each in (mapping.columns, mapping.units)
+    )
+    return replace(own, columns={**columns, **own.columns}, units={**units, **own.units})
+
+
+def of_targets(error: TableError) -> TableError:
+    """The same error on the file of the targets, whose answers stand below [targets]."""
+    before, found, key = error.fix.partition(MAP)
+    if not found:
+        return error
+    key = f"[targets.{key[1:]}" if key.startswith("[") else f"[targets] {key}"
+    return TableError(error.what, where=error.where, fix=f"{before}{found}{key}")
+
+
+def without_absent(understood: Understood, titles: Collection[str]) -> Understood:
+    """What was made of a file, without a complaint that it lacks these titles: they belong to another one."""
+    lines = []
+    for line in understood.lines:
+        if line.startswith(ABSENT):
+            left = [title for title in line.removeprefix(ABSENT).split(", ") if title not in titles]
+            line = f"{ABSENT}{', '.join(left)}" if left else ""
+        lines.append(line)
+    return replace(understood, lines=tuple(filter(None, lines)))
+
+
 def answer(question: str, choices: Sequence[str], ask: Ask | None, where: str, key: str) -> str:
     """Ask what the file leaves open; without anybody to ask, an error that says how to answer.
 
@@ -158,7 +201,7 @@ def answer(question: str, choices: Sequence[str], ask: Ask | None, where: str, k
     """
     listed = ", ".join(f"'{choice}'" for choice in choices)
     if ask is None:
-        raise TableError(question, where=where, fix=f"answer with --map FILE.toml, {key} = one of {listed}")
+        raise TableError(question, where=where, fix=f"answer with {MAP}{key} = one of {listed}")
     given = ask(f"{where}: {question}", choices)
     if given not in choices:
         raise TableError(f"'{given}' does not answer: {question}", where=where, fix=f"choose one of {listed}")
