@@ -6,16 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from ptt.errors import TableError, shown
-from ptt.run.readers.columns import Column, Meaning, canonical, standard_unit, to_standard
+from ptt.run.readers.clock import counts_days, goes_back, joined, with_date_for_time
+from ptt.run.readers.columns import Column, Meaning, to_standard
 from ptt.run.readers.footer import refuse_footer
 from ptt.run.readers.head import titles_of, untitled
 from ptt.run.readers.layout import understand
-from ptt.run.readers.mapping import ABSENT, IGNORE, NOT_USED, Ask, Mapping, Understood
+from ptt.run.readers.mapping import Ask, Mapping, Understood
 from ptt.run.readers.numbers import read_cells, refuse_beyond
-from ptt.run.readers.separators import DELIMITERS, is_number, split_line
 from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
 from ptt.run.readers.stamps import read_seconds, through_a_night
 from ptt.run.readers.text import RawText, read_text
+from ptt.run.readers.told import understood_of
 
 
 @dataclass(frozen=True)
@@ -94,15 +95,17 @@ def read_raw(raw: RawText, request: Request) -> Export:
     if request.purpose == "run":
         _refuse_single(raw)
     cells = read_cells(raw, columns)
+    columns, days = with_date_for_time(columns, cells, request.mapping, raw.decimal)
     every = [_read_column(raw, column, cells[column.index], request) for column in columns]
-    read = [one for one in every if not _is_nothing(one)]
+    read = _with_days([one for one in every if not _is_nothing(one)], days, raw, cells, request)
     known = {one.column.quantity: one.values for one in read if one.column.quantity}
     extra = {one.column.title: one.values for one in read if not one.column.quantity}
     notes += [note for one in read for note in one.notes]
     notes += _copies(raw, known) if request.purpose == "run" else []
     dates = next((one.dates for one in read if one.dates), None)
     raw = replace(raw, delimiter=delimiter)
-    understood = _understood(raw, [one.column for one in read], notes, dates, request.mapping)
+    columns = [one.column for one in read if one.column != days]
+    understood = understood_of(raw, columns, notes, dates, request.mapping)
     return Export(raw.source, known, extra, raw.line, understood)
 
 
@@ -159,6 +162,36 @@ def _read_column(raw: RawText, column: Column, content: np.ndarray, request: Req
     return ReadColumn(column, values, notes=(f"{column.title}: seconds{night}",) if night else ())
 
 
+def _with_days(
+    read: list[ReadColumn], days: Column | None, raw: RawText, cells: dict[int, np.ndarray], request: Request
+) -> list[ReadColumn]:
+    """The columns with a clock that goes on from day to day, by the dates beside it or as a spreadsheet counts."""
+    place = next((place for place, one in enumerate(read) if one.column.quantity == "time"), None)
+    if place is None:
+        return read
+    clock = read[place]
+    if days is not None:
+        clock = _with_dates(clock, days, raw, cells, request)
+    others = {one.column.quantity: one.values for one in read if one.column.quantity}
+    if clock.column.unit in ("s", "stamp") and counts_days(clock.column.title, clock.values, others):
+        column = replace(clock.column, unit="day", note="as a spreadsheet counts them")
+        clock = ReadColumn(column, to_standard(clock.values, "time", "day"))
+    return [*read[:place], clock, *read[place + 1 :]]
+
+
+def _with_dates(
+    clock: ReadColumn, days: Column, raw: RawText, cells: dict[int, np.ndarray], request: Request
+) -> ReadColumn:
+    """Times of day with their dates, unless these cannot be read or stand still through a night."""
+    try:
+        dated = _read_column(raw, clock.column, joined(cells[days.index], cells[clock.column.index]), request)
+    except TableError as error:
+        return replace(clock, notes=(*clock.notes, f"dates of {days.title} not used: {error.what}"))
+    if goes_back(dated.values) and not goes_back(clock.values):
+        return replace(clock, notes=(*clock.notes, f"dates of {days.title} not used: time would go back"))
+    return replace(dated, notes=(*dated.notes, f"{days.title}: the days of {clock.column.title}"))
+
+
 def _is_nothing(read: ReadColumn) -> bool:
     """Whether a column has neither a title nor a cell with something in it: a delimiter that ends every line."""
     column = read.column
@@ -195,48 +228,3 @@ def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
     first = f"row {raw.line[copied[0]]} is identical to row {raw.line[seen[raw.body[copied[0]]]]} in every column"
     more = f", and {len(copied) - 1} more rows are copies" if len(copied) > 1 else ""
     return [f"warning: {first}{more}: taken as repeats, but copies say nothing about the scatter of readings"]
-
-
-def _understood(raw: RawText, columns: list[Column], notes: list[str], dates: str | None, given: Mapping) -> Understood:
-    delimiter, decimal = DELIMITERS.get(raw.delimiter, repr(raw.delimiter)), {".": "point", ",": "comma"}[raw.decimal]
-    lines = [f"{raw.source}: {len(raw.body)} rows, {raw.encoding}, {delimiter} between columns, decimal {decimal}"]
-    if raw.comments:
-        lines.append(f"{len(raw.comments)} comment line{'' if len(raw.comments) == 1 else 's'} skipped")
-    rows = [
-        text
-        for text in raw.comments
-        if sum(is_number(cell, raw.delimiter) for cell in split_line(text, raw.delimiter)) > 2
-    ]
-    if rows:
-        lines.append(f"warning: {len(rows)} of them look like rows, first '{rows[0]}'; quote a name that starts with #")
-    plain = [column.title for column in columns if column.quantity and canonical(column.title) and not column.note]
-    if plain:
-        lines.append(f"columns as named: {', '.join(plain)}")
-    lines += [_meaning_line(column) for column in columns if column.quantity and column.title not in plain]
-    ignored = tuple(column.title for column in columns if not column.quantity)
-    if ignored:
-        lines.append(f"{NOT_USED}{', '.join(ignored)}")
-    absent = [title for title in {**given.columns, **given.units} if title not in {column.title for column in columns}]
-    if absent:
-        lines.append(f"{ABSENT}{', '.join(absent)}")
-    return Understood((*lines, *notes), ignored, _answers(raw, columns, dates, given))
-
-
-def _meaning_line(column: Column) -> str:
-    quantity = column.quantity
-    unit = f" [{column.unit}]" if column.unit and column.unit != "stamp" else ""
-    turned = f", converted to {standard_unit(quantity)}" if unit and column.unit != standard_unit(quantity) else ""
-    return f"'{column.title}' is {quantity}{unit}{turned}" + (f" ({column.note})" if column.note else "")
-
-
-def _answers(raw: RawText, columns: list[Column], dates: str | None, given: Mapping) -> Mapping:
-    return Mapping(
-        encoding=raw.encoding,
-        delimiter=raw.delimiter.replace(" ", "space"),
-        decimal=raw.decimal,
-        dates=dates or given.dates,
-        pairing=given.pairing,
-        targets=given.targets,
-        columns={column.title: column.quantity or IGNORE for column in columns},
-        units={column.title: column.unit for column in columns if column.quantity and column.unit},
-    )

@@ -14,14 +14,24 @@ _CLOCK = (
     r"(?P<hour>\d{1,2})[:h](?P<minute>\d{2})(?:(?::|m|min)(?P<second>\d{2}(?:[.,]\d+)?)s?)?\s*(?P<half>[AaPp][Mm])?"
 )
 _MONTH = "|".join(sorted(map(re.escape, MONTHS), key=len, reverse=True))  # the longest first: `mars` is not `mar`
-_YEAR_FIRST = re.compile(rf"(?P<year>\d{{4}})[-/.年](?P<a>\d{{1,2}})[-/.月](?P<b>\d{{1,2}})日?[ T]*{_CLOCK}Z?")
+_ZONE = r"(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)"
+_YEAR_FIRST = re.compile(
+    rf"(?P<year>\d{{4}})[-/.年](?P<a>\d{{1,2}})[-/.月](?P<b>\d{{1,2}})日?[ T]*{_CLOCK}(?:\s*{_ZONE})?"
+)
 _YEAR_LAST = re.compile(rf"(?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[-/.](?P<year>\d{{4}}|\d{{2}})[ T]+{_CLOCK}")
 _YEAR = r"(?P<year>\d{4}|\d{2})"
 _DAY_NAMED = re.compile(rf"(?P<a>\d{{1,2}})[-/. ]+(?P<month>{_MONTH})[-/., ]+{_YEAR}[ T,]+{_CLOCK}", re.IGNORECASE)
 _NAMED_DAY = re.compile(rf"(?P<month>{_MONTH})[-/. ]+(?P<a>\d{{1,2}})[-/., ]+{_YEAR}[ T,]+{_CLOCK}", re.IGNORECASE)
 _COMPACT = re.compile(r"(?P<year>(?:19|20)\d\d)(?P<a>\d\d)(?P<b>\d\d)(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d)")
 _TIME_ONLY = re.compile(_CLOCK)
-_EXAMPLES = ("2026-11-27 11:40:03", "27.11.2026 11:40:03", "27-Nov-2026 11:40:03", "11:40:03", "11h40m03s")
+_EXAMPLES = (
+    "2026-11-27 11:40:03",
+    "2026-11-27T11:40:03+01:00",
+    "27.11.2026 11:40:03",
+    "27-Nov-2026 11:40:03",
+    "11:40:03",
+    "11h40m03s",
+)
 _SHORTENED = re.compile(r"[12][.,]\d+[eE]\+?1[23]|20\d{6}0{6}")
 
 DAY, HOUR = 86400.0, 3600.0  # s
@@ -60,11 +70,29 @@ def read_seconds(
         seconds, night = through_a_night(_checked_epoch(numbers, ask, where))
         return seconds, f"plain numbers, taken as seconds{night}", None
     matches = [_match(cell, where, int(row)) for cell, row in zip(cells.tolist(), line, strict=True)]
+    _refuse_half_zoned(matches, line, where)
     dates = _order_of_day_and_month(matches, dates, ask, where)
     values = np.array([_seconds(match, dates == DAY_FIRST, where) for match in matches], dtype=np.float64)
     values, note = _past_midnight(matches, values)
     first = values[~np.isnan(values)]
     return values - (first[0] if first.size else 0.0), f"date and time, in seconds from the first row{note}", dates
+
+
+def _refuse_half_zoned(matches: list[re.Match[str] | None], line: np.ndarray, where: str) -> None:
+    """Stamps with an offset from UTC and stamps without any are of two clocks."""
+    zones = [match.groupdict().get("zone") if match else "" for match in matches]
+    if any(map(_offset, zones)) and None in zones:
+        row = int(line[zones.index(None)])
+        what = "a time without an offset from UTC, although others have one"
+        raise TableError(what, where=f"{where} row {row}", fix="write the offset in every row, or in none")
+
+
+def _offset(zone: str | None) -> float:
+    """How far a clock is ahead of UTC, s."""
+    if not zone or zone[0] not in "+-":
+        return 0.0
+    hours, minutes = zone[1:3], zone[3:].lstrip(":") or "0"
+    return float(f"{zone[0]}1") * (int(hours) * HOUR + int(minutes) * 60.0)
 
 
 def _past_midnight(matches: list[re.Match[str] | None], values: np.ndarray) -> tuple[np.ndarray, str]:
@@ -126,6 +154,21 @@ def is_stamp(cell: str) -> bool:
     return any(pattern.fullmatch(cell) for pattern in (_YEAR_FIRST, _YEAR_LAST, _DAY_NAMED, _NAMED_DAY, _TIME_ONLY))
 
 
+def is_time_of_day(cell: str) -> bool:
+    """Whether a cell holds a time of day and no date."""
+    return _TIME_ONLY.fullmatch(cell) is not None
+
+
+def is_dated_stamp(cell: str) -> bool:
+    """Whether a cell holds a date with a time of day."""
+    return is_stamp(cell) and not is_time_of_day(cell)
+
+
+def is_date(cell: str) -> bool:
+    """Whether a cell holds a date without a time of day."""
+    return not is_stamp(cell) and is_dated_stamp(f"{cell} 00:00")
+
+
 def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
     if not cell:
         return None
@@ -173,6 +216,7 @@ def _seconds(match: re.Match[str] | None, day_first: bool, where: str) -> float:
     part = match.groupdict()
     hour = int(part["hour"]) % 12 + 12 * (part["half"].lower() == "pm") if part.get("half") else int(part["hour"])
     clock = hour * 3600.0 + int(part["minute"]) * 60.0 + float((part["second"] or "0").replace(",", "."))
+    clock -= _offset(part.get("zone"))
     if "year" not in part:
         return clock
     if part.get("month"):

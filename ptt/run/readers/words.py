@@ -55,6 +55,9 @@ FRENCH = {
     "feed": ("vitesse", "avance"),
     "": ("hauteur",),
 }
+DATES = ("date", "datum", "messdatum", "jour", "日期", "日期时间", "测量日期")
+TIMES = ("time", "zeit", "uhrzeit", "messzeit", "heure", "temps", "时间", "时刻")
+"""What a column of dates is called, and what may stand beside that in its title."""
 _MONTHS = (
     ("january", "jan", "januar", "jän", "jänner", "janvier", "janv"),
     ("february", "feb", "februar", "février", "fevrier", "févr", "fevr"),
