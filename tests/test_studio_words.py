@@ -68,12 +68,23 @@ def test_a_column_is_shown_as_the_file_has_it_beside_what_it_was_read_as(here: P
     assert first[1].startswith(frame["timestamp"].iloc[-1]) and first[2] == f"0{DOT}-1{DOT}-2 s"
 
 
-def test_the_grid_offers_date_and_time_for_a_column_of_stamps(here: Path):
+@pytest.mark.parametrize("title", ["timestamp", "Datum"])
+def test_the_grid_offers_date_and_time_for_a_column_of_stamps(here: Path, title: str):
     frame = pd.read_csv("run.csv", dtype=str).drop(columns="time_s")
-    frame["timestamp"] = [f"13.02.2026 10:{row // 60:02d}:{row % 60:02d}" for row in range(len(frame))]
+    frame[title] = [f"13.02.2026 10:{row // 60:02d}:{row % 60:02d}" for row in range(len(frame))]
     frame.to_csv("stamps.csv", index=False)
-    seen = {column["title"]: column["unit"] for column in jobs.peek(Source("stamps.csv"), silent)["columns"]}
-    assert seen["timestamp"] == "stamp" and seen["x_meas"] == "mm"
+    found = {column["title"]: column for column in jobs.peek(Source("stamps.csv"), silent)["columns"]}
+    assert (found[title]["quantity"], found[title]["unit"]) == ("time", "stamp") and found["x_meas"]["unit"] == "mm"
+
+
+def test_the_grid_has_motors_as_sliders_where_no_column_is_one(here: Path):
+    frame = pd.read_csv("run.csv", dtype=str)
+    sent = [f"b{number}_cmd" for number in (1, 2, 3)]
+    motors = frame.assign(**{f"Motor {name[1]} [mm]": frame[name] for name in sent})
+    for columns, quantity in ((motors, ""), (motors.drop(columns=sent), "b2_cmd")):
+        columns.to_csv("motors.csv", index=False)
+        found = {column["title"]: column["quantity"] for column in jobs.peek(Source("motors.csv"), silent)["columns"]}
+        assert found["Motor 2 [mm]"] == quantity
 
 
 def test_held_out_errors_of_a_network_are_those_of_the_physics_beside_it():

@@ -13,6 +13,7 @@ from ptt.run.readers.head import titles_of, untitled
 from ptt.run.readers.layout import understand
 from ptt.run.readers.mapping import Ask, Mapping, Understood
 from ptt.run.readers.numbers import read_cells, refuse_beyond
+from ptt.run.readers.series import settle_likely
 from ptt.run.readers.spatial_analyzer import check_axes, is_spatial_analyzer, reshape
 from ptt.run.readers.stamps import read_seconds, through_a_night
 from ptt.run.readers.text import RawText, read_text
@@ -110,7 +111,7 @@ def read_raw(raw: RawText, request: Request) -> Export:
 
 
 def read_titles(path: str | Path, request: Request) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
-    """The lines of a file, the titles of its columns, and what each title says by itself; nothing is settled.
+    """The lines of a file, the titles of its columns, and what each title says by itself; nothing is asked.
 
     Args:
         path: the file.
@@ -123,7 +124,8 @@ def read_titles(path: str | Path, request: Request) -> tuple[RawText, tuple[str,
         TableError: the file cannot be cut into cells.
     """
     raw = read_text(path, request.mapping, request.ask)
-    return titles_of(reshape(raw)[0] if is_spatial_analyzer(raw) else raw)
+    raw, titles, meanings = titles_of(reshape(raw)[0] if is_spatial_analyzer(raw) else raw)
+    return raw, titles, settle_likely(meanings, request.joints, request.letter)
 
 
 @dataclass(frozen=True)

@@ -21,22 +21,30 @@ def peek(source: Source, tell: Progress) -> Mapping[str, Any]:
     """
     from ptt.run.readers import Mapping as Answers
     from ptt.run.readers import load_mapping
+    from ptt.run.readers.clock import names_a_date
     from ptt.run.readers.columns import UNITS, dimension_of
     from ptt.run.readers.export import Request, read_titles
     from ptt.run.readers.separators import split_line
-    from ptt.run.readers.stamps import is_stamp
+    from ptt.run.readers.stamps import is_dated_stamp, is_stamp
 
     known = load_mapping(source.map_) if source.map_ and Path(source.map_).exists() else Answers()
     raw, titles, meanings = read_titles(source.run, Request("run", known))
     rows = [split_line(line, raw.delimiter) for line in raw.body[:SAMPLE]]
-    found = []
+    found, timed = [], any(meaning and meaning.quantity == "time" for meaning in meanings)
     for index, (title, meaning) in enumerate(zip(titles, meanings, strict=True)):
         quantity = known.columns.get(title, meaning.quantity if meaning else "")
         quantity = "" if quantity == "ignore" else quantity
+        cells = [row[index] for row in rows if index < len(row)]
+        if (
+            not (quantity or timed or title in known.columns)
+            and names_a_date(title)
+            and all(map(is_dated_stamp, cells))
+        ):
+            quantity = "time"
         if quantity in ("x", "y", "z"):
             quantity = f"{quantity}_meas"
         unit = known.units.get(title) or (meaning.unit if meaning else None)
-        if unit is None and quantity == "time" and any(is_stamp(row[index]) for row in rows if index < len(row)):
+        if unit is None and quantity == "time" and any(map(is_stamp, cells)):
             unit = "stamp"
         units = list(UNITS.get(dimension_of(quantity), {}))
         found.append(
