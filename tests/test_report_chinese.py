@@ -178,6 +178,11 @@ def test_what_is_said_beside_a_finding():
     assert latin(SAY(f"Nothing else explains it as well; {fall}; {size}; {open_yet}.")) == []
 
 
+@pytest.mark.parametrize("words", ["1 smaller one is listed below.", "3 smaller ones are listed below."])
+def test_what_is_not_shown_on_the_card_is_said(words):
+    assert latin(SAY(words)) == []
+
+
 def test_what_to_measure_next_is_said():
     lines = (
         "Measure 80 rows further out in x and y (to 181 mm, where the run went to 107), and over 200 mm of height, "

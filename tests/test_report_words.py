@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+from ptt.effects.phrases import MOST_VALUES, ValuePhrase, compose
 from ptt.judge.compare.rows import percent
 from ptt.show.plots.common import in_micro
 from ptt.show.report.blocks import side_by_side
+from ptt.show.report.card import TopCard
 from ptt.show.report.numbers import chance, plus_minus
 from ptt.show.report.source import short_names
 
@@ -41,3 +43,12 @@ def test_units_become_greek_and_names_do_not() -> None:
     assert in_micro("5 um, urad/N, rms_um, --chord-um, sum") == (
         "5 \N{MICRO SIGN}m, \N{MICRO SIGN}rad/N, rms_um, --chord-um, sum"
     )
+
+
+def test_one_is_said_of_one_and_several_of_several() -> None:
+    told = [TopCard({}, "", "", None, "", more).more_words for more in (1, 3)]
+    assert told == ["1 smaller one is listed below", "3 smaller ones are listed below"]
+    for more, words in ((1, "(and 1 smaller one)"), (2, "(and 2 smaller ones)")):
+        sizes = range(MOST_VALUES + more, 0, -1)
+        values = [ValuePhrase("", n, "{is_} {what} off", n, 0.01, "um", n) for n in sizes]
+        assert compose(values, "link").endswith(words)

@@ -157,6 +157,11 @@ def remedies(parts: Sequence[ValuePhrase], noun: str) -> str:
     return listed(each) if each else ""
 
 
+def smaller_ones(count: int) -> str:
+    """How many smaller ones there are besides, in words: '1 smaller one', '3 smaller ones'."""
+    return f"{count} smaller one{'' if count == 1 else 's'}"
+
+
 def compose(parts: Sequence[ValuePhrase], noun: str) -> str:
     """One sentence without its end: subjects of the same side together, only what is beyond chance.
 
@@ -171,7 +176,7 @@ def compose(parts: Sequence[ValuePhrase], noun: str) -> str:
         return ""
     sure = worth_saying(parts)
     shown = sure or [max(parts, key=lambda part: part.worth)]
-    few = f" (and {len(shown) - MOST_VALUES} smaller ones)" if len(shown) > MOST_VALUES else ""
+    few = f" (and {smaller_ones(len(shown) - MOST_VALUES)})" if len(shown) > MOST_VALUES else ""
     first = {part.text: index for index, part in reversed(list(enumerate(shown)))}
     shown = sorted(shown[:MOST_VALUES], key=lambda part: (part.who, first[part.text], part.joint))
     words, before = "", ""

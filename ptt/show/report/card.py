@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ptt.effects.phrases import smaller_ones
 from ptt.show.card.bar import MOST_FINDINGS, bar_html
 from ptt.show.card.ghost import ghosts_of, machine_lines
 from ptt.show.card.picture import draw_scene
@@ -42,6 +43,11 @@ class TopCard:
     def findings(self) -> list[dict[str, Any]]:
         """The first `MOST_FINDINGS`, which are shown."""
         return list(self.card["findings"][:MOST_FINDINGS])
+
+    @property
+    def more_words(self) -> str:
+        """Where those are that are not shown."""
+        return f"{smaller_ones(self.more)} {'is' if self.more == 1 else 'are'} listed below"
 
 
 def top_card(contents: Contents, say: Callable[[str], str]) -> TopCard | None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
-from ptt.effects.phrases import capital
+from ptt.effects.phrases import capital, smaller_ones
 from ptt.fitting.chunks import LONG
 from ptt.show.card.bar import COLOURS, MOST_FINDINGS, bar_html
 from ptt.show.card.words import how_sure, length
@@ -163,7 +163,7 @@ class ResultView:
             self._finding(finding, number)
         more = card["findings"][MOST_FINDINGS:]
         if more:
-            with ui.expansion(f"{len(more)} smaller ones").classes("w-full").props("dense"):
+            with ui.expansion(smaller_ones(len(more))).classes("w-full").props("dense"):
                 for number, finding in enumerate(more, MOST_FINDINGS):
                     self._finding(finding, number)
         if card["measure_next"]:
