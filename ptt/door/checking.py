@@ -8,7 +8,7 @@ from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import find_mistakes
 from ptt.door.options import ReadOptions
-from ptt.door.reading import purpose_of, read_rows, require_commands
+from ptt.door.reading import asked_once, purpose_of, read_rows, require_commands
 from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Run, Targets
 from ptt.door.words import as_run, read_for
@@ -148,7 +148,8 @@ def check_path(
         ask: who answers what the file leaves open.
         note: told what was understood.
     """
-    purpose = purpose_of(run, reading)
+    ask = ask and asked_once(ask)
+    purpose = purpose_of(run, reading, ask)
     table = read_rows(run, model.file, reading, purpose, checked=True, ordered=False, ask=ask, note=note)
     kind = Run if purpose == "run" else Targets
     return _checked(model.file, kind(table, (run,), reading))

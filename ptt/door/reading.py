@@ -1,6 +1,7 @@
 """Rows of a file for a machine: which are refused, and what is understood of them."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.reading import read_table
 from ptt.run.table import Table, unit_hint
 from ptt.run.watched import watch
+
+READINGS = {"x_meas", "y_meas", "z_meas"}
 
 
 def read_rows(
@@ -128,16 +131,42 @@ def beyond_travel(file: MachineFile, table: Table) -> list[str]:
     ]
 
 
-def purpose_of(path: str | Path, reading: ReadOptions) -> str:
-    """'run' where a file holds readings or is paired with targets, else 'targets'."""
+def purpose_of(path: str | Path, reading: ReadOptions, ask: Ask | None = None) -> str:
+    """'run' where every verb finds readings in a file, or it is paired with targets, else 'targets'.
+
+    Bare x, y, z are readings beside commands or targets, as in any run, and targets where they stand alone.
+
+    Args:
+        path: the file.
+        reading: how.
+        ask: who answers what the file leaves open; None makes that an error.
+    """
     from ptt.run.readers import Mapping as Answers
     from ptt.run.readers.export import Request, read_any
 
     if reading.targets is not None:
         return "run"
     known: Answers = load_mapping(reading.map_) if reading.map_ and Path(reading.map_).exists() else Answers()
-    export = read_any(path, Request("targets", known))
-    return "run" if {"x_meas", "y_meas", "z_meas"} & set(export.columns) else "targets"
+    wanted = read_any(path, Request("targets", known, ask)).columns
+    if wanted.keys() & READINGS:
+        return "run"
+    if all(len(column) < 2 for column in wanted.values()):
+        return "targets"  # a single row, which no run has
+    held = read_any(path, Request("run", known, ask)).columns
+    return "run" if held.keys() & READINGS and any(name.endswith("_cmd") for name in held) else "targets"
+
+
+def asked_once(ask: Ask) -> Ask:
+    """Somebody to ask who is asked the same thing once, however often a file is read."""
+    said: dict[tuple[str, ...], str] = {}
+
+    def once(question: str, choices: Sequence[str]) -> str:
+        key = (question, *choices)
+        if key not in said:
+            said[key] = ask(question, choices)
+        return said[key]
+
+    return once
 
 
 def _size_of(file: MachineFile) -> float:
