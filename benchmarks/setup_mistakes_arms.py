@@ -70,6 +70,17 @@ def _read(change: Callable[[np.ndarray], np.ndarray]) -> Change:
     return lambda table, random: table.replace(measured=change(table.measured))
 
 
+def _later(change: Callable[[np.ndarray], np.ndarray]) -> Change:
+    """Rows from some row between a quarter and three on."""
+
+    def moved(table: Table, random: Random) -> Table:
+        first, measured = int(random.uniform(0.25, 0.75) * table.rows), table.measured.copy()
+        measured[first:] = change(measured[first:])
+        return table.replace(measured=measured)
+
+    return moved
+
+
 def _swap(q: np.ndarray, random: Random) -> np.ndarray:
     order = np.arange(q.shape[1])
     one, other = random.choice(q.shape[1], 2, replace=False)
@@ -91,6 +102,8 @@ CASES: dict[str, tuple[Change, set[str]]] = {
     "one axis of the readings negated": (_read(lambda p: p * [1.0, 1.0, -1.0]), {"axis-sign", "axes-swapped"}),
     "readings in inches": (_read(lambda p: p / 25.4), {"unit-scale"}),
     "readings in metres": (_read(lambda p: p / 1e3), {"unit-scale"}),
+    "the tracker moved by 30 mm halfway": (_later(lambda p: p + np.array([18.0, -24.0, 0.0])), {"wrong-reflector"}),
+    "the tracker set up anew halfway": (_later(lambda p: p[:, [1, 0, 2]] * [-1.0, 1.0, 1.0]), {"wrong-reflector"}),
     "readings a row late": (_read(lambda p: np.vstack([p[:1], p[:-1]])), {"row-shift"}),
 }
 

@@ -60,14 +60,26 @@ def test_what_is_promised_of_a_tracker_that_was_moved_in_a_file_is_left_after_th
     assert 1e3 * np.sqrt((left**2).sum(axis=1).mean()) < 1.5 * accused.after_um < 1e3
 
 
-def test_a_tracker_that_was_moved_and_put_back_is_promised_no_cure_by_a_shift(sound: tuple[MachineFile, Table]) -> None:
+@pytest.mark.parametrize(("shares", "back"), [((1 / 3, 2 / 3), True), ((0.3, 0.7), False), ((0.5, 0.85), False)])
+def test_a_tracker_that_was_moved_twice_is_named_at_both_rows(
+    sound: tuple[MachineFile, Table], shares: tuple[float, float], back: bool
+) -> None:
     file, table = sound
     file = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted"}))
-    measured, third = table.measured.copy(), table.rows // 3
+    firsts, measured = [int(share * table.rows) for share in shares], table.measured.copy()
     turn = Rotation.from_euler("z", 30.0, degrees=True).as_matrix()
-    measured[third : 2 * third] = measured[third : 2 * third] @ turn.T + [100.0, 200.0, 30.0]
+    measured[firsts[0] :] = measured[firsts[0] :] @ turn.T + [100.0, 200.0, 30.0]
+    measured[firsts[1] :] = table.measured[firsts[1] :] if back else measured[firsts[1] :] @ turn.T - [300.0, 0.0, 90.0]
     found = check_setup(file, table.replace(measured=measured))
-    assert not found.sure and found.unexplained
+    (accused,) = found.sure
+    first, second = table.line[firsts]
+    assert f"from row {first} on, and again from row {second} on" in accused.words
+    assert f"the rows from {first} on and those from {second} on another run each" in accused.fix
+    assert found.table is not None and len(set(found.table.run)) == 3
+    assert check_setup(found.file, found.table).ok
+    problem = build_problem(found.file, found.table)
+    left = (problem.measured - problem.target)[problem.used]
+    assert 1e3 * np.sqrt((left**2).sum(axis=1).mean()) < 1.5 * (accused.after_um or 0.0) < 1e3
 
 
 @pytest.mark.parametrize(("aside_mm", "accused"), [(100.0, True), (15.0, False)])

@@ -87,7 +87,7 @@ def judge_arm(setup: Setup, rows: np.ndarray) -> float:
     kept = np.isfinite(reading).all(axis=1)
     q, reading = setup.table.command[rows][kept], reading[kept]  # type: ignore[index]
     (pose,) = pose_many([(arm_spec(setup), q)])
-    place = pose.place + pose.turn @ _mount(pose, reading, setup.free)
+    place = pose.place + pose.turn @ mount_of(pose, reading, setup.free)
     arm = Serial.from_spec(arm_spec(setup))
     slopes = arm.geometry_jacobian(torch.as_tensor(q, dtype=torch.float64))[:, :3].numpy()[..., :-3]
     columns = np.concatenate([slopes * np.tile(USUAL, arm.joints), pose.turn], axis=2)
@@ -95,16 +95,28 @@ def judge_arm(setup: Setup, rows: np.ndarray) -> float:
     return float(rms(left[None], np.zeros((1, len(left)), dtype=bool), 1.0)[0])
 
 
-def _mount(pose: Posed, reading: np.ndarray, free: bool) -> np.ndarray:
-    """Where the reflector sits beside the drawing's tool point, (3,) mm in the tool's frame, by Gauss-Newton."""
+def mount_of(pose: Posed, reading: np.ndarray, free: bool, part: np.ndarray | None = None) -> np.ndarray:
+    """Where the reflector sits beside the drawing's tool point, (3,) mm in the tool's frame, by Gauss-Newton.
+
+    Args:
+        pose: m rows.
+        reading: (m, 3) mm.
+        free: whether the tracker may stand anywhere.
+        part: (m,) int, rows in which it stood alike; None where it did in all.
+    """
     mount = np.zeros(3)
+    part = np.zeros(len(reading), dtype=int) if part is None else part
+    parts = [np.flatnonzero(part == each) for each in np.unique(part)]
     for _ in range(ROUNDS):
         place = pose.place + pose.turn @ mount
-        turn, shift, _ = align_many(place[None], reading[None], free)
-        left = (reading - shift[0]) @ turn[0] - place
-        rigid = rigid_columns(torch.as_tensor(place), torch.as_tensor(place.mean(axis=0)), TURN_LENGTH)
-        matrix = np.concatenate([pose.turn, rigid.numpy()], axis=2).reshape(3 * len(place), -1)
-        step = np.linalg.lstsq(matrix, left.ravel(), rcond=1e-8)[0][:3]
+        left, columns = np.empty_like(place), np.zeros((*place.shape, 3 + 6 * len(parts)))
+        columns[..., :3] = pose.turn
+        for index, rows in enumerate(parts):
+            turn, shift, _ = align_many(place[None, rows], reading[None, rows], free)
+            left[rows] = (reading[rows] - shift[0]) @ turn[0] - place[rows]
+            here = torch.as_tensor(place[rows])
+            columns[rows, :, 3 + 6 * index : 9 + 6 * index] = rigid_columns(here, here.mean(dim=0), TURN_LENGTH).numpy()
+        step = np.linalg.lstsq(columns.reshape(3 * len(place), -1), left.ravel(), rcond=1e-8)[0][:3]
         mount = mount + step
         if np.abs(step).max() < SETTLED:
             break

@@ -17,6 +17,7 @@ from ptt.setup.context import find_units
 from ptt.setup.direction import find_directions
 from ptt.setup.geometry import differ, explains_more, find_geometry, is_off, is_steep, unexplained
 from ptt.setup.judged import undo_all
+from ptt.setup.moved import find_moved
 from ptt.setup.noise import find_noise
 from ptt.setup.order import find_disorder
 from ptt.setup.reach import find_reach, find_speck, find_travel
@@ -25,7 +26,7 @@ from ptt.setup.rows import find_shifted_rows, find_slip
 from ptt.setup.score import LEAST_ROWS
 from ptt.setup.setup import Setup, used_rows, written
 from ptt.setup.shuffled import find_shuffled
-from ptt.setup.stations import find_moved, find_stations
+from ptt.setup.stations import find_stations
 from ptt.setup.stray import find_far_targets
 
 OWN_FRAME = ("fitted-per-run", "measured")  # each run is a set-up of the tracker, with a frame of its own

@@ -251,16 +251,20 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
 
 def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
     """What stays in the frame that suits most rows, (n, 3) mm in the base frame, and its rotation."""
-    count, row = len(place), np.arange(len(place))
-    quarter = max(LEAST_KNOWN // 2, count // 4)
-    edges = range(0, count - quarter + 1, max(1, quarter // 2))
-    starts = np.stack([row >= 0, *((row >= at) & (row < at + quarter) for at in edges)])
+    starts = stretches(len(place), LEAST_KNOWN // 2)
     best: tuple[int, np.ndarray, np.ndarray] | None = None
     for kept in np.array_split(starts, min(len(starts), -(-starts.size // AT_ONCE))):
         near, left, turn = _best_start(place, reading, kept, free)
         best = (near, left, turn) if best is None or near > best[0] else best
     assert best is not None
     return best[1], best[2]
+
+
+def stretches(count: int, least: int) -> np.ndarray:
+    """All rows, and each quarter of them or so many, the next one half of that further on, (h, count) bool."""
+    row, long = np.arange(count), max(least, count // 4)
+    edges = range(0, count - long + 1, max(1, long // 2))
+    return np.stack([row >= 0, *((row >= at) & (row < at + long) for at in edges)])
 
 
 def _best_start(
