@@ -112,19 +112,16 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
         steps += [find_reach] if units_said else [find_speck, find_reach]
     else:
         steps += [find_arm]
-    steps += [find_directions, find_speed, find_noise]
+    steps += [find_moved, find_directions, find_speed, find_noise]
     seen: set[tuple[object, Setup]] = set()
     for step in steps:
-        if (step, setup) in seen:
-            continue  # nothing was undone since
+        if (step, setup) in seen or (step is find_moved and any(item.sure for item in findings)):
+            continue  # nothing was undone since, or what was leaves nothing to a tracker that was moved
         seen.add((step, setup))
         found, after = step(setup)
         findings += found
         if any(item.sure or item.mistake == "target-frame" for item in found):
             setup = after
-    if not any(item.sure for item in findings):
-        found, setup = find_moved(setup)
-        findings += found
     if any(item.sure for item in findings):
         return findings, setup  # what is wrong with the poses may be so with the base reflectors among them
     return findings + find_base(setup), setup

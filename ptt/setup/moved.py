@@ -1,6 +1,6 @@
 """A tracker that was set up anew in the middle of a file whose rows share its frame, once or twice."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -22,6 +22,7 @@ MOVED = 20.0  # mm: homing and links that all change by up to 4 mm from file to 
 MOVED_ARM = 10.0  # mm: a joint that slips by as much bends the readings
 MOST_MOVES = 2
 NEAR = 0.25  # of what a move comes to: rows that are off by less were read from one place
+MOST_OF = 0.75  # of the rows that were read from elsewhere: some are near by chance
 OWN_FRAMES = 'write frame = "fitted-per-run" under [tracker] in the machine file'
 
 
@@ -41,16 +42,21 @@ def find_moved(setup: Setup) -> tuple[list[Finding], Setup]:
         return [], setup
     whole, found = np.zeros(len(seen), dtype=int), None
     together = distances(seen.of_reflector(whole), seen.reading, whole)
-    if (together > near).sum() < seen.least:
+    if not _many_beside(together > near, seen.least):
         return [], setup
     for part in _partings(seen):
         apart = distances(seen.of_reflector(part), seen.reading, part)
         before, after = rms_of_parts(together, part), rms_of_parts(apart, part)
         if _is_proof(setup, seen, part, before, after):
-            found = seen.rows[_firsts(part)], 1e3 * before, 1e3 * after
+            found = _firsts(part), 1e3 * before, 1e3 * after
             if (apart > near).sum() < seen.least:
                 break  # no rows are left that were read from a third place
-    return ([], setup) if found is None else _told(setup, *found)
+    return ([], setup) if found is None else _told(setup, seen.rows, *found)
+
+
+def _many_beside(far: np.ndarray, least: int) -> bool:
+    """Whether most of so many rows beside each other are off, (m,) bool: gross errors stand by themselves."""
+    return bool(np.convolve(far, np.ones(least)).max(initial=0.0) >= MOST_OF * least)
 
 
 def _is_proof(setup: Setup, seen: Seen, part: np.ndarray, before: float, after: float) -> bool:
@@ -64,23 +70,24 @@ def bounds(setup: Setup) -> tuple[float, float]:
     """What one frame leaves at least where the tracker was moved, and frames of their own at most, mm."""
     if isinstance(setup.file.machine, ThreePttSpec):
         return MOVED, BEYOND_FAULTS
-    usual = BROKEN * Serial.from_spec(arm_spec(setup)).reach_mm
-    return max(MOVED_ARM, usual), usual
+    return MOVED_ARM, BROKEN * Serial.from_spec(arm_spec(setup)).reach_mm
 
 
-def _told(setup: Setup, firsts: np.ndarray, before_um: float, after_um: float) -> tuple[list[Finding], Setup]:
-    table, lines = setup.table, " and ".join(str(line) for line in setup.table.line[firsts])
+def _told(
+    setup: Setup, rows: np.ndarray, at: np.ndarray, before_um: float, after_um: float
+) -> tuple[list[Finding], Setup]:
+    table, lines = setup.table, " and ".join(str(line) for line in setup.table.line[rows[at]])
     words = (
         f"the tracker stood elsewhere from row {lines.replace(' and ', ' on, and again from row ')} on: with one frame "
         f"the readings are {before_um:,.0f} um off (rms), with a frame of their own for the rows from {lines} on "
         f"{after_um:,.1f} um"
     )
-    within = [first for first in firsts if table.run[first] == table.run[first - 1]]
+    within = rows[at[table.run[rows[at]] == table.run[rows[at - 1]]]]
     apart = " and those from ".join(f"{line} on" for line in table.line[within])
     each = "another run each" if len(within) > 1 else "another run"
-    fix = f"give the rows from {apart} {each} in the column run, and {OWN_FRAMES}" if within else OWN_FRAMES
+    fix = f"give the rows from {apart} {each} in the column run, and {OWN_FRAMES}" if len(within) else OWN_FRAMES
     found = Finding("wrong-reflector", words, fix, before_um, after_um, True, table.source)
-    cured = setup.with_rows(**_runs_of_their_own(table, within)) if within else setup
+    cured = setup.with_rows(**_runs_of_their_own(table, within)) if len(within) else setup
     return [found], replace(cured, file=with_own_frames(setup.file))
 
 
@@ -166,7 +173,7 @@ def _is_of_joints(setup: Setup, seen: Seen, part: np.ndarray) -> bool:
     )
 
 
-def _runs_of_their_own(table: Table, firsts: Sequence[int]) -> dict[str, Any]:
+def _runs_of_their_own(table: Table, firsts: np.ndarray) -> dict[str, Any]:
     """Columns of a table whose rows from some on are no longer of the run of those before."""
     run, labels, digests = table.run.copy(), list(table.run_label), list(table.run_sha256)
     named = list(table.run_label)
