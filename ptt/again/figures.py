@@ -120,44 +120,71 @@ def every_value(found: Weighed) -> tuple[Moved, ...]:
 def errors_of(found: Weighed) -> dict[str, float]:
     """What the machine misses by beside the solved model, root mean square in total, um.
 
-    The run's own frame is taken off, and so is what happened to its set-up on the way.
+    All three are in the frame that `ptt compare` uses: a fitted one is taken off, one that base reflectors hold is
+    theirs. What happened to the set-up on the way is taken off.
 
     Returns:
-        expected: what a machine that has not changed would show in this run: its noise, what the model's values leave
-        uncertain at these poses, and what the model left unexplained; now: with the model as it was; left: with what is
-        said to have changed.
+        expected: what a machine that has not changed would show in this run: its noise, what the model's values and the
+        base reflectors leave uncertain at these poses, and what the model left unexplained; now: with the model as it
+        was; left: with what is said to have changed.
     """
-    system, state, before = found.system, found.state, found.before
-    own = found.supposed.own.reshape(3 * len(system.rows), -1)
-    off = found.without_frame(system.values.ravel() - own @ (before.values - before.start) - _by_set_up(found))
-    unnamed = found.supposed.unnamed.reshape(len(own), -1)
-    doubt = found.without_frame(np.hstack([own @ before.root, found.goes_on.reshape(-1, 1), unnamed]))
+    system, before, memory = found.system, found.before, found.state.memory
+    doubt = np.hstack([_doubt_of(found), found.own_frame.doubt])
     spread = [system.in_mm(column.reshape(-1, 3)) for column in doubt.T]
     doubtful = 1e6 * sum(float(np.square(part).sum()) for part in spread) / max(len(system.rows), 1)
-    memory = state.memory.wander  # frames of each run take what lies in its mean
-    wander = 0.0 if memory is None else share_within(memory, system.clock.span / max(int(system.clock.starts.sum()), 1))
+    wander = 0.0  # frames of each run take what lies in its mean
+    if memory.wander is not None:
+        wander = share_within(memory.wander, system.clock.span / max(int(system.clock.starts.sum()), 1))
     noise = (1e3 * found.noise.total) ** 2 * (1.0 + wander)
-    keys = [*(change.key for change in found.changed), *(room.key for room in found.then), *found.set_up]
-    named = found.scorer.score(keys, state.memory)
-    left = system.left(named.columns, named.posterior.values)
+    off = _off(found) - _work(found, before.values - before.start) - found.work_of(found.set_up)
     every = np.ones(len(system.rows), dtype=bool)
     return {
         "expected": float(np.sqrt(noise + doubtful + before.left**2)),
         "now": rms(system.in_mm(off.reshape(-1, 3)), every)["total"],
-        "left": rms(system.in_mm(left), every)["total"],
+        "left": rms(system.in_mm(_left(found)), every)["total"],
     }
 
 
-def _by_set_up(found: Weighed) -> np.ndarray:
-    """What happened to the set-up during the run does to the readings, (3 m,) whitened."""
-    system, state = found.system, found.state
-    places = np.concatenate([np.zeros(0, dtype=int), *(state.of(key) for key in found.set_up)])
-    work = system.columns[:, :, state.columns[places]] @ state.posterior.values[places]
-    return np.asarray(work.ravel())
+def _off(found: Weighed) -> np.ndarray:
+    """What the model, its values where they would be if nothing else had changed, leaves in its frame, (3 m,)."""
+    frame, start = found.own_frame, found.before.start
+    on_base = (found.supposed.on_base @ start).ravel()
+    return frame.without(frame.at_base(found.system.values.ravel()), -on_base)
+
+
+def _work(found: Weighed, values: np.ndarray) -> np.ndarray:
+    """What values of the model, (w,) or (w, c), do to the readings in their frame, (3 m,) or (3 m, c)."""
+    sides = (found.supposed.own, found.supposed.on_base)
+    rows, on_base = (side.reshape(-1, len(found.before.values)) @ values for side in sides)
+    return found.own_frame.without(rows, on_base)
+
+
+def _doubt_of(found: Weighed) -> np.ndarray:
+    """How far what is uncertain of the machine leaves the readings open, (3 m, c)."""
+    count = found.system.values.size
+    rest = [found.goes_on.reshape(-1, 1), found.supposed.unnamed.reshape(count, -1)]
+    still = np.zeros((found.supposed.on_base[:, :, 0].size, sum(part.shape[1] for part in rest)))
+    return np.hstack([_work(found, found.before.root), found.own_frame.without(np.hstack(rest), still)])
+
+
+def _left(found: Weighed) -> np.ndarray:
+    """What is left with what is said to have changed, (m, 3) whitened."""
+    system, frame = found.system, found.own_frame
+    keys = [*(change.key for change in found.changed), *(room.key for room in found.then), *found.set_up]
+    named = found.scorer.score(keys, found.state.memory)
+    columns, values = named.columns, named.posterior.values
+    if not frame.held.shape[1]:
+        return system.left(columns, values)
+    other = ~np.isin(columns, found.frame)  # the frame is the reflectors', which the readings pull away from them
+    on_rows, on_base = (
+        (side[:, :, columns[other]] @ values[other]).ravel()
+        for side in (system.columns, system.base_columns[: len(found.supposed.on_base)])
+    )
+    return (_off(found) - frame.without(on_rows, on_base)).reshape(-1, 3)
 
 
 def made_by(found: Weighed, values: np.ndarray) -> dict[str, float]:
-    """What each effect does to the tool in this run, the tracker's frame taken off, um.
+    """What each effect does to the tool in this run, in the frame that errors are stated in, um.
 
     Args:
         found: for the columns.
@@ -167,10 +194,9 @@ def made_by(found: Weighed, values: np.ndarray) -> dict[str, float]:
         Key of the effect -> root mean square; 'total' for all together.
     """
     layout, system = found.at.fitted.layout, found.system
-    flat = found.supposed.own.reshape(3 * len(system.rows), -1)
     owner, made = layout.owner[: len(values)], {}
     for index, term in enumerate((*layout.terms, None)):
-        mine = np.ones(len(values), dtype=bool) if term is None else owner == index
-        work = system.in_mm(found.without_frame(flat[:, mine] @ values[mine]).reshape(-1, 3))
+        mine = values if term is None else np.where(owner == index, values, 0.0)
+        work = system.in_mm(_work(found, mine).reshape(-1, 3))
         made[TOTAL if term is None else term.effect.key] = rms(work, np.ones(len(work), dtype=bool))["total"]
     return made

@@ -63,10 +63,7 @@ def look_for_news(found: Weighed, model: Model, problem: Problem, known: Library
 
 def size_of_new(found: Weighed) -> float:
     """What is new does to the readings, the set-up's part taken off, root mean square in um."""
-    system, state = found.system, found.state
-    places = np.concatenate([state.of(key) for key in found.new])
-    work = (system.columns[:, :, state.columns[places]] @ state.posterior.values[places]).ravel()
-    off = system.in_mm(found.without_frame(work).reshape(-1, 3))
+    off = found.system.in_mm(found.work_of(found.new).reshape(-1, 3))
     return rms(off, np.ones(len(off), dtype=bool))["total"]
 
 

@@ -40,12 +40,14 @@ class Supposed:
         own: columns of the model's values, (m, 3, w) whitened, in usual sizes.
         beyond: columns of how its curves go on beyond the heights that they were seen at, (m, 3, c).
         unnamed: how far sizes of the drawing that it does not have may move the readings, (m, 3, r).
+        on_base: columns of the model's values at b readings of base reflectors that hold the frame, (b, 3, w).
     """
 
     system: RowSystem
     own: np.ndarray
     beyond: np.ndarray
     unnamed: np.ndarray
+    on_base: np.ndarray
 
 
 def stand_at(before: Before, moved: np.ndarray, problem: Problem, noise: Noise) -> At:
@@ -131,8 +133,9 @@ def suppose(
     base, read = np.pad(system.base_columns, [(0, 0), (0, 0), (0, width)]), system.base_values
     prior = np.pad(told, [(0, 0), (0, 0), (first, more + then.shape[2])])
     prior = np.concatenate([prior, np.pad(past, [(0, 0), (0, 0), (first + unsure + more, 0)])])
-    if len(linear.base_values):
-        still, on_base = np.zeros((before.width, beyond.shape[2])), linear.base_columns[:, :, : before.width]
+    on_base = linear.base_columns[:, :, : before.width]
+    if len(on_base):
+        still = np.zeros((before.width, beyond.shape[2]))
         base[:, :, first : first + unsure + more] = on_base @ np.hstack([before.loose, still, ways])
         read = read + on_base @ (at.moved - at.fitted.unknowns[: before.width])
     system = replace(
@@ -146,7 +149,7 @@ def suppose(
         base_values=np.concatenate([read, zero, said]),
         _sums={},
     )
-    return Supposed(system, own, beyond, _unnamed(before, linear)[rows])
+    return Supposed(system, own, beyond, _unnamed(before, linear)[rows], on_base)
 
 
 def ways_of(changes: Sequence[Change], width: int) -> np.ndarray:

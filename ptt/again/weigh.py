@@ -8,6 +8,7 @@ import numpy as np
 
 from ptt.again.before import Before
 from ptt.again.changes import PREFIX, Change, changes_of
+from ptt.again.own_frame import OwnFrame, own_frame_of
 from ptt.again.supposed import At, Supposed, stand_at, suppose
 from ptt.again.then import THEN, Then
 from ptt.diagnosis.evidence.atoms import Atom
@@ -108,13 +109,17 @@ class Weighed:
         return np.asarray(beyond @ self.state.posterior.values[own[len(own) - beyond.shape[2] :]])
 
     @cached_property
-    def _basis(self) -> np.ndarray:
-        """Orthonormal basis of what the run's own frames and mounts do, (3 m, f)."""
-        return np.asarray(np.linalg.qr(self.system.columns.reshape(3 * len(self.system.rows), -1)[:, self.frame])[0])
+    def own_frame(self) -> OwnFrame:
+        """What the run's own frames and mounts take of what is said of its readings."""
+        return own_frame_of(self.system, self.at.fitted, self.frame, len(self.supposed.on_base))
 
-    def without_frame(self, values: np.ndarray) -> np.ndarray:
-        """Whitened readings, (3 m,) or (3 m, c), less what the run's own frames and mounts can take of them."""
-        return np.asarray(values - self._basis @ (self._basis.T @ values))
+    def work_of(self, keys: Sequence[str]) -> np.ndarray:
+        """What some of the set do to the readings in the run's own frame, (3 m,) whitened."""
+        state, system, count = self.state, self.system, len(self.supposed.on_base)
+        places = np.concatenate([np.zeros(0, dtype=int), *(state.of(key) for key in keys)])
+        columns, values = state.columns[places], state.posterior.values[places]
+        on_rows, on_base = (each[:, :, columns] @ values for each in (system.columns, system.base_columns[:count]))
+        return self.own_frame.without(on_rows.ravel(), on_base.ravel())
 
     def columns_of(self, change: Change) -> np.ndarray:
         """Places of a change's columns in the system."""
