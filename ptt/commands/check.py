@@ -39,9 +39,9 @@ def check(
     json: Json = False,
 ) -> None:
     """Look for mistakes in the set-up: axes, units, sliders, lengths, rows, frames. Draw a machine file given alone."""
-    from ptt.door.checking import check_path
+    from ptt.door.checking import check_path, check_unbuilt
     from ptt.door.model import load
-    from ptt.errors import InputError
+    from ptt.errors import InputError, MachineError
 
     if drawing is not None and drawing.suffix.lower() != ".png":
         raise InputError("a drawing is a picture", where=str(drawing), fix="let its name end in .png")
@@ -51,11 +51,17 @@ def check(
     if model is None:
         raise InputError("no machine to check it against", where=str(run), fix="add --model MACHINE.toml")
     reading = ReadOptions(also, targets, set_, map_, effects, json)
-    loaded = load(model, effects=effects or ())
-    found = check_path(loaded, run, reading, ask=asker(reading), note=note)
+    try:
+        loaded = load(model, effects=effects or ())
+    except MachineError as refused:
+        found = check_unbuilt(model, refused, run, reading, asker(reading), note)
+        drawn = found.file  # as it was given there is nothing to draw
+    else:
+        found = check_path(loaded, run, reading, ask=asker(reading), note=note)
+        drawn = found.drawn
     _write(found, out_run, out_model, several=bool(also))
     if drawing is not None:
-        _draw(found.drawn, drawing)
+        _draw(drawn, drawing)
         note(f"{drawing}: the machine as understood")
     show(found.to_dict(), str(found), json)
 

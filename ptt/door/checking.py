@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ptt.door.handed import RowsLike
@@ -12,12 +13,14 @@ from ptt.door.reading import asked_once, purpose_of, read_rows, require_commands
 from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Run, Targets
 from ptt.door.words import as_run, read_for
+from ptt.errors import MachineError
 from ptt.machine import MachineFile
 from ptt.run.readers import Ask
 from ptt.run.reading import same_rows
 from ptt.run.table import Table
 from ptt.setup import Check, Finding
 from ptt.setup.machine import MachineSaid, describe_machine
+from ptt.setup.unbuilt import read_unbuilt
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -148,11 +151,47 @@ def check_path(
         ask: who answers what the file leaves open.
         note: told what was understood.
     """
+    return _check_rows(model.file, run, reading, ask, note)
+
+
+def check_unbuilt(
+    path: Path, refused: MachineError, run: RowsLike, reading: ReadOptions, ask: Ask | None = None, note: Note = unheard
+) -> Checked:
+    """The same beside a machine file that no machine can be built of, as a diameter given for a radius makes it.
+
+    Args:
+        path: of the machine file.
+        refused: what was said when it was read.
+        run: a run or targets.
+        reading: how.
+        ask: who answers what the file leaves open.
+        note: told what was understood.
+
+    Raises:
+        MachineError: as refused, where no radius is to blame or the run does not show which.
+    """
+    file = read_unbuilt(path) if path.is_file() else None
+    if file is None:
+        raise refused
+    found = _check_rows(file, run, reading, ask, note, refused)
+    if not any(each.mistake == "diameter-for-radius" for each in found.findings):
+        raise refused
+    return found
+
+
+def _check_rows(
+    file: MachineFile,
+    run: RowsLike,
+    reading: ReadOptions,
+    ask: Ask | None,
+    note: Note,
+    refused: MachineError | None = None,
+) -> Checked:
     ask = ask and asked_once(ask)
     purpose = purpose_of(run, reading, ask)
-    table = read_rows(run, model.file, reading, purpose, checked=True, ordered=False, ask=ask, note=note)
-    kind = Run if purpose == "run" else Targets
-    return _checked(model.file, kind(table, (run,), reading))
+    table = read_rows(run, file, reading, purpose, checked=True, ordered=False, ask=ask, note=note)
+    rows = (Run if purpose == "run" else Targets)(table, (run,), reading)
+    return _checked(file, rows) if refused is None else Checked(find_mistakes(file, rows), file, table)
 
 
 def _checked(file: MachineFile, rows: Run | Targets) -> Checked:

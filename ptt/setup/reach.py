@@ -45,8 +45,9 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
     first, left = found[0]
     others = list(dict.fromkeys(item.undone for item, _ in found[1:] if item.mistake != first.mistake))
     also = ties_in_words(others)
+    undone = first.undone.rstrip(",")
     words = (
-        f"{before:.0%} of the targets are out of the machine's reach; with {first.undone}, {_all_but(left)} are within"
+        f"{before:.0%} of the targets are out of the machine's reach; with {undone}, {_all_but(left)} are within"
         f" it{also}"
     )
     sure = before > NEARLY_ALL and not others

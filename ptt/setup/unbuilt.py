@@ -1,0 +1,43 @@
+"""A machine file that cannot be built because a diameter was given for a radius: read all the same, to be checked."""
+
+import tomllib
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import tomlkit
+
+from ptt.errors import InputError, MachineError
+from ptt.files import read_text
+from ptt.machine import MachineFile, ThreePttSpec, parse_machine
+
+RADII = ("base_radius_mm", "platform_radius_mm")
+
+
+def read_unbuilt(path: Path) -> MachineFile | None:
+    """A machine file whose links do not reach, as it stands, where half of a radius or both would let them.
+
+    Args:
+        path: of the file.
+
+    Returns:
+        The machine as it was drawn, which no mechanism can be built of; None where something else is wrong.
+    """
+    try:
+        text = read_text(path, MachineError)
+        raw = tomllib.loads(text).get("machine")
+    except (InputError, tomllib.TOMLDecodeError):
+        return None
+    if not isinstance(raw, dict) or not all(isinstance(raw.get(key), int | float) for key in RADII):
+        return None
+    for keys in (each for count in (1, 2) for each in combinations(RADII, count)):
+        halved = tomlkit.parse(text)
+        halved["machine"].update({key: raw[key] / 2.0 for key in keys})
+        try:
+            file = parse_machine(tomlkit.dumps(halved), str(path))
+        except MachineError:
+            continue
+        if isinstance(file.machine, ThreePttSpec):
+            drawn = file.machine.model_copy(update={key: float(raw[key]) for key in keys})
+            return replace(file, machine=drawn, text=text)
+    return None
