@@ -42,7 +42,7 @@ def find_arm(setup: Setup) -> tuple[list[Finding], Setup]:
     Returns:
         At most one finding, and the files with it undone.
     """
-    rows = _choose_rows(setup)
+    rows = choose_rows(setup)
     if len(rows) < LEAST_ROWS:
         return [], setup
     before = judge_arm(setup, rows)
@@ -72,7 +72,7 @@ def unexplained_arm(setup: Setup) -> list[str]:
     Args:
         setup: both files, with what was found undone.
     """
-    rows = _choose_rows(setup)
+    rows = choose_rows(setup)
     if len(rows) < LEAST_ROWS:
         return []
     left, most = judge_arm(setup, rows), BROKEN * Serial.from_spec(arm_spec(setup)).reach_mm
@@ -109,7 +109,8 @@ def _is_proof(judged: list[Judged], before: float, reach: float) -> bool:
     return bool(judged and judged[0][1]) and judged[0][0] <= min(before / FALL, BROKEN * reach)
 
 
-def _choose_rows(setup: Setup) -> np.ndarray:
+def choose_rows(setup: Setup) -> np.ndarray:
+    """Rows of an arm that have a command and a reading, so many as are judged, (m,) int."""
     table = setup.table
     if table.command is None:
         return np.zeros(0, dtype=int)

@@ -81,18 +81,36 @@ def linear(pose: Posed, reading: np.ndarray) -> tuple[float, np.ndarray]:
     return float(np.sqrt(np.median(left**2))), (solved / size[:, None])[:3].T
 
 
-def judge_arm(setup: Setup, rows: np.ndarray) -> float:
-    """What an exact fit of station, reflector and ordinary link errors leaves, mm."""
+def judge_arm(setup: Setup, rows: np.ndarray, *, mounted: bool = True) -> float:
+    """What an exact fit of station, reflector and ordinary link errors leaves, mm.
+
+    Args:
+        setup: both files.
+        rows: that are looked at.
+        mounted: whether the reflector may sit anywhere on the tool; else it is where the drawing has the tool point.
+    """
+    q, reading, pose = _posed(setup, rows)
+    place = pose.place + pose.turn @ mount_of(pose, reading, setup.free) if mounted else pose.place
+    arm = Serial.from_spec(arm_spec(setup))
+    slopes = arm.geometry_jacobian(torch.as_tensor(q, dtype=torch.float64))[:, :3].numpy()[..., :-3]
+    columns = np.concatenate([slopes * np.tile(USUAL, arm.joints), *([pose.turn] if mounted else [])], axis=2)
+    left = left_after_faults(place, reading, columns, setup.free)
+    return float(rms(left[None], np.zeros((1, len(left)), dtype=bool), 1.0)[0])
+
+
+def mount_of_rows(setup: Setup, rows: np.ndarray) -> np.ndarray:
+    """Where the reflector sits beside the drawing's tool point, (3,) mm in the tool's frame."""
+    _, reading, pose = _posed(setup, rows)
+    return mount_of(pose, reading, setup.free)
+
+
+def _posed(setup: Setup, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, Posed]:
+    """Joint values (m, k) rad and readings (m, 3) mm of rows that have a reading, and where the tool is there."""
     reading = setup.table.measured[rows]
     kept = np.isfinite(reading).all(axis=1)
     q, reading = setup.table.command[rows][kept], reading[kept]  # type: ignore[index]
     (pose,) = pose_many([(arm_spec(setup), q)])
-    place = pose.place + pose.turn @ mount_of(pose, reading, setup.free)
-    arm = Serial.from_spec(arm_spec(setup))
-    slopes = arm.geometry_jacobian(torch.as_tensor(q, dtype=torch.float64))[:, :3].numpy()[..., :-3]
-    columns = np.concatenate([slopes * np.tile(USUAL, arm.joints), pose.turn], axis=2)
-    left = left_after_faults(place, reading, columns, setup.free)
-    return float(rms(left[None], np.zeros((1, len(left)), dtype=bool), 1.0)[0])
+    return q, reading, pose
 
 
 def mount_of(pose: Posed, reading: np.ndarray, free: bool, part: np.ndarray | None = None) -> np.ndarray:

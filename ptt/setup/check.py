@@ -9,12 +9,14 @@ from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import stated_frame
 from ptt.setup.arm import LEAST_ROWS as FEWEST_OF_ARM
 from ptt.setup.arm import find_arm, unexplained_arm
+from ptt.setup.arm_tool import find_tool
 from ptt.setup.base import find_base
 from ptt.setup.candidates import read_off
 from ptt.setup.clock import find_speed
 from ptt.setup.columns import standing_still
 from ptt.setup.context import find_units
 from ptt.setup.direction import find_directions
+from ptt.setup.elsewhere import find_aside, find_own_frames
 from ptt.setup.geometry import differ, explains_more, find_geometry, is_off, is_steep, unexplained
 from ptt.setup.judged import undo_all
 from ptt.setup.moved import find_moved
@@ -122,6 +124,11 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
         findings += found
         if any(item.sure or item.mistake == "target-frame" for item in found):
             setup = after
+    of_arm = not isinstance(setup.file.machine, ThreePttSpec)
+    for last in (find_tool,) if of_arm else (find_aside, find_own_frames):
+        if not any(item.sure for item in findings):
+            found, setup = last(setup)
+            findings += found
     if any(item.sure for item in findings):
         return findings, setup  # what is wrong with the poses may be so with the base reflectors among them
     return findings + find_base(setup), setup
