@@ -55,7 +55,7 @@ def draw_run(seed: int) -> tuple[MachineFile, Table]:
     random = np.random.default_rng([seed, 77])
     spec = random_arm(random)
     run = draw_arm(spec, str(random.choice(list(ARM_FAULTS))), seed)  # type: ignore[arg-type]
-    file = MachineFile(machine=run.rig.spec, tracker=TrackerSpec(frame="fitted"))
+    file = MachineFile(machine=run.rig.spec, tracker=TrackerSpec(frame="fitted", tool="fitted"))
     table = make_table(
         None, run.q, run.readings, joint_prefix="q", temp_c=run.temp_c, payload_kg=run.payload_kg, time_s=run.time_s
     )
