@@ -128,6 +128,39 @@ def test_a_broken_file_among_the_runs_keeps_no_other_out_and_makes_no_machine(tm
     assert len(store.ask("SELECT machine FROM machines")) == 1
 
 
+def test_a_machine_file_in_place_of_the_name_gives_name_and_drawing(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    paths = [tmp_path / f"run-2026-0{number}-05.csv" for number in range(1, 6)]
+    for number, path in enumerate(paths):
+        write_table(table(number), path)
+    drawing = MACHINE.read_text()
+    named = [line for line in drawing.splitlines() if line.startswith("name = ")]
+    called = named[0].split('"')[1]
+    Path("press.toml").write_text("\n".join(line for line in drawing.splitlines() if line not in named))
+    Path("fm.toml").write_text(drawing)
+    store = create_store("plant")
+
+    def added(*given: object) -> str:
+        result = invoke("add", "plant", *given, "--json")
+        assert result.exit_code == 0, result.stderr
+        return json.loads(result.stdout)["machine"]
+
+    assert added("fm.toml", paths[0], "--date", "2026-01-01") == called
+    assert added(tmp_path / "fm.toml", paths[1]) == called == added(called, paths[2])
+    assert added("press.toml", paths[3]) == "press"  # what has no name is called as its file is
+    assert added("fm.toml", paths[4], "--model", "fm.toml") == "fm.toml"  # beside a drawing it is a name, as before
+    Path("press").mkdir()  # a folder that is no compensator is no drawing either
+    assert json.loads(invoke("show", "plant", "press", "--json").stdout)["machines"][0]["runs"] == 1
+    assert json.loads(invoke("show", "plant", "press.toml", "--json").stdout)["machines"][0]["machine"] == "press"
+    counts = {row["machine"]: row["runs"] for row in store.ask("SELECT machine, count(*) runs FROM runs GROUP BY ALL")}
+    assert counts == {called: 3, "press": 1, "fm.toml": 1}
+    Path("press.toml").write_text(Path("press.toml").read_text().replace("300.0", "301.0"))
+    assert "differs from the stored drawing of 'press'" in invoke("add", "plant", "press.toml", paths[0]).stderr
+    assert invoke("remove", "plant", tmp_path / "press.toml", paths[3].name).exit_code == 0
+    missing = invoke("add", "plant", "nowhere.toml", paths[0])
+    assert missing.exit_code == 2 and "in place of the name" in missing.stderr
+
+
 def test_a_name_that_is_no_text_is_refused_and_nothing_kept(tmp_path):
     store = create_store(tmp_path / "store")
     with pytest.raises(InputError, match="is not UTF-8"):

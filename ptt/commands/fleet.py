@@ -1,11 +1,14 @@
 """`ptt fleet`: many machines, many months: a store of runs, and what became of each."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from ptt.commands.common import Anyway, Effects, Json, Map, ReadOptions, Set, Targets, note, progress, read_rows, show
+
+if TYPE_CHECKING:
+    from ptt.fleet.store import Store
 
 app = typer.Typer(
     help="Keep the runs of many machines, process new ones, and see which machines are getting worse.",
@@ -14,7 +17,10 @@ app = typer.Typer(
 )  # fmt: skip
 
 StorePath = Annotated[Path, typer.Argument(metavar="STORE", help="Folder of the store.")]
-Machine = Annotated[str, typer.Argument(metavar="MACHINE", help="Name of the machine, any text.")]
+Machine = Annotated[
+    str,
+    typer.Argument(metavar="MACHINE", help="Name of the machine, any text; or its machine.toml or compensator folder."),
+]
 Runs = Annotated[list[Path], typer.Argument(metavar="RUN.csv...", help="Tracker runs of this machine.")]
 Date = Annotated[
     str | None,
@@ -23,7 +29,8 @@ Date = Annotated[
     ),
 ]
 Drawing = Annotated[
-    Path | None, typer.Option("--model", metavar="M.toml", help="Drawing of the machine, needed with its first run.")
+    Path | None,
+    typer.Option("--model", metavar="M.toml", help="Drawing of the machine, needed with its first run of a name."),
 ]
 Scheduler = Annotated[
     str | None,
@@ -70,9 +77,12 @@ def add(
     from ptt.door.model import load
     from ptt.errors import InputError, PttError
     from ptt.files import sha256
+    from ptt.fleet.called import machine_called
     from ptt.fleet.store import add_machine, add_run, drawing_of, is_there, open_store, read_date
 
     opened, when, files = open_store(store), None if date is None else read_date(date), _files(effects)
+    if model is None:
+        machine, model = _told(*machine_called(opened, machine), machine)
     if model is not None:
         load(model, effects=files)  # a drawing with an effect that nobody knows would fail in every run
     file = drawing_of(opened, machine, model)
@@ -97,6 +107,22 @@ def add(
     if refused:
         what = f"{len(refused)} of {len(run)} files were not added{'; the others were' if added else ''}"
         raise InputError(f"{what}: {'; '.join(map(_in_words, refused))}")
+
+
+def _told(name: str, drawing: Path | None, given: str) -> tuple[str, Path | None]:
+    """A machine as it is called, with a word on it where that is not what was given."""
+    from ptt.fleet.store import shown
+
+    if drawing is not None:
+        note(f"{shown(given)}: machine '{shown(name)}'")
+    return name, drawing
+
+
+def _named(store: "Store", machine: str) -> str:
+    """The name of a machine that may be given by its file."""
+    from ptt.fleet.called import machine_called
+
+    return machine_called(store, machine)[0]
 
 
 def _files(effects: list[Path] | None) -> tuple[str, ...]:
@@ -160,8 +186,9 @@ def accept(
 
     files = _files(effects)
     do = partial(work.refit, effects=files) if files else None
+    opened = open_store(store)
     with progress() as tell:
-        found = take(open_store(store), machine, run, lambda what: tell(what, 0, 0), do)
+        found = take(opened, _named(opened, machine), run, lambda what: tell(what, 0, 0), do)
     show(found.to_dict(), str(found), json)
 
 
@@ -171,7 +198,8 @@ def remove(store: StorePath, machine: Machine, run: ThisRun, json: Json = False)
     from ptt.fleet.remove import remove as take_out
     from ptt.fleet.store import open_store
 
-    found = take_out(open_store(store), machine, run)
+    opened = open_store(store)
+    found = take_out(opened, _named(opened, machine), run)
     show(found.to_dict(), str(found), json)
 
 
@@ -201,7 +229,8 @@ def show_(store: StorePath, machine: OneMachine = None, json: Json = False) -> N
     from ptt.fleet.store import open_store
     from ptt.fleet.words import machine_in_words
 
-    found = overview(open_store(store), machine)
+    opened = open_store(store)
+    found = overview(opened, None if machine is None else _named(opened, machine))
     text = str(found) if machine is None else machine_in_words(found.machines[0])
     show(found.to_dict(), text, json)
 

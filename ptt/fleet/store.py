@@ -7,12 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ptt.correct.training.machine_of import machine_of as read_drawing
 from ptt.errors import InputError
 from ptt.files import neighbour, sha256, sweep, write_parts
 from ptt.fleet.database import duckdb, insert, now, rows, transaction
 from ptt.fleet.readings import write_readings
 from ptt.fleet.schema import TABLES, VERSION
-from ptt.machine import MachineFile, format_machine, load_machine, parse_machine
+from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.run.dates import date_in_name
 from ptt.run.table import Table
 
@@ -130,19 +131,20 @@ def drawing_of(store: Store, machine: str, model: Path | None) -> MachineFile:
     Args:
         store: the store.
         machine: any text but none.
-        model: its machine.toml; None where it is known already.
+        model: its machine.toml, or a compensator folder; None where it is known already.
 
     Raises:
         InputError: no name, no drawing, or another than the one that is kept.
     """
     if not machine.strip():
         raise InputError("the machine has no name", fix="give it one, such as 'mill 3'")
-    known, given = machine_of(store, machine), None if model is None else load_machine(model)
+    known, given = machine_of(store, machine), None if model is None else read_drawing(model)
     if known is None and given is None:
-        raise InputError(f"no machine '{shown(machine)}' yet", where=str(store.folder), fix="give --model M.toml once")
+        fix = "give --model M.toml once, or the path of the machine file in place of the name"
+        raise InputError(f"no machine '{shown(machine)}' yet", where=str(store.folder), fix=fix)
     if known is not None and given is not None and (known.machine, known.effect) != (given.machine, given.effect):
         what = f"differs from the stored drawing of '{shown(machine)}'"
-        raise InputError(what, where=str(model), fix="leave --model out, or add the run under another name")
+        raise InputError(what, where=str(model), fix="name the machine alone, or give it another name")
     found = known or given
     assert found is not None
     return found

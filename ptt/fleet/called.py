@@ -1,0 +1,37 @@
+"""What stands where a machine is named: its name, or its machine file or compensator folder, which has that name."""
+
+import os
+from pathlib import Path
+
+from ptt.correct.training.machine_of import NOTES, machine_of
+from ptt.fleet.store import Store
+from ptt.fleet.store import machine_of as drawing_known
+
+
+def machine_called(store: Store, text: str) -> tuple[str, Path | None]:
+    """A machine's name, and its drawing where that was named in its place.
+
+    A name that the store knows is that machine, whatever files lie about.
+
+    Args:
+        store: the store.
+        text: a name, or the path of a machine file (.toml) or of a compensator folder.
+
+    Returns:
+        The name: of a file the one under [machine], else what the file is called. And the file or folder; None where a
+        name was given.
+
+    Raises:
+        InputError: the file is no machine file, or the folder no whole compensator.
+    """
+    if drawing_known(store, text) is not None or not _is_drawing(text):
+        return text, None
+    path = Path(text)
+    spec = machine_of(path).machine
+    stated = spec.name.strip() if "name" in spec.model_fields_set else ""
+    return stated or Path(os.path.abspath(path)).stem, path
+
+
+def _is_drawing(text: str) -> bool:
+    """Whether a text is the path of a machine file or of a compensator folder that is there."""
+    return (text.lower().endswith(".toml") and os.path.isfile(text)) or os.path.isfile(os.path.join(text, NOTES))
