@@ -1,12 +1,14 @@
 """Commands for the machine as a result: what to send, what not and why."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 OK, UNCERTAIN = "ok", "uncertain"
 OUT_OF_REACH, OUT_OF_TRAVEL, NEAR_SINGULAR, TOO_LARGE = "out of reach", "out of travel", "near singular", "too large"
+NOTE = "reversal_note"  # the one thing that commands have that is not of a row
 ROUNDING = 1e-3  # mm: commands that miss by less miss by nothing that a machine could do
+NO_TARGET = ""  # a row of a base reflector, at which the machine stands
 STATUSES = (OK, UNCERTAIN, TOO_LARGE, NEAR_SINGULAR, OUT_OF_TRAVEL, OUT_OF_REACH)
 
 
@@ -17,7 +19,7 @@ class Commands:
     Attributes:
         q: joint commands, everything included, (n, k) mm or rad; NaN where nothing is to be sent.
         reversal: the part of them that is reversal compensation, (n, k); NaN where nothing is to be sent.
-        status: one of `STATUSES`, (n,); only 'ok' and 'uncertain' are sent.
+        status: one of `STATUSES`, (n,); only 'ok' and 'uncertain' are sent. Empty in rows that are no targets.
         in_domain: rows inside the training domain of the network, all True without one, (n,) bool.
         shift: how far the commands ask the drawing to go from the target, reversal left aside, (n,) mm; NaN where no
             command was found.
@@ -53,9 +55,29 @@ class Commands:
         return sent_rows(self.status)
 
     @property
+    def targets(self) -> np.ndarray:
+        """Rows that are targets, (n,) bool: all but those of base reflectors."""
+        return np.asarray(self.status != NO_TARGET)
+
+    @property
     def counts(self) -> dict[str, int]:
         """How many rows have each status."""
         return {status: int((self.status == status).sum()) for status in STATUSES}
+
+
+def without(commands: Commands, rows: np.ndarray) -> Commands:
+    """The same commands with nothing said of some rows, which are no targets.
+
+    Args:
+        commands: n rows.
+        rows: (n,) bool.
+    """
+    if not rows.any():
+        return commands
+    blank = {each.name: getattr(commands, each.name).copy() for each in fields(commands) if each.name != NOTE}
+    for values in blank.values():
+        values[rows] = {"f": np.nan, "b": False}.get(values.dtype.kind, NO_TARGET)
+    return replace(commands, **blank)
 
 
 def sent_rows(status: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ptt.correct.commands import without
 from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate
 from ptt.correct.context import Beyond, beyond_context, beyond_lines, missing_context, require_context
 from ptt.door.given import require_number, require_word
@@ -24,6 +25,7 @@ from ptt.fitting.kept import why_not_kept
 from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, target_frames
+from ptt.run.wanted import placed_rows, standing, with_places
 from ptt.run.written import text_parts
 
 if TYPE_CHECKING:
@@ -91,12 +93,12 @@ class Predicted(Result):
         """Write the commands, whole or not at all.
 
         Args:
-            path: CSV; a file with readings is never replaced.
+            path: CSV; a file with readings is never replaced, but for earlier commands beside the targets' own.
 
         Raises:
             InputError: it holds readings, or cannot be written.
         """
-        refuse_readings(Path(path))
+        refuse_readings(Path(path), [self.table.measured])
         write_parts(path, text_parts(sliders_columns(self.table, self.commands)))
         self._written[:] = [str(path)]
 
@@ -149,12 +151,14 @@ def predict(
     machine, tell = as_model(model, USAGE), Heard(note)
     rows = as_targets(targets, machine, USAGE)
     check_rows(machine.file, rows, anyway=anyway, note=tell)
-    table, frames = rows.table, target_frames(machine.file, rows.table)
-    require_context(machine.physics, table)
+    table = with_places(machine.file, rows.table)
+    frames, asked = target_frames(machine.file, table), standing(table)
+    require_context(machine.physics, asked)
+    tell_places(placed_rows(rows.table, table), tell)
     tell_frames(frames, tell)
-    commands = _invert(machine, table, reversal, limit_mm, progress)
+    commands = without(_invert(machine, asked, reversal, limit_mm, progress), table.role == "base")
     network = machine.compensator.network is not None
-    warnings = warnings_of(machine, table, tally(table, commands))
+    warnings = warnings_of(machine, asked, tally(table, commands))
     return Predicted(commands, table, network, tuple(frames), limit_mm, tuple(tell.lines), warnings)
 
 
@@ -162,6 +166,13 @@ def require_asked(reversal: str | None, limit_mm: float) -> None:
     """Refuse a word for reversal compensation that is none, and a limit that no correction can be within."""
     require_word(reversal, REVERSALS, "reversal")
     require_number(limit_mm, 0.0, "limit_mm", unlimited=True)
+
+
+def tell_places(rows: int, note: Note) -> None:
+    """Say which targets are those of the drawing at their joint commands."""
+    if rows:
+        count = "1 row has" if rows == 1 else f"{rows} rows have"
+        note(f"{count} joint commands and no x_cmd, y_cmd, z_cmd: the target is where the drawing puts the tool there")
 
 
 def tell_frames(frames: Iterable[RunFrame], note: Note) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ptt.correct.compensate import Commands
+from ptt.correct.commands import Commands
 from ptt.door.tally import Tally
 from ptt.run.readers.columns import file_title
 from ptt.run.readers.mapping import IGNORE
@@ -28,14 +28,19 @@ def sliders_columns(table: Table, commands: Commands, *, sent: bool | None = Non
     columns = _as_given(table)
     _put(columns, table.joint_prefix, commands.q)
     _put(columns, "reversal", commands.reversal)
-    columns["in_domain"] = commands.in_domain
+    columns["in_domain"] = _of_targets(commands.in_domain, commands.targets)
     columns["status"] = commands.status
     columns["shift_um"] = 1e3 * commands.shift
     columns["sigma_um"] = 1e3 * commands.sigma
-    if not (commands.sent.all() if sent is None else sent):
+    if not (commands.sent[commands.targets].all() if sent is None else sent):
         _put(columns, "nearest", commands.nearest)
         columns["nearest_mm"] = commands.nearest_gap
     return columns
+
+
+def _of_targets(values: np.ndarray, targets: np.ndarray) -> np.ndarray:
+    """Values (n,) that only targets have."""
+    return values if targets.all() else np.where(targets, values.astype(object), np.array(None))
 
 
 def _as_given(table: Table) -> dict[str, np.ndarray]:
@@ -55,6 +60,7 @@ def summary_of(counted: Tally, out: str | None, network: bool, limit_mm: float) 
     """What is said of commands, for JSON."""
     return {
         "rows": counted.rows,
+        "base_rows": counted.base,
         "out": out,
         "status": counted.status,
         "sent": counted.sent,
@@ -75,6 +81,8 @@ def text_of_figures(data: dict[str, Any]) -> str:
     counts = ", ".join(f"{count} {status}" for status, count in data["status"].items() if count)
     network = f", {data['in_domain']} in the network's training domain" if data["network"] else ", physics alone"
     lines = [(f"{data['out']}: " if data["out"] else "") + f"{data['rows']} rows ({counts}){network}"]
+    if data["base_rows"]:
+        lines.append(f"  {data['base_rows']} more rows of base reflectors, without commands: the machine stands there")
     shift, sigma, gap = (data[f"{name}_um"] for name in ("largest_shift", "largest_sigma", "first_order_difference"))
     if shift is not None:
         unsure = "" if sigma is None else f", uncertain by {sigma:.1f} um at most"

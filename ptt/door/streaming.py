@@ -16,14 +16,14 @@ from ptt.correct.stream import Stream
 from ptt.door.model import Model
 from ptt.door.opened import check_rows
 from ptt.door.options import ReadOptions
-from ptt.door.outputs import refuse_readings
-from ptt.door.predicting import require_asked, tell_frames, warnings_of
+from ptt.door.outputs import is_commands, refuse_readings
+from ptt.door.predicting import require_asked, tell_frames, tell_places, warnings_of
 from ptt.door.result import Note, Result, unheard
 from ptt.door.run import Targets
 from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
 from ptt.door.tally import Tally, tally
 from ptt.files import write_parts
-from ptt.fitting.chunks import CHUNK, STRETCH
+from ptt.fitting.chunks import CHUNK, STRETCH, stretches
 from ptt.progress import Progress, unwatched
 from ptt.run.blanks import has_blanks
 from ptt.run.cores import map_cores
@@ -32,6 +32,7 @@ from ptt.run.readers.parts import NotInParts
 from ptt.run.reading import read_targets_in_parts, require_pose
 from ptt.run.spool import Spool
 from ptt.run.target_frame import RunFrame, target_frames
+from ptt.run.wanted import placed_rows, with_places
 from ptt.run.written import text_of
 
 LONG = 4 * 1024**2  # bytes: what is shorter takes less memory than the program itself
@@ -92,7 +93,7 @@ def predict_file(
         model: the model.
         path: the targets.
         reading: how they are read.
-        out: CSV; a file with readings is never replaced.
+        out: CSV; a file with readings is never replaced, but for earlier commands beside the targets' own.
         reversal: as `predict`.
         limit_mm: as `predict`.
         anyway: as `predict`.
@@ -109,14 +110,17 @@ def predict_file(
         InputError: as `predict`.
     """
     require_asked(reversal, limit_mm)
-    refuse_readings(out)
+    if not is_commands(out):
+        refuse_readings(out)
     if model.compensator.network is not None and model.compensator.space == "joints":
         raise NotInParts  # the network asks for the postures of all rows
     with TemporaryDirectory(prefix="ptt_") as name:
         folder = Path(name)
-        spool = _read(model, path, reading, folder, ask, progress)
+        spool, placed = _read(model, path, reading, folder, ask, progress)
         for line in spool.understood():
             note(line)
+        tell_places(placed, note)
+        refuse_readings(out, (spool.take(*bounds).measured for bounds in stretches(spool.rows)))
         sample = spool.sample(CHUNK, STRETCH)
         require_pose(sample)
         if sample.rows < spool.rows:
@@ -138,19 +142,27 @@ def predict_file(
     return Streamed(str(out), counted, compensator.network is not None, limit_mm, tuple(frames), warnings)
 
 
-def _read(model: Model, path: Path, reading: ReadOptions, folder: Path, ask: Ask | None, progress: Progress) -> Spool:
-    spool, machine = Spool(folder), model.file.machine
+def _read(
+    model: Model, path: Path, reading: ReadOptions, folder: Path, ask: Ask | None, progress: Progress
+) -> tuple[Spool, int]:
+    """The rows on disk, and how many got their target from the drawing."""
+    spool, machine, placed = Spool(folder), model.file.machine, 0
     parts = read_targets_in_parts(
         path, machine.joints, joint_prefix=machine.letter, set_values=reading.values, mapping=reading.map_, ask=ask
     )
     for part in parts:
         if part.command is not None and model.file.machine.kind == "serial":
             raise NotInParts  # they are postures, of all rows or of none
-        if has_blanks(part):
+        if has_blanks(part) or (part.role == "base").any():
             raise NotInParts  # what stands in an empty cell, rows of another part may tell
-        spool.add(part)
+        whole = with_places(model.file, part)
+        count = placed_rows(part, whole)
+        if count and count < part.rows:
+            raise NotInParts  # the others tell in which frame the target is stated
+        placed += count
+        spool.add(whole)
         progress("read", 0, 1)
-    return spool
+    return spool, placed
 
 
 def _invert(stream: Stream, model: Model, progress: Progress) -> tuple[Tally, list[str], list[tuple[Beyond, ...]]]:

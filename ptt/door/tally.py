@@ -17,7 +17,7 @@ class Tally:
     """Figures of some rows.
 
     Attributes:
-        rows: how many.
+        rows: how many are targets.
         status: rows of each status.
         first: lines in the file of the first rows of each status.
         in_domain: rows inside the network's domain.
@@ -29,6 +29,7 @@ class Tally:
         words: who compensates what at a reversal.
         arm: whether joints turn.
         approached: rows that are uncertain mostly because the joints' direction of arrival at the first row is unknown.
+        base: rows of base reflectors beside the targets, at which the machine stands.
     """
 
     rows: int
@@ -43,6 +44,7 @@ class Tally:
     words: str
     arm: bool = False
     approached: int = 0
+    base: int = 0
 
     @property
     def sent(self) -> int:
@@ -64,6 +66,7 @@ class Tally:
             self.words,
             self.arm,
             self.approached + other.approached,
+            self.base + other.base,
         )
 
     def figures(self) -> dict[str, Any]:
@@ -146,5 +149,6 @@ def tally(table: Table, commands: Commands) -> Tally:
     inside = int(commands.in_domain.sum())
     words, arm = commands.reversal_note, table.joint_prefix == "q"
     mostly = (commands.status == UNCERTAIN) & (2.0 * np.square(commands.approach) > np.square(commands.sigma))
-    approached = int(mostly.sum())
-    return Tally(len(sent), counts, first, inside, gap, shift, sigma, missed, reversal, words, arm, approached)
+    approached, base = int(mostly.sum()), int((~commands.targets).sum())
+    rows = len(sent) - base
+    return Tally(rows, counts, first, inside, gap, shift, sigma, missed, reversal, words, arm, approached, base)

@@ -48,12 +48,23 @@ def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
 def _hold(q: Tensor, run: np.ndarray) -> Tensor:
     """Fill rows without a command (base reflectors): the machine stands where its run last was, first where it will."""
     known = torch.isfinite(q).all(dim=1).numpy()
-    if known.all():
-        return q
+    return q if known.all() else q[torch.as_tensor(standing_rows(known, run))]
+
+
+def standing_rows(known: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """The row in which the machine stands as it does in each: the last known one of its run, first the next one.
+
+    Args:
+        known: rows that say where it stands, (n,) bool.
+        run: (n,) int.
+
+    Returns:
+        (n,) int.
+    """
     part, last = np.cumsum(run_starts(run)), rows_beside(known)
     following = len(known) - 1 - rows_beside(known[::-1])[::-1]
     opens = (part[last] != part) & (part[following] == part)
-    return q[torch.as_tensor(np.where(opens, following, last).copy())]
+    return np.where(opens, following, last)
 
 
 def build_view(file: "MachineFile", table: "Table") -> View:
