@@ -92,6 +92,8 @@ class WorkspaceError(InputError):
         rows: zero-based indices of the rows out of reach.
     """
 
+    exit_code = 3
+
     def __init__(self, what: str, rows: Sequence[int], *, where: str = "", fix: str = "") -> None:
         """Compose the message and keep the rows.
 

@@ -43,7 +43,7 @@ def test_a_row_at_which_the_links_do_not_meet_is_told_by_check_as_by_every_other
     frame.to_csv(tmp_path / "run.csv", index=False)
     machine = ptt.load(SEALED / "machine.toml")
     for rows in (tmp_path / "run.csv", frame):
-        with pytest.raises(WorkspaceError, match=r"do not meet .* (line|row) 52 \(1 of 296 rows\)"):
+        with pytest.raises(WorkspaceError, match=r"row 52, columns b1_cmd, .*do not meet .* \(1 of 296 rows\)"):
             ptt.check(machine, rows)
 
 
@@ -89,3 +89,20 @@ def test_readings_of_every_second_row_may_be_late(sound: tuple[MachineFile, Tabl
     found = check_setup(file, table.replace(measured=np.roll(every, 1, axis=0)))
     assert [item.mistake for item in found.sure] == ["row-shift"]
     assert "late from the first row on" in found.sure[0].words
+
+
+def test_targets_out_of_reach_are_named_by_the_titles_of_their_own_file(tmp_path: Path) -> None:
+    frame = pd.read_csv(SEALED / "run.csv").drop(columns=["b1_cmd", "b2_cmd", "b3_cmd"], errors="ignore")
+    frame.to_csv(tmp_path / "near.csv", index=False)
+    frame.loc[[40, 44, 60], "x_cmd"] = 500.0
+    frame.rename(columns={"x_cmd": "X cmd [mm]"}).to_csv(tmp_path / "far.csv", index=False)
+    machine = ptt.load(SEALED / "machine.toml")
+    told = r"far\.csv row 42, columns X cmd \[mm\], y_cmd, z_cmd: no joint .* \(3 of 296 rows, also rows 46, 62\)"
+    with pytest.raises(WorkspaceError, match=told) as refused:
+        ptt.compare(machine, tmp_path / "far.csv")
+    assert refused.value.exit_code == 3 and refused.value.rows == (40, 44, 60)
+    frame.to_csv(tmp_path / "far.csv", index=False)
+    with pytest.raises(
+        WorkspaceError, match=r"far\.csv:run 1 row 42, columns x_cmd"
+    ):  # of two files, the one that it is in
+        ptt.compare(machine, ptt.read(tmp_path / "near.csv", machine, also=[tmp_path / "far.csv"]))

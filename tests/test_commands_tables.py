@@ -52,10 +52,13 @@ RUN_FAULTS = {
     "text": (lambda f: change_target(f, 50, x_meas="--"), ["row 52", "x_meas", "'--'"]),
     "nan": (lambda f: change_target(f, 50, y_meas="NaN"), ["row 52", "y_meas", "NaN"]),
     "infinite": (lambda f: change_target(f, 50, y_meas="inf"), ["row 52", "y_meas"]),
-    "unreachable command": (lambda f: change_target(f, 50, b1_cmd="900"), ["52"]),
+    "unreachable command": (
+        lambda f: change_target(f, 50, b1_cmd="900"),
+        ["run.csv row 52, columns b1_cmd, b2_cmd, b3_cmd: the links do not meet"],
+    ),
     "unreachable target": (
         lambda f: change_target(f[f["role"] != "base"].drop(columns=["b1_cmd", "b2_cmd", "b3_cmd"]), 50, x_cmd="900"),
-        ["reach", "48"],
+        ["run.csv row 48, columns x_cmd, y_cmd, z_cmd: no joint values reach the target (1 of"],
     ),
     "metres": (lambda f: in_metres(f, MEASURED), ["metres"]),
     "metres everywhere": (
@@ -73,16 +76,17 @@ RUN_FAULTS = {
 @pytest.mark.parametrize("verb", ["train", "evaluate"])
 def test_bad_runs_are_refused_with_one_clear_line(fault, verb, run_frame, tmp_path, capsys):
     spoil, words = RUN_FAULTS[fault]
+    code = 3 if "metres" in fault or "unreachable" in fault else 2
     run = write(tmp_path / "run.csv", spoil(run_frame))
     if verb == "train":
         with pytest.raises(SystemExit) as ended:
             run_alone("train", [str(run), "--machine", MACHINE, "--out", str(tmp_path / "out"), "--json"])
         printed = capsys.readouterr()
         line = printed.err
-        assert ended.value.code == (3 if "metres" in fault else 2) and line.count("\n") == 1 and printed.out == ""
+        assert ended.value.code == code and line.count("\n") == 1 and printed.out == ""
         assert not (tmp_path / "out").exists()
     else:
-        line = error_line(invoke("evaluate", run, "--model", MACHINE, "--json"), 3 if "metres" in fault else 2)
+        line = error_line(invoke("evaluate", run, "--model", MACHINE, "--json"), code)
     assert "run.csv" in line and all(word in line for word in words), line
 
 

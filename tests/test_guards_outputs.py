@@ -99,7 +99,7 @@ def test_a_name_that_ends_like_another_kind_of_file_is_refused(words, said, plac
 def test_a_target_that_the_rig_cannot_reach_is_named_by_the_line_of_its_file(place, monkeypatch, capsys):
     monkeypatch.chdir(place)
     put(place, "x_cmd,y_cmd,z_cmd\n# far away\n40,2,3\n5000,0,0\n", "far.csv")
-    assert run(["simulate", "rig.toml", "far.csv", "--out", "out.csv"]) == 2
+    assert run(["simulate", "rig.toml", "far.csv", "--out", "out.csv"]) == 3
     assert "error: far.csv row 4: is out of reach; stay inside" in capsys.readouterr().err
     rows = pd.DataFrame({"x_cmd": [0.0, 5000.0], "y_cmd": 0.0, "z_cmd": 0.0})
     with pytest.raises(WorkspaceError, match="data frame row 3: is out of reach") as told:

@@ -108,7 +108,7 @@ def test_a_target_that_is_missing_beside_others_is_stated_in_their_frame(model):
 
 def test_postures_of_an_arm_have_base_reflectors_between_them_too(tmp_path):
     drawing = DATA / "machines" / "ur10.toml"
-    joints = np.linspace(0.1, 0.5, 60).reshape(10, 6) + [0.0, -1.5, 1.2, 0.0, 0.4, 0.0]
+    joints = np.linspace(0.1, 0.5, 60).reshape(10, 6) + np.array([0.0, -1.5, 1.2, 0.0, 0.4, 0.0])
     write_table(make_table(None, joints, joint_prefix="q"), tmp_path / "t.csv")
     plain = ptt.predict(drawing, tmp_path / "t.csv")
     rows = pd.read_csv(tmp_path / "t.csv").assign(role="pose")

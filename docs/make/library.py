@@ -26,7 +26,8 @@ MORE = """
   that one. Its kinds are `InputError` (a file, a value or a combination that you can mend), `SetupError` (a mistake in
   the set-up), `PosesError` (poses that cannot work) and `HostError` (a full disk, a closed output); where a C compiler
   is missing it is a plain `PttError`. `exit_code` is the status with which the command would end: of an `InputError` 2,
-  but 3 of a `TooFewError` (a sound run with too little in it) and an `UntestedError` (an effect that it cannot test).
+  but 3 of a `TooFewError` (a sound run with too little in it), an `UntestedError` (an effect that it cannot test) and a
+  `WorkspaceError` (poses that the machine cannot reach, by `rows`).
 - `ptt.commands.main.run(["compare", "run.csv", "--model", "machine.toml"])` runs a verb in the running process and
   hands its exit code back.
 

@@ -11,8 +11,9 @@ from ptt.door.options import ReadOptions
 from ptt.door.result import Note, unheard
 from ptt.errors import TableError
 from ptt.machine import MachineFile
-from ptt.mechanisms import build_mechanism, require_assembled
+from ptt.mechanisms import build_mechanism
 from ptt.run.lost import without_lost
+from ptt.run.reach import require_closed
 from ptt.run.readers import Ask, load_mapping
 from ptt.run.readers.scale import scale_fix, scale_hint
 from ptt.run.reading import read_table
@@ -109,8 +110,9 @@ def require_commands(file: MachineFile, table: Table) -> None:
     if table.command is None:
         return
     rows = np.isfinite(table.command).all(axis=1)
-    lines = [int(line) for line in table.line[rows]]
-    require_assembled(build_mechanism(file.machine), torch.tensor(table.command[rows]), table.source, lines=lines)
+    place = build_mechanism(file.machine).forward(torch.tensor(table.command[rows]))
+    rows[rows] = ~torch.isfinite(place).all(dim=1).numpy()
+    require_closed(table, rows)
 
 
 def beyond_travel(file: MachineFile, table: Table) -> list[str]:

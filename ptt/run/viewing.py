@@ -7,11 +7,12 @@ import torch
 from torch import Tensor
 
 from ptt.mechanisms import build_mechanism
-from ptt.mechanisms.protocol import Mechanism, require_reachable
+from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.statics import gravity_of, link_torques
 from ptt.mechanisms.workspace import tool_ways
 from ptt.run.beside import rows_beside
 from ptt.run.pace import joint_speeds
+from ptt.run.reach import require_targets
 from ptt.run.travel import Travel, read_travel, run_starts
 from ptt.run.view import View
 
@@ -40,8 +41,8 @@ def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
     q = _tensor(np.full((table.rows, mechanism.joints), np.nan) if table.command is None else table.command)
     wanted = torch.isfinite(target).all(dim=1) & ~torch.isfinite(q).all(dim=1)
     if bool(wanted.any()):
-        lines = [int(line) for line in table.line[wanted.numpy()]]
-        q[wanted] = require_reachable(mechanism, target[wanted], table.source, lines=lines)
+        q[wanted] = mechanism.inverse(target[wanted])
+        require_targets(table, (wanted & ~torch.isfinite(q).all(dim=1)).numpy())
     return _hold(q, table.run)
 
 

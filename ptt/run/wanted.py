@@ -4,7 +4,8 @@ import numpy as np
 import torch
 
 from ptt.machine import MachineFile
-from ptt.mechanisms import build_mechanism, require_assembled
+from ptt.mechanisms import build_mechanism
+from ptt.run.reach import require_closed
 from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import target_frames
 from ptt.run.viewing import standing_rows
@@ -31,9 +32,8 @@ def with_places(file: MachineFile, table: Table) -> Table:
     if not rows.any():
         return table
     frames, target = target_frames(file, table), table.target.copy()
-    lines = [int(line) for line in table.line[rows]]
-    sent = torch.tensor(table.command[rows])
-    target[rows] = require_assembled(build_mechanism(file.machine), sent, table.source, lines=lines).numpy()
+    target[rows] = build_mechanism(file.machine).forward(torch.tensor(table.command[rows])).numpy()
+    require_closed(table, rows & ~np.isfinite(target).all(axis=1))
     for run, frame in enumerate(frames):
         here = rows & (table.run == run)
         target[here] = frame.as_stated(target[here])
