@@ -1,5 +1,7 @@
 """When two values are one: no grid of cells, one tolerance for holding out, noise and matching."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,6 +12,7 @@ from scipy.spatial.distance import cdist
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.judge.evaluate import evaluate_pair
 from ptt.judge.match import match_rows
+from ptt.machine import load_machine
 from ptt.run.copies import pasted_rows
 from ptt.run.holdout import pose_groups, sharing_groups, visit_groups
 from ptt.run.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
@@ -164,6 +167,26 @@ def test_identical_rows_are_a_warning(tmp_path) -> None:
     assert table.rows == 12
     (warning,) = [line for line in table.understood.lines if line.startswith("warning")]
     assert "row 6 is identical to row 5 in every column, and 1 more" in warning and "repeats" in warning
+    assert "once" not in warning
+
+
+def test_a_run_that_stands_twice_in_its_file_is_said_to_count_once_and_does(tmp_path) -> None:
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml")
+    place = np.random.default_rng(1).uniform(-40.0, 40.0, (15, 3))
+    write_table(make_table(place, measured=place + 0.1 * place[:, ::-1] / 40.0), tmp_path / "run.csv")
+    title, *lines = (tmp_path / "run.csv").read_text().splitlines()
+    for name, twice, said in (
+        ("behind", [*lines, *lines], "all rows come again, so that they count once"),
+        ("beside", [line for line in lines for _ in range(2)], "taken as repeats, but copies say nothing"),
+    ):
+        (tmp_path / f"{name}.csv").write_text("\n".join([title, *twice]) + "\n")
+        table = read_table(tmp_path / f"{name}.csv")
+        (warning,) = [line for line in table.understood.lines if line.startswith("warning")]
+        assert said in warning and ("once" in warning) == (name == "behind")
+        assert build_problem(file, table).used.sum() == (15 if name == "behind" else 30)
+    both = read_table(tmp_path / "run.csv", also=[tmp_path / "run.csv"])
+    assert any("holds the same rows" in line and "count once" in line for line in both.understood.lines)
+    assert build_problem(file, both).used.sum() == 15
 
 
 def test_before_and_after_are_matched_across_the_edge_of_a_cell() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.files import sha256
-from ptt.run.copies import SAID
+from ptt.run.copies import ONCE, PASTED, SAID, TAKEN
 from ptt.run.readers import Ask, Mapping, Request, load_mapping, pair_targets, read_any, save_mapping
 from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.export import Export
@@ -99,10 +99,8 @@ def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
     for table in tables:
         twin = next((one for one in told if table.run_sha256 == one.run_sha256 or same_rows(one, table)), None)
         if twin is not None:
-            line = (
-                f"warning: {table.source} holds the same rows as {twin.source}: taken as repeats, but copies say "
-                "nothing about the scatter of readings"
-            )
+            again = table.rows >= PASTED and all(same_rows(tables[0], each) for each in tables)
+            line = f"warning: {table.source} holds the same rows as {twin.source}: {ONCE if again else TAKEN}"
             table = table.replace(understood=replace(table.understood, lines=(*table.understood.lines, line)))
         told.append(table)
     return told

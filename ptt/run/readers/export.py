@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ptt.errors import TableError, shown
+from ptt.run.copies import taken_as
 from ptt.run.readers.clock import counts_days, goes_back, joined, with_date_for_time
 from ptt.run.readers.columns import Column, Meaning, to_standard
 from ptt.run.readers.footer import refuse_footer
@@ -229,4 +230,4 @@ def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
         return []
     first = f"row {raw.line[copied[0]]} is identical to row {raw.line[seen[raw.body[copied[0]]]]} in every column"
     more = f", and {len(copied) - 1} more rows are copies" if len(copied) > 1 else ""
-    return [f"warning: {first}{more}: taken as repeats, but copies say nothing about the scatter of readings"]
+    return [f"warning: {first}{more}: {taken_as(raw.body)}"]
