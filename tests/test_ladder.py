@@ -128,6 +128,15 @@ def test_an_effect_that_the_run_cannot_test_is_refused_in_one_line() -> None:
     assert "\n" not in str(caught.value)
 
 
+def test_an_effect_of_another_mechanism_is_refused_as_such_before_the_run_is_looked_at() -> None:
+    file = machine()
+    problem = build_problem(file, measure(replace(empty_run(), temp_c=None), file, []))
+    for names in (("dh-offsets",), ("screw-growth", "self-weight")):
+        with pytest.raises(ModelError, match=f"'{names[-1]}' does not apply to a three-ptt machine") as caught:
+            climb(Model(file), problem, effects(*names))
+        assert caught.value.exit_code == 2
+
+
 def light_run(file: object) -> tuple[Table, Problem]:
     table = replace(empty_run(), payload_kg=None)
     return table, build_problem(file, measure(table, file, []))

@@ -62,7 +62,7 @@ class Model:
                 too few values.
         """
         term = effect if isinstance(effect, Term) else Term(effect, torch.zeros(0, dtype=torch.float64))
-        _check_fits(self, term.effect)
+        require_fits(self, term.effect)
         term = _whole(term, self.joints)
         return replace(self, terms=tuple(sorted((*self.terms, term), key=by_stage)))
 
@@ -186,7 +186,16 @@ def _whole(term: Term, joints: int) -> Term:
     return replace(term, theta=torch.cat([term.theta, torch.tensor(unsaid, dtype=torch.float64)]))
 
 
-def _check_fits(model: Model, effect: Effect) -> None:
+def require_fits(model: Model, effect: Effect) -> None:
+    """Refuse an effect that a model cannot be given, whatever the data are.
+
+    Args:
+        model: as it is.
+        effect: about to be added.
+
+    Raises:
+        ModelError: it is there already, does not fit the mechanism, or is one thing with another.
+    """
     kind = model.file.machine.kind
     if kind not in effect.mechanisms:
         raise ModelError(f"effect '{effect.name}' does not apply to a {kind} machine", fix="leave it out")

@@ -22,7 +22,7 @@ from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of
 from ptt.fitting.turns import with_turns
 from ptt.judge.ladder.ladder import Ladder, LadderStep
 from ptt.judge.ladder.rung import fit_rung, log_density
-from ptt.model.model import Model, Term
+from ptt.model.model import Model, Term, require_fits
 from ptt.progress import Progress, unwatched
 from ptt.run.holdout import blocks_beside, folds, pose_groups
 from ptt.run.noise import Noise, given_noise
@@ -51,6 +51,8 @@ def climb(model: Model, problem: Problem, effects: Sequence[Effect], *, progress
     Raises:
         ModelError: an effect is there already, does not fit the machine, or cannot be tested on this run.
     """
+    for effect in effects:
+        require_fits(model, effect)
     for effect in effects:
         _require(effect, problem)
     given = problem
