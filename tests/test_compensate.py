@@ -10,8 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from told_models import with_effects
 
+import ptt
 from ptt.correct.compensate import compensate
 from ptt.correct.context import beyond_context, beyond_lines, missing_context, require_context
+from ptt.correct.terms import left_to_controller
+from ptt.door.model import model_of
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.errors import TableError
@@ -91,6 +94,16 @@ def test_what_the_controller_compensates_is_never_added_twice(reversal):
     file = replace(PLAY.file, controller=ControllerSpec(compensates=("backlash",)))
     commands = compensate(read_model(file), TARGETS, reversal=reversal)
     assert not commands.reversal.any() and "left to the controller: backlash" in commands.reversal_note
+
+
+def test_what_a_controller_compensates_at_every_pose_is_left_to_it_too():
+    assert "homing-offset" in STEADY.keys
+    file = replace(STEADY.file, controller=ControllerSpec(compensates=("homing-offset",)))
+    left, alone = compensate(read_model(file), TARGETS), compensate(STEADY.without("homing-offset"), TARGETS)
+    np.testing.assert_array_equal(left.q, alone.q)
+    assert left_to_controller(read_model(file)) == ["homing-offset"]
+    named = ptt.predict(model_of(replace(file, text=""), library()), TARGETS.target[:5])
+    assert any("left to the controller, as the machine file says: homing-offset" in line for line in named.warnings)
 
 
 def test_reversal_none_leaves_it_out():

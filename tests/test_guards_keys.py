@@ -190,8 +190,15 @@ def test_what_a_controller_cannot_compensate_is_named():
     file = parse_machine(f'{BARE}[controller]\ncompensates = ["backlash", "backlsh"]\n')
     with pytest.raises(InputError, match=r"key controller\.compensates: effect 'backlsh' .* did you mean 'backlash'"):
         read_model(file)
-    own = parse_machine(f'{BARE}[controller]\ncompensates = ["once-per-rev[harmonic 2]", "my own thing"]\n')
-    assert read_model(own).file.controller.compensates == ("once-per-rev[harmonic 2]", "my own thing")
+    for wrong in ("my own thing", "tracker-scale", "dh-offsets"):  # no effect, the tracker's, another mechanism's
+        own = parse_machine(f'{BARE}[controller]\ncompensates = ["{wrong}"]\n')
+        with pytest.raises(
+            InputError, match=f"controller.compensates: '{wrong}' is no effect that .* backlash,"
+        ) as told:
+            read_model(own)
+        assert "tracker" not in told.value.fix and "--effects FILE.py" in told.value.fix and len(str(told.value)) < 580
+    two = parse_machine(f'{BARE}[controller]\ncompensates = ["once-per-rev[harmonic 2]", "screw-error-map"]\n')
+    assert read_model(two).file.controller.compensates == ("once-per-rev[harmonic 2]", "screw-error-map")
 
 
 def test_a_screw_finer_than_any_is_refused_by_its_key(tmp_path):

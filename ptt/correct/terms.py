@@ -24,13 +24,13 @@ def split_terms(model: Model, reversal: Reversal | None = None) -> tuple[Shifts,
     terms = [
         (_now(term.effect), term.theta) for term in model.terms if term.effect.stage != "metrology" and len(term.theta)
     ]
-    steady = [item for item in terms if not item[0].reverses]
+    steady = [item for item in terms if not item[0].reverses and not _is_left(item[0], model)]
     turning = [item for item in terms if item[0].reverses]
     if not turning:
         return steady, [], "the model has no reversal effect"
     if reversal == "none":
         return steady, [], f"none, as requested: {_keys(turning)} left out"
-    done = [item for item in turning if item[0].name in model.file.controller.compensates]
+    done = [item for item in turning if _is_left(item[0], model)]
     mine = [item for item in turning if item not in done]
     words = [f"in these commands: {_keys(mine)}"] if mine else []
     words += [f"left to the controller: {_keys(done)}"] if done else []
@@ -39,10 +39,12 @@ def split_terms(model: Model, reversal: Reversal | None = None) -> tuple[Shifts,
 
 def left_to_controller(model: Model) -> list[str]:
     """Keys of the effects that commands leave alone because the controller compensates them already."""
-    _, mine, _ = split_terms(model)
-    kept = {effect.key for effect, _ in mine}
-    turning = [term.effect for term in model.terms if term.effect.reverses and term.effect.stage != "metrology"]
-    return [effect.key for effect in turning if effect.key not in kept]
+    effects = [term.effect for term in model.terms if term.effect.stage != "metrology"]
+    return [effect.key for effect in effects if _is_left(effect, model)]
+
+
+def _is_left(effect: Effect, model: Model) -> bool:
+    return not {effect.name, effect.key}.isdisjoint(model.file.controller.compensates)
 
 
 def _now(effect: Effect) -> Effect:

@@ -10,6 +10,7 @@ import numpy as np
 from ptt.correct.commands import without
 from ptt.correct.compensate import LIMIT_MM, Commands, Reversal, compensate
 from ptt.correct.context import Beyond, beyond_context, beyond_lines, missing_context, require_context
+from ptt.correct.terms import left_to_controller
 from ptt.door.given import require_number, require_word
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
@@ -199,6 +200,9 @@ def warnings_of(
     parts = [beyond_context(machine.physics, table)] if parts is None else parts
     rows = sum(counted.status.values())
     context = [*missing_context(machine.physics, table), *beyond_lines(parts, table.source, rows)]
+    left = [term.effect.key for term in machine.physics.terms if not term.effect.reverses]
+    left = [key for key in left_to_controller(machine.physics) if key in left]  # of reversals the commands tell
+    unsure += [f"left to the controller, as the machine file says: {', '.join(left)}"] if left else []
     return (*bare, *unsure, *context, *counted.warnings(table.source, network=network))
 
 

@@ -43,14 +43,29 @@ def read_model(file: MachineFile, known: Library | None = None) -> Model:
 
 
 def _require_known(file: MachineFile, known: Library) -> None:
-    """Refuse what a controller is said to compensate and is nearly called like an effect; others may be one's own."""
+    """Refuse what a controller is said to compensate and cannot: it would be added once more without a word."""
     for key in file.controller.compensates:
         try:
-            make_effect(known, *parse_key(key))
+            _require_compensated(key, file, known)
         except ModelError as error:
-            if difflib.get_close_matches(parse_key(key)[0], list(known)):
-                where = f"{file.source} key controller.compensates"
-                raise ModelError(error.what, where=where, fix=error.fix) from None
+            where = f"{file.source} key controller.compensates"
+            raise ModelError(error.what, where=where, fix=error.fix) from None
+
+
+def _require_compensated(key: str, file: MachineFile, known: Library) -> None:
+    name, label = parse_key(key)
+    if name not in known and difflib.get_close_matches(name, list(known)):
+        make_effect(known, name, label)  # says which one was meant
+    if name in known and _can_be_compensated(known[name], file):
+        return
+    names = ", ".join(each for each in known if _can_be_compensated(known[each], file))
+    what = f"'{shown(key)}' is no effect that a controller of this machine can compensate"
+    raise ModelError(what, fix=f"name some of {names}, or your own with --effects FILE.py")
+
+
+def _can_be_compensated(effect: type[Effect], file: MachineFile) -> bool:
+    """Whether commands can make up for an effect: not for what the tracker does, nor for another mechanism's."""
+    return effect.stage != "metrology" and file.machine.kind in effect.mechanisms
 
 
 def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:
