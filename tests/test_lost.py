@@ -1,5 +1,6 @@
 """Lost motion: of play and wind-up that has it which tells the readings."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -88,6 +89,18 @@ def test_no_effect_is_opened_beside_values_beyond_reach():
     beyond = model_of(("homing-offset", [1e6, 0.0, -1e6])) + library()["windup"]()
     with pytest.raises(PosesError, match="cannot stand where it was commanded to"):
         fit(beyond, problem, noise=NOISE)
+
+
+def test_parallel_links_are_said_to_be_a_direct_singularity():
+    """Base and platform of one radius: the tool moves sideways while all sliders stand (DESIGN 3)."""
+    spec = MACHINE.machine.model_copy(update={"base_radius_mm": MACHINE.machine.platform_radius_mm})
+    drawing = replace(MACHINE, machine=spec)
+    place = np.random.default_rng(1).uniform(-40.0, 40.0, (40, 3))
+    for frame in ("fitted", "trusted"):
+        drawing = replace(drawing, tracker=drawing.tracker.model_copy(update={"frame": frame}))
+        with pytest.raises(PosesError, match=r"row 2 and 39 more: .* direct singularity .* base_radius_mm") as told:
+            build_problem(drawing, make_table(place, measured=place))
+        assert told.value.exit_code == 3 and "far off" not in str(told.value)
 
 
 def test_columns_without_bound_do_not_drown_those_beside_them():

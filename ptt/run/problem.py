@@ -14,6 +14,7 @@ from ptt.run.driven import as_driven
 from ptt.run.frames import rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
 from ptt.run.noise import Noise, given_noise
+from ptt.run.reach import require_closed, require_held
 from ptt.run.rounded import unrounded
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, in_base, target_frames
@@ -143,6 +144,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
 
     Raises:
         WorkspaceError: targets or commands out of reach.
+        PosesError: the drawing is singular at a reading.
         TableError: too few readings, targets and slider commands that contradict each other, or base reflectors
             missing that the machine file relies on.
     """
@@ -151,6 +153,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     observed = np.isfinite(table.measured).all(axis=1)
     read = observed & (table.role != "base")
     used = read & ~pasted_rows(table)
+    _require_places(file, table, view, used)
     policy = file.tracker.frame
     if policy == "trusted":
         refuse_untrue(table, view, stated_in, used)
@@ -179,6 +182,15 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     return Problem(
         file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise, stated_in
     )  # fmt: skip
+
+
+def _require_places(file: MachineFile, table: Table, view: View, used: np.ndarray) -> None:
+    """Refuse readings at joint values from which no place of the tool follows: a rigid motion would have none either."""
+    known = torch.isfinite(view.p).all(dim=1) & torch.isfinite(view.jacobian).flatten(1).all(dim=1)
+    lost = used & ~known.numpy()
+    told = np.zeros_like(lost) if table.command is None else np.isfinite(table.command).all(axis=1)
+    require_closed(table, lost & told & ~np.isfinite(view.p.numpy()).all(axis=1))
+    require_held(table, lost, file.source)
 
 
 def apply_frames(reading: Tensor, frame: np.ndarray, parameters: Tensor) -> tuple[Tensor, Tensor]:

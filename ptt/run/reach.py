@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ptt.errors import WorkspaceError, shown
+from ptt.errors import PosesError, WorkspaceError, shown
 from ptt.run.readers.columns import file_title
 from ptt.run.table import Table
 
@@ -36,6 +36,28 @@ def require_closed(table: Table, lost: np.ndarray) -> None:
     columns = [f"{table.joint_prefix}{joint + 1}_cmd" for joint in range(table.joints)]
     fix = "check the units, the slider zeros and the link lengths"
     _refuse(table, lost, "the links do not meet at these joint values", columns, fix)
+
+
+def require_held(table: Table, lost: np.ndarray, machine: str) -> None:
+    """Refuse poses at which the drawing's links do not hold the tool: no place follows from their joint values.
+
+    Args:
+        table: n rows.
+        lost: rows whose target is reached by joint values from which it does not follow, (n,) bool.
+        machine: name of the machine file.
+
+    Raises:
+        PosesError: there is one.
+    """
+    rows = np.flatnonzero(lost)
+    if not len(rows):
+        return
+    more = f" and {len(rows) - 1} more" if len(rows) > 1 else ""
+    raise PosesError(
+        f"{table.place(int(rows[0]))}{more}: {machine} puts the machine in a direct singularity there: its links are "
+        "parallel or in one plane, so that locked sliders do not hold the tool; are base_radius_mm, platform_radius_mm "
+        "and slider_azimuth_deg right? (`ptt dexterity` says more)"
+    )
 
 
 def _refuse(table: Table, lost: np.ndarray, what: str, quantities: list[str], fix: str) -> None:
