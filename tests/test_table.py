@@ -7,10 +7,12 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ptt.errors import TableError
+from ptt.run.noise import noise_from_std
 from ptt.run.reading import read_table
 from ptt.run.table import table_to_frame
 
 HEADER = "x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
+TURN = "qx_meas,qy_meas,qz_meas,qw_meas"
 ROWS = ["0,0,300,0.1,0.2,300.3", "10,0,300,10.1,0.2,300.3", "10,20,310,10.1,20.2,310.3"]
 
 
@@ -66,6 +68,18 @@ def test_every_column(tmp_path: Path) -> None:
     assert_array_equal(table.time_s, [0.5, 1.5, 2.5])
     assert_array_equal(table.temp_c, [20.5, 20.6, 20.7])
     assert table.joints == 3
+
+
+def test_standard_deviations_of_zero_are_left_out_with_a_warning(tmp_path: Path) -> None:
+    stated = ["0.001,0.002,0.003", "0,0,0", "0.001,0.002,0.003", "0,0,0"] * 5
+    rows = [f"{number},0,300,{number},0,300,{std}" for number, std in enumerate(stated)]
+    table = read_table(write(tmp_path, csv(*rows, header=f"{HEADER},x_std,y_std,z_std")))
+    (warning,) = [line for line in table.understood.lines if line.startswith("warning")]
+    assert warning.startswith("warning: x_std is 0 in 10 rows, first row 3: no scatter is known there")
+    noise = noise_from_std(table)
+    assert noise is not None
+    np.testing.assert_allclose(np.sqrt(np.diag(noise.covariance)), [0.001, 0.002, 0.003], rtol=1e-6)
+    assert noise_from_std(table.replace(std=0.0 * table.std)) is None
 
 
 def test_empty_reading_keeps_its_place(tmp_path: Path) -> None:
@@ -184,6 +198,14 @@ BAD = {
     "std": (
         csv(ROWS[0] + ",-1", ROWS[1] + ",1", header=HEADER + ",x_std"),
         "column x_std: negative standard deviation (-1)",
+    ),
+    "quaternion": (
+        csv(*(f"{row},0,0,0,{w}" for row, w in zip(ROWS, (1, 1.004, 2), strict=False)), header=f"{HEADER},{TURN}"),
+        "row 4, column qx_meas: the quaternion qx_meas, qy_meas, qz_meas, qw_meas has length 2, not 1; write",
+    ),
+    "no quaternion": (
+        csv(*(f"{row},0,0,0,0" for row in ROWS), header=f"{HEADER},{TURN}"),
+        "row 2, column qx_meas: the quaternion qx_meas, qy_meas, qz_meas, qw_meas has length 0",
     ),
     "twice": (csv(ROWS[0] + ",1", ROWS[1] + ",1", header=HEADER + ",x_meas"), "column x_meas appears twice"),
     "metres": (

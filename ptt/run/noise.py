@@ -242,8 +242,8 @@ def noise_from_std(table: "Table") -> Noise | None:
     """
     if table.std is None:
         return None
-    rows = table.std[np.isfinite(table.std).all(axis=1) & (table.role != "base")]
-    if not len(rows) or not (rows > 0).any():
+    rows = table.std[(table.std > 0.0).all(axis=1) & (table.role != "base")]  # zero is what a tracker does not know
+    if not len(rows):
         return None
     return Noise(np.diag(np.median(rows**2, axis=0)) + 1e-14 * np.eye(3), "std columns")
 

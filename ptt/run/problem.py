@@ -185,7 +185,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
 
 
 def _require_places(file: MachineFile, table: Table, view: View, used: np.ndarray) -> None:
-    """Refuse readings at joint values from which no place of the tool follows: a rigid motion would have none either."""
+    """Refuse readings at joint values from which no place of the tool follows: no rigid motion could be found."""
     known = torch.isfinite(view.p).all(dim=1) & torch.isfinite(view.jacobian).flatten(1).all(dim=1)
     lost = used & ~known.numpy()
     told = np.zeros_like(lost) if table.command is None else np.isfinite(table.command).all(axis=1)

@@ -19,8 +19,10 @@ from ptt.run.readers.required import (
     require_cells,
     require_columns,
     require_number,
+    title_of,
 )
 
+UNIT = 0.01  # by which the length of a quaternion may miss 1: two or three decimals leave that
 ROLES = ("pose", "base", "datum")
 
 
@@ -60,13 +62,14 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
         "direction": _directions(export, joints),
         "torque": _filled(export, [f"tau{i + 1}" for i in range(joints)], None),
         "std": _stds(export),
-        "orientation_measured": _block(export, [f"q{axis}_meas" for axis in "xyzw"]),
-        "orientation_command": _block(export, [f"q{axis}_cmd" for axis in "xyzw"]),
+        "orientation_measured": _quaternions(export, "meas"),
+        "orientation_command": _quaternions(export, "cmd"),
         "line": export.line,
         "source": export.source,
         "extra": export.extra | _unheld(export, joints, prefix),
     }
-    return fields, [*_warnings(export, prefix), *(_of_a_run(export, run, labels) if purpose == "run" else [])]
+    warnings = [*_warnings(export, prefix), *_without_scatter(export, fields["std"])]
+    return fields, [*warnings, *(_of_a_run(export, run, labels) if purpose == "run" else [])]
 
 
 def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.ndarray]:
@@ -228,6 +231,33 @@ def _stds(export: Export) -> np.ndarray | None:
             f"{'negative' if block[row, column] < 0.0 else 'vanishing'} standard deviation ({block[row, column]:g})",
             where=place(export, row, names[column]),
             fix="mark it with an empty cell",
+        )
+    return block
+
+
+def _without_scatter(export: Export, std: np.ndarray | None) -> list[str]:
+    """A warning on standard deviations of zero: no reading is exact, so nothing is known there."""
+    rows, axes = (np.empty(0, dtype=int),) * 2 if std is None else np.nonzero(std == 0.0)
+    if not len(rows):
+        return []
+    count = len(np.unique(rows))
+    where, title = f"{count} row{'' if count == 1 else 's'}", title_of(export, f"{'xyz'[axes[0]]}_std")
+    return [f"warning: {title} is 0 in {where}, first row {export.line[rows[0]]}: no scatter is known there; left out"]
+
+
+def _quaternions(export: Export, of: str) -> np.ndarray | None:
+    """Orientations as they are written, (n, 4): their length, 1 but for rounding, is taken off where they are used."""
+    names = [f"q{axis}_{of}" for axis in "xyzw"]
+    block = _block(export, names)
+    length = np.ones(1) if block is None else np.linalg.norm(block, axis=1)
+    wrong = np.flatnonzero(np.abs(length - 1.0) > UNIT)
+    if wrong.size:
+        row = int(wrong[0])
+        more = f", {wrong.size - 1} more rows as well" if wrong.size > 1 else ""
+        raise TableError(
+            f"the quaternion {', '.join(names)} has length {length[row]:.4g}, not 1{more}",
+            where=place(export, row, names[0]),
+            fix="write qx, qy, qz, qw of a unit quaternion, or leave the cells empty",
         )
     return block
 
