@@ -12,6 +12,7 @@ import torch
 from built_c import FLAGS, Built, Context, check, expected, path_of, pointer, random_model
 
 from nets import GaussianRbf, measure_domain
+from ptt.correct.compensate import compensate
 from ptt.correct.exports.c.tree import tree_order
 from ptt.correct.exports.c.write import write
 from ptt.correct.exports.format import Options
@@ -129,6 +130,22 @@ def test_the_limit_of_a_correction_is_where_ptt_predict_has_it(bench: MachineFil
         _, found, _ = check(Compensator(model, None, {}), targets, tmp_path / str(number))
         seen += [*found.sent]
     assert 0.1 < np.mean(seen) < 0.95
+
+
+def test_the_first_row_alone_arrives_as_the_state_says_and_among_others_as_predict_has_it(
+    bench: MachineFile, tmp_path: Path
+) -> None:
+    model = random_model(bench, 3, ("backlash",))
+    path = np.array([[10.0, 5.0, 10.0], [10.0, 5.0, 5.0], [10.0, 5.0, 8.0]])  # the second row is below the first
+    built, wanted = Built(Compensator(model, None, {}), tmp_path), compensate(model, make_table(path)).q
+    header = (tmp_path / "ptt_model.h").read_text()
+    assert "first row may differ from theirs: give the first rows to ptt_commands, or set state->dir" in header
+    here = Context(0.0, bench.machine.reference_temp_c, 0.0, 0.0)
+    np.testing.assert_allclose(built.commands(path, here)[1], wanted, atol=1e-9)
+    alone = built.one_by_one(path, here)[1]
+    gap = model.terms[0].theta.numpy()[:3]
+    np.testing.assert_allclose(alone[0] - wanted[0], gap, atol=1e-9)  # upward: all of the gap above what comes down
+    np.testing.assert_allclose(alone[1:], wanted[1:], atol=1e-9)
 
 
 def test_targets_in_a_frame_of_their_own(bench: MachineFile, tmp_path: Path) -> None:
