@@ -49,7 +49,7 @@ def test_what_the_command_line_refuses_the_library_refuses_in_the_same_words(cha
     path, machine = str(here / "odd.csv"), str(here / "machine.toml")
     change(pd.read_csv(here / "run.csv")).to_csv(path, index=False)
     words = [verb, path, *(("--model", machine) if verb == "compare" else (path,))]
-    assert command(words) == 2
+    code = command(words)
     printed = capsys.readouterr().err.strip().splitlines()[-1]
     with pytest.raises(InputError) as refused:
         if verb == "compare":
@@ -57,6 +57,7 @@ def test_what_the_command_line_refuses_the_library_refuses_in_the_same_words(cha
         else:
             ptt.evaluate(path, path)
     assert printed == f"error: {' '.join(str(refused.value).split())}"
+    assert code == refused.value.exit_code == (3 if "links do not meet" in printed else 2)
 
 
 def test_an_effect_of_ones_own_is_an_object_like_any_other(here):
