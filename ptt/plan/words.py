@@ -42,12 +42,12 @@ def say_ambiguity(pick: str, rival: str, instrument: str) -> str:
     Args:
         pick: key of one.
         rival: key of the other.
-        instrument: what could tell, or how they differ.
+        instrument: what could tell, or why little can.
 
     Returns:
         A sentence.
     """
-    return f"No pose tells {pick} from {rival}: the tracker sees the same either way. How they differ: {instrument}."
+    return f"No pose tells {pick} from {rival}: the tracker sees the same either way. What may tell them apart: {instrument}."
 
 
 def _where(places: np.ndarray, problem: Problem) -> str:
