@@ -141,7 +141,7 @@ def test_a_machine_file_in_place_of_the_name_gives_name_and_drawing(tmp_path, mo
     store = create_store("plant")
 
     def added(*given: object) -> str:
-        result = invoke("add", "plant", *given, "--json")
+        result = fleet("add", "plant", *given, "--json")
         assert result.exit_code == 0, result.stderr
         return json.loads(result.stdout)["machine"]
 
@@ -150,14 +150,14 @@ def test_a_machine_file_in_place_of_the_name_gives_name_and_drawing(tmp_path, mo
     assert added("press.toml", paths[3]) == "press"  # what has no name is called as its file is
     assert added("fm.toml", paths[4], "--model", "fm.toml") == "fm.toml"  # beside a drawing it is a name, as before
     Path("press").mkdir()  # a folder that is no compensator is no drawing either
-    assert json.loads(invoke("show", "plant", "press", "--json").stdout)["machines"][0]["runs"] == 1
-    assert json.loads(invoke("show", "plant", "press.toml", "--json").stdout)["machines"][0]["machine"] == "press"
+    assert json.loads(fleet("show", "plant", "press", "--json").stdout)["machines"][0]["runs"] == 1
+    assert json.loads(fleet("show", "plant", "press.toml", "--json").stdout)["machines"][0]["machine"] == "press"
     counts = {row["machine"]: row["runs"] for row in store.ask("SELECT machine, count(*) runs FROM runs GROUP BY ALL")}
     assert counts == {called: 3, "press": 1, "fm.toml": 1}
     Path("press.toml").write_text(Path("press.toml").read_text().replace("300.0", "301.0"))
-    assert "differs from the stored drawing of 'press'" in invoke("add", "plant", "press.toml", paths[0]).stderr
-    assert invoke("remove", "plant", tmp_path / "press.toml", paths[3].name).exit_code == 0
-    missing = invoke("add", "plant", "nowhere.toml", paths[0])
+    assert "differs from the stored drawing of 'press'" in fleet("add", "plant", "press.toml", paths[0]).stderr
+    assert fleet("remove", "plant", tmp_path / "press.toml", paths[3].name).exit_code == 0
+    missing = fleet("add", "plant", "nowhere.toml", paths[0])
     assert missing.exit_code == 2 and "in place of the name" in missing.stderr
 
 

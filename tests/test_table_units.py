@@ -42,6 +42,7 @@ KNOWN_UNITS = {
     ("time", "ms"): constants.milli,
     ("time", "min"): constants.minute,
     ("time", "h"): constants.hour,
+    ("time", "day"): constants.day,
     ("payload", "kg"): 1.0,
     ("payload", "g"): constants.gram,
     ("payload", "lb"): constants.pound,

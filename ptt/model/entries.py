@@ -17,12 +17,13 @@ from ptt.machine_schema import EffectEntry, ParameterEntry
 from ptt.model.model import Model, Term, by_stage, told_values
 
 
-def read_model(file: MachineFile, known: Library | None = None) -> Model:
+def read_model(file: MachineFile, known: Library | None = None, *, asked: bool = False) -> Model:
     """Turn a machine file into a model.
 
     Args:
         file: the machine, bare or fitted.
         known: effects by name; None for the library.
+        asked: whether what its controller compensates was looked at when it was first read, with all effects known.
 
     Returns:
         The model.
@@ -32,7 +33,8 @@ def read_model(file: MachineFile, known: Library | None = None) -> Model:
             size.
     """
     known = library() if known is None else known
-    _require_known(file, known)
+    if not asked:
+        _require_known(file, known)
     model = Model(file)
     for entry in file.effect:
         try:

@@ -143,7 +143,8 @@ def compensator_of(training: Training, inputs: Sequence[str]) -> Compensator:
     known = {
         term.effect.name: type(term.effect) for term in (*training.physics.model.terms, *training.physics.model.aside)
     }
-    model = read_model(parse_machine(format_machine(replace(written, covariance=covariance)), written.source), known)
+    file = parse_machine(format_machine(replace(written, covariance=covariance)), written.source)
+    model = read_model(file, known, asked=True)
     return Compensator(model, training.rbf.network, _notes(training, inputs))
 
 

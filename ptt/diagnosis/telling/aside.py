@@ -111,8 +111,8 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
 def _shares(system: RowSystem, problem: Problem, rows: np.ndarray, error: np.ndarray) -> Iterator[tuple[str, float]]:
     """Mean squared cosine between errors (m, 3) of length one and the way that each joint moves the tool."""
     for place in places_of_chain(problem, system.at.chain):
-        if place.joint is None or place.slopes.shape[2] > 1:  # a rail and a link move it along the same way
-            continue
+        if place.kind not in ("slider", "joint"):
+            continue  # a rail and a link move it along the same way
         way = place.slopes[rows, :, 0]
         cosine = (error * way).sum(axis=1) / np.maximum(np.linalg.norm(way, axis=1), 1e-12)
         yield place.residual, float(np.square(cosine).mean())

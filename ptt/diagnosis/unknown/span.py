@@ -56,7 +56,7 @@ class Span:
         contexts: what varies beside the pose, with the shapes of all its rows.
         two_sided: joints that came from both directions to readings that count, (k,) bool.
         levers: of each place, by its residual, where another part of the run has set them.
-        settling: how a joint may go on or come to rest over the time of the run, (n, 4).
+        settling: how a joint may go on or come to rest over the time of the run, (n, 5).
     """
 
     q: np.ndarray
@@ -97,11 +97,15 @@ def span_of(problem: Problem) -> Span:
 
 
 def _settling(clock: np.ndarray) -> np.ndarray:
-    """A line, a bow and two that die out, (n, 4): few shapes, for what is as simple as a wander of the tracker."""
+    """A level, a line, a bow and two that die out, (n, 5): few shapes, for what is as simple as a tracker's wander.
+
+    What changes with time has a mean over the run, which is nothing by itself.
+    """
     first, last = column_ends(clock)
     share = (clock - first) / max(float(last - first), 1e-9)
     dying = [np.exp(-share / constant) for constant in DYING]
-    return np.column_stack([2.0 * share - 1.0, np.square(2.0 * share - 1.0) - 1.0 / 3.0, *dying])
+    straight = 2.0 * share - 1.0
+    return np.column_stack([np.ones_like(share), straight, np.square(straight), *dying])
 
 
 def _contexts(problem: Problem) -> Iterator[Context]:
