@@ -47,7 +47,8 @@ def say_ambiguity(pick: str, rival: str, instrument: str) -> str:
     Returns:
         A sentence.
     """
-    return f"No pose tells {pick} from {rival}: the tracker sees the same either way. What may tell them apart: {instrument}."
+    ambiguous = f"No pose tells {pick} from {rival}: the tracker sees the same either way."
+    return f"{ambiguous} What may tell them apart: {instrument}."
 
 
 def _where(places: np.ndarray, problem: Problem) -> str:
