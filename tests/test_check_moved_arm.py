@@ -31,7 +31,7 @@ def slipped(table: Table, joint: int, degrees: float) -> Table:
 
 
 @pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.8])
+@pytest.mark.parametrize("share", [0.2, 0.5, pytest.param(0.8, marks=pytest.mark.long)])
 @pytest.mark.parametrize("move", [(0.0, (30.0, 0.0, 0.0)), (2.0, (40.0, 9.0, 5.0)), (130.0, (900.0, -400.0, 250.0))])
 def test_an_arms_tracker_that_was_moved_in_a_file(
     move: tuple[float, tuple[float, float, float]], share: float, name: str

@@ -354,6 +354,7 @@ def test_what_a_later_run_leaves_open_is_answered_where_it_was_dropped(page: Pag
     expect(page.get_by_text(re.compile("Left out. empty.csv: the file is empty"))).to_be_visible()
 
 
+@pytest.mark.long
 def test_a_run_of_20000_rows_stays_usable(page: Page, tmp_path: Path):
     random = np.random.default_rng(1)
     target = np.round(random.uniform(-50.0, 50.0, (20_000, 3)), 4)
