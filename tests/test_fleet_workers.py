@@ -139,6 +139,7 @@ def test_a_scheduler_that_is_not_there_is_told(tmp_path, monkeypatch):
     assert waiting(store) == {"m0": 1}
 
 
+@pytest.mark.long
 def test_a_log_on_workers_has_the_sums_of_one_process_also_when_one_dies(tmp_path):
     log = open_log(load_machine(MACHINE), write_log(tmp_path / "log.parquet", 1200), 100)
     layout = lay_out(Model(log.machine), log.whole, terms_of("backlash", "homing-offset"))

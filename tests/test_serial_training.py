@@ -114,6 +114,7 @@ def test_predict_asks_for_joint_commands_that_a_network_needs(trained: Training,
     assert result.exit_code == 2 and "q1_cmd_rad" in result.output
 
 
+@pytest.mark.long
 def test_train_tells_the_space(run: Problem, tmp_path: Path) -> None:
     write_table(run.table, tmp_path / "run.csv")
     save_machine(file_of(), tmp_path / "m.toml")

@@ -330,6 +330,7 @@ def test_a_mistaken_set_up_is_shown_and_put_right(page: Page, tmp_path: Path):
     expect(page.get_by_text("mirrored.csv is not open yet, see above. What follows is of mended.csv")).to_be_visible()
 
 
+@pytest.mark.long
 def test_what_a_later_run_leaves_open_is_answered_where_it_was_dropped(page: Page, tmp_path: Path):
     frame = pd.read_csv(DATA / "run.csv", dtype=str)
     stamps = [f"0{1 + row // 60}.03.2026 23:{row % 60:02d}:00" for row in range(len(frame))]
