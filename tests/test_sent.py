@@ -11,7 +11,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.noise.wander import Wander
-from ptt.diagnosis.telling.explanation import sent_state
+from ptt.diagnosis.telling.terms import sent_state
 from ptt.effects import library
 from ptt.effects.registry import make_effect
 from ptt.fitting.solve import fit

@@ -57,9 +57,9 @@ def left_by_rounding(file: MachineFile, table: Table, jacobian: np.ndarray) -> t
 
     Returns:
         The step, mm or degrees, and how far rounding to it puts the tool aside, root mean square, mm; zeros where
-        targets tell more, and where steps are so coarse that joints will have been planned in them.
+        steps are so coarse that joints will have been planned in them.
     """
-    if table.command is None or rounded_to(file, table):
+    if table.command is None:
         return 0.0, 0.0
     step = _step(file, table.command[np.isfinite(table.command).all(axis=1)])
     if not step <= PLANNED:

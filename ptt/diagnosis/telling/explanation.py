@@ -1,10 +1,9 @@
 """Candidates: one line for each effect of an explanation, then for what else the readings would call for."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-import torch
 
 from ptt.diagnosis.evidence.atoms import Atom, is_effect
 from ptt.diagnosis.evidence.candidates import first_of
@@ -12,29 +11,25 @@ from ptt.diagnosis.evidence.hidden import held_out
 from ptt.diagnosis.evidence.probability import Probability
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import own_drift, unwitnessed
-from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
-from ptt.diagnosis.telling.absent import absent_effects
 from ptt.diagnosis.telling.coincidence import coincidences
-from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt, exchanged_errors
+from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt
 from ptt.diagnosis.telling.mimic import find_sum
-from ptt.diagnosis.telling.spread import spread_of, values_of
 from ptt.diagnosis.telling.steps import Named, Step, share_of
+from ptt.diagnosis.telling.terms import MEASURED
 from ptt.diagnosis.telling.words import explain_step
 from ptt.effects import Effect
 from ptt.effects.phrases import listed
-from ptt.fitting.layout import bounds_of
 from ptt.fitting.linear import tried_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.turns import like_windup, marked, with_turns
-from ptt.model.model import Model, Term, parameter_names, told_values
+from ptt.model.model import Term, parameter_names, told_values
 from ptt.record import Record
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
-MEASURED = 0.5  # share of its prior's variance below which a value is measured
 UNNAMED = 0.5  # most probability of what is found and not named: held-out readings or an unknown speak against it
 
 
@@ -84,112 +79,6 @@ class Candidate(Record):
     sum_of: tuple[str, ...]
     words: str
     tool_doubt: float | None = None
-
-
-def posterior_terms(
-    found: Found, model: Model, keys: tuple[str, ...], others: tuple[Exchange, ...]
-) -> tuple[Term, ...]:
-    """The given effects and the steps at the posterior's values.
-
-    Args:
-        found: the best explanation.
-        model: as given.
-        keys: of the steps' atoms.
-        others: it with moments of a slip and a knock exchanged.
-
-    Returns:
-        The terms, in the order of a model; those without a value that is free are as they were given.
-    """
-    exchanged = exchanged_errors(found, others)
-    absent = absent_effects(found.scorer, found.state, drawn=found.fitted.unnamed is None)
-    system, state = found.system, found.state
-    current = replace(model, terms=tuple(term for term in model.terms if term.effect.key not in system.atoms))
-    for key in (*found.scorer.given, *keys):
-        atom, own = system.atoms[key], state.of(key)
-        term = next((t for t in found.fitted.model.terms if t.effect.key == atom.name), None)
-        if term is None or atom.shape is not None:
-            continue
-        free = _free(found, atom)
-        theta, error = term.theta.clone(), torch.full_like(term.theta, torch.nan)
-        seen = torch.ones(len(theta), dtype=torch.bool)
-        theta[free] = torch.as_tensor(atom.amplitudes(state.posterior.values[own], system.scale))
-        std, prior = state.errors(atom, system.scale)
-        error[free] = torch.as_tensor(
-            np.sqrt(
-                spread_of(found.scorer, state, key, absent) ** 2
-                + exchanged[atom.name][free.numpy()]
-                + found.fitted.open[_own(found, atom)]
-            )
-        )
-        seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
-        current = current + replace(term, theta=_within(term, theta, model), std=error, measured=seen)
-    return current.terms
-
-
-def sent_state(found: Found, keys: tuple[str, ...]) -> State:
-    """The steps without anything unknown beside them, for only effects are sent to a machine.
-
-    Beside a block an effect has the share that is its own, and what the block has for itself would stay. Nor does the
-    noise remember anything: beside what the block leaves, a wander would be as large, and take what effects have to.
-
-    Args:
-        found: the best explanation.
-        keys: of the steps' atoms.
-
-    Returns:
-        The explanation itself where it has nothing else.
-    """
-    scorer = found.scorer
-    return found.state if set(found.state.keys) == {*scorer.given, *keys} else scorer.score(keys, WHITE)
-
-
-def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> tuple[Term, ...]:
-    """The same with the values that are sent: of these is the held-out error, and `ptt add` fits them.
-
-    Args:
-        found: the best explanation.
-        terms: its given effects and its steps.
-        keys: of the steps' atoms.
-
-    Returns:
-        The terms, as they are where the explanation has nothing else.
-    """
-    alone, sent = sent_state(found, keys), list[Term]()
-    if alone is found.state:
-        return terms
-    atoms = {found.system.atoms[key].name: found.system.atoms[key] for key in alone.keys}
-    for term in terms:
-        atom, theta = atoms.get(term.effect.key), term.theta.clone()
-        if atom is None:  # all of its values are held
-            sent.append(term)
-            continue
-        theta[_free(found, atom)] = torch.as_tensor(values_of(alone, atom, found.system.scale))
-        sent.append(replace(term, theta=_within(term, theta, found.fitted.model)))
-    return tuple(sent)
-
-
-def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
-    """Values with lengths where their law holds: far from where it was linearised a tangent may give any."""
-    bounds, place = list[tuple[float, float]](), 0
-    for parameter in (each.on(model.file.machine.kind) for each in term.effect.parameters):
-        size = parameter.size(model.joints)
-        own = term.theta[place : place + size].numpy()
-        bounds += [bounds_of(parameter, own) if parameter.role == "searched" else (-np.inf, np.inf)] * size
-        place += size
-    low, high = torch.tensor(bounds, dtype=theta.dtype).T
-    return torch.clamp(theta, low, high)
-
-
-def _own(found: Found, atom: Atom) -> np.ndarray:
-    """Which unknowns of the fit are an effect's, (u,) bool."""
-    layout = found.fitted.layout
-    return np.asarray(layout.owner == [term.effect.key for term in layout.terms].index(atom.name))
-
-
-def _free(found: Found, atom: Atom) -> torch.Tensor:
-    """Which values of an effect of the model its atom has, (p,) bool."""
-    index = [term.effect.key for term in found.fitted.layout.terms].index(atom.name)
-    return torch.as_tensor(found.fitted.layout.free[index])
 
 
 def candidates_of_steps(

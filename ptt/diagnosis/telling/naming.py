@@ -10,8 +10,8 @@ from ptt.diagnosis.evidence.possible import WRONG_SIDE
 from ptt.diagnosis.search.fits import stands
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.telling.exchange import Exchange, exchanges
-from ptt.diagnosis.telling.explanation import posterior_terms, sent_terms
 from ptt.diagnosis.telling.steps import Named, name_steps
+from ptt.diagnosis.telling.terms import posterior_terms, sent_terms
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 

@@ -21,9 +21,10 @@ from ptt.diagnosis.search.rest import Objections, Rest, too_much_for_nothing
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
-from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates, sent_state
+from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates
 from ptt.diagnosis.telling.naming import Naming, naming_of
 from ptt.diagnosis.telling.sizes import sized
+from ptt.diagnosis.telling.terms import sent_state
 from ptt.diagnosis.telling.unknowns import Unnamed, unnamed_of
 from ptt.diagnosis.telling.verdict_words import explain_verdict
 from ptt.effects import Library

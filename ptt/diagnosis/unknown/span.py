@@ -55,8 +55,8 @@ class Span:
         radius: root mean square of the coordinates, mm.
         contexts: what varies beside the pose, with the shapes of all its rows.
         two_sided: joints that came from both directions to readings that count, (k,) bool.
-        levers: of each place, by its residual, where another part of the run has set them.
         settling: how a joint may go on or come to rest over the time of the run, (n, 5).
+        levers: of each place, by its residual, where another part of the run has set them.
     """
 
     q: np.ndarray
@@ -64,8 +64,8 @@ class Span:
     radius: float
     contexts: tuple[Context, ...]
     two_sided: np.ndarray
+    settling: np.ndarray
     levers: dict[str, float] = field(default_factory=dict)
-    settling: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def of(self, rows: np.ndarray) -> "Span":
         """The same for some of the rows, (m,) int."""
@@ -90,10 +90,8 @@ def span_of(problem: Problem) -> Span:
     view = problem.view
     q, p = view.q.numpy(), view.p.numpy()
     size = max(float(np.sqrt(np.square(p).mean())), 1e-9)
-    return Span(
-        column_ends(q), column_ends(p), size, tuple(_contexts(problem)), problem.two_sided,
-        settling=_settling(view.clock.numpy()),
-    )  # fmt: skip
+    contexts, settling = tuple(_contexts(problem)), _settling(view.clock.numpy())
+    return Span(column_ends(q), column_ends(p), size, contexts, problem.two_sided, settling)
 
 
 def _settling(clock: np.ndarray) -> np.ndarray:
