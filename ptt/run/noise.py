@@ -22,6 +22,7 @@ ROUNDING = 1e-9  # of the summed variances: what scatters by less in some direct
 NOTHING = 1e-18  # mm^2: no reading is better than a nanometre
 STEPS = tuple(digit * 10.0**-power for power in range(1, 5) for digit in (5.0, 2.0, 1.0))  # mm, that readings come in
 ON_STEP = 1e-5  # of a step: how near a reading lies to a whole number of them
+FIRST = 1000  # readings asked before all are
 SAME_WARMTH = 0.5  # K
 SAME_LOAD = 0.01  # kg
 SAME_FEED = 1e-3  # mm/s
@@ -183,9 +184,14 @@ def step_of(reading: np.ndarray) -> float:
         The largest of the usual decimal steps that all of them are whole numbers of; zero where none is.
     """
     for step in STEPS:
-        if (np.abs(reading / step - np.round(reading / step)) < ON_STEP).all():
+        if _are_whole(reading[:FIRST], step) and _are_whole(reading, step):
             return step
     return 0.0
+
+
+def _are_whole(reading: np.ndarray, step: float) -> bool:
+    steps = reading / step
+    return bool((np.abs(steps - np.round(steps)) < ON_STEP).all())
 
 
 def least_variance(reading: np.ndarray, stated: float = np.inf) -> float:

@@ -7,7 +7,6 @@ rows joints run evenly, or bend so that the tool runs straight.
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -194,6 +193,8 @@ def pace_of(
         share = np.divide(before, before + after, out=np.zeros_like(before), where=inner & (way == MEAN))
         leaving, bends = np.where(alone & ~starts, share, leaving), bends | alone
     corners = np.flatnonzero(bends | changes)
-    stretches = [(a, b) for a, b in pairwise(corners.tolist()) if b - a > 2 and sound[a:b].all()]
+    wide = np.flatnonzero(np.diff(corners) > 2)
+    edges = zip(corners[wide].tolist(), corners[wide + 1].tolist(), strict=True)
+    stretches = [(a, b) for a, b in edges if sound[a:b].all()]
     bend = None if ends is None else bend_of(lasts, sound, corners, leaving, ends)
     return Pace(lasts, short_stretches(lasts, sound, corners, leaving), *splines(lasts, stretches, leaving), bend)

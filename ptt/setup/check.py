@@ -31,6 +31,7 @@ from ptt.setup.shuffled import find_shuffled
 from ptt.setup.stations import find_stations
 from ptt.setup.stray import find_far_targets
 
+AT_FIRST = 1000  # rows among which enough poses are looked for before all rows are
 OWN_FRAME = ("fitted-per-run", "measured")  # each run is a set-up of the tracker, with a frame of its own
 
 
@@ -96,8 +97,8 @@ def too_little(file: MachineFile, table: Table) -> str:
     rows = used_rows(table) & sent
     read = rows & np.isfinite(table.measured).all(axis=1)
     rows, what = (read, "a reading") if read.any() else (rows, "a target or command")
-    poses, least = len(np.unique(np.round(place[rows], 6), axis=0)), FEWEST_OF_ARM if arm else LEAST_ROWS
-    if poses >= least:
+    least, at = FEWEST_OF_ARM if arm else LEAST_ROWS, np.round(place[rows], 6)
+    if len(np.unique(at[:AT_FIRST], axis=0)) >= least or (poses := len(np.unique(at, axis=0))) >= least:
         return ""
     return f"{poses} different pose{'' if poses == 1 else 's'} with {what}, but {least} are needed"
 

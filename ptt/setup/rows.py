@@ -252,11 +252,12 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
 def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
     """What stays in the frame that suits most rows, (n, 3) mm in the base frame, and its rotation."""
     starts = stretches(len(place), LEAST_KNOWN // 2)
-    best: tuple[int, np.ndarray, np.ndarray] | None = None
-    for kept in np.array_split(starts, min(len(starts), -(-starts.size // AT_ONCE))):
-        near, left, turn = _best_start(place, reading, kept, free)
-        best = (near, left, turn) if best is None or near > best[0] else best
-    assert best is not None
+    best = _best_start(place, reading, starts[:1], free)
+    if best[0] == len(place):  # all rows in one frame: no other suits more
+        return best[1], best[2]
+    for kept in np.array_split(starts[1:], min(len(starts) - 1, -(-starts.size // AT_ONCE))):
+        other = _best_start(place, reading, kept, free)
+        best = other if other[0] > best[0] else best
     return best[1], best[2]
 
 

@@ -29,10 +29,14 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
     Returns:
         At most one finding, and the files with every reading beside its pose.
     """
-    place, used = places(setup), used_rows(setup.table)
-    poses, read = (np.flatnonzero(used & np.isfinite(points).all(axis=1)) for points in (place, setup.table.measured))
+    used = used_rows(setup.table)
+    read = np.flatnonzero(used & np.isfinite(setup.table.measured).all(axis=1))
+    if not LEAST_ROWS <= len(read) <= MOST_ROWS:
+        return [], setup
+    place = places(setup)
+    poses = np.flatnonzero(used & np.isfinite(place).all(axis=1))
     both = np.intersect1d(poses, read)
-    if not LEAST_ROWS <= len(read) <= len(poses) <= MOST_ROWS or not len(both):
+    if not len(read) <= len(poses) <= MOST_ROWS or not len(both):
         return [], setup
     before = _root_mean_square(align_many(place[None, both], setup.table.measured[None, both], setup.free)[2][0])
     if before < BEYOND_FAULTS:

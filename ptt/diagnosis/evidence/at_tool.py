@@ -6,8 +6,9 @@ import numpy as np
 
 from ptt.model.chain import predict
 from ptt.model.model import Term
-from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
+
+UNSEEN = 1e-12  # share of the largest inertia below which points lie on a line
 
 
 def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
@@ -20,11 +21,24 @@ def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
     Returns:
         (m, 3) mm.
     """
-    left, place = error[problem.used].copy(), rigid_columns(problem.view.p).numpy()[problem.used]
+    left, place = error[problem.used].copy(), problem.view.p.numpy()[problem.used]
     for own in _set_ups(problem):
-        columns = place[own].reshape(-1, 6)
-        left[own] -= (columns @ np.linalg.lstsq(columns, left[own].ravel(), rcond=None)[0]).reshape(-1, 3)
+        left[own] -= _rigid_part(left[own], place[own])
     return left
+
+
+def _rigid_part(moved: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """The shift and small turn that suit motions of points best, at each of them: (n, 3) and (n, 3) mm -> (n, 3) mm.
+
+    About the points' middle shift and turn do not mix: the shift is the mean, and the turn w solves J w = sum p x m
+    with the points' inertia J. A turn about a line that all of them lie on moves none, and is none.
+    """
+    shift, arm = moved.mean(axis=0), place - place.mean(axis=0)
+    second = arm.T @ arm
+    inertia, moment = np.trace(second) * np.eye(3) - second, arm.T @ (moved - shift)
+    axial = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]])
+    turn = np.linalg.pinv(inertia, rcond=UNSEEN, hermitian=True) @ axial
+    return np.asarray(shift + np.cross(turn, arm))
 
 
 def _set_ups(problem: Problem) -> Iterator[np.ndarray]:

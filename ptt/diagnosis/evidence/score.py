@@ -233,7 +233,7 @@ class Scorer:
 
     def _undoes(self, state: State) -> bool:
         """Whether something takes back, within a few readings, what something of another kind did: they are gross."""
-        atoms, time = [self.system.atoms[key] for key in state.keys], np.sort(self.system.clock.time)
+        atoms, time = [self.system.atoms[key] for key in state.keys], self.system.clock.in_order
         dated = [(float(atom.moment), atom) for atom in atoms if atom.moment is not None]
         for (moment, one), (other, two) in combinations(dated, 2):
             if one.shape is two.shape is None:  # what the model has it may keep
@@ -256,7 +256,7 @@ class Scorer:
 
         What came and went within a few readings is a gross error of theirs. What the model has may come back to it.
         """
-        time, atoms = np.sort(self.system.clock.time), [self.system.atoms[key] for key in state.keys]
+        time, atoms = self.system.clock.in_order, [self.system.atoms[key] for key in state.keys]
         happened = [(type(atom.effect), atom.moment) for atom in atoms if atom.moment is not None]
 
         def is_apart(atom: Atom) -> bool:

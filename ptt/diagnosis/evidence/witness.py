@@ -10,6 +10,7 @@ import numpy as np
 from ptt.diagnosis.evidence.at_tool import at_tool_um, moved_by, off_set_up
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
+from ptt.fitting.chunks import few_enough
 from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -78,10 +79,18 @@ def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
     """Whether a growth is, to the readings, a shift of all of them with the warmth."""
     if term.effect.stage == "metrology" or "temperature" not in term.effect.requires or _was_watched(problem):
         return False
+    few = few_enough(problem)  # what they show, all rows show
+    if few is not problem and _beside_warmth(term, few, noise) >= CLEAR:
+        return False
+    return _beside_warmth(term, problem, noise) < CLEAR
+
+
+def _beside_warmth(term: Term, problem: Problem, noise: Noise) -> float:
+    """Chi-squared of what an effect does beside any shift of all readings with the warmth."""
     left, warmth = moved_by(term, problem).ravel(), problem.view.warmth.numpy()[:, None]
     warm = np.stack([off_set_up(warmth * axis, problem).ravel() for axis in np.eye(3)], axis=1)
     rest = (left - warm @ np.linalg.lstsq(warm, left, rcond=None)[0]).reshape(-1, 3)
-    return float(np.square(rest @ noise.whitener.T).sum()) < CLEAR
+    return float(np.square(rest @ noise.whitener.T).sum())
 
 
 def _was_watched(problem: Problem) -> bool:

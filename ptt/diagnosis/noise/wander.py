@@ -84,6 +84,11 @@ class Clock:
     _decays: dict[float, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
+    def in_order(self) -> np.ndarray:
+        """The times, earliest first, (n,)."""
+        return np.sort(self.time)
+
+    @cached_property
     def step(self) -> float:
         """Median time between rows of a run, zero where there is none."""
         steps = np.diff(self.time)[~self.starts[1:]]

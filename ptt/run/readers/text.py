@@ -22,6 +22,7 @@ LONGEST = 100_000  # characters of a line: a row of a thousand columns of a hund
 SAMPLE = 400  # lines from the start, and about as many of the rest, that tell signs and delimiter
 PREAMBLE = 12  # lines that an export may have above its titles
 _EXCEL_HINT = re.compile(r"sep=.\s*")
+_ASIDE = {mark[0] for mark in (*COMMENT_MARKS, "sep=")}
 
 
 @dataclass(frozen=True)
@@ -147,9 +148,11 @@ def _cut_lines(text: str) -> tuple[tuple[str, ...], list[str], np.ndarray]:
     kept, comments = [], []
     for index, line in enumerate(lines):
         stripped = line.lstrip()
-        if stripped.startswith(COMMENT_MARKS) or _EXCEL_HINT.fullmatch(line):
+        if not stripped:
+            continue
+        if stripped[0] in _ASIDE and (stripped.startswith(COMMENT_MARKS) or _EXCEL_HINT.fullmatch(line)):
             comments.append(stripped.lstrip("#/%").strip())
-        elif stripped:
+        else:
             kept.append(index)
     return tuple(comments), [lines[index] for index in kept], np.asarray(kept, dtype=np.int64) + 1
 
