@@ -105,6 +105,16 @@ def test_a_broken_beam_does_not_make_the_noise_floor() -> None:
     np.testing.assert_allclose(pooled.sigma, 0.006, rtol=0.3)
 
 
+def test_pairs_are_left_out_beyond_the_same_chance_as_groups_of_many() -> None:
+    """Each of two readings lies half as far from their mean as from each other: 0.7 sigma, for 1 among many."""
+    table = repeated(0.004, groups=200, times=2)
+    sound = noise_from_repeats(table, table.measured, np.ones((table.rows, 3)))
+    measured = table.measured.copy()
+    measured[17, 1] = measured[16, 1] + 0.004 * np.sqrt(2.0) * 5.8  # of 400 readings one is 4.6 sigma off, by chance
+    gross = noise_from_repeats(replace(table, measured=measured), measured, np.ones((table.rows, 3)))
+    assert sound is not None and gross is not None and gross.freedom == sound.freedom - 1
+
+
 def test_whitener_makes_noise_white() -> None:
     pooled = noise_from_repeats(repeated(0.006), repeated(0.006).measured, np.ones((120, 3)))
     np.testing.assert_allclose(pooled.whitener @ pooled.covariance @ pooled.whitener.T, np.eye(3), atol=1e-9)

@@ -153,8 +153,9 @@ def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
         if freedom < ENOUGH:
             return None
         covariance = deviation.T @ deviation / freedom
-        scale = _spread_robustly(deviation, group[kept])
-        far = ((deviation / scale) ** 2).max(axis=1) > chi2_isf(CHANCE / len(values), 1)
+        lifted, repeated = _lifted(deviation, group[kept])
+        scale = np.maximum(median_sigma(lifted[repeated], axis=0), 1e-9)
+        far = ((lifted / scale) ** 2).max(axis=1) > chi2_isf(CHANCE / len(values), 1)
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False
@@ -294,9 +295,7 @@ def _deviations(values: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, int]
     return values - mean[group], int(len(values) - (count > 0).sum())
 
 
-def _spread_robustly(deviation: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Median-based standard deviation of each coordinate's deviations from their group means."""
+def _lifted(deviation: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Deviations from group means as large as those from the true means would be, and which rows have company."""
     size = np.bincount(group)[group]
-    repeated = size > 1
-    lift = np.sqrt(size[repeated] / (size[repeated] - 1.0))[:, None]
-    return np.maximum(median_sigma(deviation[repeated] * lift, axis=0), 1e-9)
+    return deviation * np.sqrt(size / np.maximum(size - 1.0, 1.0))[:, None], size > 1
