@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
     from ptt.machine import MachineFile
@@ -12,6 +13,10 @@ if TYPE_CHECKING:
 
 # Before any library is loaded that hears it: more threads share sums out otherwise, and the last digits would change.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# A machine that is busy besides draws slowly, and so do its examples run: neither is an error of the program.
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")
 
 BENCH = """
 [machine]

@@ -7,9 +7,11 @@ import pytest
 import torch
 from made_runs import machine
 
+from ptt.diagnosis.diagnose import diagnose
 from ptt.effects.bench import sample_machine
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
 from ptt.run.problem import build_problem
 from ptt.run.rounded import rounded_to, unrounded
 from ptt.run.table import make_table
@@ -83,3 +85,19 @@ def test_angles_of_few_digits_that_nothing_tells_finer_are_said_to_look_like_an_
         aside = np.sqrt(np.square(readings - robot.forward(torch.as_tensor(written)).numpy()).sum(axis=1).mean())
         told = float(lines.partition("puts the tool ")[2].partition(" um")[0])
         assert told == pytest.approx(1e3 * aside, rel=0.15)
+
+
+@pytest.mark.parametrize(("visits", "more", "verdict"), [(1, 0.0, "nothing-missing"), (3, 0.0, "nothing-missing"),
+                                                          (3, 3.0, "unknown")])  # fmt: skip
+def test_what_rounding_of_angles_puts_aside_is_nothing_unknown(visits: int, more: float, verdict: str) -> None:
+    """Two decimals of a degree put this arm aside by several times the noise; what is beyond that is not theirs."""
+    file, random = arm(), np.random.default_rng(8)
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": 0.01}))
+    robot = build_mechanism(file.machine)
+    exact = np.tile(random.uniform(-1.0, 1.0, (90 // visits, robot.joints)), (visits, 1))[random.permutation(90)]
+    written = np.radians(np.degrees(exact).round(2))
+    there, as_written = (robot.forward(torch.as_tensor(each)).numpy() for each in (exact, written))
+    assert np.square(there - as_written).sum(axis=1).mean() > (3.0 * 0.01) ** 2
+    readings = there + more * (there - as_written) + random.normal(0.0, 0.01 / np.sqrt(3.0), there.shape)
+    problem = build_problem(file, make_table(None, written, readings))
+    assert diagnose(Model(file), problem).verdict == verdict

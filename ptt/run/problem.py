@@ -1,6 +1,7 @@
 """One identification problem: the view, the readings brought near the base frame, and what the tracker frame may do."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -15,7 +16,7 @@ from ptt.run.frames import rotation
 from ptt.run.mounts import find_mounts, mount_of_rows
 from ptt.run.noise import Noise, given_noise
 from ptt.run.reach import require_closed, require_held
-from ptt.run.rounded import unrounded
+from ptt.run.rounded import SEEN, left_by_rounding, unrounded
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, in_base, target_frames
 from ptt.run.view import View
@@ -126,6 +127,16 @@ class Problem:
         measured = into_base(self.measured, self.frame, rotations, shifts)
         shifts = self.shift + np.einsum("fij,fj->fi", self.rotation, shifts)
         return replace(held, measured=measured, rotation=self.rotation @ rotations, shift=shifts)
+
+    @cached_property
+    def rounding(self) -> tuple[float, float]:
+        """Step of joint commands that nothing tells finer, mm or degrees, and how far it may put poses aside, mm rms.
+
+        Zeros where the noise hides it.
+        """
+        step, aside = left_by_rounding(self.file, in_base(self.table, self.stated_in), self.view.jacobian.numpy())
+        hidden = self.noise is not None and aside < SEEN * self.noise.total
+        return (0.0, 0.0) if hidden else (step, aside)
 
     def with_noise(self, noise: Noise) -> "Problem":
         """The same problem with a noise floor."""

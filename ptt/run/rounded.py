@@ -13,6 +13,7 @@ from ptt.run.table import Table
 FINE = 1e-3  # mm: a last digit of a micrometre leaves 0.3 um, less than any tracker reads
 NEAR = 0.5 + 1e-3  # of a step, by which a rounded number is off at the most
 PLANNED = 0.05  # mm or degrees: coarser steps are those of a plan
+SEEN = 0.3  # of the noise, from which what rounding leaves of commands shows in many readings
 LEAST = 0.05  # of a step, root mean square: rounding is off by 0.29, and joints that were planned in steps by nothing
 
 
@@ -50,6 +51,8 @@ def unrounded(file: MachineFile, table: Table) -> Table:
 def left_by_rounding(file: MachineFile, table: Table, jacobian: np.ndarray) -> tuple[float, float]:
     """What rounding may have taken off joint commands that nothing tells finer.
 
+    Targets alone are as a rule planned in the steps that they are written in.
+
     Args:
         file: the machine.
         table: n rows, targets in the base frame.
@@ -57,9 +60,11 @@ def left_by_rounding(file: MachineFile, table: Table, jacobian: np.ndarray) -> t
 
     Returns:
         The step, mm or degrees, and how far rounding to it puts the tool aside, root mean square, mm; zeros where
-        steps are so coarse that joints will have been planned in them.
+        steps are so coarse that joints will have been planned in them, or targets tell them finer.
     """
     if table.command is None:
+        return 0.0, 0.0
+    if rounded_to(file, table):
         return 0.0, 0.0
     step = _step(file, table.command[np.isfinite(table.command).all(axis=1)])
     if not step <= PLANNED:

@@ -7,12 +7,11 @@ import numpy as np
 
 from ptt.run.frames import rotation_vector
 from ptt.run.problem import Problem
-from ptt.run.rounded import left_by_rounding, rounded_to
+from ptt.run.rounded import rounded_to
 from ptt.run.target_frame import in_base
 
 WORTH_MM = 1.0  # of way, root mean square: less is what any set-up takes, and no machine is built off by more unseen
 MUCH_LESS = 0.1  # of the way to the drawing's places: a tracker elsewhere would not happen to read the targets' own
-SEEN = 0.3  # of the noise, from which what rounding leaves of commands shows in many readings
 SHARED = "several runs"
 SHOWN_FRAMES = 3
 
@@ -74,8 +73,8 @@ def _rounding_words(problem: Problem, unit: str) -> list[str]:
         return [
             f"joint commands are those of the targets, rounded to {step:g} {unit}; the targets tell finer and count"
         ]
-    step, aside = left_by_rounding(problem.file, table, problem.view.jacobian.numpy())
-    if not step or problem.noise is None or aside < SEEN * problem.noise.total:
+    step, aside = problem.rounding
+    if not step:
         return []
     return [
         f"joint commands are written in steps of {step:g} {unit}: if the controller was sent more digits, rounding "

@@ -66,7 +66,7 @@ def noise_left(system: System, state: State) -> Noise:
         The noise; its degrees of freedom are those that the atoms do not use up.
     """
     left = _noise_of(system.innovation(state.columns, state.posterior.values, state.memory), system, state)
-    return _by_visit(left, state) if system.errs_by_pose(state.memory) else left
+    return _by_visit(left, state) if system.shares_by_pose(state.memory) else left
 
 
 def _by_visit(left: Noise, state: State) -> Noise:
@@ -209,7 +209,8 @@ def outdone(given: Noise, left: Noise) -> bool:
 def stated_noise(problem: Problem, system: System, state: State) -> Noise | None:
     """The noise that an explanation may be held against: as it was known, but for repeats that it outdoes.
 
-    These scatter by what changed between them, and what the tracker states counts again.
+    These scatter by what changed between them, and what the tracker states counts again. Rounding of commands adds to
+    either.
 
     Args:
         problem: the readings.
@@ -220,12 +221,15 @@ def stated_noise(problem: Problem, system: System, state: State) -> Noise | None
         The noise; None where nobody stated it.
     """
     given = problem.noise
-    if given is None or not outdone(given, noise_left(system, state)):
+    if given is not None and outdone(given, noise_left(system, state)):
+        if given.stated is None:
+            return None
+        source, total = given.stated
+        given = Noise(np.eye(3) * total**2 / 3.0, source)
+    aside = problem.rounding[1]
+    if given is None or not aside:
         return given
-    if given.stated is None:
-        return None
-    source, total = given.stated
-    return Noise(np.eye(3) * total**2 / 3.0, source)
+    return replace(given, covariance=given.covariance + np.eye(3) * aside**2 / 3.0)
 
 
 def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:

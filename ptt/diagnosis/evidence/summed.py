@@ -221,7 +221,7 @@ def _system(
     system = SummedSystem(
         there, linear.frame, atoms, clock_of(run.problem, rows), at.noise, at.freedom, scale, total, hidden,
         linear.base_values.size, len(pose) - len(np.unique(pose)), lambda chosen, values: np.zeros((0, 3)),
-        by_visit=run.by_visit,
+        by_visit=run.by_visit, aside=run.problem.rounding[1],
     )  # fmt: skip
     system.look = lambda chosen, values: left_of(run, at, system, chosen, values)
     return system

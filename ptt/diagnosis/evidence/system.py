@@ -36,6 +36,7 @@ class System(ABC):
         freedom: degrees of freedom of coordinates behind the noise, zero where it is only a guess.
         scale: (P,) size of a unit of each column.
         by_visit: whether what a memory calls a pose is one visit, so that it is a machine's scatter and no fault.
+        aside: root mean square by which rounding of commands may put poses aside, mm.
     """
 
     rows: np.ndarray
@@ -46,6 +47,7 @@ class System(ABC):
     freedom: float
     scale: np.ndarray
     by_visit: bool = field(default=False, kw_only=True)
+    aside: float = field(default=0.0, kw_only=True)
 
     @property
     @abstractmethod
@@ -63,18 +65,27 @@ class System(ABC):
     @cached_property
     def finest(self) -> float:
         """White variance that no set leaves less of, in units of the noise: that of the last digit of a reading."""
-        return self.noise.least * float(np.trace(np.linalg.inv(self.noise.covariance))) / 3.0
+        return self.noise.least * self._noises
+
+    @property
+    def _noises(self) -> float:
+        """Variance of one coordinate in units of the noise, of 1 mm^2."""
+        return float(np.trace(np.linalg.inv(self.noise.covariance))) / 3.0
 
     def nats_of_noise(self, left: np.ndarray | float) -> np.ndarray:
         """Log evidence of white noise, its variance learned, where sets leave sums of squares, (..) in noise units."""
         return noise_of(np.asarray(left), self.spare, self.freedom, self.finest)[1]
 
-    def errs_by_pose(self, memory: Memory) -> bool:
+    def shares_by_pose(self, memory: Memory) -> bool:
         """Whether a memory holds errors that come back with their pose, which no machine's scatter does.
 
-        Where nothing else scatters, what rounding leaves comes back as well.
+        Where nothing else scatters, what rounding leaves of readings comes back as well.
         """
         return memory.pose > ROUNDED * self.finest and not self.by_visit
+
+    def errs_by_pose(self, memory: Memory) -> bool:
+        """The same, and by more than rounding of commands leaves: something is there that no effect describes."""
+        return self.shares_by_pose(memory) and memory.pose > ROUNDED * self.aside**2 / 3.0 * self._noises
 
     @property
     @abstractmethod

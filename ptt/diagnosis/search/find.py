@@ -140,7 +140,7 @@ def _more_than_nothing(found: Found, problem: Problem) -> Found:
     if loose(scorer, state) or problem.noise is None:
         return found
     left = found.system.in_mm(found.system.left(state.columns, state.posterior.values))
-    if np.sqrt(np.square(left).sum(axis=1).mean()) <= SILENT * stated_of(problem.noise)[1]:
+    if np.sqrt(np.square(left).sum(axis=1).mean()) <= SILENT * stated_of(problem.noise, problem.rounding[1])[1]:
         return found
     best = max(scorer.scored.values(), key=lambda other: other.total)
     return replace(found, state=plainest(scorer, best, nothing=False))

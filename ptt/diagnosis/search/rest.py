@@ -15,7 +15,7 @@ from ptt.diagnosis.noise.wander import FAULT
 from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
-from ptt.run.holdout import BLOCKS, blocks, sharing_groups
+from ptt.run.holdout import BLOCKS, blocks, pose_groups, sharing_groups
 from ptt.run.noise import Noise, source_in_words
 from ptt.run.problem import Problem
 
@@ -172,18 +172,22 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
 def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarray:
     """Means of visits in place of their readings, where each visit errs by itself: one witness, however often read.
 
+    Where rounding of commands puts poses aside, a pose is one, however often it was visited.
+
     Args:
         residual: innovations, (n, 3) mm; NaN on rows left out.
         state: the best set.
         problem: the rows.
 
     Returns:
-        (n, 3) mm, the mean of each visit on its first row that counts, NaN on the others; as it is where readings of a
-        visit share no error.
+        (n, 3) mm, the mean of each visit or pose on its first row that counts, NaN on the others; as it is where its
+        readings share no error.
     """
     counted = np.isfinite(residual).all(axis=1)
     group, by_visit = sharing_groups(problem.table, counted)
-    if not (by_visit and state.memory.pose):
+    if problem.rounding[1]:
+        group = pose_groups(problem.table)
+    elif not (by_visit and state.memory.pose):
         return residual
     rows = np.flatnonzero(counted)
     _, first, number = np.unique(group[rows], return_index=True, return_inverse=True)
@@ -194,7 +198,7 @@ def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarr
 
 
 def too_much_for_nothing(
-    error: float, noise: Noise | None, *, wanders: bool = False, by_visit: bool = False
+    error: float, noise: Noise | None, *, wanders: bool = False, by_visit: bool = False, aside: float = 0.0
 ) -> str | None:
     """Why an error that nothing was found in is not nothing: it is far beyond the noise that somebody states.
 
@@ -207,13 +211,14 @@ def too_much_for_nothing(
         noise: the noise floor as it was before any search; None where nothing told it.
         wanders: whether the tracker is said to wander.
         by_visit: whether readings of one visit are said to err alike.
+        aside: root mean square by which rounding of commands may put poses aside, mm.
 
     Returns:
         The reason in words; None where there is none.
     """
     if noise is None:
         return None
-    source, total = stated_of(noise)
+    source, total = stated_of(noise, aside)
     visits = by_visit or noise.stated is not None
     if error <= (np.sqrt(1.0 + FAULT) if wanders or visits else EXCESS) * total:
         return None
@@ -245,13 +250,15 @@ def remaining_error(residual: str) -> str:
     return f"the remaining error {'in' if residual in COORDINATES else 'of'} {residual}"
 
 
-def stated_of(noise: Noise) -> tuple[str, float]:
+def stated_of(noise: Noise, aside: float) -> tuple[str, float]:
     """Who states a noise floor, and how much, mm: what a file states of the tracker before what repeats tell.
 
     Args:
         noise: the floor as it was before any search.
+        aside: root mean square by which rounding of commands may put poses aside, mm; it adds to the noise.
     """
-    return noise.stated or (noise.source, noise.total)
+    source, total = noise.stated or (noise.source, noise.total)
+    return source, float(np.hypot(total, aside))
 
 
 def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray:

@@ -122,7 +122,10 @@ def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error:
     wanders = state.memory.wander is not None and system.clock.is_slow(state.memory.wander)
     by_visit = bool(system.by_visit and state.memory.pose)
     silent = _verdict(found, bool(naming.named.steps), rest) == "nothing-missing"
-    much = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit) if silent else None
+    much = None
+    if silent:
+        aside = problem.rounding[1]
+        much = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit, aside=aside)
     objections = Objections(
         faithful=naming.named.faithful,
         unproven=unproven,
