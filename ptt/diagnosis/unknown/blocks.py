@@ -159,7 +159,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
         yield from _of_context(tool, context, p)
     if span.two_sided.any():
         yield _named(tool, ("direction",), problem.view.direction.numpy)
-    yield _named(_set_up(problem, span), ("time",), lambda: span.slow)
+    yield from _of_set_up(problem, span)
 
 
 def _of_rail(problem: Problem, place: Place, own: str, low: np.ndarray, span: Span) -> Iterator[Recipe]:
@@ -221,11 +221,15 @@ def _reversal(
         yield _named(place, (name, context.name), partial(np.multiply, side, context.measure))
 
 
-def _set_up(problem: Problem, span: Span) -> Place:
-    """Scale and turn of the readings; their shift is the tracker's wander."""
+def _of_set_up(problem: Problem, span: Span) -> Iterator[Recipe]:
+    """Tracker and machine move against each other: with the hours, whose shift is the tracker's wander; by a column."""
     p = problem.view.p
-    turns = rigid_columns(p, length=span.radius)[..., 3:].numpy()
-    return Place("set-up", "set-up", np.concatenate([p.numpy()[..., None] / span.radius, turns], axis=-1))
+    rigid = rigid_columns(p, length=span.radius).numpy()
+    slopes = np.concatenate([p.numpy()[..., None] / span.radius, rigid[..., 3:], rigid[..., :3]], axis=-1)
+    yield _named(Place("set-up", "set-up", slopes[..., :4]), ("time",), lambda: span.slow)
+    for context in span.contexts:
+        if context.fields:
+            yield _named(Place("set-up", "set-up", slopes), (context.name,), partial(_shapes, context))
 
 
 def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
