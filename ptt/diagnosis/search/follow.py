@@ -108,7 +108,9 @@ def _turned(
     line = period_left(scorer, state, problem, turn.periods, waves) or find_cycle(scorer, state, problem, turn.periods)
     gross = gross_beside(system, state, found.gross)
     stays = settled(state, system) and set(_blocks(found)) == set(turn.held)
-    noise = noise_again(problem, system, state, settled=turn.number > 0 and stays)
+    noise = turn.noise  # what a line leaves that is offered next tells no noise: it would drown there
+    if line is None:
+        noise = noise_again(problem, system, state, settled=turn.number > 0 and stays)
     steady = False
     if line is None and stays:
         found, steady = _is_steady(turn, found, gross, noise, candidates)
