@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
+from ptt.diagnosis.unknown.turning import turning
 from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
@@ -133,6 +134,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
     q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
     yield _named(tool, COORDINATES, partial(_field, p, _degree(problem), 1))
     yield _named(tool, COORDINATES, partial(_field, p, GENTLE, 1), "gently ")
+    turned = cache(partial(turning, problem.view, np.ptp(span.q, axis=0)))
     for place in moving:
         assert place.joint is not None
         own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])
@@ -155,6 +157,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
                 yield _named(place, (context.name, own), partial(product, _with_level(context), low))
         if span.two_sided[place.joint]:
             yield from _reversal(problem, place, own, low, span.contexts)
+            yield _named(place, (f"direction{place.joint + 1}",), partial(_of_joint, turned, place.joint), "gradually ")
     for context in span.contexts:
         yield from _of_context(tool, context, p)
     if span.two_sided.any():
@@ -240,6 +243,10 @@ def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
 
 def _others_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
     return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else modulation(scaled)
+
+
+def _of_joint(every: Callable[[], np.ndarray], joint: int) -> np.ndarray:
+    return every()[:, joint]
 
 
 def _shapes(context: Context) -> np.ndarray:
