@@ -24,7 +24,7 @@ class Dependence(Record):
             chance would.
         p_value: permutation test, after multiplicity over all residuals, variables and shapes.
         period_mm: period where the dependence is periodic (rad for a joint angle), else None.
-        shape: 'levels', 'smooth', 'step', 'bump', 'period' or 'varying'.
+        shape: 'levels', 'smooth', 'step', 'bump', 'period' or 'varying'; of an unknown also 'gradual'.
         curve: (m, 3) centres, means and half-widths of their 95 % confidence band, mm; the centres of a period lie
             within one period, those of a varying direction on the second variable, with the mean of direction x
             residual.
@@ -81,6 +81,8 @@ class Dependence(Record):
         """
         if self.period_mm is not None:
             return f"period {self.period_mm:.4g} {self.unit}".rstrip()
+        if self.shape == "gradual":
+            return "gradual after each reversal"
         if self.with_ is not None:
             return f"varies with {second or self.with_}"
         if self.place is not None:

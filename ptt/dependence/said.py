@@ -92,6 +92,9 @@ def say_size(size: Size) -> str:
     match size.kind:
         case "side":
             told = f"{far} {ways}"
+        case "turn":
+            turned = f"after a reversal {who} turns over gradually by"
+            told = f"{turned} {what}, {side} {ways}" if size.known else f"{turned} {at_most}, either way"
         case "varying":
             told = f"{far} {ways} at {high}, {_then(size, more, less)} at {low.partition(' = ')[2]}"
         case "step":
@@ -109,7 +112,7 @@ def say_size(size: Size) -> str:
             told = f"on average {who} has the same {size.of} {both}, though single places differ"
         case _:
             told = f"{far} at {high} than at {low.partition(' = ')[2]}"
-    open_ended = "" if size.known or size.kind == "period" or scattered else ": this run does not tell which"
+    open_ended = "" if size.known or size.kind in ("period", "turn") or scattered else ": this run does not tell which"
     told = f"{capital(told)}{open_ended}"
     if size.rms is None:
         return f"{told}."

@@ -11,7 +11,7 @@ from ptt.dependence.regressors import raised_cosine
 from ptt.effects.phrases import SIGNIFICANT
 from ptt.record import Record
 
-Kind = Literal["side", "step", "bump", "period", "law", "varying"]
+Kind = Literal["side", "step", "bump", "period", "law", "varying", "turn"]
 # Rows (m, n) of weights -> what they make of n values, (m,), and its covariance, (m, m).
 Estimate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -25,7 +25,8 @@ class Size(Record):
             tool.
         kind: 'side': after an arrival forward less after one back; 'step': above the place less below it; 'bump': in
             the middle of the place less beside it; 'period': amplitude; 'law': at `high` less at `low`; 'varying': the
-            same as 'side' at the end `high` of the second variable, where it is larger.
+            same as 'side' at the end `high` of the second variable, where it is larger; 'turn': all that it turns over
+            by, with the sign of 'side'.
         value: mm, or rad of a joint that turns.
         std: its standard error.
         low: of the variable: where the law begins, the step or the bump is, or the first crest of a period.
@@ -125,6 +126,27 @@ def size_of_side(of: str, estimate: Estimate, side: np.ndarray, values: np.ndarr
     """
     varying = None if values is None else _varying(of, estimate, side, values)
     return varying or _single(of, "side", estimate, _mean(side > 0.0) - _mean(side < 0.0), -1.0, 1.0)
+
+
+def size_of_turn(of: str, estimate: Estimate, side: np.ndarray) -> Size | None:
+    """The size of what turns over gradually after a reversal: from its least to its largest.
+
+    Args:
+        of: what is off.
+        estimate: of what is off in n rows.
+        side: (n,) +1 for an arrival forward, -1 for one back.
+
+    Returns:
+        The size; None where the rows do not show both ways.
+    """
+    across = size_of_side(of, estimate, side)
+    if across is None:
+        return None
+    value, _ = estimate(np.eye(len(side)))
+    ends = np.zeros(len(side))
+    ends[np.argmax(value)] += 1.0
+    ends[np.argmin(value)] -= 1.0
+    return _single(of, "turn", estimate, np.copysign(1.0, across.value) * ends, -1.0, 1.0)
 
 
 def _mean(rows: np.ndarray) -> np.ndarray:

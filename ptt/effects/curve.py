@@ -11,6 +11,7 @@ from ptt.effects.base import Effect
 from ptt.effects.geometry import ACROSS, across_axes
 from ptt.effects.parameter import Parameter
 from ptt.effects.shapes import smooth_shapes, straight_shapes
+from ptt.effects.turning import TURNS, turning
 from ptt.errors import InputError
 from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.view import View
@@ -19,7 +20,7 @@ JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")
 PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])")
 COORDINATES = ("x", "y", "z")
 OTHERS = ("payload", "temperature", "time", "run")
-KINDS = ("levels", "smooth", "step", "bump", "period", "varying")
+KINDS = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
 BENDS = 6  # bows, double bows, ... of a smooth law: what a run of a few hundred rows can tell
 HATS = 13  # of a bump: damage of a spot has no shape that one could know
 DEGREE = 4  # of a free field over the workspace: what pulls from one side is no function of one coordinate
@@ -36,9 +37,9 @@ class Curve(Effect):
         on: 'b2' or 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'run', or 'x', 'y', 'z', which
             stand for a free field over the workspace where no place is given.
         acts_on: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
-        shape: 'levels', 'smooth', 'step', 'bump', 'period' or 'varying' as a diagnosis says it.
-        between: where the variable (of 'varying': the second one) was seen, or where the step or bump is; mm, rad, s,
-            kg, or K above the drawing's temperature.
+        shape: 'levels', 'smooth', 'step', 'bump', 'period', 'varying' or 'gradual' as a diagnosis says it.
+        between: where the variable (of 'varying': the second one; of 'gradual': the joint that reverses) was seen, or
+            where the step or bump is; mm, rad, s, kg, or K above the drawing's temperature.
         period: of 'period', mm or rad.
         along: the second variable that a direction's say varies with.
     """
@@ -64,6 +65,8 @@ class Curve(Effect):
             raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
         if cls.shape == "period" and not cls.period > 0.0:
             raise TypeError("a period above zero is needed")
+        if cls.shape == "gradual" and not cls.on.startswith("direction"):
+            raise TypeError("only what follows a direction turns over gradually")
         if cls.acts_on and not (PLACE.fullmatch(cls.acts_on) and fits(cls.mechanisms, cls.acts_on)):
             raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot act on '{cls.acts_on}'")
         for name in (cls.on, cls.along):
@@ -124,6 +127,10 @@ class Curve(Effect):
     def _shapes(self, view: View) -> Tensor:
         """Shape: (n, count)."""
         value, (low, high) = _value(view, self.on), self.between
+        if self.shape == "gradual":
+            return turning(view, view.q.new_full((view.joints,), high - low))[
+                :, int(self.on.removeprefix("direction")) - 1
+            ]
         if self.along:
             return value[:, None] * _smooth(_value(view, self.along), low, high)
         if self.shape == "period":
@@ -167,6 +174,8 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
     """How many shapes it has where it acts, and what they are."""
     if cls.on in COORDINATES and not cls.acts_on:
         return len(FIELD), f"of each product of up to {DEGREE} coordinates"
+    if cls.shape == "gradual":
+        return TURNS, "of each length over which it turns over"
     if cls.along:
         return BENDS + 2, f"with the direction, along {cls.along}"
     if cls.shape == "period":

@@ -79,7 +79,9 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         low, high = place or [float(end) for end in dependence["curve"].get("between") or (at[0], at[-1])]
     except (KeyError, TypeError, ValueError, IndexError):
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX) from None
-    if not along:
+    if shape == "gradual":
+        along = ""
+    elif not along:
         shape, along, (low, high) = _with_size(dependence, shape, (low, high))
     shift = REFERENCE_C if (along or on) == "temperature" else 0.0
     if not low < high or (shape == "period" and not period > 0.0):

@@ -87,7 +87,14 @@ def _dependence(
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
     chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
     share = min(item.energy, 1.0)
-    if period is not None and all(d.period_mm is None for d in tested):  # finer than so few readings show by themselves
+    if item.block.gradual:
+        own, side = item.block.on[1], np.sign(contexts[on])
+        curve = _centred_curve(contexts[own], rests[residual], side)
+        acts_on = _acts_on(item.block)
+        found = Dependence(residual, on, share, chance, None, "gradual", curve, with_=own, acts_on=acts_on)
+    elif period is not None and all(
+        d.period_mm is None for d in tested
+    ):  # finer than so few readings show by themselves
         curve = _centred_curve(np.mod(contexts[on], period), rests[residual])
         found = Dependence(residual, on, share, chance, period, "period", curve, acts_on=_acts_on(item.block))
     elif tested:
@@ -100,9 +107,10 @@ def _dependence(
     return with_unit(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
 
-def _centred_curve(values: np.ndarray, readings: np.ndarray) -> np.ndarray:
+def _centred_curve(values: np.ndarray, readings: np.ndarray, side: np.ndarray | float = 1.0) -> np.ndarray:
+    """Curve of readings about their mean, signed by the way that rows were come to."""
     rows = np.isfinite(values) & np.isfinite(readings)
-    return binned_curve(values[rows], readings[rows] - readings[rows].mean())
+    return binned_curve(values[rows], ((readings - readings[rows].mean()) * side)[rows])
 
 
 def _acts_on(block: Block) -> str | None:

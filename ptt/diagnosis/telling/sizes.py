@@ -9,7 +9,7 @@ import torch
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views, unit_of
 from ptt.dependence.curves import bins_of
 from ptt.dependence.dependence import Dependence
-from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side
+from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side, size_of_turn
 from ptt.diagnosis.telling.unknowns import LARGER, Unknown
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import SIZE
@@ -53,7 +53,11 @@ def size_of_unknown(
         return ways @ values, ways @ spread @ ways.T
 
     second = found.with_ or next((name for name in item.block.on[1:] if name in contexts), None)
-    size = _size(found, estimate, problem, contexts, rows, second)
+    if item.block.gradual:
+        whole = size_of_turn(found.acts_on or found.residual, estimate, contexts[found.on][rows])
+        size = whole and _named(whole, found.on, found.on, problem)
+    else:
+        size = _size(found, estimate, problem, contexts, rows, second)
     return size and replace(size, rms=_rms_beside_frames(part, problem, rows))
 
 
@@ -143,5 +147,9 @@ def _size(
         size = size_of_side(of, estimate, values, None if second is None else contexts[second][rows])
     if size is None:
         return None
-    along = second if size.kind == "varying" and second is not None else found.on
-    return replace(size, on=found.on, along=along, unit=unit_of(problem, along), noun=problem.file.machine.noun)
+    return _named(size, found.on, second if size.kind == "varying" and second is not None else found.on, problem)
+
+
+def _named(size: Size, on: str, along: str, problem: Problem) -> Size:
+    """A size with its variables, their unit, and what joints are called."""
+    return replace(size, on=on, along=along, unit=unit_of(problem, along), noun=problem.file.machine.noun)

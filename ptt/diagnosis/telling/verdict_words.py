@@ -176,6 +176,7 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
         return f"{rest} jumps where {name_of(strongest.on)} passes {where} {share}.{size}"
     place = f" near {middle(*strongest.place, strongest.unit)}" if strongest.place else ""
     place = f", by an amount that varies with {name_of(strongest.with_)}" if strongest.with_ else place
+    place = " and turns over gradually after a reversal" if strongest.shape == "gradual" else place
     on = name_of(strongest.on)
     if strongest.on == f"direction{strongest.residual.split()[-1]}":
         on = f"its direction of arrival{f' ({on})' if on == strongest.on else ''}"

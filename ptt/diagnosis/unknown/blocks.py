@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
+import torch
 
 from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
-from ptt.diagnosis.unknown.turning import turning
+from ptt.effects.turning import begun, turning
 from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
@@ -32,6 +33,7 @@ class Block:
         period: of a wave along the travel of a joint or over time, in its unit, as the name has it; None of any other.
         is_law: whether it is a law of one variable.
         jumps: of a law that jumps, the values of its variable at which it does.
+        gradual: whether it is what turns over gradually after each reversal.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Block:
     period: float | None = None
     is_law: bool = False
     jumps: tuple[float, ...] = ()
+    gradual: bool = False
 
     @property
     def key(self) -> str:
@@ -93,6 +96,7 @@ class Recipe:
     on: tuple[str, ...]
     make: Callable[[], np.ndarray]
     period: float | None = None
+    gradual: bool = False
 
 
 Period = tuple[int | None, float]  # joint, and length in its unit; of a cycle of the tool over time None, and s
@@ -124,7 +128,7 @@ def unknown_blocks(
     places = places_of_chain(problem, chain, span.levers)
     recipes = (*_recipes(problem, places, span), *_periodic(problem, places, periods))
     wanted = (one for one in recipes if names is None or one.name in names)
-    blocks = (Block(one.name, one.place, one.on, one.make(), one.period) for one in wanted)
+    blocks = (Block(one.name, one.place, one.on, one.make(), one.period, gradual=one.gradual) for one in wanted)
     return [block for block in blocks if block.shapes.shape[1]]
 
 
@@ -134,7 +138,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
     q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
     yield _named(tool, COORDINATES, partial(_field, p, _degree(problem), 1))
     yield _named(tool, COORDINATES, partial(_field, p, GENTLE, 1), "gently ")
-    turned = cache(partial(turning, problem.view, np.ptp(span.q, axis=0)))
+    turned = _turned(problem, span)
     for place in moving:
         assert place.joint is not None
         own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])
@@ -157,7 +161,10 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
                 yield _named(place, (context.name, own), partial(product, _with_level(context), low))
         if span.two_sided[place.joint]:
             yield from _reversal(problem, place, own, low, span.contexts)
-            yield _named(place, (f"direction{place.joint + 1}",), partial(_of_joint, turned, place.joint), "gradually ")
+            on = f"direction{place.joint + 1}", own
+            yield Recipe(
+                f"{place.residual} gradually on {on[0]}", place, on, partial(turned, place.joint), gradual=True
+            )
     for context in span.contexts:
         yield from _of_context(tool, context, p)
     if span.two_sided.any():
@@ -235,6 +242,17 @@ def _of_set_up(problem: Problem, span: Span) -> Iterator[Recipe]:
             yield _named(Place("set-up", "set-up", slopes), (context.name,), partial(_shapes, context))
 
 
+def _turned(problem: Problem, span: Span) -> Callable[[int], np.ndarray]:
+    """How far each joint has turned over since its reversals, and what a run began with, worked out when asked for."""
+
+    @cache
+    def every() -> np.ndarray:
+        travel = problem.view.q.new_tensor(np.ptp(span.q, axis=0))
+        return torch.cat([turning(problem.view, travel), begun(problem.view, travel)], dim=2).numpy()
+
+    return lambda joint: every()[:, joint]
+
+
 def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
     """A curve with its level and slope: without them offsets and leads would be named beside it."""
     shapes = np.column_stack([np.ones(len(scaled)), scaled, cosines(scaled, FINE)])
@@ -243,10 +261,6 @@ def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
 
 def _others_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
     return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else modulation(scaled)
-
-
-def _of_joint(every: Callable[[], np.ndarray], joint: int) -> np.ndarray:
-    return every()[:, joint]
 
 
 def _shapes(context: Context) -> np.ndarray:

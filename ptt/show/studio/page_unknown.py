@@ -18,6 +18,7 @@ from ptt.show.studio.results import Diagnosed
 HOW = {
     "levels": "level by level", "smooth": "smoothly", "step": "in a step", "bump": "near one place",
     "period": "periodically", "varying": "more at one end than at the other",
+    "gradual": "gradually after each reversal",
 }  # fmt: skip
 
 
