@@ -1,5 +1,7 @@
 """What comes and goes with a period of its own, as a compressor does: told by that period, and not by the path's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import build_problem
+from ptt.run.table import make_table
 
 MACHINE = bench()
 
@@ -28,3 +31,20 @@ def test_a_cycle_over_time_is_told_by_its_period(size_mm: float) -> None:
     assert found.verdict == "unknown" and (first.residual, first.on, first.unit) == ("z", "time", "s")
     assert first.period_mm == pytest.approx(period, rel=0.01) and first.share > 0.4
     assert "every" in first.words
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_cycle_does_not_drown_in_a_noise_that_is_told_by_itself(seed: int) -> None:
+    """Nobody states the noise, which remembers, and no pose is repeated; all axes go up and down together."""
+    random, rows = np.random.default_rng(seed), 90
+    file = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "trusted", "sigma_mm": None}))
+    time = 4.4 * np.arange(rows) + random.uniform(0.0, 1.0, rows)
+    target = random.uniform(-60.0, 60.0, (rows, 3))
+    part = np.mod(time / 51.0 + random.uniform(), 1.0) - 0.5
+    noise = random.normal(0.0, 0.008, (rows, 3))
+    for row in range(1, rows):
+        noise[row] = 0.6 * noise[row - 1] + 0.8 * noise[row]
+    read = target + part[:, None] * [0.15, -0.13, 0.27] + noise
+    found = diagnose(Model(file), build_problem(file, make_table(target, measured=read, time_s=time)))
+    assert found.verdict == "unknown" and found.depends_on[0].on == "time"
+    assert found.depends_on[0].period_mm == pytest.approx(51.0, rel=0.015)

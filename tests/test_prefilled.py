@@ -60,6 +60,7 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
         found("x", "smooth", residual="z", acts_on="z"),
         found("q2", "smooth", residual="x", acts_on="x"),
         found("x", "smooth", residual="joint 2", acts_on="joint 2"),
+        found("direction2", "gradual", acts_on="slider 2"),
     ],
     ids=lambda entry: f"{entry['on']}-{entry['shape']}-{entry.get('acts_on', '')}",
 )
