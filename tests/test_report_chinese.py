@@ -3,13 +3,15 @@
 import re
 from itertools import groupby
 
+import numpy as np
 import pytest
 import torch
 
+from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import say_size
 from ptt.dependence.size import Size
 from ptt.diagnosis.search.rest import Objections, beyond_noise
-from ptt.diagnosis.telling.verdict_words import MISSING
+from ptt.diagnosis.telling.verdict_words import MISSING, depends
 from ptt.diagnosis.telling.words import headline
 from ptt.effects import library
 from ptt.effects.cards import card_of
@@ -206,7 +208,7 @@ def test_what_speaks_against_an_explanation_is_said():
 
 @pytest.mark.parametrize("rms", [None, 0.2])
 @pytest.mark.parametrize("value", [0.06, -0.001])
-@pytest.mark.parametrize("kind", ["side", "varying", "step", "bump", "period", "law"])
+@pytest.mark.parametrize("kind", ["side", "varying", "step", "bump", "period", "law", "turn"])
 def test_how_large_an_unknown_is_is_said(kind, value, rms):
     ends = {"low": 20.4, "high": 26.7, "unit": "C", "along": "temperature", "rms": rms}
     for of, on in (("slider 1", "direction1"), ("rail 1 outward", "direction1"), ("x", "direction2")):
@@ -215,6 +217,14 @@ def test_how_large_an_unknown_is_is_said(kind, value, rms):
         bound = Size(of, kind, value, 0.001, other=0.001, other_std=0.001, on=on, **ends)
         told = [SAY(say_size(one)) for one in (size, more, bound)]
         assert [re.findall(r"[a-z]{4,}", re.sub(r"direction\d", "", text)) for text in told] == [[]] * 3
+
+
+@pytest.mark.parametrize("rivals", [(), ("x on time",), ("x on time", "x on z"), ("x on time", "x on y", "x on z")])
+def test_what_an_unknown_follows_is_said_with_what_went_along(rivals):
+    told = Dependence("x", "temperature", 0.5, 0.0, None, "smooth", np.zeros((0, 3)), rivals=rivals)
+    slider = Dependence("slider 2", "direction2", 0.5, 0.0, None, "gradual", np.zeros((0, 3)), with_="b2")
+    for each in (told, slider):
+        assert re.findall(r"[a-z]{4,}", re.sub(r"direction\d", "", SAY(depends(each)))) == []
 
 
 def test_what_is_not_known_whole_stays_whole():

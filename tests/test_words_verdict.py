@@ -28,7 +28,9 @@ def candidate(**values):
 def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3,
               probability=0.9, terms=(), perhaps=(), **on):  # fmt: skip
     found = {"residual": "slider 2", "on": "b2", "share": 0.4, "period_mm": 3.1, "shape": "smooth", "place": None}
-    found = SimpleNamespace(**{**found, "with_": None, "acts_on": None, "unit": "mm", "words": "It is large.", **on})
+    found = SimpleNamespace(
+        **{**found, "with_": None, "rivals": (), "acts_on": None, "unit": "mm", "words": "It is large.", **on}
+    )
     return SimpleNamespace(
         verdict=verdict,
         verdict_probability={"unknown": 1.0 - probability, verdict: probability},

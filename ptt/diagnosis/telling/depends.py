@@ -103,6 +103,9 @@ def _dependence(
     else:
         curve = _centred_curve(contexts[on], rests[residual])
         found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
+    if period is None and not item.block.reverses:
+        beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
+        found = replace(found, rivals=_alike(found, item.block, parts[residual], beside | {on: contexts[on]}))
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return with_unit(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
@@ -111,6 +114,13 @@ def _centred_curve(values: np.ndarray, readings: np.ndarray, side: np.ndarray | 
     """Curve of readings about their mean, signed by the way that rows were come to."""
     rows = np.isfinite(values) & np.isfinite(readings)
     return binned_curve(values[rows], ((readings - readings[rows].mean()) * side)[rows])
+
+
+def _alike(found: Dependence, block: Block, part: np.ndarray, contexts: dict[str, np.ndarray]) -> tuple[str, ...]:
+    """What else went along with the variable on this run, as a room that warms goes along with the hours."""
+    enough = AS_MUCH * _taken(contexts[found.on], part)
+    others = (name for name in contexts if name not in (found.on, *block.on))
+    return tuple(f"{found.residual} on {name}" for name in others if _taken(contexts[name], part) > enough)
 
 
 def _acts_on(block: Block) -> str | None:

@@ -180,7 +180,9 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
     on = name_of(strongest.on)
     if strongest.on == f"direction{strongest.residual.split()[-1]}":
         on = f"its direction of arrival{f' ({on})' if on == strongest.on else ''}"
-    return f"{rest} depends on {on}{period}{place} {share}.{size}"
+    rivals = [name_of(rival.removeprefix(f"{strongest.residual} on ")) for rival in strongest.rivals]
+    alike = f" {capital(listed(rivals))} would describe it about as well on this run." if rivals else ""
+    return f"{rest} depends on {on}{period}{place} {share}.{size}{alike}"
 
 
 def acting(place: str | None, residual: str) -> str:
