@@ -108,8 +108,8 @@ def _turned(
     line = period_left(scorer, state, problem, turn.periods, waves) or find_cycle(scorer, state, problem, turn.periods)
     gross = gross_beside(system, state, found.gross)
     stays = settled(state, system) and set(_blocks(found)) == set(turn.held)
-    noise = turn.noise  # what a line leaves that is offered next tells no noise: it would drown there
-    if line is None:
+    noise = turn.noise  # what a cycle leaves that is offered next tells no noise: it moves all axes, and would drown
+    if line is None or line[0] is not None:
         noise = noise_again(problem, system, state, settled=turn.number > 0 and stays)
     steady = False
     if line is None and stays:

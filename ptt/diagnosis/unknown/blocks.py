@@ -232,13 +232,16 @@ def _reversal(
 
 
 def _of_set_up(problem: Problem, span: Span) -> Iterator[Recipe]:
-    """Tracker and machine move against each other: with the hours, whose shift is the tracker's wander; by a column."""
+    """Tracker and machine move against each other: with the hours, whose shift is the tracker's wander; by a column.
+
+    A load does not move them as one: how it tilts what it stands on goes with where it is.
+    """
     p = problem.view.p
     rigid = rigid_columns(p, length=span.radius).numpy()
     slopes = np.concatenate([p.numpy()[..., None] / span.radius, rigid[..., 3:], rigid[..., :3]], axis=-1)
     yield _named(Place("set-up", "set-up", slopes[..., :4]), ("time",), lambda: span.slow)
     for context in span.contexts:
-        if context.fields:
+        if context.fields and context.name != "payload":
             yield _named(Place("set-up", "set-up", slopes), (context.name,), partial(_shapes, context))
 
 
