@@ -55,17 +55,21 @@ def starting_noise(problem: Problem) -> tuple[Noise, float]:
     return given, min(3.0 * given.freedom, MOST_REPEATS)
 
 
-def noise_left(system: System, state: State) -> Noise:
+def noise_left(system: System, state: State, beside: np.ndarray | None = None) -> Noise:
     """What a set of atoms leaves, by coordinates, less errors that come back with their pose: these are no noise.
 
     Args:
         system: the linearised problem.
         state: the set.
+        beside: shapes that no atom has yet and that are no noise either, (m, s); None for none.
 
     Returns:
         The noise; its degrees of freedom are those that the atoms do not use up.
     """
-    left = _noise_of(system.innovation(state.columns, state.posterior.values, state.memory), system, state)
+    innovation = system.innovation(state.columns, state.posterior.values, state.memory)
+    if beside is not None:
+        innovation = innovation - beside @ np.linalg.lstsq(beside, innovation, rcond=None)[0]
+    left = _noise_of(innovation, system, state)
     return _by_visit(left, state) if system.shares_by_pose(state.memory) else left
 
 
@@ -138,7 +142,9 @@ def wanders_beyond(system: System, state: State) -> bool:
     return bool(np.logical_and(*unlike).any())
 
 
-def noise_again(problem: Problem, system: System, state: State, *, settled: bool = False) -> Noise:
+def noise_again(
+    problem: Problem, system: System, state: State, *, settled: bool = False, beside: np.ndarray | None = None
+) -> Noise:
     """How coordinates share the noise, told again by what a set of atoms leaves.
 
     Args:
@@ -146,11 +152,12 @@ def noise_again(problem: Problem, system: System, state: State, *, settled: bool
         system: the linearised problem.
         state: the set.
         settled: it is the set that the problem was linearised at; else it may change, and half of the way is enough.
+        beside: as of `noise_left`.
 
     Returns:
         The noise to whiten with; repeats keep theirs unless they are outdone.
     """
-    given, left = problem.noise, noise_left(system, state)
+    given, left = problem.noise, noise_left(system, state, beside)
     if given is None:
         return left
     if given.source == "repeats":

@@ -8,12 +8,15 @@ from ptt.diagnosis.evidence.atoms import odds_of_block
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.periods import FINEST, LEAST_ROWS
 from ptt.diagnosis.search.spectrum import STEP, place_line, squares_over
 from ptt.diagnosis.unknown.blocks import Period
+from ptt.diagnosis.unknown.smooth import harmonics
 from ptt.run.problem import Problem
 
 FEWEST = 3.0  # cycles in a run: fewer are a drift
+SHARP = 6  # harmonics of a sawtooth that may be seen
 ROWS = 3.0  # readings for each cycle at the least: of faster ones what is left looks like noise
 
 
@@ -46,3 +49,20 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
     levers = np.broadcast_to(np.eye(3), (len(time), 3, 3))
     first = float(turns[np.argmax(gain)])
     return None, float(np.ptp(time)) / place_line(system, straight, time, levers, first)
+
+
+def cycle_of(line: Period, problem: Problem, system: System) -> np.ndarray | None:
+    """What a cycle over time does, which is none of the noise: it moves all axes at once, and would drown in itself.
+
+    Args:
+        line: joint (None: time) and length of a period that is offered next.
+        problem: n rows.
+        system: of the search that left it.
+
+    Returns:
+        Cosines and sines on the rows that count, (m, 2 `SHARP`); None of a line along a joint.
+    """
+    joint, length = line
+    if joint is not None:
+        return None
+    return harmonics(2.0 * np.pi * problem.view.clock.numpy()[system.rows] / length, SHARP)

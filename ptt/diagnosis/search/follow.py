@@ -13,7 +13,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.asked import Asked, open_turn
-from ptt.diagnosis.search.cycles import find_cycle
+from ptt.diagnosis.search.cycles import cycle_of, find_cycle
 from ptt.diagnosis.search.drawing import by_drawing
 from ptt.diagnosis.search.exact import without_needless
 from ptt.diagnosis.search.first import beside_names, names_suffice, search_first
@@ -108,9 +108,8 @@ def _turned(
     line = period_left(scorer, state, problem, turn.periods, waves) or find_cycle(scorer, state, problem, turn.periods)
     gross = gross_beside(system, state, found.gross)
     stays = settled(state, system) and set(_blocks(found)) == set(turn.held)
-    noise = turn.noise  # what a cycle leaves that is offered next tells no noise: it moves all axes, and would drown
-    if line is None or line[0] is not None:
-        noise = noise_again(problem, system, state, settled=turn.number > 0 and stays)
+    beside = None if line is None else cycle_of(line, problem, system)
+    noise = noise_again(problem, system, state, settled=turn.number > 0 and stays, beside=beside)
     steady = False
     if line is None and stays:
         found, steady = _is_steady(turn, found, gross, noise, candidates)

@@ -52,9 +52,9 @@ def cosines(values: np.ndarray, count: int) -> np.ndarray:
     return np.asarray(np.sqrt(2.0) * np.cos(0.5 * np.pi * order * (values[:, None] + 1.0)) / order)
 
 
-def harmonics(angle: np.ndarray) -> np.ndarray:
-    """First two harmonics of a joint's turn, (n, 4)."""
-    return np.column_stack([f(m * angle) / m for m in (1, 2) for f in (np.cos, np.sin)])
+def harmonics(angle: np.ndarray, count: int = 2) -> np.ndarray:
+    """First harmonics of a turn, the m-th of size 1/m, (n, 2 count)."""
+    return np.column_stack([f(m * angle) / m for m in range(1, count + 1) for f in (np.cos, np.sin)])
 
 
 def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
