@@ -61,6 +61,7 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
         found("q2", "smooth", residual="x", acts_on="x"),
         found("x", "smooth", residual="joint 2", acts_on="joint 2"),
         found("direction2", "gradual", acts_on="slider 2"),
+        found("temperature", "smooth", residual="joint 2", acts_on="link 2"),
     ],
     ids=lambda entry: f"{entry['on']}-{entry['shape']}-{entry.get('acts_on', '')}",
 )

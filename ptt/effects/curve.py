@@ -2,17 +2,20 @@
 
 import re
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
+from ptt.effects.dh_offsets import links_along
 from ptt.effects.geometry import ACROSS, across_axes
+from ptt.effects.layout import family
 from ptt.effects.parameter import Parameter
 from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.effects.turning import TURNS, turning
 from ptt.errors import InputError
+from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.view import View
 
@@ -104,7 +107,7 @@ class Curve(Effect):
         """The shapes where they act."""
         kind, index = self._place()
         followed = [int(joint[2]) for name in (self.on, self.along) if (joint := JOINT.fullmatch(name))]
-        last = max([*followed, index + 1 if kind in ("slider", "joint") else 0])
+        last = max([*followed, index + 1 if kind in ("slider", "joint", "link") else 0])
         if last > view.joints:
             what = f"'{self.name}' follows or moves joint {last}, and the machine has {view.joints}"
             raise InputError(what, fix="mend the effect's file")
@@ -119,6 +122,8 @@ class Curve(Effect):
             first, way = 4 * index, way.to(shapes)
         else:
             first, way = 4 * index + 3 if kind == "link" else index, shapes.new_ones(1)
+        if kind == "link" and family(view) == "serial":
+            first, way = 0, links_along(cast(Serial, view.mechanism))[:, index].to(shapes)
         out = {"rail": len(view.mechanism.slots), "link": len(view.mechanism.slots), "axis": 3}.get(kind, view.joints)
         basis = shapes.new_zeros(view.rows, out, shapes.shape[1])
         basis[:, first : first + len(way)] = way[:, None] * shapes[:, None]
@@ -155,7 +160,7 @@ def fits(mechanisms: tuple[str, ...], name: str) -> bool:
     Returns:
         Whether they do; how many joints an arm has only its file says.
     """
-    own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint")}
+    own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint", "link")}
     word = (re.match(r"[a-z]*", name) or [""])[0]
     number = re.search(r"[0-9]+", name)
     everywhere = word not in {each for kind in own.values() for each in kind}

@@ -1,5 +1,6 @@
 """Links and joint axes of an arm are not where the drawing has them."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, cast
@@ -14,6 +15,24 @@ from ptt.mechanisms.serial import LINK_SLOTS, Serial
 from ptt.run.view import View
 
 BETA = 4  # place of the Hayati angle among a link's slots
+
+
+def links_along(arm: Serial) -> Tensor:
+    """How an arm's geometry slots change as each link grows along itself, as a warm one does.
+
+    Args:
+        arm: k joints.
+
+    Returns:
+        (G, k), mm per mm of growth: shares of its common normal a and its offset d; zero for a link of no length.
+    """
+    along = torch.zeros(len(arm.slots), arm.joints, dtype=torch.float64)
+    for link, (a, d) in enumerate(zip(arm.a_mm, arm.d_mm, strict=True)):
+        first, length = len(LINK_SLOTS) * link, math.hypot(a, d)
+        if length > 0.0:
+            along[first + LINK_SLOTS.index("da [mm]"), link] = a / length
+            along[first + LINK_SLOTS.index("dd [mm]"), link] = d / length
+    return along
 
 
 @dataclass(frozen=True)

@@ -105,7 +105,7 @@ def _dependence(
         found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
     if period is None and not item.block.reverses:
         beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
-        found = replace(found, rivals=_alike(found, item.block, parts[residual], beside | {on: contexts[on]}))
+        found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return with_unit(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
@@ -116,11 +116,24 @@ def _centred_curve(values: np.ndarray, readings: np.ndarray, side: np.ndarray | 
     return binned_curve(values[rows], ((readings - readings[rows].mean()) * side)[rows])
 
 
-def _alike(found: Dependence, block: Block, part: np.ndarray, contexts: dict[str, np.ndarray]) -> tuple[str, ...]:
+def _alike(found: Dependence, item: Unknown, contexts: dict[str, np.ndarray]) -> tuple[str, ...]:
     """What else went along with the variable on this run, as a room that warms goes along with the hours."""
-    enough = AS_MUCH * _taken(contexts[found.on], part)
-    others = (name for name in contexts if name not in (found.on, *block.on))
-    return tuple(f"{found.residual} on {name}" for name in others if _taken(contexts[name], part) > enough)
+    amount = _amount(item)
+    if amount is None:
+        return ()
+    enough = AS_MUCH * _taken(contexts[found.on], amount)
+    others = (name for name in contexts if name not in (found.on, *item.block.on))
+    return tuple(f"{found.residual} on {name}" for name in others if _taken(contexts[name], amount) > enough)
+
+
+def _amount(item: Unknown) -> np.ndarray | None:
+    """How much of an unknown each row has, wherever it stands, (n,): along the mix of its ways that varies most."""
+    if item.amounts is None:
+        return None
+    shapes = item.block.shapes
+    ways = shapes @ item.amounts.values[item.own].reshape(-1, shapes.shape[1]).T  # features go way by way
+    centred = ways - ways.mean(axis=0)
+    return np.asarray(centred @ np.linalg.eigh(centred.T @ centred)[1][:, -1])
 
 
 def _acts_on(block: Block) -> str | None:

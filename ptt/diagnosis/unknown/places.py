@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
+from ptt.effects.dh_offsets import links_along
 from ptt.effects.geometry import ACROSS, across_axes
+from ptt.mechanisms.serial import Serial
 from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
@@ -65,6 +67,9 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
         ways = np.stack([axis.numpy() for axis in across_axes(problem.view)], axis=-1)  # shape: (leg, xyz, 2)
         found += [("rail", by_slot[:, :, 4 * leg : 4 * leg + 3] @ ways[leg], leg) for leg in range(k)]
         found += [("link", by_slot[:, :, 4 * leg + 3 : 4 * leg + 4], leg) for leg in range(k)]
+    else:
+        along = links_along(cast(Serial, problem.view.mechanism))
+        found += [("link", chain.by_slot.numpy() @ along[:, link : link + 1].numpy(), link) for link in range(k)]
     for kind, slopes, joint in found:
         residual = f"{kind} {joint + 1}"
         lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
