@@ -65,6 +65,10 @@ class TowerPosition(ThreePttEffect):
         confused_with=(
             ("tracker-frame", "common sideways is tracker x, y; common tangential a turn about z: base reflectors"),
             ("link-length", "common radius and common length are 0.998 alike: poses wide in x and y, a measured link"),
+            (
+                "homing-offset",
+                "on a rail that leans a shift across it is one outward beside a homing offset",
+            ),
             ("platform joint position", "only the difference of the two counts: a coordinate measuring machine"),
         ),
         remedy="Shim or dowel the rail foot, or enter the true radius and azimuth of each leg in the controller.",
