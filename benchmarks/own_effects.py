@@ -27,6 +27,7 @@ from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
 from ptt.effects.prefilled import prefilled
 from ptt.effects.registry import load_effects
+from ptt.errors import InputError
 from ptt.judge.ladder.climb import climb
 from ptt.model.model import Model
 from ptt.rig import simulate
@@ -67,7 +68,10 @@ def _one(case: object) -> tuple[str, float | None]:
     right = leading(said["depends_on"], drawn)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "own.py"
-        file.write_text(prefilled("own-effect", first))
+        try:
+            file.write_text(prefilled("own-effect", first))
+        except InputError as error:
+            return f"{first['residual']} on {first['on']}: {error}", None
         own = load_effects(file)["own-effect"]()
     ladder = climb(result.model, problem, [own])
     tool = remeasure(ladder.model, drawn).to_dict()
