@@ -122,7 +122,7 @@ def _first_bound(
     """How far the way to the wanted step is open, and which bound is met first."""
     move = wanted - step
     room = np.where(move > 0, upper - step, lower - step)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         share = np.where(free & (move != 0), room / move, np.inf)
     first = int(np.argmin(share)) if len(share) else 0
     if not len(share) or share[first] >= 1.0:
