@@ -205,3 +205,15 @@ def test_a_joint_that_an_arm_lacks_is_said(own: dict[str, str]) -> None:
 @pytest.mark.parametrize(("on", "offered"), [("b3", True), ("temperature", True), ("way y", False), ("coolant", False)])
 def test_an_effect_is_offered_only_for_what_one_can_read(on: str, offered: bool) -> None:
     assert is_variable(on) == offered
+
+
+@pytest.mark.parametrize("acts_on", ["rail 2 outward", "link 3", "y", ""])
+def test_what_reverses_elsewhere_than_at_a_joint_is_added_and_measured(tmp_path: Path, acts_on: str) -> None:
+    """A carriage that tips over as its drive pulls it the other way."""
+    entry = found("direction2", "levels", residual="y" if acts_on in ("", "y") else "slider 2", acts_on=acts_on or None)
+    path = tmp_path / "own.py"
+    path.write_text(prefilled("own-cause", entry))
+    drawn = draw_rig("none", 5, MACHINE, "volume", rows=80)
+    problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    ladder = climb(Model(MACHINE), problem, [make_effect(library(path), "own-cause")])
+    assert ladder.steps[-1].effect == "own-cause"

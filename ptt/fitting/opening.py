@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from ptt.effects import Effect
+from ptt.model.chain import predict
 from ptt.model.model import Term
 from ptt.run.direction import STANDSTILL
 from ptt.run.noise import Noise
@@ -53,13 +55,22 @@ def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> n
     if not known:
         return none
     other = replace(view, direction=torch.where(view.starts[:, None], -view.direction, view.direction))
-    shifts = [effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known]
-    apart = torch.stack(shifts).sum(dim=0)
+    shifts = [
+        effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known if _is_of_joints(effect)
+    ]
+    apart = torch.stack([torch.zeros_like(view.q), *shifts]).sum(dim=0)
     moved = noise.whitener @ (view.jacobian * apart[:, None, :]).numpy()  # shape: (n, 3, k)
     square = np.square(moved).sum(axis=(1, 2))
+    if elsewhere := [(effect, theta) for effect, theta in known if not _is_of_joints(effect)]:
+        there = (predict(elsewhere, view).reading - predict(elsewhere, other).reading).numpy()
+        square += np.square(there @ noise.whitener.T).sum(axis=1)
     told = problem.used & (square > MATTERS**2)
     few = told.sum() < MOST_REMEMBERING * problem.used.sum()
     return told if few and 0.5 * square[told].sum() > AT_STAKE else none
+
+
+def _is_of_joints(effect: Effect) -> bool:
+    return effect.stage == "drive"
 
 
 def undecided_rows(terms: Sequence[Term], problem: Problem) -> np.ndarray:
