@@ -60,7 +60,8 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
         found("x", "smooth", residual="z", acts_on="z"),
         found("q2", "smooth", residual="x", acts_on="x"),
         found("x", "smooth", residual="joint 2", acts_on="joint 2"),
-        found("direction2", "gradual", acts_on="slider 2"),
+        found("direction2", "gradual", acts_on="slider 2", **{"with": "b2"}),
+        found("temperature", "smooth", residual="y", acts_on="set-up"),
         found("temperature", "smooth", residual="joint 2", acts_on="link 2"),
     ],
     ids=lambda entry: f"{entry['on']}-{entry['shape']}-{entry.get('acts_on', '')}",
@@ -170,6 +171,8 @@ def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:
         prefilled("own-cause", found("q2", "smooth", residual="joint 2", acts_on="rail 1 outward"))
     with pytest.raises(InputError, match="'on'"):
         prefilled("own-cause", found("b9", "smooth"))
+    with pytest.raises(InputError, match="shape"):
+        prefilled("own-cause", found("b2", "gradual"))
     with pytest.raises(InputError, match="place"):
         prefilled("own-cause", found("b2", "step", place=["high", "low"]))
 

@@ -11,6 +11,7 @@ from made_runs import SIGMA, empty_run, machine, measure
 from ptt.dependence.said import say_size
 from ptt.dependence.size import Size
 from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.unknown.span import span_of
 from ptt.effects.prefilled import prefilled
 from ptt.effects.registry import library, make_effect
 from ptt.effects.turning import begun, turning
@@ -32,23 +33,24 @@ def lines(rows: int = 240) -> Table:
     return make_table(np.concatenate([a + share * (b - a) for a, b in itertools.pairwise(corners)])[:rows])
 
 
-def bouc_wen(q: np.ndarray, length: float) -> np.ndarray:
+def bouc_wen(q: np.ndarray, length: float, first: float = 0.0) -> np.ndarray:
     """State z of dz = (dx - 0.6 |dx| |z| z - 0.4 dx z^2) / l, in steps of a hundredth of a move.
 
     Source: Y. K. Wen, J. Eng. Mech. Div. 102 (1976) 249.
     """
-    state, z = np.zeros(len(q)), 0.0
-    for row, move in enumerate(np.diff(q, prepend=q[0] - length)):
+    state, z = np.zeros(len(q)), first
+    for row, move in enumerate(np.diff(q, prepend=q[0])):
         for step in np.full(100, move / 100.0):
             z += (step - 0.6 * abs(step) * abs(z) * z - 0.4 * step * z * z) / length
         state[row] = z
     return state
 
 
-def stiff(table: Table, file: MachineFile, joint: int, size: float) -> Problem:
+def stiff(table: Table, file: MachineFile, joint: int, size: float, *firsts: float) -> Problem:
     """Readings of a machine of which one slider hangs back by a hysteresis that turns over within some 12 mm."""
     sound = build_problem(file, measure(table, file, []))
-    back = size * bouc_wen(sound.view.q.numpy()[:, joint], 12.0)
+    q, runs = sound.view.q.numpy()[:, joint], np.split(np.arange(table.rows), np.flatnonzero(np.diff(table.run)) + 1)
+    back = size * np.concatenate([bouc_wen(q[own], 12.0, first) for own, first in zip(runs, firsts, strict=True)])
     moved = measure(table, file, [], noise=0.0).measured  # in the tracker's frame
     there = torch.as_tensor(back)[:, None] * sound.view.jacobian[:, :, joint]
     turned = there.numpy() @ sound.rotation[0].T
@@ -58,7 +60,7 @@ def stiff(table: Table, file: MachineFile, joint: int, size: float) -> Problem:
 
 def test_a_hysteresis_is_told_by_its_slider_and_written_as_a_law(tmp_path: Path) -> None:
     file = machine()
-    problem = stiff(lines(), file, 1, 0.05)
+    problem = stiff(lines(), file, 1, 0.05, 0.5)
     found = diagnose(Model(file), problem)
     first = found.depends_on[0]
     assert found.verdict == "unknown" and not found.suggested
@@ -72,15 +74,30 @@ def test_a_hysteresis_is_told_by_its_slider_and_written_as_a_law(tmp_path: Path)
     assert after < 0.4 * before
 
 
+def test_runs_that_were_come_to_from_opposite_sides_are_one_hysteresis() -> None:
+    file, table = machine(), lines()
+    problem = stiff(table.replace(run=np.repeat([0, 1], table.rows // 2)), file, 1, 0.05, 0.9, -0.9)
+    found = diagnose(Model(file), problem)
+    assert [(one.residual, one.on, one.shape) for one in found.depends_on] == [("slider 2", "direction2", "gradual")]
+
+
 def test_a_part_of_a_run_has_turned_over_as_the_whole_has() -> None:
     file = machine()
     problem = build_problem(file, measure(empty_run(300), file, []))
     part = take(problem, [(100, 180), (220, 260)])
     rows = np.r_[100:180, 220:260]
     torch.testing.assert_close(turning(part.view, TRAVEL), turning(problem.view, TRAVEL)[rows], atol=1e-4, rtol=0.0)
-    whole = begun(problem.view, TRAVEL)
+    whole, span = begun(problem.view, TRAVEL), span_of(problem)
     assert (whole[0] == 1.0).all() and (whole.diff(dim=0) <= 0.0).all()
-    assert (begun(part.view, TRAVEL) == 0.0).all()  # its beginning is out of sight
+    np.testing.assert_array_equal(span.of(rows).begun, span.begun[rows])
+
+
+def test_a_joint_that_stands_still_has_turned_over_nowhere() -> None:
+    file = machine()
+    target = np.random.default_rng(2).uniform(-60.0, 60.0, (50, 3))
+    still = build_problem(file, measure(make_table(np.repeat(target[:1], 50, axis=0)), file, []))
+    assert torch.isfinite(turning(still.view, torch.zeros(3, dtype=torch.float64))).all()
+    assert np.isfinite(span_of(still).begun).all()
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_runs import SIGMA, machine
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
+from ptt.dependence.dependence import Dependence
+from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.telling.depends import dependences
@@ -17,6 +20,7 @@ from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
 
 EVERY = slice(None)
 
@@ -52,3 +56,32 @@ def test_of_a_block_that_names_take_back_only_what_it_does_is_said(odd):
     (first, *_), (before, *_) = dependences(told, problem), dependences(sound, problem)
     assert (first.residual, first.on) == (before.residual, before.on)
     assert first.size is not None and before.size is not None and first.size.rms < 2.0 * before.size.rms
+
+
+@pytest.mark.parametrize(("along", "rivals"), [(True, ("z on time",)), (False, ())])
+def test_what_went_along_with_the_variable_is_told(along: bool, rivals: tuple[str, ...]) -> None:
+    """A tool that sinks as the room warms, with the hours or up and down."""
+    random, rows = np.random.default_rng(3), 150
+    warmth = 6.0 * (1.0 - np.exp(-np.linspace(0.0, 2.0, rows))) if along else 3.0 + 3.0 * np.sin(np.arange(rows) / 9.0)
+    target = random.uniform(-60.0, 60.0, (rows, 3))
+    sunk = 0.01 * np.square(warmth)[:, None] * np.array([0.0, 0.0, -1.0])
+    found = seen(target, sunk, warmth, random)
+    assert (found.residual, found.on, found.rivals) == ("z", "temperature", rivals)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_what_follows_several_variables_has_nothing_that_went_along_with_one(seed: int) -> None:
+    random, rows = np.random.default_rng(seed), 160
+    target = random.uniform(-60.0, 60.0, (rows, 3))
+    field = 0.08 * np.sin(target[:, :1] / 25.0) * np.sin(target[:, 1:2] / 25.0) * np.array([0.0, 0.0, 1.0])
+    assert seen(target, field, 3.0 * np.sin(np.arange(rows) / 17.0), random).rivals == ()
+
+
+def seen(target: np.ndarray, error: np.ndarray, warmth: np.ndarray, random: np.random.Generator) -> Dependence:
+    """What the leading unknown of these errors follows."""
+    file = machine(frame="trusted")
+    read = target + error + random.normal(0.0, SIGMA, target.shape)
+    table = make_table(target, measured=read, time_s=15.0 * np.arange(len(target)), temp_c=20.0 + warmth)
+    found = diagnose(Model(file), build_problem(file, table))
+    assert found.verdict == "unknown"
+    return found.depends_on[0]

@@ -47,6 +47,23 @@ def test_a_link_grows_along_itself() -> None:
         torch.testing.assert_close(drawn.forward(q, 1e-3 * length * along[:, link]), there, atol=1e-9, rtol=0.0)
 
 
+def test_links_are_the_same_bodies_in_both_conventions() -> None:
+    """The arm of the modified convention has each common normal one row later, and so the same lengths grow."""
+    drawn = build_mechanism(arm().machine)
+    assert isinstance(drawn, Serial) and drawn.convention == "standard"
+    zero = (0.0,)
+    craig = replace(drawn, convention="modified", a_mm=zero + drawn.a_mm[:-1], alpha_rad=zero + drawn.alpha_rad[:-1])
+    q = torch.as_tensor(np.random.default_rng(5).uniform(-1.0, 1.0, (10, drawn.joints)))
+    for link in range(drawn.joints - 1):  # behind the last one the flange hangs on the tool's shift
+        a, d = drawn.a_mm[link], drawn.d_mm[link]
+        if not np.hypot(a, d):
+            continue
+        one = drawn.forward(q, links_along(drawn)[:, link]) - drawn.forward(q)
+        two = craig.forward(q, links_along(craig)[:, link]) - craig.forward(q)
+        turned = [each.square().sum(dim=1) for each in (one, two)]  # the flange's own frame is another
+        torch.testing.assert_close(*turned, atol=1e-9, rtol=1e-6)
+
+
 @pytest.mark.parametrize("link", [1, 2])
 def test_a_link_that_warms_alone_is_told_and_written(tmp_path: Path, link: int) -> None:
     """The elbow's side of the arm is warmed by its motors; its zero lies at the drawing's temperature."""

@@ -29,7 +29,7 @@ class Dependence(Record):
             within one period, those of a varying direction on the second variable, with the mean of direction x
             residual.
         place: where a step or a local bump sits, (low, high), else None.
-        with_: the second variable that a direction's say varies with, else None.
+        with_: the second variable that a direction's say varies with; of 'gradual' the joint's own; else None.
         rivals: variables that explain about as much but are the less likely cause.
         acts_on: where an unknown that follows it acts: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways',
             'link 2', or 'x', 'y', 'z' of the tool; None where that is open.

@@ -11,6 +11,7 @@ from ptt.dependence.regressors import raised_cosine
 from ptt.effects.phrases import SIGNIFICANT
 from ptt.record import Record
 
+ENDS = 0.05  # share of the rows at either end of what turns over
 Kind = Literal["side", "step", "bump", "period", "law", "varying", "turn"]
 # Rows (m, n) of weights -> what they make of n values, (m,), and its covariance, (m, m).
 Estimate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -128,13 +129,14 @@ def size_of_side(of: str, estimate: Estimate, side: np.ndarray, values: np.ndarr
     return varying or _single(of, "side", estimate, _mean(side > 0.0) - _mean(side < 0.0), -1.0, 1.0)
 
 
-def size_of_turn(of: str, estimate: Estimate, side: np.ndarray) -> Size | None:
-    """The size of what turns over gradually after a reversal: from its least to its largest.
+def size_of_turn(of: str, estimate: Estimate, side: np.ndarray, amount: np.ndarray) -> Size | None:
+    """The size of what turns over gradually after a reversal, between the rows where it is least and most.
 
     Args:
         of: what is off.
         estimate: of what is off in n rows.
         side: (n,) +1 for an arrival forward, -1 for one back.
+        amount: (n,) how far it has turned over.
 
     Returns:
         The size; None where the rows do not show both ways.
@@ -142,11 +144,10 @@ def size_of_turn(of: str, estimate: Estimate, side: np.ndarray) -> Size | None:
     across = size_of_side(of, estimate, side)
     if across is None:
         return None
-    value, _ = estimate(np.eye(len(side)))
-    ends = np.zeros(len(side))
-    ends[np.argmax(value)] += 1.0
-    ends[np.argmin(value)] -= 1.0
-    return _single(of, "turn", estimate, np.copysign(1.0, across.value) * ends, -1.0, 1.0)
+    low, high = np.quantile(amount, (ENDS, 1.0 - ENDS))  # of single rows the ends would be where noise is largest
+    ends = _mean(amount >= high) - _mean(amount <= low)
+    up = estimate(ends[None])[0][0] * across.value > 0.0
+    return _single(of, "turn", estimate, ends if up else -ends, -1.0, 1.0)
 
 
 def _mean(rows: np.ndarray) -> np.ndarray:

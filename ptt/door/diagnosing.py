@@ -224,7 +224,8 @@ def _next(result: Diagnosis) -> list[str]:
         over = "" if first.on.startswith("direction") else f" over the range of {first.on}"
         poses = f"more poses{over}{sides}"
         more = "a longer run, or another one," if first.on == "time" else poses
-        lines.append(f"look for the cause in {first.acts_on or first.residual}; {more} would show it better")
+        where = (first.acts_on or first.residual).replace("set-up", "the set-up")
+        lines.append(f"look for the cause in {where}; {more} would show it better")
         if is_variable(first.on):
             lines.append(
                 "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"
@@ -270,6 +271,7 @@ def _dependences(result: Diagnosis) -> list[str]:
         period = f", period {item.period_mm:.3g} {item.unit}".rstrip() if item.period_mm else ""
         place = f", {item.shape} at {between(*item.place, item.unit)}" if item.place else ""
         place = f", varying with {item.with_}" if item.with_ else place
+        place = f", {item.how()}" if item.shape == "gradual" else place
         acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
         share = f"{item.share:.0%} ({by_chance(item.p_value)}{period}{place})"
         lines += [f"  {item.residual} on {item.on}: {share}{acts}", *([f"    {item.words}"] if item.words else [])]

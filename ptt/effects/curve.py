@@ -17,15 +17,18 @@ from ptt.effects.turning import TURNS, turning
 from ptt.errors import InputError
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEGS
+from ptt.run.frames import rigid_columns
 from ptt.run.view import View
 
 JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")
-PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])")
+PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])|(set-up)")
 COORDINATES = ("x", "y", "z")
 OTHERS = ("payload", "temperature", "time", "run")
 KINDS = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
 BENDS = 6  # bows, double bows, ... of a smooth law: what a run of a few hundred rows can tell
 HATS = 13  # of a bump: damage of a spot has no shape that one could know
+MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
+ARM = 100.0  # mm from the base's origin at which turns and scale of a set-up count as much as its shift
 DEGREE = 4  # of a free field over the workspace: what pulls from one side is no function of one coordinate
 FIELD = [powers for powers in product(range(DEGREE + 1), repeat=3) if 0 < sum(powers) <= DEGREE]
 CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
@@ -39,7 +42,8 @@ class Curve(Effect):
     Class attributes:
         on: 'b2' or 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'run', or 'x', 'y', 'z', which
             stand for a free field over the workspace where no place is given.
-        acts_on: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
+        acts_on: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', 'x', 'y', 'z' of the tool, or
+            'set-up': tracker and machine move against each other, which no command mends.
         shape: 'levels', 'smooth', 'step', 'bump', 'period', 'varying' or 'gradual' as a diagnosis says it.
         between: where the variable (of 'varying': the second one; of 'gradual': the joint that reverses) was seen, or
             where the step or bump is; mm, rad, s, kg, or K above the drawing's temperature.
@@ -83,8 +87,8 @@ class Curve(Effect):
         elif kind in ("link", "rail"):
             cls.stage = "geometry"
         else:
-            cls.stage = "metrology" if cls.on in ("time", "run") else "structure"
-        size = 3 * count if kind == "tool" else count
+            cls.stage = "metrology" if kind == "set-up" or cls.on in ("time", "run") else "structure"
+        size = {"tool": 3, "set-up": len(MOTIONS)}.get(kind, 1) * count
         usual, unit = (1e-4, "rad") if rad else (0.02, "mm")
         cls.parameters = (Parameter("size", unit, usual, words, count=size),)
         wanted = {name.rstrip("0123456789") for name in (cls.on, cls.along)}
@@ -99,6 +103,8 @@ class Curve(Effect):
         if found is None:
             joint = JOINT.fullmatch(cls.on)
             return ("slider", int(joint[2]) - 1) if joint else ("tool", 0)
+        if found[7]:
+            return "set-up", 0
         if found[6]:
             return "axis", COORDINATES.index(found[6])
         return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
@@ -117,6 +123,9 @@ class Curve(Effect):
                 [torch.eye(3).to(shapes)[axis, None, :, None] * shapes[:, None] for axis in range(3)], dim=2
             )
         shapes = self._shapes(view)
+        if kind == "set-up":
+            motions = torch.cat([rigid_columns(view.p, length=ARM), view.p[:, :, None] / ARM], dim=2)
+            return (motions[:, :, :, None] * shapes[:, None, None]).flatten(2)
         if kind == "rail":
             way = across_axes(view)[ACROSS.index(self.acts_on.split()[-1])][index]
             first, way = 4 * index, way.to(shapes)
@@ -131,11 +140,11 @@ class Curve(Effect):
 
     def _shapes(self, view: View) -> Tensor:
         """Shape: (n, count)."""
-        value, (low, high) = _value(view, self.on), self.between
+        low, high = self.between
         if self.shape == "gradual":
-            return turning(view, view.q.new_full((view.joints,), high - low))[
-                :, int(self.on.removeprefix("direction")) - 1
-            ]
+            every = turning(view, view.q.new_full((view.joints,), high - low))
+            return every[:, int(self.on.removeprefix("direction")) - 1]
+        value = _value(view, self.on)
         if self.along:
             return value[:, None] * _smooth(_value(view, self.along), low, high)
         if self.shape == "period":

@@ -20,6 +20,8 @@ BETA = 4  # place of the Hayati angle among a link's slots
 def links_along(arm: Serial) -> Tensor:
     """How an arm's geometry slots change as each link grows along itself, as a warm one does.
 
+    Link i is the body behind joint i. The modified convention has its common normal in the row of the next joint.
+
     Args:
         arm: k joints.
 
@@ -27,11 +29,15 @@ def links_along(arm: Serial) -> Tensor:
         (G, k), mm per mm of growth: shares of its common normal a and its offset d; zero for a link of no length.
     """
     along = torch.zeros(len(arm.slots), arm.joints, dtype=torch.float64)
-    for link, (a, d) in enumerate(zip(arm.a_mm, arm.d_mm, strict=True)):
-        first, length = len(LINK_SLOTS) * link, math.hypot(a, d)
+    later = arm.convention == "modified"
+    for link, d in enumerate(arm.d_mm):
+        row = link + later
+        a = arm.a_mm[row] if row < arm.joints else 0.0
+        length = math.hypot(a, d)
         if length > 0.0:
-            along[first + LINK_SLOTS.index("da [mm]"), link] = a / length
-            along[first + LINK_SLOTS.index("dd [mm]"), link] = d / length
+            along[len(LINK_SLOTS) * link + LINK_SLOTS.index("dd [mm]"), link] = d / length
+            if a:
+                along[len(LINK_SLOTS) * row + LINK_SLOTS.index("da [mm]"), link] = a / length
     return along
 
 

@@ -61,7 +61,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     proper = {
         "residual": re.fullmatch(r"(?:slider|joint) [0-9]+|[xyz]", residual),
         "on": is_variable(on),
-        "shape": shape in KINDS,
+        "shape": shape in KINDS and (shape != "gradual" or on.startswith("direction")),
         "with": not along or is_variable(along),
         "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
@@ -121,7 +121,7 @@ def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
     on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
     if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on):
         return ("serial",)
-    of_tool = residual in COORDINATES and acts_on in ("", *COORDINATES) and not re.fullmatch(r"b[0-9]+", on)
+    of_tool = residual in COORDINATES and acts_on in ("", "set-up", *COORDINATES) and not re.fullmatch(r"b[0-9]+", on)
     return ("three-ptt", "serial") if of_tool and (acts_on or not JOINT.fullmatch(on)) else ("three-ptt",)
 
 

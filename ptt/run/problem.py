@@ -1,7 +1,6 @@
 """One identification problem: the view, the readings brought near the base frame, and what the tracker frame may do."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import torch
@@ -46,6 +45,8 @@ class Problem:
         base: base reflectors, None unless the frame is measured.
         noise: the noise floor where data or file tell it, else None.
         stated_in: the frame in which each run states its targets.
+        rounded: step of joint commands that nothing tells finer, mm or degrees, and how far rounding may put poses
+            aside, root mean square, mm.
     """
 
     file: MachineFile
@@ -62,6 +63,7 @@ class Problem:
     base: BaseReadings | None
     noise: Noise | None
     stated_in: tuple[RunFrame, ...] = ()
+    rounded: tuple[float, float] = (0.0, 0.0)
 
     @property
     def target(self) -> np.ndarray:
@@ -128,15 +130,11 @@ class Problem:
         shifts = self.shift + np.einsum("fij,fj->fi", self.rotation, shifts)
         return replace(held, measured=measured, rotation=self.rotation @ rotations, shift=shifts)
 
-    @cached_property
+    @property
     def rounding(self) -> tuple[float, float]:
-        """Step of joint commands that nothing tells finer, mm or degrees, and how far it may put poses aside, mm rms.
-
-        Zeros where the noise hides it.
-        """
-        step, aside = left_by_rounding(self.file, in_base(self.table, self.stated_in), self.view.jacobian.numpy())
-        hidden = self.noise is not None and aside < SEEN * self.noise.total
-        return (0.0, 0.0) if hidden else (step, aside)
+        """The same, zeros where the noise hides it."""
+        hidden = self.noise is not None and self.rounded[1] < SEEN * self.noise.total
+        return (0.0, 0.0) if hidden else self.rounded
 
     def with_noise(self, noise: Noise) -> "Problem":
         """The same problem with a noise floor."""
@@ -160,7 +158,9 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
             missing that the machine file relies on.
     """
     stated_in = target_frames(file, table)
-    view = as_driven(build_view(file, unrounded(file, in_base(table, stated_in))), table)
+    asked = in_base(table, stated_in)
+    sent = unrounded(file, asked)
+    view = as_driven(build_view(file, sent), table)
     observed = np.isfinite(table.measured).all(axis=1)
     read = observed & (table.role != "base")
     used = read & ~pasted_rows(table)
@@ -188,10 +188,12 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     scatter = measured - view.p.numpy() if file.machine.kind == "serial" else measured
     noise = given_noise(table, scatter, view.direction.numpy(), file.tracker.sigma_mm)
     base = None if seen is None else base_readings(file, table, view, measured, frame, seen)
+    rounded = left_by_rounding(file, asked, view.jacobian.numpy()) if sent is asked else (0.0, 0.0)
     frames = 0 if policy == "trusted" else count
     mounts = int(mount.max()) + 1
     return Problem(
-        file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise, stated_in
+        file, table, view, measured, used, frame, frames, mount, mounts, rotations, shifts, base, noise, stated_in,
+        rounded,
     )  # fmt: skip
 
 

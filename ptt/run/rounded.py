@@ -60,11 +60,9 @@ def left_by_rounding(file: MachineFile, table: Table, jacobian: np.ndarray) -> t
 
     Returns:
         The step, mm or degrees, and how far rounding to it puts the tool aside, root mean square, mm; zeros where
-        steps are so coarse that joints will have been planned in them, or targets tell them finer.
+        steps are so coarse that joints will have been planned in them.
     """
     if table.command is None:
-        return 0.0, 0.0
-    if rounded_to(file, table):
         return 0.0, 0.0
     step = _step(file, table.command[np.isfinite(table.command).all(axis=1)])
     if not step <= PLANNED:

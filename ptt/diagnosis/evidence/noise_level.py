@@ -66,10 +66,11 @@ def noise_left(system: System, state: State, beside: np.ndarray | None = None) -
     Returns:
         The noise; its degrees of freedom are those that the atoms do not use up.
     """
-    innovation = system.innovation(state.columns, state.posterior.values, state.memory)
+    innovation, taken = system.innovation(state.columns, state.posterior.values, state.memory), 0
     if beside is not None:
-        innovation = innovation - beside @ np.linalg.lstsq(beside, innovation, rcond=None)[0]
-    left = _noise_of(innovation, system, state)
+        values, _, taken, _ = np.linalg.lstsq(beside, innovation, rcond=None)
+        innovation = innovation - beside @ values
+    left = _noise_of(innovation, system, state, 3.0 * taken)
     return _by_visit(left, state) if system.shares_by_pose(state.memory) else left
 
 
@@ -78,8 +79,9 @@ def _by_visit(left: Noise, state: State) -> Noise:
     return replace(left, covariance=at_least(left.covariance / (1.0 + state.memory.pose), left.least))
 
 
-def _noise_of(left: np.ndarray, system: System, state: State) -> Noise:
-    freedom = max(system.count - state.decided, 1.0)
+def _noise_of(left: np.ndarray, system: System, state: State, taken: float = 0.0) -> Noise:
+    """The noise of what is left, (m, 3) whitened, once a set and so many values beside it are taken."""
+    freedom = max(system.count - state.decided - taken, 1.0)
     scatter = system.in_mm(left)
     covariance = scatter.T @ scatter * (3.0 / freedom)
     # An axis that blocks follow to the last digit tells no noise.

@@ -142,7 +142,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     """
     if problem.noise is not None and np.nanmean(np.square(residual)) < problem.noise.least:
         return Rest((), ())  # less than the last digit of a reading
-    residual = _of_visits(residual, state, problem)
+    every, residual = residual, _of_visits(residual, state, problem)
     against, lack = "repeats", lack_of_fit_of(problem, residual, round(state.decided)).p_value
     if lack is None:
         against = "visits to a pose from any side"
@@ -150,6 +150,8 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     field = _field(problem, residual)
     place, where = off_alike(problem, residual)
     depends = dependence_of(problem, residual, seed=seed)
+    if problem.rounding[1]:
+        depends = (*depends, *dependence_of(problem, _about_poses(every, problem), seed=seed))
     if state.memory.wander is not None:  # what is left of a slow wander is no more news than the wander
         depends = tuple(item for item in depends if item.on not in ("time", "run"))
     reasons = []
@@ -195,6 +197,15 @@ def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarr
     sums = np.stack([np.bincount(number, residual[rows, axis]) for axis in range(3)], axis=1)
     means[rows[first]] = sums / np.bincount(number)[:, None]
     return means
+
+
+def _about_poses(residual: np.ndarray, problem: Problem) -> np.ndarray:
+    """Residuals (n, 3) mm about the mean of their pose: what arrival, load, warmth and time do, rounding does not."""
+    counted, about = np.isfinite(residual).all(axis=1), np.full_like(residual, np.nan)
+    _, number = np.unique(pose_groups(problem.table)[counted], return_inverse=True)
+    sums = np.stack([np.bincount(number, residual[counted, axis]) for axis in range(3)], axis=1)
+    about[counted] = residual[counted] - (sums / np.bincount(number)[:, None])[number]
+    return about
 
 
 def too_much_for_nothing(

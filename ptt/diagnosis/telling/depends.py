@@ -92,9 +92,8 @@ def _dependence(
         curve = _centred_curve(contexts[own], rests[residual], side)
         acts_on = _acts_on(item.block)
         found = Dependence(residual, on, share, chance, None, "gradual", curve, with_=own, acts_on=acts_on)
-    elif period is not None and all(
-        d.period_mm is None for d in tested
-    ):  # finer than so few readings show by themselves
+    elif period is not None and all(d.period_mm is None for d in tested):
+        # It is finer than so few readings show by themselves.
         curve = _centred_curve(np.mod(contexts[on], period), rests[residual])
         found = Dependence(residual, on, share, chance, period, "period", curve, acts_on=_acts_on(item.block))
     elif tested:
@@ -122,6 +121,8 @@ def _alike(found: Dependence, item: Unknown, contexts: dict[str, np.ndarray]) ->
     if amount is None:
         return ()
     enough = AS_MUCH * _taken(contexts[found.on], amount)
+    if enough < 0.5 * amount.var():  # it follows no one variable, so none stands for another
+        return ()
     others = (name for name in contexts if name not in (found.on, *item.block.on))
     return tuple(f"{found.residual} on {name}" for name in others if _taken(contexts[name], amount) > enough)
 
@@ -137,7 +138,9 @@ def _amount(item: Unknown) -> np.ndarray | None:
 
 
 def _acts_on(block: Block) -> str | None:
-    """The place of a block that acts one way and is no field over the workspace; None where that is open."""
+    """The set-up, or the place of a block that acts one way and is no field over the workspace; None where open."""
+    if block.place.kind == "set-up":
+        return block.place.residual
     field = len(block.on) > 1 and block.on[0] == "x"
     return None if field or block.place.slopes.shape[2] > 1 else block.place.residual
 

@@ -54,7 +54,7 @@ def size_of_unknown(
 
     second = found.with_ or next((name for name in item.block.on[1:] if name in contexts), None)
     if item.block.gradual:
-        whole = size_of_turn(found.acts_on or found.residual, estimate, contexts[found.on][rows])
+        whole = size_of_turn(_off(found), estimate, contexts[found.on][rows], moves @ values)
         size = whole and _named(whole, found.on, found.on, problem)
     else:
         size = _size(found, estimate, problem, contexts, rows, second)
@@ -140,7 +140,7 @@ def _size(
     second: str | None,
 ) -> Size | None:
     """How large a dependence is on the rows that count."""
-    of, values = found.acts_on or found.residual, contexts[found.on][rows]
+    of, values = _off(found), contexts[found.on][rows]
     if not found.on.startswith("direction"):
         size = size_of(of, estimate, values, period=found.period_mm, place=found.place, shape=found.shape)
     else:
@@ -148,6 +148,11 @@ def _size(
     if size is None:
         return None
     return _named(size, found.on, second if size.kind == "varying" and second is not None else found.on, problem)
+
+
+def _off(found: Dependence) -> str:
+    """What is said to be off: where an unknown acts, but of a set-up that moves as one an axis of the tool."""
+    return found.residual if found.acts_on in (None, "set-up") else found.acts_on
 
 
 def _named(size: Size, on: str, along: str, problem: Problem) -> Size:

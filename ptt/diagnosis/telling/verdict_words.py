@@ -197,6 +197,8 @@ def acting(place: str | None, residual: str) -> str:
     """
     if place is None or place == residual or place in ("x", "y", "z"):
         return ""
+    if place == "set-up":
+        return ", as if tracker and machine moved against each other"
     if place.startswith("link"):
         return f", as if {place} changed its length"
     return f", as if {place.rsplit(' ', 1)[0]} moved {place.rsplit(' ', 1)[1]}"

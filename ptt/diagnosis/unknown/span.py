@@ -8,13 +8,17 @@ import numpy as np
 from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import ways_of
 from ptt.diagnosis.unknown.smooth import COARSE, column_ends, cosines, modulation, product, reined, scaled, unit
+from ptt.effects.turning import begun
 from ptt.run.fading import kept_shares, trailing
 from ptt.run.problem import Problem
+from ptt.run.view import View
 from ptt.run.watched import watched_values
 
 DYING = (0.02, 0.1)  # of the time of the run, in which what warms up or settles at its start is over
 SLOW = 10  # cosines over the time of the run
 FEED_SHARE = 0.05  # share of the largest that a feed has to vary by
+MOST_RUNS = 6  # whose beginnings have columns to themselves: of more of them each is short
+LONG = 20_000  # rows of which how they were come to is no part worth telling
 LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
 
 
@@ -56,6 +60,7 @@ class Span:
         contexts: what varies beside the pose, with the shapes of all its rows.
         two_sided: joints that came from both directions to readings that count, (k,) bool.
         settling: how a joint may go on or come to rest over the time of the run, (n, 5).
+        begun: what is left of how each run was come to, its own columns for each, (n, k, c).
         levers: of each place, by its residual, where another part of the run has set them.
     """
 
@@ -65,12 +70,13 @@ class Span:
     contexts: tuple[Context, ...]
     two_sided: np.ndarray
     settling: np.ndarray
+    begun: np.ndarray
     levers: dict[str, float] = field(default_factory=dict)
 
     def of(self, rows: np.ndarray) -> "Span":
         """The same for some of the rows, (m,) int."""
         contexts = tuple(context.of(rows) for context in self.contexts)
-        return replace(self, contexts=contexts, settling=self.settling[rows])
+        return replace(self, contexts=contexts, settling=self.settling[rows], begun=self.begun[rows])
 
     @property
     def slow(self) -> np.ndarray:
@@ -91,7 +97,18 @@ def span_of(problem: Problem) -> Span:
     q, p = view.q.numpy(), view.p.numpy()
     size = max(float(np.sqrt(np.square(p).mean())), 1e-9)
     contexts, settling = tuple(_contexts(problem)), _settling(view.clock.numpy())
-    return Span(column_ends(q), column_ends(p), size, contexts, problem.two_sided, settling)
+    return Span(column_ends(q), column_ends(p), size, contexts, problem.two_sided, settling, _begun(view))
+
+
+def _begun(view: View) -> np.ndarray:
+    """What is left of the way in which each run's first row was reached; none of long runs, which forget it soon."""
+    starts = view.starts.numpy()
+    runs = int(starts.sum())
+    if not 0 < runs <= MOST_RUNS or view.rows > LONG:
+        return np.zeros((view.rows, view.joints, 0))
+    left = begun(view, view.q.amax(dim=0) - view.q.amin(dim=0)).numpy()
+    own = np.cumsum(starts)[:, None] - 1 == np.arange(runs)  # shape: (n, run)
+    return (left[:, :, None] * own[:, None, :, None]).reshape(view.rows, view.joints, -1)
 
 
 def _settling(clock: np.ndarray) -> np.ndarray:

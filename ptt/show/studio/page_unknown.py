@@ -92,7 +92,7 @@ class UnknownView:
 def _seen_as(unknown: Mapping[str, Any]) -> str:
     """A word where the picture shows something else than what is off, so that its figures are others."""
     acts = unknown["acts_on"]
-    if acts in (None, unknown["residual"]):
+    if acts in (None, "set-up", unknown["residual"]):
         return ""
     return (
         f" The picture shows it as an error of {unknown['residual']}, the sentence above as one of {who_is_off(acts)}."
