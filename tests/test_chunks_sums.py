@@ -185,7 +185,8 @@ def test_blocks_of_a_part_are_those_of_the_whole(problem: Problem) -> None:
     few = unknown_blocks(sample, parts["sample"], span=replace(span_of(problem), levers=levers))
     assert [block.name for block in few] == [block.name for block in whole] and len(few) > 30
     for mine, theirs in zip(few, whole, strict=True):
-        np.testing.assert_allclose(mine.features, theirs.features[numbers(sample)], atol=1e-12)
+        forgotten = 1e-6 if mine.gradual else 1e-12  # of reversals before the part began
+        np.testing.assert_allclose(mine.features, theirs.features[numbers(sample)], atol=forgotten, rtol=0.0)
 
 
 def test_a_gap_between_stretches_is_as_long_as_it_took(problem: Problem) -> None:

@@ -199,7 +199,7 @@ def test_a_stand_moves_a_sharp_axis_as_far_as_a_blunt_one():
 def test_one_figure_for_all_axes_says_how_wide_and_the_rows_say_along_which(monkeypatch):
     """A tracker sharp along its beam: until its noise is told axis by axis, a micrometre along it stays unseen."""
     stated, rows = Noise(4e-6 * np.eye(3), "machine file"), Noise(np.diag([0.25, 16.0, 16.0]) * 1e-6, "left", 500.0)
-    monkeypatch.setattr(noises, "noise_left", lambda system, state: rows)
+    monkeypatch.setattr(noises, "noise_left", lambda system, state, beside: rows)
     again = noises.noise_again(SimpleNamespace(noise=stated), SimpleNamespace(noise=stated), None)
     np.testing.assert_allclose(again.covariance / np.trace(again.covariance), rows.covariance / 32.25e-6, rtol=1e-12)
     assert stated.total < again.total < rows.total and again.source == "machine file"
@@ -212,7 +212,7 @@ def test_what_values_have_taken_of_the_scatter_is_given_back():
     left = (read - columns @ np.linalg.lstsq(columns, read, rcond=None)[0]).reshape(100, 3)
     system = SimpleNamespace(
         count=300, noise=SimpleNamespace(least=0.0), innovation=lambda *_: left, in_mm=lambda values: values,
-        errs_by_pose=lambda memory: False,
+        shares_by_pose=lambda memory: False,
     )  # fmt: skip
     state = SimpleNamespace(columns=None, memory=None, decided=90.0, posterior=SimpleNamespace(values=None))
     found = noises.noise_left(system, state)
