@@ -60,7 +60,7 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
         found("x", "smooth", residual="z", acts_on="z"),
         found("q2", "smooth", residual="x", acts_on="x"),
         found("x", "smooth", residual="joint 2", acts_on="joint 2"),
-        found("direction2", "gradual", acts_on="slider 2", **{"with": "b2"}),
+        found("direction2", "gradual", acts_on="slider 2", place=[240.0, 310.0], **{"with": "reversal"}),
         found("temperature", "smooth", residual="y", acts_on="set-up"),
         found("temperature", "smooth", residual="joint 2", acts_on="link 2"),
     ],

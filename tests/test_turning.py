@@ -10,6 +10,7 @@ from made_runs import SIGMA, empty_run, machine, measure
 
 from ptt.dependence.said import say_size
 from ptt.dependence.size import Size
+from ptt.dependence.way import since_reversal
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.unknown.span import span_of
 from ptt.effects.prefilled import prefilled
@@ -64,14 +65,22 @@ def test_a_hysteresis_is_told_by_its_slider_and_written_as_a_law(tmp_path: Path)
     found = diagnose(Model(file), problem)
     first = found.depends_on[0]
     assert found.verdict == "unknown" and not found.suggested
-    assert (first.residual, first.on, first.shape, first.with_) == ("slider 2", "direction2", "gradual", "b2")
+    assert (first.residual, first.on, first.shape, first.with_) == ("slider 2", "direction2", "gradual", "reversal")
     assert "turns over gradually" in found.words and first.size is not None
     assert first.size.value == pytest.approx(0.1, rel=0.15)  # from one end of the loop to the other, up for up
+    curve = first.curve[np.argsort(first.curve[:, 0]), 1]  # signed by the way, it turns from one end to the other
+    assert (curve[0] > 0.02 and curve[-1] < -0.03) or (curve[0] < -0.02 and curve[-1] > 0.03)
     path = tmp_path / "own.py"
     path.write_text(prefilled("own-cause", first.to_dict()))
     ladder = climb(Model(file), problem, [make_effect(library(path), "own-cause")])
     before, after = (step.heldout_rms_um["total"] for step in (ladder.steps[0], ladder.steps[-1]))
     assert after < 0.4 * before
+
+
+def test_travel_since_a_reversal_begins_anew_with_each_and_with_each_run() -> None:
+    q = np.array([0.0, 2.0, 5.0, 5.0, 4.0, 1.0, 3.0, 9.0, 9.0, 8.0])
+    starts = np.isin(np.arange(10), (0, 7))
+    np.testing.assert_array_equal(since_reversal(q, starts), [0.0, 2.0, 5.0, 5.0, 1.0, 4.0, 2.0, 0.0, 0.0, 1.0])
 
 
 def test_runs_that_were_come_to_from_opposite_sides_are_one_hysteresis() -> None:

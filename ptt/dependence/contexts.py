@@ -253,6 +253,7 @@ def unit_of(problem: Problem, name: str) -> str:
         "temperature": "C",
         "feed": "mm/s",
         "pause": "s",
+        "reversal": angle,
         **dict.fromkeys((*COORDINATES, "step"), "mm"),
     }
     own["time"] = "s" if "time" in problem.view.varies else ""

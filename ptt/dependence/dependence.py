@@ -28,8 +28,9 @@ class Dependence(Record):
         curve: (m, 3) centres, means and half-widths of their 95 % confidence band, mm; the centres of a period lie
             within one period, those of a varying direction on the second variable, with the mean of direction x
             residual.
-        place: where a step or a local bump sits, (low, high), else None.
-        with_: the second variable that a direction's say varies with; of 'gradual' the joint's own; else None.
+        place: where a step or a local bump sits, (low, high); of 'gradual' the ends of the joint's travel; else None.
+        with_: the second variable that a direction's say varies with; of 'gradual' 'reversal', its travel since the
+            last one; else None.
         rivals: variables that explain about as much but are the less likely cause.
         acts_on: where an unknown that follows it acts: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways',
             'link 2', or 'x', 'y', 'z' of the tool; None where that is open.

@@ -36,6 +36,24 @@ def ways_of(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([came, *reaches]), on - came
 
 
+def since_reversal(q: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """How far a joint has moved since it last turned back.
+
+    Args:
+        q: of the joint in travel order, (n,) mm or rad.
+        starts: (n,) bool, the first row of each run.
+
+    Returns:
+        (n,) mm or rad, not negative; since its first row where a run has not turned back yet.
+    """
+    move, row = np.where(starts, 0.0, np.diff(q, prepend=q[:1])), np.arange(len(q))
+    last = np.maximum.accumulate(np.where((move != 0.0) | starts, row, 0))  # the row that a standstill goes on from
+    way = np.sign(move[last])
+    back = np.append(False, (way[1:] != way[:-1]) & (way[:-1] != 0.0) & ~starts[1:])
+    turned = np.maximum.accumulate(np.where(starts, row, np.where(back, row - 1, 0)))
+    return np.asarray(np.abs(q - q[turned]))
+
+
 def last_moves(p: np.ndarray, time: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """How far the tool came with its last move, and for how long since the row before it.
 

@@ -58,6 +58,8 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     """The entry with every part of the kind it should be: what is written ends up in a file that is run."""
     keys = ("residual", "on", "shape", "with", "acts_on")
     residual, on, shape, along, acts_on = (str(dependence.get(key) or "") for key in keys)
+    if shape == "gradual":  # its travel since the last reversal is no column: the law works it out
+        along = ""
     proper = {
         "residual": re.fullmatch(r"(?:slider|joint) [0-9]+|[xyz]", residual),
         "on": is_variable(on),
@@ -79,9 +81,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         low, high = place or [float(end) for end in dependence["curve"].get("between") or (at[0], at[-1])]
     except (KeyError, TypeError, ValueError, IndexError):
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX) from None
-    if shape == "gradual":
-        along = ""
-    elif not along:
+    if not along and shape != "gradual":
         shape, along, (low, high) = _with_size(dependence, shape, (low, high))
     shift = REFERENCE_C if (along or on) == "temperature" else 0.0
     if not low < high or (shape == "period" and not period > 0.0):

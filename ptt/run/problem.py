@@ -132,7 +132,7 @@ class Problem:
 
     @property
     def rounding(self) -> tuple[float, float]:
-        """The same, zeros where the noise hides it."""
+        """What of `rounded` shows in the readings: zeros where the noise hides it."""
         hidden = self.noise is not None and self.rounded[1] < SEEN * self.noise.total
         return (0.0, 0.0) if hidden else self.rounded
 

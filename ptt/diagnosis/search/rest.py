@@ -191,20 +191,25 @@ def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarr
         group = pose_groups(problem.table)
     elif not (by_visit and state.memory.pose):
         return residual
+    first, _, each = _means(residual, counted, group)
+    means = np.full_like(residual, np.nan)
+    means[first] = each
+    return means
+
+
+def _means(residual: np.ndarray, counted: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First row of each group (g,), group of each row that counts (m,), and means of the groups (g, 3) mm."""
     rows = np.flatnonzero(counted)
     _, first, number = np.unique(group[rows], return_index=True, return_inverse=True)
-    means = np.full_like(residual, np.nan)
     sums = np.stack([np.bincount(number, residual[rows, axis]) for axis in range(3)], axis=1)
-    means[rows[first]] = sums / np.bincount(number)[:, None]
-    return means
+    return rows[first], number, sums / np.bincount(number)[:, None]
 
 
 def _about_poses(residual: np.ndarray, problem: Problem) -> np.ndarray:
     """Residuals (n, 3) mm about the mean of their pose: what arrival, load, warmth and time do, rounding does not."""
     counted, about = np.isfinite(residual).all(axis=1), np.full_like(residual, np.nan)
-    _, number = np.unique(pose_groups(problem.table)[counted], return_inverse=True)
-    sums = np.stack([np.bincount(number, residual[counted, axis]) for axis in range(3)], axis=1)
-    about[counted] = residual[counted] - (sums / np.bincount(number)[:, None])[number]
+    _, number, each = _means(residual, counted, pose_groups(problem.table))
+    about[counted] = residual[counted] - each[number]
     return about
 
 

@@ -9,6 +9,7 @@ from ptt.dependence.contexts import COORDINATES, path_views, residual_views
 from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence, with_unit
 from ptt.dependence.following import depends_on
+from ptt.dependence.way import since_reversal
 from ptt.diagnosis.evidence.atoms import is_block
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
@@ -88,10 +89,11 @@ def _dependence(
     chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
     share = min(item.energy, 1.0)
     if item.block.gradual:
-        own, side = item.block.on[1], np.sign(contexts[on])
-        curve = _centred_curve(contexts[own], rests[residual], side)
-        acts_on = _acts_on(item.block)
-        found = Dependence(residual, on, share, chance, None, "gradual", curve, with_=own, acts_on=acts_on)
+        q = problem.view.q.numpy()[:, item.block.place.joint]
+        contexts = contexts | {"reversal": since_reversal(q, problem.view.starts.numpy())}
+        curve = _centred_curve(contexts["reversal"], rests[residual], np.sign(contexts[on]))
+        ends, acts_on = (float(q.min()), float(q.max())), _acts_on(item.block)
+        found = Dependence(residual, on, share, chance, None, "gradual", curve, ends, "reversal", acts_on=acts_on)
     elif period is not None and all(d.period_mm is None for d in tested):
         # It is finer than so few readings show by themselves.
         curve = _centred_curve(np.mod(contexts[on], period), rests[residual])

@@ -55,7 +55,7 @@ def size_of_unknown(
     second = found.with_ or next((name for name in item.block.on[1:] if name in contexts), None)
     if item.block.gradual:
         whole = size_of_turn(_off(found), estimate, contexts[found.on][rows], moves @ values)
-        size = whole and _named(whole, found.on, found.on, problem)
+        size = whole and _named(whole, found.on, "reversal", problem)
     else:
         size = _size(found, estimate, problem, contexts, rows, second)
     return size and replace(size, rms=_rms_beside_frames(part, problem, rows))
