@@ -10,10 +10,10 @@ from torch import Tensor
 from ptt.effects.base import Effect
 from ptt.effects.dh_offsets import links_along
 from ptt.effects.geometry import ACROSS, across_axes
+from ptt.effects.hysterons import HYSTERONS, hysterons
 from ptt.effects.layout import family
 from ptt.effects.parameter import Parameter
 from ptt.effects.shapes import smooth_shapes, straight_shapes
-from ptt.effects.turning import TURNS, turning
 from ptt.errors import InputError
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEGS
@@ -142,7 +142,7 @@ class Curve(Effect):
         """Shape: (n, count)."""
         low, high = self.between
         if self.shape == "gradual":
-            every = turning(view, view.q.new_full((view.joints,), high - low))
+            every = hysterons(view, view.q.new_full((view.joints,), high - low))
             return every[:, int(self.on.removeprefix("direction")) - 1]
         value = _value(view, self.on)
         if self.along:
@@ -189,7 +189,7 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
     if cls.on in COORDINATES and not cls.acts_on:
         return len(FIELD), f"of each product of up to {DEGREE} coordinates"
     if cls.shape == "gradual":
-        return TURNS, "of each length over which it turns over"
+        return HYSTERONS, "of each length over which it turns over"
     if cls.along:
         return BENDS + 2, f"with the direction, along {cls.along}"
     if cls.shape == "period":

@@ -10,7 +10,7 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
-from ptt.effects.turning import turning
+from ptt.effects.hysterons import hysterons
 from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
@@ -250,7 +250,7 @@ def _turned(problem: Problem, span: Span) -> Callable[[int], np.ndarray]:
     @cache
     def every() -> np.ndarray:
         travel = problem.view.q.new_tensor(np.ptp(span.q, axis=0))
-        return np.concatenate([turning(problem.view, travel).numpy(), span.begun], axis=2)
+        return np.concatenate([hysterons(problem.view, travel).numpy(), span.begun], axis=2)
 
     return lambda joint: every()[:, joint]
 

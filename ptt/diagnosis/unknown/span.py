@@ -8,7 +8,7 @@ import numpy as np
 from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import ways_of
 from ptt.diagnosis.unknown.smooth import COARSE, column_ends, cosines, modulation, product, reined, scaled, unit
-from ptt.effects.turning import begun
+from ptt.effects.hysterons import initial_memory
 from ptt.run.fading import kept_shares, trailing
 from ptt.run.problem import Problem
 from ptt.run.view import View
@@ -106,7 +106,7 @@ def _begun(view: View) -> np.ndarray:
     runs = int(starts.sum())
     if not 0 < runs <= MOST_RUNS or view.rows > LONG:
         return np.zeros((view.rows, view.joints, 0))
-    left = begun(view, view.q.amax(dim=0) - view.q.amin(dim=0)).numpy()
+    left = initial_memory(view, view.q.amax(dim=0) - view.q.amin(dim=0)).numpy()
     own = np.cumsum(starts)[:, None] - 1 == np.arange(runs)  # shape: (n, run)
     return (left[:, :, None] * own[:, None, :, None]).reshape(view.rows, view.joints, -1)
 

@@ -13,9 +13,9 @@ from ptt.dependence.size import Size
 from ptt.dependence.way import since_reversal
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.unknown.span import span_of
+from ptt.effects.hysterons import hysterons, initial_memory
 from ptt.effects.prefilled import prefilled
 from ptt.effects.registry import library, make_effect
-from ptt.effects.turning import begun, turning
 from ptt.fitting.chunks import take
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
@@ -95,8 +95,8 @@ def test_a_part_of_a_run_has_turned_over_as_the_whole_has() -> None:
     problem = build_problem(file, measure(empty_run(300), file, []))
     part = take(problem, [(100, 180), (220, 260)])
     rows = np.r_[100:180, 220:260]
-    torch.testing.assert_close(turning(part.view, TRAVEL), turning(problem.view, TRAVEL)[rows], atol=1e-4, rtol=0.0)
-    whole, span = begun(problem.view, TRAVEL), span_of(problem)
+    torch.testing.assert_close(hysterons(part.view, TRAVEL), hysterons(problem.view, TRAVEL)[rows], atol=1e-4, rtol=0.0)
+    whole, span = initial_memory(problem.view, TRAVEL), span_of(problem)
     assert (whole[0] == 1.0).all() and (whole.diff(dim=0) <= 0.0).all()
     np.testing.assert_array_equal(span.of(rows).begun, span.begun[rows])
 
@@ -105,7 +105,7 @@ def test_a_joint_that_stands_still_has_turned_over_nowhere() -> None:
     file = machine()
     target = np.random.default_rng(2).uniform(-60.0, 60.0, (50, 3))
     still = build_problem(file, measure(make_table(np.repeat(target[:1], 50, axis=0)), file, []))
-    assert torch.isfinite(turning(still.view, torch.zeros(3, dtype=torch.float64))).all()
+    assert torch.isfinite(hysterons(still.view, torch.zeros(3, dtype=torch.float64))).all()
     assert np.isfinite(span_of(still).begun).all()
 
 
