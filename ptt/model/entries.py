@@ -1,4 +1,4 @@
-"""Effects of a model as entries of a machine file, read and written."""
+"""Model <-> machine file: its effects as [[effect]] entries, and the check of what a controller compensates."""
 
 import difflib
 from collections.abc import Mapping, Sequence
@@ -17,23 +17,24 @@ from ptt.machine_schema import EffectEntry, ParameterEntry
 from ptt.model.model import Model, Term, by_stage, told_values
 
 
-def read_model(file: MachineFile, known: Library | None = None, *, asked: bool = False) -> Model:
+def read_model(file: MachineFile, known: Library | None = None, *, checked: bool = False) -> Model:
     """Turn a machine file into a model.
 
     Args:
         file: the machine, bare or fitted.
         known: effects by name; None for the library.
-        asked: whether what its controller compensates was looked at when it was first read, with all effects known.
+        checked: skip the check of [controller] compensates, which needs all effects known: an earlier reading of the
+            same file made it.
 
     Returns:
         The model.
 
     Raises:
-        ModelError: an unknown effect, also of the controller, the same twice, an unknown parameter or one of the wrong
-            size.
+        ModelError: an unknown effect (under [controller] too), the same effect twice, an unknown parameter, or one of
+            the wrong size.
     """
     known = library() if known is None else known
-    if not asked:
+    if not checked:
         _require_known(file, known)
     model = Model(file)
     for entry in file.effect:
@@ -45,7 +46,7 @@ def read_model(file: MachineFile, known: Library | None = None, *, asked: bool =
 
 
 def _require_known(file: MachineFile, known: Library) -> None:
-    """Refuse what a controller is said to compensate and cannot: it would be added once more without a word."""
+    """Refuse names under [controller] compensates that are no such effect: that effect would be compensated twice."""
     for key in file.controller.compensates:
         try:
             _require_compensated(key, file, known)
@@ -55,6 +56,7 @@ def _require_known(file: MachineFile, known: Library) -> None:
 
 
 def _require_compensated(key: str, file: MachineFile, known: Library) -> None:
+    """Refuse one name under [controller] compensates that is no effect a controller can compensate."""
     name, label = parse_key(key)
     if name not in known and difflib.get_close_matches(name, list(known)):
         make_effect(known, name, label)  # says which one was meant
@@ -66,7 +68,7 @@ def _require_compensated(key: str, file: MachineFile, known: Library) -> None:
 
 
 def _can_be_compensated(effect: type[Effect], file: MachineFile) -> bool:
-    """Whether commands can make up for an effect: not for what the tracker does, nor for another mechanism's."""
+    """Whether commands can make up for an effect: not for one of the metrology, nor for another mechanism's."""
     return effect.stage != "metrology" and file.machine.kind in effect.mechanisms
 
 
@@ -75,10 +77,11 @@ def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:
 
     Args:
         model: the model.
-        runs: SHA-256 of the run files that it was fitted on, in their order; effects of a run belong to them.
+        runs: SHA-256 of the run files that it was fitted on, in their order; written to the effects that belong to a
+            run and name none yet.
 
     Returns:
-        The file with the model's effects in it, those of other runs too.
+        The file with the model's effects in it, those set aside for other runs (`Model.aside`) too.
     """
     terms = [
         replace(term, runs=tuple(runs)) if is_dated(term.effect) and len(term.theta) and not term.runs else term
@@ -94,6 +97,7 @@ def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:
 
 
 def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
+    """An entry's values, standard errors and flags as flat vectors in the effect's declared order."""
     kind, joints = model.file.machine.kind, model.joints
     specs = {parameter.on(kind).name: parameter for parameter in effect.parameters}
     unknown = [name for name in entry.parameters if name not in specs]
@@ -109,15 +113,17 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
         if given is None and parameter.shapes and parameter.stem not in renewed:
             raise ModelError(f"parameter '{name}' is missing", fix="add it, or leave all parameters out and fit")
         if parameter.stem in renewed:
-            values.append(_spread(renewed[parameter.stem], size, name))
+            values.append(_expanded(renewed[parameter.stem], size, name))
             given = None  # standard errors were of the older form
         else:
-            values.append(_spread(given.value if given else parameter.default or 0.0, size, name))
+            values.append(_expanded(given.value if given else parameter.default or 0.0, size, name))
         low, high = parameter.lower, parameter.upper
         if parameter.role != "linear" and not bool(((values[-1] >= low) & (values[-1] <= high)).all()):
             raise ModelError(f"parameter '{name}' is out of its bounds", fix=f"give {low:g} to {high:g}")
-        stds.append(_spread(torch.nan if given is None or given.std is None else given.std, size, name))
-        measured.append(_spread(True if given is None or given.measured is None else given.measured, size, name).bool())
+        std = torch.nan if given is None or given.std is None else given.std
+        seen = True if given is None or given.measured is None else given.measured
+        stds.append(_expanded(std, size, name))
+        measured.append(_expanded(seen, size, name).bool())
     fixed = frozenset(p.stem for name, p in specs.items() if name in entry.parameters and entry.parameters[name].fixed)
     return Term(effect, torch.cat(values), torch.cat(stds), torch.cat(measured), fixed, _runs_of(entry, effect, model))
 
@@ -141,7 +147,8 @@ def _renewed(entry: EffectEntry, effect: Effect, specs: Mapping[str, Parameter],
     return {stem: value for stem, value in new.items() if value is not found.get(stem)}
 
 
-def _spread(value: object, size: int, name: str) -> Tensor:
+def _expanded(value: object, size: int, name: str) -> Tensor:
+    """One value for all, or `size` values, as a vector (size,)."""
     tensor = torch.as_tensor(value, dtype=torch.float64).reshape(-1)
     if len(tensor) not in (1, size):
         raise ModelError(f"parameter '{name}' has {len(tensor)} values", fix="give one" + f", or {size}" * (size > 1))

@@ -14,7 +14,7 @@ from ptt.errors import ModelError
 from ptt.machine import MachineFile
 from ptt.run.view import View
 
-ONE_THING = (frozenset({"homing-offset", "dh-offsets"}),)  # pairs that cannot both be in a model
+EQUIVALENT = (frozenset({"homing-offset", "dh-offsets"}),)  # pairs with a parameter in common: a model has one of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,10 +24,10 @@ class Term:
     Attributes:
         effect: the effect.
         theta: all parameters, flat, in declared order; empty where they are not known yet.
-        std: standard deviations, NaN where none was found; None where the term was never fitted.
+        std: standard errors, (P,), NaN where none was found; None where the term was never fitted.
         measured: (P,) bool, False where a prior, not the data, decides; None where the term was never fitted.
-        fixed: stems of parameters that the user holds.
-        runs: SHA-256 of the run files that it belongs to, in their order; empty where it is the machine's.
+        fixed: stems of the parameters that the user holds fixed in a fit.
+        runs: SHA-256 of the run files that it belongs to, in their order; empty where it belongs to the machine.
     """
 
     effect: Effect
@@ -47,7 +47,7 @@ class Model:
     Attributes:
         file: drawing, controller, tracker, history.
         terms: the effects.
-        aside: effects of other runs, kept for them and left out here.
+        aside: effects that belong to other runs than the present ones: not applied, but kept in the file.
     """
 
     file: MachineFile
@@ -55,15 +55,15 @@ class Model:
     aside: tuple[Term, ...] = ()
 
     def __add__(self, effect: Effect | Term) -> "Model":
-        """Add an effect, at zero unless a term with parameters is given; what goes without saying need not be.
+        """Add an effect without values, or a term with its values; trailing ones that have a default may be missing.
 
         Raises:
-            ModelError: it is there already, does not fit the mechanism, is one thing with another, or has too many or
-                too few values.
+            ModelError: it is there already, does not fit the mechanism, has a parameter in common with an effect that
+                is there, or has too many or too few values.
         """
         term = effect if isinstance(effect, Term) else Term(effect, torch.zeros(0, dtype=torch.float64))
         require_fits(self, term.effect)
-        term = _whole(term, self.joints)
+        term = _with_defaults(term, self.joints)
         return replace(self, terms=tuple(sorted((*self.terms, term), key=by_stage)))
 
     def without(self, key: str) -> "Model":
@@ -122,11 +122,11 @@ def parameter_names(effect: Effect, kind: str, joints: int) -> list[str]:
 
 
 def told_values(effect: Effect, theta: Tensor, joints: int) -> list[bool]:
-    """Which values of an effect are told: all but those of a parameter that has what goes without saying.
+    """Which values of an effect files and lists state: all but those of a parameter that stands at its default.
 
     Args:
         effect: the effect.
-        theta: all its parameters, flat; empty before a fit, when its defaults are left out as well.
+        theta: all its parameters, flat; empty before a fit, when those with a default count as standing at it.
         joints: k.
 
     Returns:
@@ -142,7 +142,7 @@ def told_values(effect: Effect, theta: Tensor, joints: int) -> list[bool]:
 
 
 def rival(effect: Effect, keys: Sequence[str]) -> str | None:
-    """Find the effect that is in part the same thing.
+    """Find the effect that has a parameter in common with another (`EQUIVALENT`), so that no data tell them apart.
 
     Args:
         effect: about to be added.
@@ -151,14 +151,14 @@ def rival(effect: Effect, keys: Sequence[str]) -> str | None:
     Returns:
         Its key; None where there is none.
     """
-    for pair in ONE_THING:
+    for pair in EQUIVALENT:
         if effect.name in pair:
             return next((key for key in keys if parse_key(key)[0] in pair - {effect.name}), None)
     return None
 
 
 def by_stage(term: Term) -> tuple[int, str]:
-    """What terms of a model are sorted by."""
+    """Sort key of a model's terms: stage along the causal chain, then key."""
     return STAGES.index(term.effect.stage), term.effect.key
 
 
@@ -175,15 +175,15 @@ def start_term(effect: Effect, view: View) -> Term:
     return Term(effect, flatten(effect, effect.search(view)[0], view.joints))
 
 
-def _whole(term: Term, joints: int) -> Term:
-    """A term with the values that it leaves out because they go without saying; these are the last."""
+def _with_defaults(term: Term, joints: int) -> Term:
+    """A term with the default of each value that it leaves out; parameters with a default are declared last."""
     size, given = total_size(term.effect, joints), len(term.theta)
     if given in (0, size):
         return term
-    unsaid = [p.default for p in term.effect.parameters for _ in range(p.size(joints)) if p.default is not None]
-    if given + len(unsaid) != size:
+    defaults = [p.default for p in term.effect.parameters for _ in range(p.size(joints)) if p.default is not None]
+    if given + len(defaults) != size:
         raise ModelError(f"effect '{term.effect.key}' has {size} values, not {given}", fix="see docs/effects.md")
-    return replace(term, theta=torch.cat([term.theta, torch.tensor(unsaid, dtype=torch.float64)]))
+    return replace(term, theta=torch.cat([term.theta, torch.tensor(defaults, dtype=torch.float64)]))
 
 
 def require_fits(model: Model, effect: Effect) -> None:
@@ -194,7 +194,7 @@ def require_fits(model: Model, effect: Effect) -> None:
         effect: about to be added.
 
     Raises:
-        ModelError: it is there already, does not fit the mechanism, or is one thing with another.
+        ModelError: it is there already, does not fit the mechanism, or has a parameter in common with one that is.
     """
     kind = model.file.machine.kind
     if kind not in effect.mechanisms:

@@ -13,15 +13,15 @@ from ptt.run.table import Table
 def for_runs(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
     """The model as it holds for the runs of a problem.
 
-    What a set-up did (a frame, a drift, a knock) is left out of runs that it was not fitted on, and kept aside. What
-    happened to the machine at some moment of one run holds for later runs from their first row on.
+    An effect of the set-up (a frame, a drift, a knock) is set aside for runs that it was not fitted on. A change of the
+    machine at some moment of one run (a slip) holds for later runs from their first row on.
 
     Args:
         model: as read.
         problem: the rows.
 
     Returns:
-        The model, and one line for each effect that is not simply applied.
+        The model, and one line for the user on each effect that is left out or applied in part.
     """
     terms, aside, lines = [], list(model.aside), []
     for term in model.terms:
@@ -44,6 +44,7 @@ def for_runs(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
 
 
 def _partly(term: Term, place: RunPlace) -> str:
+    """To which rows an effect is applied, in words."""
     if term.effect.of_run:
         return f"{term.effect.key} applies to the rows of its own run alone ({term.runs[0][:12]})"
     when = "from the first row of the runs behind it" if place.runs else "from the first row"
@@ -51,7 +52,7 @@ def _partly(term: Term, place: RunPlace) -> str:
 
 
 def _find(term: Term, problem: Problem) -> RunPlace | None:
-    """Where the runs of an effect lie in the table; None where the table is nothing but they."""
+    """Where the runs of an effect lie in the table; None where they are the whole table."""
     files, codes = _files(problem.table)
     if files == term.runs:
         return None

@@ -144,7 +144,7 @@ def compensator_of(training: Training, inputs: Sequence[str]) -> Compensator:
         term.effect.name: type(term.effect) for term in (*training.physics.model.terms, *training.physics.model.aside)
     }
     file = parse_machine(format_machine(replace(written, covariance=covariance)), written.source)
-    model = read_model(file, known, asked=True)
+    model = read_model(file, known, checked=True)
     return Compensator(model, training.rbf.network, _notes(training, inputs))
 
 
