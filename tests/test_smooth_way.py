@@ -78,7 +78,7 @@ def test_turns_on_a_smooth_way_lie_where_the_way_has_them() -> None:
     turn = np.where(against.any(axis=1), np.take_along_axis(pieces, last[:, None] + 1, axis=1)[:, 0], pieces[:, -1])
     clear = np.abs(turn - pieces[:, -1]) > 0.05
     assert clear.sum() > 20
-    np.testing.assert_allclose(view.turning[1:].numpy()[clear], turn[clear], rtol=0.0, atol=0.02)
+    np.testing.assert_allclose(view.turning_point[1:].numpy()[clear], turn[clear], rtol=0.0, atol=0.02)
     np.testing.assert_array_equal(view.direction[1:].numpy()[clear], step[:, -1][clear])
 
 
@@ -134,7 +134,7 @@ def test_a_gross_error_asks_again_only_where_joints_came_to_it_otherwise(monkeyp
     here = read(way(160, 8.0), PIECES, smooth=False)
     there = smoothly(here)
     assert there is not None
-    came = (here.view.direction != there.view.direction) | (here.view.turning != there.view.turning)
+    came = (here.view.direction != there.view.direction) | (here.view.turning_point != there.view.turning_point)
     otherwise = came.any(dim=1).numpy()
     assert 0 < otherwise.sum() < len(otherwise)
     for row in np.flatnonzero(otherwise)[:1].tolist() + np.flatnonzero(~otherwise)[:1].tolist():

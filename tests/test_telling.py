@@ -36,9 +36,9 @@ def test_no_run_carries_travel_into_the_next(kind: str):
 
 def test_a_turn_between_two_rows_counts():
     view = sample_view("three-ptt")
-    turning = view.q.clone()
-    turning[5, 0] = view.q[5, 0] - 0.25 * view.direction[5, 0]
-    seen = travel_since_reversal(replace(view, turning=turning), 0)
+    turning_point = view.q.clone()
+    turning_point[5, 0] = view.q[5, 0] - 0.25 * view.direction[5, 0]
+    seen = travel_since_reversal(replace(view, turning_point=turning_point), 0)
     assert float(seen[5]) == pytest.approx(0.25)
 
 

@@ -30,8 +30,8 @@ def test_a_joint_that_stands_through_a_run_does_not_arrive_as_the_next_run_moves
 
 def test_a_turn_on_the_way_decides():
     q = np.array([[0.0], [1.0], [2.0], [2.0]])
-    turning = np.array([[0.0], [1.5], [2.0], [2.0]])
-    assert arrival_direction(q, turning, run_starts(np.zeros(4))).ravel().tolist() == [1.0, -1.0, 1.0, 1.0]
+    turning_point = np.array([[0.0], [1.5], [2.0], [2.0]])
+    assert arrival_direction(q, turning_point, run_starts(np.zeros(4))).ravel().tolist() == [1.0, -1.0, 1.0, 1.0]
 
 
 @given(st.lists(st.integers(-2, 2), min_size=1, max_size=12), st.data())
@@ -74,7 +74,7 @@ def test_a_slider_turns_on_a_straight_move_where_it_does_and_not_at_a_point_that
     last = step.shape[1] - 1 - np.argmax(against[:, ::-1], axis=1)
     turn = np.where(against.any(axis=1), np.take_along_axis(way, last[:, None] + 1, axis=1)[:, 0], way[:, -1])
     assert against.any(axis=1).sum() > 50
-    np.testing.assert_allclose(view.turning[1:], turn, rtol=0.0, atol=0.003)
+    np.testing.assert_allclose(view.turning_point[1:], turn, rtol=0.0, atol=0.003)
     clear = np.abs(turn - way[:, -1]) > 1e-4
     np.testing.assert_array_equal(view.direction[1:].numpy()[clear], step[:, -1][clear])
 
@@ -87,7 +87,7 @@ def test_a_command_that_turns_back_by_less_than_the_gap_still_puts_the_tool_wher
     poses = np.random.default_rng(6).uniform(-55.0, 55.0, (400, 3))
     sent = compensate(model, make_table(poses))
     view = build_view(file, make_table(None, sent.q))
-    back = (view.q - view.turning).abs()
+    back = (view.q - view.turning_point).abs()
     assert ((back > 1e-3) & (back < gap)).sum() >= 5
     reached = predict([(Backlash(), theta)], view).p.numpy()
     assert np.mean(np.abs(reached - poses).max(axis=1) < 1e-6) > 0.995
@@ -95,8 +95,8 @@ def test_a_command_that_turns_back_by_less_than_the_gap_still_puts_the_tool_wher
 
 def test_a_first_row_is_entered_as_the_second_sets_off_though_the_joint_turns_on_the_way() -> None:
     q = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 0.0]])
-    turning = np.array([[0.0, 0.0], [-0.5, 1.0], [2.0, 0.0]])  # joint 1 goes down half a millimetre first
-    direction = arrival_direction(q, turning, np.array([True, False, False]))
+    turning_point = np.array([[0.0, 0.0], [-0.5, 1.0], [2.0, 0.0]])  # joint 1 goes down half a millimetre first
+    direction = arrival_direction(q, turning_point, np.array([True, False, False]))
     np.testing.assert_array_equal(direction, [[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]])
 
 
@@ -107,7 +107,7 @@ def test_an_arm_keeps_its_posture_on_a_straight_move():
     commands = posture + np.cumsum(np.random.default_rng(8).normal(0.0, 0.03, (40, 6)), axis=0)
     table = make_table(None, command=commands)
     straight, even = build_view(far, table), build_view(file, table)
-    assert (straight.turning - straight.q).abs().max() < 0.06  # within a move or two of its end, in the same posture
+    assert (straight.turning_point - straight.q).abs().max() < 0.06  # a move or two off its end, same posture
     clear = (np.abs(np.diff(commands, axis=0)) > 0.02)[:, :3]  # the last three joints hardly move the tool
     agree = (straight.direction == even.direction).numpy()[1:, :3][clear]
     assert agree.mean() > 0.95
@@ -122,12 +122,12 @@ def test_a_stated_direction_that_the_rows_show_changes_nothing() -> None:
     stated = build_view(file, table.replace(direction=shown.direction.numpy()))
     later = ~stated.starts
     assert torch.equal(stated.direction, shown.direction)
-    assert torch.equal(stated.turning[later], shown.turning[later])
+    assert torch.equal(stated.turning_point[later], shown.turning_point[later])
 
 
 def test_a_joint_goes_past_a_pose_once_however_often_it_is_read() -> None:
     file = load_machine(Path(__file__).resolve().parents[1] / "data" / "machine.toml")
     table = make_table(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 9.0], [0.0, 0.0, 9.0], [0.0, 0.0, 9.0]]))
     view = build_view(file, table.replace(direction=np.array([1.0, -1.0, -1.0, 1.0])[:, None].repeat(3, axis=1)))
-    past = (view.turning - view.q)[1:, 0]
+    past = (view.turning_point - view.q)[1:, 0]
     assert past.tolist() == [OVERTRAVEL, 0.0, -OVERTRAVEL]  # up from above, stands, and from below at last

@@ -16,7 +16,7 @@ from ptt.correct.task import CommandTask
 from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
-from ptt.model.chain import Shifts
+from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
 from ptt.run.blanks import without_empty
@@ -96,15 +96,15 @@ class InversionPlan:
     Attributes:
         model: effects with their parameters.
         steady: effects that depend on pose and context.
-        turning: effects that depend on the way there and are compensated here.
+        reversing: effects that depend on the way there and are compensated here.
         words: who compensates what at a reversal.
         limit: largest correction that is sent, mm.
         network: what the network that made the correction leaves, where that is known.
     """
 
     model: Model
-    steady: Shifts
-    turning: Shifts
+    steady: EffectTerms
+    reversing: EffectTerms
     words: str
     limit: float
     network: NetworkError | None
@@ -112,7 +112,7 @@ class InversionPlan:
     @property
     def follows_speed(self) -> bool:
         """Whether an effect may look at speeds; one of the user's own may do so without a word."""
-        effects = [effect for effect, _ in (*self.steady, *self.turning)]
+        effects = [effect for effect, _ in (*self.steady, *self.reversing)]
         return any("speed" in each.requires or not type(each).__module__.startswith("ptt.") for each in effects)
 
 
@@ -137,7 +137,7 @@ def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Comm
     in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(part.wanted.numpy())
     sigma, approach, promised = np.full(len(sent), np.nan), np.zeros(len(sent)), None
     if sent[own].any():
-        terms, paced = [*part.steady, *part.turning], part.paced(sent)
+        terms, paced = [*part.steady, *part.reversing], part.paced(sent)
         sigma, promised = command_sigma(plan.model, paced, terms, solved.q, in_domain, plan.network)
         approach = approach_doubt(paced, terms, solved.q)
         sigma = np.hypot(sigma, approach)
@@ -215,7 +215,7 @@ def prepare(
     time = elapsed(targets) if time is None else time
     clock = targets if plan.follows_speed else None
     targets = without_empty(targets).replace(time_s=None, feed_mm_s=None)
-    ways = plan.steady, plan.turning
+    ways = plan.steady, plan.reversing
     return CommandTask(
         plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, clock=clock
     )

@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.correct.task import CommandTask
 from ptt.fitting.kept import kept_covariance
 from ptt.fitting.tool_sigma import tool_sigma
-from ptt.model.chain import Shifts
+from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 from ptt.run.direction import STANDSTILL
 from ptt.run.travel import OVERTRAVEL
@@ -33,7 +33,7 @@ class NetworkError:
 
 
 def command_sigma(
-    model: Model, task: CommandTask, terms: Shifts, q: Tensor, in_domain: np.ndarray, network: NetworkError | None
+    model: Model, task: CommandTask, terms: EffectTerms, q: Tensor, in_domain: np.ndarray, network: NetworkError | None
 ) -> tuple[np.ndarray, float | None]:
     """What parameters and network leave uncertain at each target.
 
@@ -66,7 +66,7 @@ def command_sigma(
     return np.maximum(sigma, np.where(in_domain, network.inside, network.outside)), network.inside
 
 
-def approach_doubt(task: CommandTask, terms: Shifts, q: Tensor) -> np.ndarray:
+def approach_doubt(task: CommandTask, terms: EffectTerms, q: Tensor) -> np.ndarray:
     """How far the tool may be off because the targets leave open how the joints came.
 
     From which side to the first row, where `dir1..` does not say it; and how far past a row before a joint turned,
@@ -104,7 +104,7 @@ def approach_doubt(task: CommandTask, terms: Shifts, q: Tensor) -> np.ndarray:
     return np.hypot(torch.where(stands, torch.zeros_like(off), off).numpy(), past)
 
 
-def _past_doubt(known: Shifts, view: View, told: Tensor) -> np.ndarray:
+def _past_doubt(known: EffectTerms, view: View, told: Tensor) -> np.ndarray:
     """What hangs on how far joints went past rows, where the targets say from which side they came and the rows do not.
 
     The travel has `OVERTRAVEL` there; that it was as far as anybody goes is as likely.
@@ -117,10 +117,10 @@ def _past_doubt(known: Shifts, view: View, told: Tensor) -> np.ndarray:
     Returns:
         (n,) mm, standard deviation.
     """
-    past = told & ~view.starts[:, None] & (((view.q - view.turning).abs() - OVERTRAVEL).abs() < STANDSTILL)
+    past = told & ~view.starts[:, None] & (((view.q - view.turning_point).abs() - OVERTRAVEL).abs() < STANDSTILL)
     if not known or not past.any():
         return np.zeros(view.rows)
-    far = replace(view, turning=torch.where(past, view.q - FAR * OVERTRAVEL * view.direction, view.turning))
+    far = replace(view, turning_point=torch.where(past, view.q - FAR * OVERTRAVEL * view.direction, view.turning_point))
     apart = torch.stack([effect.shift(theta, view) - effect.shift(theta, far) for effect, theta in known]).sum(dim=0)
     each = CHANCE * view.jacobian * apart[:, None, :]
     return np.asarray(each.square().sum(dim=(1, 2)).sqrt().numpy())

@@ -18,7 +18,7 @@ from ptt.effects.reversal import Backlash, gap_of
 from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import tool_ways
-from ptt.model.chain import Shifts, predict
+from ptt.model.chain import EffectTerms, predict
 from ptt.run.direction import STANDSTILL
 from ptt.run.travel import arrival_direction
 from ptt.run.view import View
@@ -53,7 +53,7 @@ def _held(sent: np.ndarray, given: int) -> tuple[Tensor, Tensor]:
 
 
 def invert(
-    terms: Shifts,
+    terms: EffectTerms,
     mechanism: Mechanism,
     see: Callable[[Tensor], View],
     start: Tensor,
@@ -103,7 +103,7 @@ def invert(
 class _Search:
     """What Newton's rounds ask of a travel."""
 
-    terms: Shifts
+    terms: EffectTerms
     mechanism: Mechanism
     see: Callable[[Tensor], View]
     goal: Tensor
@@ -141,7 +141,7 @@ class _Search:
 
 
 def invert_together(
-    terms: Shifts,
+    terms: EffectTerms,
     mechanism: Mechanism,
     see: Callable[[Tensor], View],
     start: Tensor,
@@ -191,7 +191,7 @@ def _made(jacobian: Tensor, step: Tensor, ways: int) -> Tensor:
     return (jacobian @ least_move(jacobian, step, ways)[..., None])[..., 0]
 
 
-def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor, going: bool) -> Tensor:
+def _ahead(terms: EffectTerms, view: View, wanted: Tensor, hold: Tensor, going: bool) -> Tensor:
     """Commands for a wanted move with every gap taken up, so that a joint inside its play does not stay there.
 
     Args:
@@ -208,19 +208,19 @@ def _ahead(terms: Shifts, view: View, wanted: Tensor, hold: Tensor, going: bool)
     if not gaps:
         return wanted
     nut = (wanted + sum((effect.shift(theta, view) for effect, theta in gaps), torch.zeros_like(wanted)))[hold]
-    turning = (nut + (view.turning - view.q)).numpy()
-    direction = torch.as_tensor(arrival_direction(nut.numpy(), turning, view.starts.numpy()))
+    turning_point = (nut + (view.turning_point - view.q)).numpy()
+    direction = torch.as_tensor(arrival_direction(nut.numpy(), turning_point, view.starts.numpy()))
     if going:
-        direction = torch.where(standing(nut, torch.as_tensor(turning)), view.direction[0], direction)
+        direction = torch.where(standing(nut, torch.as_tensor(turning_point)), view.direction[0], direction)
     return nut + open_gaps(gaps, direction, view)
 
 
-def gaps_of(terms: Shifts) -> Shifts:
+def gaps_of(terms: EffectTerms) -> EffectTerms:
     """Those effects that are play."""
     return [(effect, theta) for effect, theta in terms if isinstance(effect, Backlash)]
 
 
-def open_gaps(gaps: Shifts, direction: Tensor, view: View) -> Tensor:
+def open_gaps(gaps: EffectTerms, direction: Tensor, view: View) -> Tensor:
     """How far a command has to be from where the nut has to be: half the gap ahead in the direction of travel.
 
     Where the joint turned on the way and came back by less than the gap, a nut that waits for it still lies on the side
@@ -237,7 +237,7 @@ def open_gaps(gaps: Shifts, direction: Tensor, view: View) -> Tensor:
     known = [gap_of(theta) for _, theta in gaps]
     none = torch.zeros(view.joints, dtype=direction.dtype)
     whole, gap = sum((gap for gap, _ in known), none), sum((gap for gap, waits in known if waits), none)
-    back = (view.q - view.turning).abs()
+    back = (view.q - view.turning_point).abs()
     still = torch.where(back > STANDSTILL, (gap - back).clamp(min=0.0), 0.0)  # what is not taken up yet
     return (0.5 * whole - still) * direction
 

@@ -16,7 +16,7 @@ from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular, tool_ways
-from ptt.model.chain import Shifts, predict
+from ptt.model.chain import EffectTerms, predict
 from ptt.run.table import take_rows
 from ptt.run.view import View
 
@@ -95,7 +95,7 @@ def hand_on(task: CommandTask, solved: Solved, rows: int, beside: int) -> Handov
         return None
     first = max(rows - beside, 0)
     view = task.see(solved.q)
-    passed = Passed(enter(view, [first])[0], view.direction[first], view.turning[first] - view.q[first])
+    passed = Passed(enter(view, [first])[0], view.direction[first], view.turning_point[first] - view.q[first])
     sent = solved.reached & torch.isfinite(solved.missed).all(dim=1).numpy()
     return Handover(passed, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
 
@@ -127,7 +127,7 @@ def _nearest(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.
     for spare in SPARES:
         place, start = ways.places(spare)
         part = replace(
-            task, targets=table, wanted=place, asked=place, nominal=start, start=start, turning=(), clock=None,
+            task, targets=table, wanted=place, asked=place, nominal=start, start=start, reversing=(), clock=None,
             time=task.time[rows],
         )  # fmt: skip
         found = settle(part)
@@ -194,12 +194,12 @@ def _solve(task: CommandTask, sent: np.ndarray) -> Solved:
     reached = sent & (step.abs().amax(dim=1) < MISSED).numpy()
     if not reached.any():
         return replace(_standing(task), missed=step)
-    if not task.turning:
+    if not task.reversing:
         return Solved(height, height, _missed(task, task.steady, height, step), reached)
     height = height[torch.as_tensor(holding(reached | given))]
-    opened = _opened(height, task.turning, task.see(height))
+    opened = _opened(height, task.reversing, task.see(height))
     opened = opened if before is None else torch.cat([before.q, opened[task.given :]])
-    terms = [*task.steady, *task.turning]
+    terms = [*task.steady, *task.reversing]
     if task.pace is not None:  # a gap is crossed at once while the slider stands: no motion that anything lags behind
         task = replace(task, velocity=torch.as_tensor(task.pace.velocity(height.numpy())))
     q, left = invert(terms, task.mechanism, task.see, opened, task.asked, reached, task.given)
@@ -207,7 +207,7 @@ def _solve(task: CommandTask, sent: np.ndarray) -> Solved:
     return Solved(height, q, _missed(task, terms, q, left), reached)
 
 
-def _missed(task: CommandTask, terms: Shifts, q: Tensor, left: Tensor) -> Tensor:
+def _missed(task: CommandTask, terms: EffectTerms, q: Tensor, left: Tensor) -> Tensor:
     """By how much commands miss, (n, 3) mm: what joints could still do, `left`, and what lies across their plane."""
     if tool_ways(task.mechanism) == 3:
         return left
@@ -233,6 +233,6 @@ def _lead(task: CommandTask, sent: np.ndarray) -> Lead | None:
     return lead_of(task.pace, task.lag.numpy(), holding(sent | given), sent & ~given)
 
 
-def _opened(height: Tensor, turning: Shifts, view: View) -> Tensor:
+def _opened(height: Tensor, reversing: EffectTerms, view: View) -> Tensor:
     """Commands half the gap ahead in the direction of travel: the exact inverse of the play operator."""
-    return height + open_gaps(gaps_of(turning), view.direction, view)
+    return height + open_gaps(gaps_of(reversing), view.direction, view)

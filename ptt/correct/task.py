@@ -12,7 +12,7 @@ from ptt.effects.layout import shape_of
 from ptt.effects.memory import Passed, go_on
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import tool_ways
-from ptt.model.chain import Shifts
+from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 from ptt.run.pace import SMOOTH, Pace, line_ends, pace_of, runs_straight
 from ptt.run.table import Table
@@ -30,7 +30,7 @@ class CommandTask:
         targets: the table.
         mechanism: the nominal one.
         steady: effects that depend on pose and context.
-        turning: effects that depend on the way there and are compensated here.
+        reversing: effects that depend on the way there and are compensated here.
         wanted: targets in the base frame, (n, 3) mm.
         asked: what the model is asked for, (n, 3) mm.
         nominal: joint values of the targets by the drawing, (n, k); NaN out of reach.
@@ -46,8 +46,8 @@ class CommandTask:
     model: Model
     targets: Table
     mechanism: Mechanism
-    steady: Shifts
-    turning: Shifts
+    steady: EffectTerms
+    reversing: EffectTerms
     wanted: Tensor
     asked: Tensor
     nominal: Tensor

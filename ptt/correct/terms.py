@@ -4,13 +4,13 @@ from typing import Literal
 
 from ptt.effects import Effect
 from ptt.effects.dated import RunPlace, at_place, is_dated
-from ptt.model.chain import Shifts
+from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 
 Reversal = Literal["software", "none"]
 
 
-def split_terms(model: Model, reversal: Reversal | None = None) -> tuple[Shifts, Shifts, str]:
+def split_terms(model: Model, reversal: Reversal | None = None) -> tuple[EffectTerms, EffectTerms, str]:
     """Effects that depend on the pose and its context, those that depend on the way there, and who does the latter.
 
     Args:
@@ -25,13 +25,13 @@ def split_terms(model: Model, reversal: Reversal | None = None) -> tuple[Shifts,
         (_now(term.effect), term.theta) for term in model.terms if term.effect.stage != "metrology" and len(term.theta)
     ]
     steady = [item for item in terms if not item[0].reverses and not _is_left(item[0], model)]
-    turning = [item for item in terms if item[0].reverses]
-    if not turning:
+    reversing = [item for item in terms if item[0].reverses]
+    if not reversing:
         return steady, [], "the model has no reversal effect"
     if reversal == "none":
-        return steady, [], f"none, as requested: {_keys(turning)} left out"
-    done = [item for item in turning if _is_left(item[0], model)]
-    mine = [item for item in turning if item not in done]
+        return steady, [], f"none, as requested: {_keys(reversing)} left out"
+    done = [item for item in reversing if _is_left(item[0], model)]
+    mine = [item for item in reversing if item not in done]
     words = [f"in these commands: {_keys(mine)}"] if mine else []
     words += [f"left to the controller: {_keys(done)}"] if done else []
     return steady, mine, "; ".join(words)
@@ -52,5 +52,5 @@ def _now(effect: Effect) -> Effect:
     return at_place(effect, RunPlace(())) if is_dated(effect) else effect
 
 
-def _keys(terms: Shifts) -> str:
+def _keys(terms: EffectTerms) -> str:
     return ", ".join(effect.key for effect, _ in terms)

@@ -46,7 +46,7 @@ def waypoints(view: View) -> Way:
     Returns:
         The way.
     """
-    q = torch.stack([view.turning, view.q], dim=1).reshape(-1, view.joints)
+    q = torch.stack([view.turning_point, view.q], dim=1).reshape(-1, view.joints)
     starts = torch.stack([view.starts, torch.zeros_like(view.starts)], dim=1).reshape(-1)
     direction = view.direction.repeat_interleave(2, dim=0)
     if not view.entries:
@@ -107,8 +107,8 @@ def go_on(view: View, passed: Passed) -> View:
     Returns:
         The view as a part of the whole travel.
     """
-    turning = torch.cat([view.q[:1] + passed.turned, view.turning[1:]])
-    view = keep_direction(replace(view, turning=turning), passed.direction)
+    turning_point = torch.cat([view.q[:1] + passed.turned, view.turning_point[1:]])
+    view = keep_direction(replace(view, turning_point=turning_point), passed.direction)
     direction = torch.cat([passed.direction[None], view.direction[1:]])
     if passed.entry is None:
         return replace(view, direction=direction)
@@ -118,18 +118,18 @@ def go_on(view: View, passed: Passed) -> View:
 
 def keep_direction(view: View, direction: Tensor) -> View:
     """Joints that have stood since before the first row go on in the direction (k,) of their last move."""
-    stood = standing(view.q, view.turning)
+    stood = standing(view.q, view.turning_point)
     return replace(view, direction=torch.where(stood, direction, view.direction))
 
 
-def standing(q: Tensor, turning: Tensor) -> Tensor:
+def standing(q: Tensor, turning_point: Tensor) -> Tensor:
     """Which joints have not moved since the first row, (n, k) bool.
 
     Args:
         q: joint values, (n, k).
-        turning: where they turned last on the way to each row, (n, k).
+        turning_point: where they turned last on the way to each row, (n, k).
     """
-    moved = (q.diff(dim=0, prepend=q[:1]).abs() > STANDSTILL) | ((q - turning).abs() > STANDSTILL)
+    moved = (q.diff(dim=0, prepend=q[:1]).abs() > STANDSTILL) | ((q - turning_point).abs() > STANDSTILL)
     return moved.cumsum(dim=0) == 0
 
 

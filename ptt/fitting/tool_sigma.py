@@ -14,7 +14,7 @@ from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
 from ptt.fitting.turns import unturned
 from ptt.fitting.unnamed import Unnamed
 from ptt.machine import MachineFile
-from ptt.model.chain import Linearised, Shifts, linearise, signature
+from ptt.model.chain import EffectTerms, Linearised, linearise, signature
 from ptt.model.model import parameter_names
 from ptt.run.mounts import place_mounts
 from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, apply_frames
@@ -26,7 +26,7 @@ POSTURES = 200  # from which the mean of a shift with the tool is known to a ten
 STEEP = 5.0  # slope of a bow at its end, in heights of the bow a length of the curve
 
 
-def tool_sigma(kept: Kept, terms: Shifts, view: View, file: MachineFile) -> np.ndarray:
+def tool_sigma(kept: Kept, terms: EffectTerms, view: View, file: MachineFile) -> np.ndarray:
     """What a fit leaves uncertain of where the tool is, as the tracker's frame would show it.
 
     Parameters and frame together: what is common to all readings moves with the frame, and no command mends it (beside
@@ -49,7 +49,7 @@ def tool_sigma(kept: Kept, terms: Shifts, view: View, file: MachineFile) -> np.n
     return np.concatenate([_sigma(kept, terms, part, file.machine.kind, seats) for part in parts])
 
 
-def _sigma(kept: Kept, terms: Shifts, view: View, kind: str, seats: Sequence[Tensor] | None) -> np.ndarray:
+def _sigma(kept: Kept, terms: EffectTerms, view: View, kind: str, seats: Sequence[Tensor] | None) -> np.ndarray:
     """The same of some rows, less the shifts with the tool, (3, r) each, that the mount takes."""
     at = linearise(terms, view)
     ways = _ways(kept, terms, at, view, kind)
@@ -64,7 +64,7 @@ def _sigma(kept: Kept, terms: Shifts, view: View, kind: str, seats: Sequence[Ten
     return np.asarray(square.sqrt().numpy())
 
 
-def _ways(kept: Kept, terms: Shifts, at: Linearised, view: View, kind: str) -> list[Tensor]:
+def _ways(kept: Kept, terms: EffectTerms, at: Linearised, view: View, kind: str) -> list[Tensor]:
     """How the tool goes with each way that the covariance has, (n, 3, r) mm; and with those of what has no name."""
     by_kept = _by_kept(kept, terms, at, view, kind)
     ways = [by_kept @ torch.as_tensor(kept.root)]
@@ -74,7 +74,7 @@ def _ways(kept: Kept, terms: Shifts, at: Linearised, view: View, kind: str) -> l
     return ways
 
 
-def _mean_shifts(kept: Kept, terms: Shifts, view: View, file: MachineFile) -> list[Tensor]:
+def _mean_shifts(kept: Kept, terms: EffectTerms, view: View, file: MachineFile) -> list[Tensor]:
     """How far the tool goes with each way in its own frame, (3, r) mm, on the mean of postures all over the workspace.
 
     No reading tells the last joint's zero from a reflector that sits further round. Which of both it is hardly moves
@@ -91,7 +91,7 @@ def _mean_shifts(kept: Kept, terms: Shifts, view: View, file: MachineFile) -> li
     return [torch.einsum("nij,nir->jr", at.by_mount, way) / POSTURES for way in ways]
 
 
-def _by_kept(kept: Kept, terms: Shifts, at: Linearised, view: View, kind: str) -> Tensor:
+def _by_kept(kept: Kept, terms: EffectTerms, at: Linearised, view: View, kind: str) -> Tensor:
     """How the tool goes with all that a file keeps, (n, 3, u) in its units; not at all with what is not at work."""
     place = {name: number for number, name in enumerate(kept.names)}
     found = torch.zeros(view.rows, 3, len(place), dtype=torch.float64)
@@ -107,7 +107,7 @@ def _by_kept(kept: Kept, terms: Shifts, at: Linearised, view: View, kind: str) -
     return found
 
 
-def _usual(kept: Kept, terms: Shifts, by_kept: Tensor, view: View, kind: str) -> Tensor:
+def _usual(kept: Kept, terms: EffectTerms, by_kept: Tensor, view: View, kind: str) -> Tensor:
     """The same, (n, 3, u), by usual sizes."""
     usual = dict(zip(MOUNT_NAMES, [MOUNT_USUAL] * 3, strict=True))
     usual |= dict(zip(FRAME_NAMES, [SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, strict=True))
@@ -124,7 +124,7 @@ def _by_unnamed(unnamed: Unnamed, at: Linearised, view: View) -> list[Tensor]:
     ]
 
 
-def unvisited(terms: Shifts, view: View, jacobian: Tensor) -> Tensor:
+def unvisited(terms: EffectTerms, view: View, jacobian: Tensor) -> Tensor:
     """How far the tool may be off because joints are beyond the heights that told their curves, standard deviations.
 
     A curve has a slope that wanders at random along the axis (as in `screw-error-map`). Beyond its end it is held,
@@ -167,7 +167,7 @@ def _levels(effect: Effect, joints: int) -> np.ndarray:
     return start + np.arange(joints * count).reshape(joints, count)[:, 1::2]
 
 
-def _names(terms: Shifts, joints: int, kind: str) -> list[str]:
+def _names(terms: EffectTerms, joints: int, kind: str) -> list[str]:
     return [name for effect, _ in terms for name in _own_names(effect, joints, kind)]
 
 

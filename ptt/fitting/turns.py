@@ -20,7 +20,7 @@ from ptt.fitting.chunks import few_enough
 from ptt.fitting.observability import Combination
 from ptt.fitting.result import FitResult
 from ptt.fitting.stated import fitted_terms
-from ptt.model.chain import Shifts, linearise
+from ptt.model.chain import EffectTerms, linearise
 from ptt.model.model import Term, parameter_names
 from ptt.run.problem import Problem
 from ptt.run.view import View
@@ -147,7 +147,7 @@ def _windup(fitted: FitResult, joints: Sequence[int]) -> str:
     return f"{max(fitted.turns[joint - 1] for joint in joints):.2g} {_travel(fitted).unit}"
 
 
-def unturned(terms: Shifts, view: View, jacobian: Tensor, lengths: Tensor) -> Tensor:
+def unturned(terms: EffectTerms, view: View, jacobian: Tensor, lengths: Tensor) -> Tensor:
     """How far the tool may be off because play is wind-up that has not turned over yet, standard deviations.
 
     Args:

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.fitting.layout import Layout
-from ptt.model.chain import Chain, Prediction, Shifts, differentiate, linearise
+from ptt.model.chain import Chain, EffectTerms, Prediction, differentiate, linearise
 from ptt.run.frames import by_own, rotation
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, apply_frames
@@ -147,7 +147,7 @@ def turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
 
 
 def _base_rows(
-    problem: Problem, layout: Layout, terms: Shifts, motion: Tensor, whitener: np.ndarray
+    problem: Problem, layout: Layout, terms: EffectTerms, motion: Tensor, whitener: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """What the tracker's own effects and its frames leave of the base reflectors, and its derivative."""
     base = problem.base

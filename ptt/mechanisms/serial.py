@@ -205,7 +205,7 @@ class Serial:
         """
         links = self.walk(q, geometry)
         tip = links[-1].end.point(self.tool(q, geometry))
-        columns = [link.before_z.turning("z", tip) for link in links]
+        columns = [link.before_z.revolute_twist("z", tip) for link in links]
         return torch.stack(torch.broadcast_tensors(*columns), -1)
 
     def geometry_jacobian(self, q: Tensor, geometry: Tensor | None = None) -> Tensor:
@@ -225,7 +225,7 @@ class Serial:
         tip = links[-1].end.point(self.tool(q, geometry))
         columns = [column for link in links for column in link.columns(tip)]
         end = links[-1].end
-        columns += [end.sliding("x"), end.sliding("y"), end.sliding("z")]
+        columns += [end.prismatic_twist("x"), end.prismatic_twist("y"), end.prismatic_twist("z")]
         return torch.stack(torch.broadcast_tensors(*columns), -1)
 
     def inverse(

@@ -57,12 +57,12 @@ class Frame:
         """Rotation from this frame to the base, (..., 3, 3): its columns are x, y, z."""
         return torch.stack(torch.broadcast_tensors(self.x, self.y, self.z), -1)
 
-    def turning(self, axis: Literal["x", "y", "z"], tip: Tensor) -> Tensor:
+    def revolute_twist(self, axis: Literal["x", "y", "z"], tip: Tensor) -> Tensor:
         """Twist (..., 6) that a turn about one of the axes gives the tip: mm/rad above rad/rad."""
         arm, unit = torch.broadcast_tensors(tip - self.origin, getattr(self, axis))
         return torch.cat([torch.linalg.cross(unit, arm), unit], -1)
 
-    def sliding(self, axis: Literal["x", "y", "z"]) -> Tensor:
+    def prismatic_twist(self, axis: Literal["x", "y", "z"]) -> Tensor:
         """Twist (..., 6) that a slide along one of the axes gives the tip: mm/mm above nothing."""
         unit = getattr(self, axis)
         return torch.cat([unit, torch.zeros_like(unit)], -1)
@@ -87,11 +87,11 @@ class LinkFrames:
     def columns(self, tip: Tensor) -> tuple[Tensor, ...]:
         """Twists (..., 6) of the tip for a unit of a, alpha, d, theta and beta of this link."""
         return (
-            self.before_x.sliding("x"),
-            self.before_x.turning("x", tip),
-            self.before_z.sliding("z"),
-            self.before_z.turning("z", tip),
-            self.after_x.turning("y", tip),
+            self.before_x.prismatic_twist("x"),
+            self.before_x.revolute_twist("x", tip),
+            self.before_z.prismatic_twist("z"),
+            self.before_z.revolute_twist("z", tip),
+            self.after_x.revolute_twist("y", tip),
         )
 
 

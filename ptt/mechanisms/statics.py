@@ -83,6 +83,6 @@ def link_torques(mechanism: Mechanism, spec: ThreePttSpec | SerialSpec, q: Tenso
         centre = frames[index].end.point(torch.tensor(joint.com_mm or (0.0, 0.0, 0.0), dtype=q.dtype))
         force = weight(float(joint.mass_kg or 0.0), direction=down).to(q)
         for moved in range(index + 1):
-            by_joint = frames[moved].before_z.turning("z", centre)[..., :3]
+            by_joint = frames[moved].before_z.revolute_twist("z", centre)[..., :3]
             torque[:, moved] += (by_joint * force).sum(dim=-1)
     return torque

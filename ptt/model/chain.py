@@ -1,4 +1,8 @@
-"""The causal chain: drive, geometry, structure and metrology effects one after the other, and its derivatives."""
+"""The causal chain of a model, joint command -> tracker reading, and its derivatives by all effect parameters.
+
+q' = q + drive(q), p = f(q', geometry(q')), p' = p + structure(q', p), reading = p' + metrology(q', p'). f is the
+forward kinematics; each stage adds up the shifts of its effects, all evaluated at the stage's input.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +16,7 @@ from ptt.mechanisms.derivatives import by_input
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
 
-Shifts = Sequence[tuple[Effect, Tensor]]  # effects with their flat parameters
+EffectTerms = Sequence[tuple[Effect, Tensor]]  # effects with the flat vector of their parameter values
 
 
 @dataclass(frozen=True)
@@ -34,14 +38,17 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Chain:
-    """The causal chain at a model's present parameters: where a small further shift of each stage would lead.
+    """The causal chain at a model's present parameters: what a small further shift in one of its stages does.
+
+    The derivatives are those of the forward kinematics alone; that structure and metrology effects respond to a moved
+    joint or tool is left out of them, a thousandth of the whole.
 
     Attributes:
-        at_drive: the rows as drive effects see them.
-        at_joints: as geometry effects see them.
-        at_tool: as metrology effects see them, what structure effects do included.
-        by_joint: d reading / d joint shift, (n, 3, k).
-        by_slot: d reading / d geometry slot, (n, 3, G).
+        at_drive: the rows at the input of the drive stage, q the joint commands.
+        at_joints: the rows at the input of the geometry stage, q the actual joint values.
+        at_tool: the rows at the input of the metrology stage, p the actual tool position.
+        by_joint: d reading / d joint shift, (n, 3, k) mm per mm or rad.
+        by_slot: d reading / d geometry slot, (n, 3, G) mm per mm or rad.
         reading: (n, 3) mm.
     """
 
@@ -59,9 +66,9 @@ class Linearised:
 
     Attributes:
         prediction: the prediction.
-        jacobian: d reading / d theta, (n, 3, P), terms in the given order.
-        by_mount: d reading / d place of the reflector beside the tool point, (n, 3, 3).
-        chain: where further shifts of each stage would lead, one stage at a time.
+        jacobian: d reading / d theta, (n, 3, P), effects in the given order.
+        by_mount: d reading / d reflector offset from the tool point, in the tool's own axes, (n, 3, 3).
+        chain: the same chain, for the signatures of effects that are not in the model.
     """
 
     prediction: Prediction
@@ -70,7 +77,7 @@ class Linearised:
     chain: Chain
 
 
-def predict(terms: Shifts, view: View) -> Prediction:
+def predict(terms: EffectTerms, view: View) -> Prediction:
     """Follow the causal chain: drive, geometry, forward kinematics, structure, metrology.
 
     Args:
@@ -78,7 +85,7 @@ def predict(terms: Shifts, view: View) -> Prediction:
         view: n rows.
 
     Returns:
-        The prediction, tracker frame left aside.
+        The prediction in the base frame: the rigid motion of the tracker frame is not part of it.
     """
     q = view.q + _total(terms, "drive", view, view.q)
     at_joints = view.at(q=q)
@@ -90,12 +97,12 @@ def predict(terms: Shifts, view: View) -> Prediction:
     return Prediction(q, geometry, p, reading)
 
 
-def read_base(terms: Shifts, view: View) -> Tensor:
-    """What a tracker in the base frame would read of reflectors fixed to the base: only its own effects move them.
+def read_base(terms: EffectTerms, view: View) -> Tensor:
+    """Predict readings of reflectors fixed to the base, which metrology effects alone move.
 
     Args:
         terms: effects with their flat parameters.
-        view: of visits to the reflectors, m of them.
+        view: one row for each of m visits, p the reflector's drawn position.
 
     Returns:
         (m, 3) mm.
@@ -103,40 +110,40 @@ def read_base(terms: Shifts, view: View) -> Tensor:
     return view.p + _total(terms, "metrology", view, view.p)
 
 
-def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
-    """Predict, with exact derivatives along the chain.
+def linearise(terms: EffectTerms, view: View, *, crossed: bool = True) -> Linearised:
+    """Predict, with the exact Jacobian by all parameters (chain rule over the stages).
 
-    Each effect is differentiated by its own parameters (its basis, or by torch where it is not linear); what comes
-    before reaches what comes after through the row-wise derivative of each stage by its input.
+    Each effect is differentiated by its own parameters (its basis, or autograd where it is not linear); its columns
+    then pass through the later stages by the row-wise derivative of each stage by its input.
 
     Args:
         terms: effects with their flat parameters.
         view: n rows.
-        crossed: also follow how a shift of one stage changes the shifts of the next, a thousandth of the whole; a
-            search that only compares models goes without.
+        crossed: also include how the shift of one stage changes the shifts of later ones, a thousandth of the whole;
+            a search that only compares models leaves these cross terms out.
 
     Returns:
         The prediction and d reading / d theta.
     """
-    links = terms if crossed else ()
+    crossing = terms if crossed else ()
     shift, drive = _differentiate_stage(terms, "drive", view, view.q)
     q = view.q + shift
     at_joints = view.at(q=q)
     nominal = view.q.new_zeros(1, len(view.mechanism.slots))
     geometry, shaped = _differentiate_stage(terms, "geometry", at_joints, nominal)
     p, joint, by_slot = sensitivity(view.mechanism, q, view.mounted(geometry))
-    slots_by_joint = _by_input(links, "geometry", q, lambda x: view.at(q=x))
+    slots_by_joint = _by_input(crossing, "geometry", q, lambda x: view.at(q=x))
     by_joint = joint if slots_by_joint is None else joint + by_slot @ slots_by_joint
-    at_tool = at_joints.at(p=p)
-    shift, carried = _differentiate_stage(terms, "structure", at_tool, p)
-    bent_by_tool = _by_input(links, "structure", p, lambda x: at_joints.at(p=x))
-    bent_by_joint = _by_input(links, "structure", q, lambda x: at_tool.at(q=x))
+    at_structure = at_joints.at(p=p)
+    shift, carried = _differentiate_stage(terms, "structure", at_structure, p)
+    bent_by_tool = _by_input(crossing, "structure", p, lambda x: at_joints.at(p=x))
+    bent_by_joint = _by_input(crossing, "structure", q, lambda x: at_structure.at(q=x))
     actual = p + shift
-    at_target = at_joints.at(p=actual)
-    shift, read = _differentiate_stage(terms, "metrology", at_target, p)
-    read_by_tool = _by_input(links, "metrology", actual, lambda x: at_joints.at(p=x))
+    at_tool = at_joints.at(p=actual)
+    shift, read = _differentiate_stage(terms, "metrology", at_tool, p)
+    read_by_tool = _by_input(crossing, "metrology", actual, lambda x: at_joints.at(p=x))
     reading = actual + shift
-    # Columns of each stage join those of the stages before, which it carries on.
+    # Jacobian columns by the effect's place in `terms`; each later stage maps those of the stages before it.
     blocks = {place: by_joint @ slope for place, slope in drive.items()}
     blocks |= {place: _through(by_slot, slope) for place, slope in shaped.items()}
     by_mount = by_slot[..., -3:]
@@ -152,12 +159,12 @@ def linearise(terms: Shifts, view: View, *, crossed: bool = True) -> Linearised:
     blocks |= read
     columns = [blocks[place] for place in range(len(terms))]
     jacobian = torch.cat(columns, dim=-1) if columns else reading.new_zeros(view.rows, 3, 0)
-    chain = Chain(view, at_joints, at_target, joint, by_slot, reading)
+    chain = Chain(view, at_joints, at_tool, joint, by_slot, reading)
     return Linearised(Prediction(q, geometry, actual, reading), jacobian, by_mount, chain)
 
 
-def trace(terms: Shifts, view: View) -> Chain:
-    """Follow the chain and keep what each stage sees.
+def trace(terms: EffectTerms, view: View) -> Chain:
+    """Follow the chain and keep the rows at each stage's input, with the derivatives of the forward kinematics.
 
     Args:
         terms: effects with their flat parameters.
@@ -173,7 +180,7 @@ def trace(terms: Shifts, view: View) -> Chain:
 
 
 def signature(chain: Chain, effect: Effect, shape: Mapping[str, Tensor]) -> Tensor:
-    """Reading shift per unit of each linear parameter of an effect that is not in the model yet.
+    """Signature of an effect that is not in the model yet: reading shift per unit of each of its linear parameters.
 
     Args:
         chain: the present model's chain.
@@ -191,7 +198,7 @@ def signature(chain: Chain, effect: Effect, shape: Mapping[str, Tensor]) -> Tens
 
 
 def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Tensor]:
-    """Shift of one effect and its derivative by its own parameters.
+    """Shift of one effect and its derivative by its own parameters, at the stage's output.
 
     Args:
         effect: the effect.
@@ -218,26 +225,27 @@ def differentiate(effect: Effect, theta: Tensor, view: View) -> tuple[Tensor, Te
     return weigh(basis, theta[:linear]), columns[0] if len(columns) == 1 else torch.cat(columns, dim=-1)
 
 
-def _differentiate_stage(terms: Shifts, stage: str, view: View, like: Tensor) -> tuple[Tensor, dict[int, Tensor]]:
-    """Total shift of a stage, (n, out); of each of its effects, by place among all, the own derivative (n, out, P)."""
+def _differentiate_stage(terms: EffectTerms, stage: str, view: View, like: Tensor) -> tuple[Tensor, dict[int, Tensor]]:
+    """Total shift of a stage, (n, out), and by place in `terms` each of its effects' own derivative, (n, out, P)."""
     here = {i: differentiate(e, theta, view) for i, (e, theta) in enumerate(terms) if e.stage == stage}
     total = sum((shift for shift, _ in here.values()), torch.zeros_like(like))
     return total, {place: slope for place, (_, slope) in here.items()}
 
 
 def _through(by_slot: Tensor, basis: Tensor) -> Tensor:
-    """Derivative by the slots times a basis, (n, 3, P); where the basis is the same for all rows, one product."""
+    """Chain rule d reading/d slot @ basis, (n, 3, P); a basis expanded from one row needs only one matrix product."""
     if basis.stride(0) == 0 and len(basis):
         return (by_slot.reshape(-1, by_slot.shape[-1]) @ basis[0]).view(*by_slot.shape[:2], -1)
     return by_slot @ basis
 
 
-def _total(terms: Shifts, stage: str, view: View, like: Tensor) -> Tensor:
+def _total(terms: EffectTerms, stage: str, view: View, like: Tensor) -> Tensor:
+    """Sum of the shifts of a stage's effects, (n, out); zeros shaped as `like` where it has none."""
     shifts = [effect.shift(theta, view) for effect, theta in terms if effect.stage == stage]
     return sum(shifts, torch.zeros_like(like))
 
 
-def _by_input(terms: Shifts, stage: str, x: Tensor, see: Callable[[Tensor], View]) -> Tensor | None:
+def _by_input(terms: EffectTerms, stage: str, x: Tensor, see: Callable[[Tensor], View]) -> Tensor | None:
     """Derivative of a stage's total shift by its input, row by row, (n, out, m); None where the stage is empty."""
     here = [(effect, theta) for effect, theta in terms if effect.stage == stage]
     if not here or all(not bool(theta.any()) for _, theta in here):

@@ -11,7 +11,7 @@ from ptt.fitting.kept import keep
 from ptt.fitting.result import FitResult
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.mechanisms import build_mechanism
-from ptt.model.chain import Shifts
+from ptt.model.chain import EffectTerms
 from ptt.plan.space import build_space, draw_poses
 from ptt.record import Record
 from ptt.run.problem import Problem
@@ -69,7 +69,7 @@ def elsewhere(fitted: FitResult, problem: Problem) -> Elsewhere | None:
         drawing that the model does not have leave open.
     """
     file = problem.file
-    terms: Shifts = [
+    terms: EffectTerms = [
         (term.effect, term.theta) for term in fitted.model.terms if term.effect.stage != "metrology" and len(term.theta)
     ]
     if not terms or fitted.unnamed is None:

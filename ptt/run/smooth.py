@@ -38,7 +38,7 @@ def smoothly(problem: Problem) -> Problem | None:
         return None
     machine = problem.file.machine.model_copy(update={"moves": "smooth"})
     varies = view.varies | {"direction"} if travel.two_sided else view.varies - {"direction"}
-    seen = replace(view, direction=travel.direction, turning=travel.turning, varies=varies)
+    seen = replace(view, direction=travel.direction, turning_point=travel.turning_point, varies=varies)
     if view.velocity.any():  # else it stood at each row
         starts, ways = view.starts.numpy(), tool_ways(view.mechanism)
         velocity, paces = joint_speeds(

@@ -24,12 +24,12 @@ class Travel:
 
     Attributes:
         direction: (n, k), +1 or -1; standstill keeps the last one, a run's first row arrives as the second moves.
-        turning: (n, k) joint value at the last turn on the way from the row before; the row's own value if none.
+        turning_point: (n, k) joint value at the last turn on the way from the row before; the row's own value if none.
         starts: (n,) bool, the first row of each run.
     """
 
     direction: Tensor
-    turning: Tensor
+    turning_point: Tensor
     starts: Tensor
 
     @property
@@ -58,27 +58,27 @@ def read_travel(
     """
     starts = run_starts(table.run)
     if smooth:
-        turning = _smooth_turnings(q.numpy(), p.numpy(), starts)
+        turning_point = _smooth_turnings(q.numpy(), p.numpy(), starts)
     else:
-        turning = _turnings(mechanism, q, p, starts) if straight else q.numpy().copy()
+        turning_point = _turnings(mechanism, q, p, starts) if straight else q.numpy().copy()
     stated = None if table.direction is None else np.nan_to_num(table.direction)
     if stated is not None:
-        turning = np.where(
-            _unshown(stated, q.numpy(), turning, starts), q.numpy() - np.sign(stated) * OVERTRAVEL, turning
+        turning_point = np.where(
+            _unshown(stated, q.numpy(), turning_point, starts), q.numpy() - np.sign(stated) * OVERTRAVEL, turning_point
         )
-    direction = arrival_direction(q.numpy(), turning, starts)
+    direction = arrival_direction(q.numpy(), turning_point, starts)
     if stated is not None:
         direction = np.where(stated != 0, stated, direction)
-    return Travel(torch.as_tensor(direction), torch.as_tensor(turning), torch.as_tensor(starts))
+    return Travel(torch.as_tensor(direction), torch.as_tensor(turning_point), torch.as_tensor(starts))
 
 
-def _unshown(stated: np.ndarray, q: np.ndarray, turning: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def _unshown(stated: np.ndarray, q: np.ndarray, turning_point: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Arrivals (n, k) that the table states and the rows do not show; of a run's first row they show none.
 
     Where a joint stands it has arrived as it had before, which the table may have stated then.
     """
-    own = arrival_direction(q, turning, starts)
-    moved = (np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL) | (np.abs(q - turning) > STANDSTILL)
+    own = arrival_direction(q, turning_point, starts)
+    moved = (np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL) | (np.abs(q - turning_point) > STANDSTILL)
     held = hold_direction(np.where(stated != 0, stated, np.where(moved | starts[:, None], own, 0.0)), starts)
     shown = np.where(moved, own, np.concatenate([held[:1], held[:-1]]))
     return (stated != 0) & (starts[:, None] | (shown != stated))
@@ -96,21 +96,21 @@ def run_starts(run: np.ndarray) -> np.ndarray:
     return np.concatenate([[True], run[1:] != run[:-1]]) if len(run) else np.zeros(0, dtype=bool)
 
 
-def arrival_direction(q: np.ndarray, turning: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def arrival_direction(q: np.ndarray, turning_point: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """Direction in which each joint arrives at each row.
 
     Args:
         q: joint values, (n, k).
-        turning: value at the last turn on the way, (n, k); equal to q where there is none.
+        turning_point: value at the last turn on the way, (n, k); equal to q where there is none.
         starts: (n,) bool, first rows of runs.
 
     Returns:
         (n, k), +1 or -1. Standstill keeps the last direction; a run's first row arrives as the next one sets off;
         a joint that never moves in a run counts as +1.
     """
-    turned = np.abs(q - turning) > STANDSTILL
+    turned = np.abs(q - turning_point) > STANDSTILL
     whole = np.diff(q, axis=0, prepend=q[:1])
-    step = np.where(turned, q - turning, whole)
+    step = np.where(turned, q - turning_point, whole)
     step[starts & ~turned.any(axis=1)] = 0.0
     begun = np.where(turned, whole - step, whole)
     return hold_direction(np.where(np.abs(step) > STANDSTILL, step, 0.0), starts, begun).astype(float)

@@ -11,8 +11,8 @@ from ptt.mechanisms.statics import weight
 from ptt.run.turns import Entry
 
 PER_ROW = (  # the fields of a view that have one entry a row, but for the row's own number
-    "q", "p", "jacobian", "direction", "turning", "velocity", "starts", "run", "payload", "warmth", "time", "torque",
-    "mount", "link_load", "read", "paces",
+    "q", "p", "jacobian", "direction", "turning_point", "velocity", "starts", "run", "payload", "warmth", "time",
+    "torque", "mount", "link_load", "read", "paces",
 )  # fmt: skip
 
 
@@ -30,7 +30,7 @@ class View:
         p: tool position at the stage's input, (n, 3) mm; nominal before the structure stage.
         jacobian: dp/dq at the nominal pose, (n, 3, k).
         direction: direction of arrival of each joint, (n, k), +1 or -1.
-        turning: joint values of the last turn between the row before and this row, (n, k); q where there is none.
+        turning_point: joint values of the last turn between the row before and this row, (n, k); q where there is none.
         velocity: joint velocity, (n, k) mm/s or rad/s; zero where unknown.
         starts: first row of each run, (n,) bool.
         run: run of each row, (n,) int64.
@@ -63,7 +63,7 @@ class View:
     p: Tensor
     jacobian: Tensor
     direction: Tensor
-    turning: Tensor
+    turning_point: Tensor
     velocity: Tensor
     starts: Tensor
     run: Tensor

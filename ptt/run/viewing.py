@@ -104,7 +104,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         p=position,
         jacobian=jacobian,
         direction=travel.direction,
-        turning=travel.turning,
+        turning_point=travel.turning_point,
         velocity=velocity,
         paces=paces,
         starts=travel.starts,

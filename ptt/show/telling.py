@@ -35,7 +35,7 @@ def travel_since_reversal(view: View, joint: int) -> Tensor:
         (n,) mm or rad; NaN on the first row of a run, before which nobody knows the travel.
     """
     q, way = view.q[:, joint], view.direction[:, joint]
-    before = (q - view.turning[:, joint]).abs()
+    before = (q - view.turning_point[:, joint]).abs()
     between = before > STANDSTILL
     step = torch.where(between, before, q.diff(prepend=q[:1]).abs())
     step = torch.where(view.starts, torch.zeros_like(step), step)

@@ -52,8 +52,8 @@ def cannot_hold(
         Key -> why.
     """
     model = sample.compensator.model
-    steady, turning, _ = split_terms(model)
-    terms = [*steady, *turning]
+    steady, reversing, _ = split_terms(model)
+    terms = [*steady, *reversing]
     view = build_view(model.file, sample.table.replace(command=sample.commands.q))
     whole = predict(terms, view).p
     basis = np.linalg.qr(_scaled(tangent.reshape(whole.numel(), -1)))[0]

@@ -14,7 +14,7 @@ from ptt.correct.terms import left_to_controller, split_terms
 from ptt.errors import PosesError
 from ptt.machine_schema import ThreePttSpec
 from ptt.mechanisms import build_mechanism
-from ptt.model.chain import Shifts, predict
+from ptt.model.chain import EffectTerms, predict
 from ptt.model.model import Model
 from ptt.plan.space import build_space, draw_poses
 from ptt.progress import Progress, unwatched
@@ -146,8 +146,8 @@ def holdings(sample: WorkspaceSample, cannot: dict[str, str]) -> tuple[tuple[str
     """
     model = sample.compensator.model
     why = cannot | dict.fromkeys(left_to_controller(model), COMPENSATED)
-    steady, turning, _ = split_terms(model)
-    keys = [effect.key for effect, _ in (*steady, *turning)] + left_to_controller(model)
+    steady, reversing, _ = split_terms(model)
+    keys = [effect.key for effect, _ in (*steady, *reversing)] + left_to_controller(model)
     holds = tuple(key for key in keys if key not in why)
     return holds, tuple(CannotHold(key, why[key]) for key in keys if key in why)
 
@@ -163,8 +163,8 @@ def _rms_um(sample: WorkspaceSample, q: np.ndarray, sigma: np.ndarray) -> float:
 def _tool(sample: WorkspaceSample, q: np.ndarray) -> np.ndarray:
     """Where the model puts the tool, (n, 3) mm; the network left aside."""
     model = sample.compensator.model
-    steady, turning, _ = split_terms(model)
-    terms: Shifts = [*steady, *turning]
+    steady, reversing, _ = split_terms(model)
+    terms: EffectTerms = [*steady, *reversing]
     return np.asarray(predict(terms, build_view(model.file, sample.table.replace(command=q))).p.numpy())
 
 

@@ -70,8 +70,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
 def _cannot(compensator: "Compensator") -> dict[str, str]:
     own = parts_of(compensator.model).cannot
     why = {key: text for key, text in own.items() if text in (AHEAD, OWN)}
-    _, turning, _ = split_terms(compensator.model)
-    return why | {effect.key: SIDE for effect, _ in turning}
+    _, reversing, _ = split_terms(compensator.model)
+    return why | {effect.key: SIDE for effect, _ in reversing}
 
 
 def build_graph(compensator: "Compensator", head: list[str]) -> Any:

@@ -67,7 +67,7 @@ def fit_links(sample: WorkspaceSample, arm: Serial) -> tuple[Array, Array]:
         arm: the drawing.
 
     Returns:
-        Shifts of the arm's slots (G,), mm and rad, and how the tool moves with them, (n, 3, G).
+        EffectTerms of the arm's slots (G,), mm and rad, and how the tool moves with them, (n, 3, G).
     """
     model = sample.compensator.model
     steady = split_terms(model)[0]

@@ -45,7 +45,7 @@ def on_smooth_way(
 def _gross_elsewhere(found: Found, problem: Problem, other: Problem) -> bool:
     """Whether a gross error is of a row to which joints came otherwise on the smooth way: that may be why it is one."""
     here, there = problem.view, other.view
-    differ = (here.direction != there.direction) | (here.turning != there.turning)  # shape: (n, k)
+    differ = (here.direction != there.direction) | (here.turning_point != there.turning_point)  # shape: (n, k)
     return bool(found.gross[differ.any(dim=1).numpy()].any())
 
 

@@ -131,7 +131,7 @@ def _steady(sample: View, joints: Tensor, kind: str) -> View:
     return replace(
         view,
         direction=whole,
-        turning=view.q,
+        turning_point=view.q,
         starts=torch.ones(view.rows, dtype=torch.bool),
         velocity=SPEED[kind] * whole,
         time=sample.time.max().expand(view.rows),

@@ -114,11 +114,11 @@ def parts_of(model: Model) -> Parts:
     Returns:
         The parts, and which effects are not among them.
     """
-    steady, turning, _ = split_terms(model)
+    steady, reversing, _ = split_terms(model)
     parts = Parts()
     for index, (effect, theta) in enumerate(steady):
         parts = _steady(parts, effect, theta.numpy(), model.file, index)
-    for effect, theta in turning:
+    for effect, theta in reversing:
         parts = _turning(parts, effect, theta.numpy(), model.file)
     return replace(parts, functions=_functions(parts, model.file.machine.kind))
 
