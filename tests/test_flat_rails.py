@@ -86,11 +86,11 @@ def test_a_rail_is_flat_beyond_forty_five_degrees_and_stands_off_across_then(lea
     spec = parse_machine(STAR).machine.model_copy(update={"slider_lean_deg": (lean,) * 3})
     mechanism = build_mechanism(spec)
     assert mechanism.flat.tolist() == [lean > 45.0] * 3
-    np.testing.assert_allclose(mechanism.foot_way[:, 2], rises, atol=1e-12)
+    np.testing.assert_allclose(mechanism.foot_direction[:, 2], rises, atol=1e-12)
     outward = np.sqrt(1.0 - rises**2)
     azimuth = np.radians([0.0, 120.0, 240.0])
     wanted = outward * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
-    np.testing.assert_allclose(mechanism.foot_way[:, :2], wanted, atol=1e-12)
+    np.testing.assert_allclose(mechanism.foot_direction[:, :2], wanted, atol=1e-12)
 
 
 @pytest.mark.parametrize("fault", list(FAULTS))

@@ -20,7 +20,7 @@ from ptt.mechanisms.rotations import (
     rotation_vector,
 )
 from ptt.mechanisms.serial import Serial
-from ptt.mechanisms.serial_inverse import spread
+from ptt.mechanisms.serial_inverse import sample_joints
 from ptt.mechanisms.serial_reach import reach_within_limits
 
 # torch itself still scripts its forward-mode formulas on first use
@@ -115,7 +115,7 @@ def test_frames_end_at_the_tool(arm):
 
 
 def test_reach_is_never_exceeded_and_attained_by_the_stretched_iiwa(arm):
-    assert float(torch.linalg.vector_norm(arm.forward(spread(arm, 2000)), dim=-1).max()) <= arm.reach_mm
+    assert float(torch.linalg.vector_norm(arm.forward(sample_joints(arm, 2000)), dim=-1).max()) <= arm.reach_mm
     iiwa = preset("kuka_iiwa")
     close(torch.linalg.vector_norm(iiwa.forward(iiwa.home())), iiwa.reach_mm, 1e-9)
 

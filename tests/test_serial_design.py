@@ -22,7 +22,7 @@ from ptt.mechanisms.dexterity import condition_number
 from ptt.mechanisms.dexterity_report import describe_dexterity
 from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian, singular_families
 from ptt.mechanisms.serial import Serial
-from ptt.mechanisms.serial_inverse import spread
+from ptt.mechanisms.serial_inverse import sample_joints
 from ptt.model.model import Model
 from ptt.plan.arm import choose_from
 from ptt.plan.selection import select_poses
@@ -142,7 +142,7 @@ def test_dexterity_at_targets_that_are_joint_values_is_theirs(monkeypatch: pytes
     monkeypatch.setattr("ptt.mechanisms.dexterity_report._arm_workspace", lambda arm: {"poses": 0})
     file = load_machine(MACHINES / "kuka_iiwa.toml")
     arm = Serial.from_spec(file.machine)  # type: ignore[arg-type]
-    q = spread(arm, 4)
+    q = sample_joints(arm, 4)
     p = torch.full((4, 3), torch.nan, dtype=torch.float64)
     p[3] = arm.forward(q)[3]
     told = describe_dexterity(file, p, q)["targets"]

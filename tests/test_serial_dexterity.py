@@ -16,7 +16,7 @@ from ptt.mechanisms.dexterity_serial import (
     nearest_singular,
     scaled_jacobian,
 )
-from ptt.mechanisms.serial_inverse import spread
+from ptt.mechanisms.serial_inverse import sample_joints
 
 # torch itself still scripts its forward-mode formulas on first use
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
@@ -62,7 +62,7 @@ def test_spherical_shoulder_and_wrist_of_the_iiwa_follow_their_middle_joint():
 
 def test_nearest_singular_finds_the_families_of_the_iiwa():
     arm = preset("kuka_iiwa")
-    q, ratio = nearest_singular(arm, spread(arm, 100))
+    q, ratio = nearest_singular(arm, sample_joints(arm, 100))
     found = q[ratio < 1e-8]
     assert len(found) >= 80
     q2, q3, q4, q5, q6 = (found[:, i] for i in range(1, 6))
@@ -102,7 +102,7 @@ def test_manipulability_is_the_determinant(arm):
 
 
 def test_characteristic_length_balances_the_rows(arm):
-    jacobian = scaled_jacobian(arm, spread(arm, 4096))
+    jacobian = scaled_jacobian(arm, sample_joints(arm, 4096))
     close(jacobian[:, :3].square().sum(), jacobian[:, 3:].square().sum(), 1e-6 * jacobian.numel())
 
 
@@ -113,8 +113,8 @@ def test_maps_hold_the_workspace():
     assert filled.any()
     assert (found.condition[filled] >= 1.0).all()
     assert np.array_equal(filled, np.isfinite(found.manipulability))
-    radius = (found.radius_mm[1:] + found.radius_mm[:-1]) / 2
-    height = (found.height_mm[1:] + found.height_mm[:-1]) / 2
+    radius = (found.across[1:] + found.across[:-1]) / 2
+    height = (found.up[1:] + found.up[:-1]) / 2
     reach = np.hypot(radius[None, :], height[:, None])
     assert reach[filled].max() <= arm.reach_mm + 40.0
     # stretched out, the elbow is singular: the rim is worse than the middle
@@ -125,6 +125,6 @@ def test_maps_hold_the_workspace():
 def test_joint_map_shows_the_elbow():
     arm = preset("kuka_iiwa")
     found = joint_map(arm, first=5, second=3, cells=41)
-    row = np.argmin(np.abs(found.height_mm))
+    row = np.argmin(np.abs(found.up))
     assert found.manipulability[row].max() < 1e-12
     assert np.median(found.manipulability) > 1e-2

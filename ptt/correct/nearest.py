@@ -11,7 +11,7 @@ from ptt.correct.newton import MISSED, ROUNDS
 from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.mechanisms.workspace import near_singular, tool_ways, travel_margin
+from ptt.mechanisms.workspace import near_singular, translation_rank, travel_margin
 
 HALVINGS = 20  # of the way: a metre to a micrometre
 
@@ -112,6 +112,6 @@ def _inverse(mechanism: Mechanism, place: Tensor, near: Tensor) -> Tensor:
         return mechanism.inverse(place, None, near)
     q = near
     for _ in range(ROUNDS):
-        q = q + least_move(mechanism.jacobian(q), place - mechanism.forward(q), tool_ways(mechanism))
+        q = q + least_move(mechanism.jacobian(q), place - mechanism.forward(q), translation_rank(mechanism))
     there = (place - mechanism.forward(q)).norm(dim=1) < MISSED
     return torch.where(there[:, None], q, torch.nan)

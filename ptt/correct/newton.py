@@ -17,7 +17,7 @@ from ptt.effects.memory import standing
 from ptt.effects.reversal import Backlash, gap_of
 from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
-from ptt.mechanisms.workspace import tool_ways
+from ptt.mechanisms.workspace import translation_rank
 from ptt.model.chain import EffectTerms, predict
 from ptt.run.direction import STANDSTILL
 from ptt.run.travel import arrival_direction
@@ -111,12 +111,12 @@ class _Search:
     given: int
 
     @property
-    def ways(self) -> int:
-        return tool_ways(self.mechanism)
+    def rank(self) -> int:
+        return translation_rank(self.mechanism)
 
     def missed(self, view: View) -> Tensor:
         """What the joints can make good of what each row misses, (n, 3) mm."""
-        return _made(view.jacobian, self.goal - predict(self.terms, view).p, self.ways)
+        return _made(view.jacobian, self.goal - predict(self.terms, view).p, self.rank)
 
     def settle(self, best: Tensor, least: Tensor, moves: Tensor) -> tuple[Tensor, Tensor]:
         """Where some rows, (n,) bool, come nearest, the others standing where they stand."""
@@ -134,7 +134,7 @@ class _Search:
             if bool(stays.all()) or idle == IDLE:
                 break
             step[: self.given] = 0.0
-            wanted = q + least_move(view.jacobian, step, self.ways)
+            wanted = q + least_move(view.jacobian, step, self.rank)
             ahead = _ahead(self.terms, view, wanted, self.hold, self.given > 0)
             q = torch.where(stays[:, None], best, _assembled(self.mechanism, best, ahead, q))[self.hold]
         return best, least
@@ -169,26 +169,26 @@ def invert_together(
     """
     hold, rows = _held(sent, given)
     q, least, idle = start[hold], torch.full((len(sent),), torch.inf, dtype=torch.float64), 0
-    ways = tool_ways(mechanism)
+    rank = translation_rank(mechanism)
     for turn in range(ROUNDS):
         view = see(q)
-        step = _made(view.jacobian, goal - predict(terms, view).p, ways)
+        step = _made(view.jacobian, goal - predict(terms, view).p, rank)
         size = torch.where(rows, _size(step), 0.0)
         idle = 0 if bool((rows & (size < NEARER * least)).any()) else idle + 1
         least = torch.minimum(least, size)
         if bool((size <= SETTLED).all()) or idle == IDLE or turn == ROUNDS - 1:
             break
         step[:given] = 0.0
-        wanted = q + lead(least_move(view.jacobian, step, ways))
+        wanted = q + lead(least_move(view.jacobian, step, rank))
         q = torch.cat([start[:given], _assembled(mechanism, q, wanted, q)[hold][given:]])
     return q, torch.where(rows[:, None], step, torch.inf)
 
 
-def _made(jacobian: Tensor, step: Tensor, ways: int) -> Tensor:
+def _made(jacobian: Tensor, step: Tensor, rank: int) -> Tensor:
     """What of a step the joints can make, (n, 3) mm: all of it where they move the tool in every direction."""
-    if ways == step.shape[-1]:
+    if rank == step.shape[-1]:
         return step
-    return (jacobian @ least_move(jacobian, step, ways)[..., None])[..., 0]
+    return (jacobian @ least_move(jacobian, step, rank)[..., None])[..., 0]
 
 
 def _ahead(terms: EffectTerms, view: View, wanted: Tensor, hold: Tensor, going: bool) -> Tensor:

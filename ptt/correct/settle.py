@@ -15,7 +15,7 @@ from ptt.effects.memory import Passed
 from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
-from ptt.mechanisms.workspace import near_singular, tool_ways
+from ptt.mechanisms.workspace import near_singular, translation_rank
 from ptt.model.chain import EffectTerms, predict
 from ptt.run.table import take_rows
 from ptt.run.view import View
@@ -156,7 +156,7 @@ def first_order(mechanism: Mechanism, wanted: Tensor, height: Tensor, sent: np.n
     rows, inverse = torch.as_tensor(sent), mechanism.inverse
     near, wanted, simple = height[rows], wanted[rows], torch.full_like(height, torch.nan)
     shift = wanted - mechanism.forward(near)
-    move = least_move(mechanism.jacobian(inverse(wanted - 0.5 * shift, None, near)), shift, tool_ways(mechanism))
+    move = least_move(mechanism.jacobian(inverse(wanted - 0.5 * shift, None, near)), shift, translation_rank(mechanism))
     simple[rows] = inverse(wanted, None, near) - move
     return simple
 
@@ -209,7 +209,7 @@ def _solve(task: CommandTask, sent: np.ndarray) -> Solved:
 
 def _missed(task: CommandTask, terms: EffectTerms, q: Tensor, left: Tensor) -> Tensor:
     """By how much commands miss, (n, 3) mm: what joints could still do, `left`, and what lies across their plane."""
-    if tool_ways(task.mechanism) == 3:
+    if translation_rank(task.mechanism) == 3:
         return left
     return torch.where(left.isfinite().all(dim=1)[:, None], task.asked - predict(terms, task.see(q)).p, left)
 

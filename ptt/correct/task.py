@@ -11,7 +11,7 @@ from ptt.effects.drive import FollowingError, pace_number
 from ptt.effects.layout import shape_of
 from ptt.effects.memory import Passed, go_on
 from ptt.mechanisms.protocol import Mechanism
-from ptt.mechanisms.workspace import tool_ways
+from ptt.mechanisms.workspace import translation_rank
 from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 from ptt.run.pace import SMOOTH, Pace, line_ends, pace_of, runs_straight
@@ -102,7 +102,7 @@ class CommandTask:
         moves = self.model.file.machine.moves
         if runs_straight(self.way, straight=moves == "straight") and len(place) > 1:
             q = self.mechanism.inverse(place, None, self.nominal)
-            ends = line_ends(self.mechanism.jacobian(q), q, place, tool_ways(self.mechanism))
+            ends = line_ends(self.mechanism.jacobian(q), q, place, translation_rank(self.mechanism))
         slowest, starts = float(self.lag.abs().max()), run_starts(self.clock.run)
         smooth = moves == "smooth"
         return replace(self, pace=pace_of(place.numpy(), starts, self.clock, ends, self.way, slowest, smooth=smooth))

@@ -36,7 +36,7 @@ def across_axes(view: View) -> tuple[Tensor, Tensor]:
 
 def foot_axes(view: View) -> tuple[Tensor, Tensor]:
     """Unit vectors in which a rail may stand off, each (3, 3): outward, of a flat rail across it, and tangential."""
-    return machine(view).foot_way, machine(view).outer_axis
+    return machine(view).foot_direction, machine(view).outer_axis
 
 
 def upright(said: Iterable[ValuePhrase], view: View) -> tuple[ValuePhrase, ...]:

@@ -13,9 +13,10 @@ Function = Callable[[Tensor], Tensor]
 
 
 def by_parameters(function: Function, theta: Tensor) -> Tensor:
-    """Derivative of a function of a few parameters.
+    """Jacobian of a function of a few parameters, by two reverse passes for each parameter.
 
-    The gradient g = J^T u of the values weighted by u is linear in u: its derivatives by u are the columns of J.
+    The vector-Jacobian product g = J^T u is linear in the weights u of the values: the gradient of g_j by u is column j
+    of J.
 
     Args:
         function: (P,) -> (...).
@@ -30,13 +31,13 @@ def by_parameters(function: Function, theta: Tensor) -> Tensor:
         if not values.requires_grad or not len(theta):
             return values.new_zeros(*values.shape, len(theta)).detach()
         weights = torch.zeros_like(values, requires_grad=True)
-        return torch.stack([_gradient(each, weights) for each in _pulled(values, weights, inputs)], dim=-1)
+        return torch.stack([_gradient(each, weights) for each in _vector_jacobian(values, weights, inputs)], dim=-1)
 
 
 def by_input(function: Function, x: Tensor) -> Tensor:
-    """Derivative, row by row, of a function that treats every row by itself.
+    """Jacobian of each row of a function that treats every row by itself.
 
-    Where a row has more values than inputs, it is worked out as in `by_parameters`: a pass an input, not a value.
+    A reverse pass for each value of a row, or as in `by_parameters` for each input where a row has fewer of these.
 
     Args:
         function: (n, m) -> (n, out).
@@ -53,15 +54,15 @@ def by_input(function: Function, x: Tensor) -> Tensor:
         if values.shape[1] <= x.shape[1]:
             return torch.stack([_gradient(column.sum(), inputs) for column in values.unbind(dim=-1)], dim=-2)
         weights = torch.zeros_like(values, requires_grad=True)
-        pulled = _pulled(values, weights, inputs).unbind(dim=-1)
-        return torch.stack([_gradient(column.sum(), weights) for column in pulled], dim=-1)
+        product = _vector_jacobian(values, weights, inputs).unbind(dim=-1)
+        return torch.stack([_gradient(column.sum(), weights) for column in product], dim=-1)
 
 
-def _pulled(values: Tensor, weights: Tensor, inputs: Tensor) -> Tensor:
-    """The gradient by the inputs of the weighted values: linear in the weights, and as many numbers as inputs."""
+def _vector_jacobian(values: Tensor, weights: Tensor, inputs: Tensor) -> Tensor:
+    """Vector-Jacobian product J^T u, as a differentiable function of the weights u, shaped as the inputs."""
     # The sum is weighted here: weights handed to `grad` would have their shapes compared by sympy.
-    (pulled,) = torch.autograd.grad((values * weights).sum(), inputs, create_graph=True)
-    return pulled
+    (product,) = torch.autograd.grad((values * weights).sum(), inputs, create_graph=True)
+    return product
 
 
 def _gradient(value: Tensor, inputs: Tensor) -> Tensor:

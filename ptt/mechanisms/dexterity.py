@@ -1,4 +1,4 @@
-"""How well a pose can be moved and held: determinant, singularities, condition number, manipulability."""
+"""Dexterity of a 3-PTT pose and its distance from singularities: determinant, margins, condition, manipulability."""
 
 from dataclasses import dataclass
 
@@ -8,15 +8,15 @@ from torch import Tensor
 from ptt.mechanisms.three_ptt import ThreePtt
 
 NEAR_RATIO = 0.1
-"""A pose is near a singularity where a margin is below this: some error or force grows tenfold on its way through."""
+"""Margin below which a pose is near a singularity: some error or force then grows more than tenfold on its way."""
 
 ROUNDING = 1e-14
-"""Share of the largest singular value under which the least one is rounding."""
+"""Share of the largest singular value below which the least one is zero but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Singularities:
-    """How far poses are from each kind of singularity, and how evenly the tool moves there.
+    """Margins of n poses to each kind of singularity, and their condition number and manipulability.
 
     `direct` and `constraint` are least singular values of three unit vectors (1 orthogonal, 0 in one plane): the load
     on the platform, in its weakest direction, that link forces or joint moments of size 1 hold. They need no length as
@@ -25,7 +25,7 @@ class Singularities:
 
     Attributes:
         inverse_mm: (n,) least |w_i| = |s_i . rail_i|; 0 where a link stands square to its rail.
-        edge_mm: (n,) least L_i - |s_i across rail_i|, way left sideways until then.
+        edge_mm: (n,) least L_i - |part of s_i across rail_i|, sideways travel left until then.
         inverse: (n,) least |w_i| / L_i, so that all three margins are ratios.
         direct: (n,) least singular value of the unit link vectors.
         direct_volume: (n,) their signed determinant, which changes sign at the singularity.
@@ -104,7 +104,7 @@ def singularities(mechanism: ThreePtt, p: Tensor) -> Singularities:
 
 
 def near_singularity(mechanism: ThreePtt, p: Tensor) -> Tensor:
-    """The same as `singularities(...).near`, singular values worked out only where a bound leaves that open.
+    """Equal to `singularities(...).near`, but singular values are computed only where a bound leaves it open.
 
     Three unit vectors have singular values whose squares sum to 3, so the product of the two largest is at most 3/2
     and the least is at least 2/3 of their volume.

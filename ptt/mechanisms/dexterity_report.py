@@ -1,4 +1,4 @@
-"""Dexterity of a machine for a person: at home, at given targets, over the workspace."""
+"""Dexterity of a machine as a report: at home, at given targets, over the workspace."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,18 +10,19 @@ from ptt.machine import MachineFile
 from ptt.mechanisms import Mechanism, build_mechanism
 from ptt.mechanisms.dexterity import condition_number, determinant, manipulability, singularities
 from ptt.mechanisms.serial import Serial
-from ptt.mechanisms.serial_inverse import middle, spread
+from ptt.mechanisms.serial_inverse import middle, sample_joints
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, workspace_map
 
-GRID = 41
+GRID = 41  # points along x and along y
+HEIGHTS = 9
 MARGINS = ("inverse_mm", "edge_mm", "inverse", "direct", "constraint")
 
 
 def describe_dexterity(
     file: MachineFile, targets: Tensor | None = None, commands: Tensor | None = None
 ) -> dict[str, Any]:
-    """Figures of dexterity and distance from singularities.
+    """Condition number, manipulability and distance from singularities of a machine.
 
     Args:
         file: the machine.
@@ -58,13 +59,13 @@ def _poses(mechanism: Mechanism, p: Tensor, q: Tensor | None) -> tuple[Tensor, T
 
 
 def _at(mechanism: Mechanism, p: Tensor, q: Tensor) -> list[dict[str, Any]]:
-    """Figures at each of (n, 3) mm, reached by (n, k) joint values."""
+    """Dexterity at each tool position (n, 3) mm, reached by joint values (n, k)."""
     columns: dict[str, Sequence[Any]] = {
         "p_mm": p.tolist(),
         "q": q.tolist(),
         "status": reach(mechanism, p, q).tolist(),
     }
-    if isinstance(mechanism, ThreePtt):  # where it is singular no sliders tell the pose, so all is asked of the pose
+    if isinstance(mechanism, ThreePtt):  # from p, not q: at a singularity slider heights do not determine the pose
         margins = singularities(mechanism, p)
         columns |= {name: getattr(margins, name).tolist() for name in ("condition", "manipulability")}
         columns["determinant"] = (determinant(mechanism, p) + 0.0).tolist()
@@ -77,14 +78,14 @@ def _at(mechanism: Mechanism, p: Tensor, q: Tensor) -> list[dict[str, Any]]:
 
 
 def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
-    """Spread of the condition number over what the travel reaches."""
+    """Range of the condition number over a grid of the positions that the sliders' travel reaches."""
     spec = file.machine
     assert spec.kind == "three-ptt"
     half = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)
     home = float(mechanism.home().mean())
     low, high = (end - home for end in spec.common_travel)
     across = torch.linspace(-half, half, GRID, dtype=torch.float64)
-    heights = torch.linspace(low, high, 9, dtype=torch.float64)
+    heights = torch.linspace(low, high, HEIGHTS, dtype=torch.float64)
     found = workspace_map(mechanism, across, across, heights)
     inside = ~torch.isnan(found.condition) & (found.travel_margin >= 0.0)
     values = found.condition[inside]
@@ -100,6 +101,7 @@ def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
 
 
 def _arm_at_middle(arm: Serial) -> list[dict[str, Any]]:
+    """Dexterity of an arm at the bent middle of its limits; its module loads scipy's optimisers, so only here."""
     from ptt.mechanisms.dexterity_serial import scaled_jacobian
 
     q = middle(arm)[None]
@@ -109,9 +111,10 @@ def _arm_at_middle(arm: Serial) -> list[dict[str, Any]]:
 
 
 def _arm_workspace(arm: Serial) -> dict[str, Any]:
+    """Range of the condition number over sampled joint values, most isotropic poses and singular families of an arm."""
     from ptt.mechanisms.dexterity_serial import most_isotropic, scaled_jacobian, singular_families
 
-    values = condition_number(scaled_jacobian(arm, spread(arm, 4096)))
+    values = condition_number(scaled_jacobian(arm, sample_joints(arm, 4096)))
     best, least = most_isotropic(arm)
     best_position, least_position = most_isotropic(arm, "position")
     families = singular_families(arm)

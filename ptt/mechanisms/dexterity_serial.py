@@ -1,8 +1,8 @@
-"""How well a serial arm moves: condition number, manipulability, singular and isotropic configurations.
+"""Dexterity of a serial arm: condition number, manipulability, singular and isotropic configurations.
 
 Source: Hu Mingwei et al., motion performance of a collaborative robot: condition number k = |J| |J^-1|, manipulability
 w = sqrt(det(J J^T)). With a Jacobian that is not square both are read from its min(m, k) singular values, so that an
-arm of four joints is judged on its four motions.
+arm of four joints is judged by its four motions.
 """
 
 from dataclasses import dataclass
@@ -15,26 +15,26 @@ from torch import Tensor
 
 from ptt.mechanisms.dexterity import condition_number, manipulability, singular_values
 from ptt.mechanisms.serial import Serial
-from ptt.mechanisms.serial_inverse import middle, spread
+from ptt.mechanisms.serial_inverse import middle, sample_joints
 
 Part = Literal["position", "orientation", "pose"]
 SINGULAR = 1e-9  # smallest over largest singular value from which on a configuration counts as singular
 NEWTON_STEPS = 60
-POWERS = (2.0, 8.0, 32.0)
-SAMPLES = 4096  # joint values that are looked at before the best of them are refined
+POWERS = (2.0, 8.0, 32.0)  # norms that stand for the largest singular value, from smooth to near the maximum itself
+SAMPLES = 4096  # joint values of which the best are refined
 LONGEST_STEP_RAD = 0.2
-FOUND = 1e-7  # ratio below which a walk has arrived; where two families cross it gets there to the root of rounding
-ASIDES, ASIDE_RAD = 8, 1e-4
+CONVERGED = 1e-7  # ratio of singular values; where two families cross Newton gets to the square root of rounding only
+PERTURBATIONS, PERTURBATION_RAD = 8, 1e-4  # small steps off a singular pose, in random directions
 DECIDES = 0.2  # share of the steepest joint's slope from which a joint belongs to a family
 
 
 def scaled_jacobian(arm: Serial, q: Tensor, part: Part = "pose") -> Tensor:
-    """Bring the geometric Jacobian to one unit, position rows divided by the arm's characteristic length.
+    """Geometric Jacobian with all rows in rad/rad: position rows are divided by the arm's characteristic length.
 
     Args:
         arm: the arm.
         q: (n, k) joint values, rad.
-        part: which rows: the tool's position, its orientation, or both.
+        part: rows of the tool's position, of its orientation, or both ('pose').
 
     Returns:
         (n, 3 or 6, k) rad/rad.
@@ -47,9 +47,9 @@ def scaled_jacobian(arm: Serial, q: Tensor, part: Part = "pose") -> Tensor:
 
 
 def nearest_singular(arm: Serial, q: Tensor) -> tuple[Tensor, Tensor]:
-    """Walk from joint values to singular ones nearby: Newton's method on the smallest singular value.
+    """Go from joint values to singular ones nearby: Newton's method on the smallest singular value.
 
-    Limits are kept, so a row may end at a limit without having found any.
+    Joint limits are kept, so a row may end at a limit without having found a singular pose.
 
     Args:
         arm: the arm.
@@ -77,24 +77,24 @@ def nearest_singular(arm: Serial, q: Tensor) -> tuple[Tensor, Tensor]:
 def singular_families(arm: Serial, starts: int = 200) -> dict[tuple[int, ...], Tensor]:
     """Find which joints make an arm singular, as q4 alone (elbow) or q2 with q3 (shoulder) of a seven-joint arm.
 
-    Each family is found by walking to singular joint values from many places. The joints that decide it are those along
-    which the smallest singular value rises again when the arm steps a little aside.
+    Newton's method goes to singular joint values from many starts. The joints that decide a family are those along
+    which the smallest singular value rises when the arm is moved a little off the singular pose.
 
     Args:
         arm: the arm.
-        starts: from how many places to walk.
+        starts: how many sampled joint values Newton's method starts from.
 
     Returns:
         Zero-based joints of a family -> (m, k) singular joint values, rad; largest family first.
     """
-    q, ratio = nearest_singular(arm, spread(arm, starts))
-    found = q[ratio < FOUND]
+    q, ratio = nearest_singular(arm, sample_joints(arm, starts))
+    found = q[ratio < CONVERGED]
     if not len(found):
         return {}
     random = torch.Generator().manual_seed(0)
     rise = torch.zeros_like(found)
-    for _ in range(ASIDES):
-        aside = found + ASIDE_RAD * torch.randn(found.shape, dtype=found.dtype, generator=random)
+    for _ in range(PERTURBATIONS):
+        aside = found + PERTURBATION_RAD * torch.randn(found.shape, dtype=found.dtype, generator=random)
         leaf = aside.requires_grad_()
         (slope,) = torch.autograd.grad(singular_values(scaled_jacobian(arm, leaf))[:, -1].sum(), leaf)
         rise = torch.maximum(rise, slope.abs() / slope.abs().amax(-1, keepdim=True).clamp(min=1e-30))
@@ -105,7 +105,7 @@ def singular_families(arm: Serial, starts: int = 200) -> dict[tuple[int, ...], T
 
 
 def most_isotropic(arm: Serial, part: Part = "pose", starts: int = 8) -> tuple[Tensor, float]:
-    """Find the joint values whose motion is the most alike in all directions.
+    """Find the joint values of least condition number: those that move the tool most evenly in all directions.
 
     Args:
         arm: the arm.
@@ -115,7 +115,7 @@ def most_isotropic(arm: Serial, part: Part = "pose", starts: int = 8) -> tuple[T
     Returns:
         (k,) joint values, rad, and their condition number, 1 where isotropic.
     """
-    candidates = spread(arm, SAMPLES)
+    candidates = sample_joints(arm, SAMPLES)
     order = condition_number(scaled_jacobian(arm, candidates, part)).argsort()[:starts]
     found = [_refine(arm, candidates[row], part) for row in order]
     return min(found, key=lambda item: item[1])
@@ -123,23 +123,25 @@ def most_isotropic(arm: Serial, part: Part = "pose", starts: int = 8) -> tuple[T
 
 @dataclass(frozen=True)
 class DexterityMap:
-    """Dexterity over a half plane through axis 1, which holds the whole workspace since joint 1 changes neither figure.
+    """Dexterity over two coordinates: those of a half plane through axis 1 (mm), or two joints (rad).
 
     Attributes:
-        radius_mm: (c + 1,) edges of the cells' distance from axis 1.
-        height_mm: (c + 1,) edges of the cells' height.
-        condition: (c, c) smallest condition number found in a cell, height by radius; NaN where nothing was.
-        manipulability: (c, c) largest manipulability found in a cell, unit-free; NaN where nothing was.
+        across: edges (c + 1,) of the cells along the first coordinate, or (c,) its values.
+        up: the same along the second coordinate.
+        condition: (c, c) condition number, second coordinate by first; NaN in a cell without a pose.
+        manipulability: (c, c), unit-free; NaN in a cell without a pose.
     """
 
-    radius_mm: np.ndarray
-    height_mm: np.ndarray
+    across: np.ndarray
+    up: np.ndarray
     condition: np.ndarray
     manipulability: np.ndarray
 
 
 def dexterity_map(arm: Serial, samples: int = 200_000, cells: int = 60) -> DexterityMap:
-    """Map the best dexterity an arm can have at each place.
+    """Map the best dexterity an arm can have at each distance from axis 1 and height.
+
+    This half plane stands for the whole workspace, because joint 1 changes neither condition number nor manipulability.
 
     Args:
         arm: the arm; axis 1 is the base's z, as in all standard tables.
@@ -147,9 +149,9 @@ def dexterity_map(arm: Serial, samples: int = 200_000, cells: int = 60) -> Dexte
         cells: cells along each side of the map.
 
     Returns:
-        The map.
+        The map: in each cell the smallest condition number and the largest manipulability found there.
     """
-    q = spread(arm, samples)
+    q = sample_joints(arm, samples)
     jacobian = scaled_jacobian(arm, q)
     p = arm.forward(q).numpy()
     radius, height = np.hypot(p[:, 0], p[:, 1]), p[:, 2]
@@ -172,7 +174,7 @@ def joint_map(arm: Serial, first: int, second: int, cells: int = 61) -> Dexterit
         cells: joint values along each side.
 
     Returns:
-        A map whose `radius_mm` and `height_mm` hold the (c,) values of the two joints, rad.
+        The map over the (c,) values of the two joints.
     """
     low, high = (limit.clamp(-torch.pi, torch.pi) for limit in arm.limits())
     across, up = (torch.linspace(float(low[i]), float(high[i]), cells, dtype=torch.float64) for i in (first, second))
@@ -188,6 +190,7 @@ def joint_map(arm: Serial, first: int, second: int, cells: int = 61) -> Dexterit
 
 
 def _best_in_cell(cell: np.ndarray, score: np.ndarray, cells: int) -> np.ndarray:
+    """Largest score (n,) of the poses in each cell, (cells, cells); NaN in an empty one."""
     best = np.full(cells * cells, -np.inf)
     np.maximum.at(best, cell, score)
     filled = np.zeros(cells * cells, dtype=bool)
@@ -196,15 +199,16 @@ def _best_in_cell(cell: np.ndarray, score: np.ndarray, cells: int) -> np.ndarray
 
 
 def _refine(arm: Serial, start: Tensor, part: Part) -> tuple[Tensor, float]:
-    """Polish one start; sums of powers of singular values stand in for the largest, smooth where values meet."""
+    """Minimise the condition number from one start, as a power mean, which is smooth where singular values cross."""
     q = start.numpy()
     for power in POWERS:
-        q = minimize(_unevenness, q, (arm, part, power), jac=True, method="L-BFGS-B", bounds=arm.limits_rad).x
+        q = minimize(_smooth_condition, q, (arm, part, power), jac=True, method="L-BFGS-B", bounds=arm.limits_rad).x
     found = torch.from_numpy(q)
     return found, float(condition_number(scaled_jacobian(arm, found[None], part)))
 
 
-def _unevenness(values: np.ndarray, arm: Serial, part: Part, power: float) -> tuple[float, np.ndarray]:
+def _smooth_condition(values: np.ndarray, arm: Serial, part: Part, power: float) -> tuple[float, np.ndarray]:
+    """log(|J|_p |J^-1|_p), p-norms of the singular values in place of their maximum; and its gradient by q."""
     q = torch.from_numpy(values.copy()).requires_grad_()
     logs = singular_values(scaled_jacobian(arm, q[None], part))[0].clamp(min=1e-30).log()
     value = (torch.logsumexp(power * logs, 0) + torch.logsumexp(-power * logs, 0)) / power

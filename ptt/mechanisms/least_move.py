@@ -1,31 +1,34 @@
-"""The smallest move of the joints that takes the tool by a step."""
+"""The joint step of least norm for a step of the tool: the pseudoinverse of the Jacobian."""
 
 import torch
 from torch import Tensor
 
 
-def least_move(jacobian: Tensor, step: Tensor, ways: int = 3) -> Tensor:
-    """Smallest joint move that takes the tool by a step; NaN where the Jacobian is singular or not a number.
+def least_move(jacobian: Tensor, step: Tensor, rank: int = 3) -> Tensor:
+    """Moore-Penrose solution of (dp/dq) dq = step; NaN where the Jacobian is singular or not a number.
+
+    Of a redundant arm it is the smallest joint step; where the joints cannot make the whole of a step (fewer than three
+    of them, or a planar arm) it makes the part that they can, by least squares.
 
     Args:
-        jacobian: dp/dq, (n, 3, k).
+        jacobian: dp/dq, (n, 3, k) mm per mm or rad.
         step: (n, 3) mm.
-        ways: number of directions in which the joints can move the tool at all; by two of a step in all three a planar
-            arm makes what lies in its plane.
+        rank: of the Jacobian at a general pose (`ptt.mechanisms.workspace.translation_rank`); smaller singular values
+            than the first `rank` are rounding.
 
     Returns:
-        (n, k).
+        dq: (n, k) mm or rad.
     """
-    if ways < min(jacobian.shape[1:]):
+    if rank < min(jacobian.shape[1:]):  # truncated singular value decomposition
         known, move = jacobian.isfinite().all(dim=-1).all(dim=-1), torch.full_like(jacobian[..., 0, :], torch.nan)
         left, size, right = torch.linalg.svd(jacobian[known], full_matrices=False)
-        size = torch.where(size[..., :ways] > 0.0, size[..., :ways], torch.nan)
-        along = (left[..., :ways].mT @ step[known][..., None])[..., 0] / size
-        move[known] = (right[..., :ways, :].mT @ along[..., None])[..., 0]
+        size = torch.where(size[..., :rank] > 0.0, size[..., :rank], torch.nan)
+        along = (left[..., :rank].mT @ step[known][..., None])[..., 0] / size
+        move[known] = (right[..., :rank, :].mT @ along[..., None])[..., 0]
         return move
     if jacobian.shape[-1] == step.shape[-1]:
         return torch.linalg.solve_ex(jacobian, step[..., None])[0][..., 0]
-    across = jacobian.mT
+    transposed = jacobian.mT
     if jacobian.shape[-1] > step.shape[-1]:
-        return (across @ torch.linalg.solve_ex(jacobian @ across, step[..., None])[0])[..., 0]
-    return torch.linalg.solve_ex(across @ jacobian, across @ step[..., None])[0][..., 0]
+        return (transposed @ torch.linalg.solve_ex(jacobian @ transposed, step[..., None])[0])[..., 0]
+    return torch.linalg.solve_ex(transposed @ jacobian, transposed @ step[..., None])[0][..., 0]

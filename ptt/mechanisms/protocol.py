@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.errors import WorkspaceError
 
-ROWS_SHOWN = 5
+ROWS_SHOWN = 5  # in a message
 
 
 class Mechanism(Protocol):
@@ -44,7 +44,8 @@ class Mechanism(Protocol):
         Args:
             p: float64 tensor (n, 3) mm, tool positions.
             geometry: (n, G) or (1, G), shift of each geometry slot; None is the drawing.
-            near: (n, k) mm or rad, joint values to stay close to; used by redundant arms only.
+            near: (n, k) mm or rad, joint values to start from and stay close to; not used by a 3-PTT, which has one
+                solution.
 
         Returns:
             q: (n, k) mm or rad, NaN where the position is out of reach.
@@ -62,7 +63,7 @@ class Mechanism(Protocol):
         """
 
     def home(self) -> Tensor:
-        """Joint values that every drive error is counted from.
+        """Home position: the joint values from which drive errors count the travel.
 
         Returns:
             q0: (k,) mm or rad.

@@ -9,7 +9,7 @@ from ptt.mechanisms.three_ptt import LEG_SLOTS, LEGS, ThreePtt
 
 
 def sensitivity(mechanism: Mechanism, q: Tensor, geometry: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Tool position and its derivatives.
+    """Tool position and its exact derivatives by joint values and geometry slots.
 
     Args:
         mechanism: the machine.
@@ -26,7 +26,10 @@ def sensitivity(mechanism: Mechanism, q: Tensor, geometry: Tensor) -> tuple[Tens
 
 
 def _three_ptt(mechanism: ThreePtt, q: Tensor, geometry: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Closed form: s_i . (dp - dc_i) = L_i dL_i and s_i . rail_i dq_i = s_i . dc_i for a slide along the rail."""
+    """Differentiated closure |p - c_i| = L_i: s_i . (dp - dc_i) = L_i dL_i, and dc_i = rail_i dq_i for a joint.
+
+    A slot therefore acts as the slider travel dq_i = (s_i . dc_i + L_i dL_i) / (s_i . rail_i).
+    """
     p = mechanism.forward(q, geometry)
     by_joint = mechanism.jacobian(q, geometry)
     shift = geometry.expand(len(q), -1)
@@ -42,7 +45,7 @@ def _three_ptt(mechanism: ThreePtt, q: Tensor, geometry: Tensor) -> tuple[Tensor
 
 
 def _serial(mechanism: Serial, q: Tensor, geometry: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """One walk along the chain: each link's twists carry the tip; those by theta are those by the joint values."""
+    """Twists of the tip by every link parameter; those by theta are the derivatives by the joint values."""
     links = mechanism.walk(q, geometry)
     end = links[-1].end
     tip = end.point(mechanism.tool(q, geometry))

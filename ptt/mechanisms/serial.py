@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial_chain import Link, LinkFrames, carry, walk
-from ptt.mechanisms.serial_inverse import solve_inverse, spread
+from ptt.mechanisms.serial_inverse import sample_joints, solve_inverse
 
 LINK_SLOTS = ("da [mm]", "dalpha [rad]", "dd [mm]", "dtheta [rad]", "dbeta [rad]")
 TOOL_SLOTS = ("tool x [mm]", "tool y [mm]", "tool z [mm]")
@@ -252,5 +252,5 @@ class Serial:
 
 @functools.lru_cache(maxsize=64)
 def _characteristic_length(arm: Serial) -> float:
-    jacobian = arm.pose_jacobian(spread(arm, 4096))[:, :3]
+    jacobian = arm.pose_jacobian(sample_joints(arm, 4096))[:, :3]
     return max(float(jacobian.square().sum(1).mean().sqrt()), 1.0)

@@ -1,4 +1,4 @@
-"""The chain of screws that a serial arm is: points carried through it, frames followed along it."""
+"""Denavit-Hartenberg chain of a serial arm as screws about z and x: a point mapped to the base, frames and twists."""
 
 import math
 from dataclasses import dataclass
@@ -18,19 +18,19 @@ class Link:
         a: length along x, mm.
         alpha: twist about x, rad.
         d: offset along z, mm.
-        turn: what is added to the joint value, rad.
+        theta_offset: added to the joint value to give the angle theta about z, rad.
         beta: Hayati rotation about y that follows the twist, rad; None for none.
     """
 
     a: Scalar
     alpha: Scalar
     d: Scalar
-    turn: Scalar
+    theta_offset: Scalar
     beta: Tensor | None = None
 
     def shifted(self, da: Tensor, dalpha: Tensor, dd: Tensor, dtheta: Tensor, dbeta: Tensor) -> "Link":
         """Add errors to the parameters, mm and rad, (...,) each."""
-        return Link(self.a + da, self.alpha + dalpha, self.d + dd, self.turn + dtheta, dbeta)
+        return Link(self.a + da, self.alpha + dalpha, self.d + dd, self.theta_offset + dtheta, dbeta)
 
 
 @dataclass(frozen=True)
@@ -58,25 +58,25 @@ class Frame:
         return torch.stack(torch.broadcast_tensors(self.x, self.y, self.z), -1)
 
     def revolute_twist(self, axis: Literal["x", "y", "z"], tip: Tensor) -> Tensor:
-        """Twist (..., 6) that a turn about one of the axes gives the tip: mm/rad above rad/rad."""
+        """Twist (..., 6) of the tip by a rotation about an axis: linear part, mm/rad, above angular part, rad/rad."""
         arm, unit = torch.broadcast_tensors(tip - self.origin, getattr(self, axis))
         return torch.cat([torch.linalg.cross(unit, arm), unit], -1)
 
     def prismatic_twist(self, axis: Literal["x", "y", "z"]) -> Tensor:
-        """Twist (..., 6) that a slide along one of the axes gives the tip: mm/mm above nothing."""
+        """Twist (..., 6) of the tip by a translation along an axis: linear part, mm/mm, above angular part, zero."""
         unit = getattr(self, axis)
         return torch.cat([unit, torch.zeros_like(unit)], -1)
 
 
 @dataclass(frozen=True)
 class LinkFrames:
-    """Frames met on the way through one link.
+    """The frames before and after each screw of one link, in base coordinates.
 
     Attributes:
-        before_z: its z is the joint's axis.
-        before_x: its x is the link's common normal.
-        after_x: behind twist and Hayati rotation.
-        end: what the link carries, where the next one starts.
+        before_z: before the screw about z (theta, d); its z is the joint axis.
+        before_x: before the screw about x (a, alpha, beta); its x is the common normal.
+        after_x: after that screw, Hayati rotation included.
+        end: the frame that the link carries, in which the next link begins.
     """
 
     before_z: Frame
@@ -85,7 +85,7 @@ class LinkFrames:
     end: Frame
 
     def columns(self, tip: Tensor) -> tuple[Tensor, ...]:
-        """Twists (..., 6) of the tip for a unit of a, alpha, d, theta and beta of this link."""
+        """Twists (..., 6) of the tip per unit of this link's a, alpha, d, theta and beta: columns of a Jacobian."""
         return (
             self.before_x.prismatic_twist("x"),
             self.before_x.revolute_twist("x", tip),
@@ -96,7 +96,7 @@ class LinkFrames:
 
 
 def carry(point: Tensor, links: tuple[Link, ...], q: Tensor, standard: bool) -> Tensor:
-    """Carry a point from the last frame to the base, link by link; no rotation matrix is ever built.
+    """Map a point from the last frame to the base, link by link; coordinates alone are rotated, no matrix is built.
 
     Args:
         point: (..., 3) in the last frame, mm.
@@ -111,7 +111,7 @@ def carry(point: Tensor, links: tuple[Link, ...], q: Tensor, standard: bool) -> 
     for link, value in zip(reversed(links), reversed(q.unbind(-1)), strict=True):
         if standard:
             x, y, z = _carry_x(x, y, z, link)
-        x, y = _turn(x, y, value + link.turn)
+        x, y = _turn(x, y, value + link.theta_offset)
         z = z + link.d
         if not standard:
             x, y, z = _carry_x(x, y, z, link)
@@ -119,7 +119,7 @@ def carry(point: Tensor, links: tuple[Link, ...], q: Tensor, standard: bool) -> 
 
 
 def walk(links: tuple[Link, ...], q: Tensor, standard: bool) -> tuple[LinkFrames, ...]:
-    """Follow the chain from the base to the last frame.
+    """Frames of every link, from the base to the last.
 
     Args:
         links: the k links.
@@ -127,7 +127,7 @@ def walk(links: tuple[Link, ...], q: Tensor, standard: bool) -> tuple[LinkFrames
         standard: standard convention (z screw first), else modified.
 
     Returns:
-        k sets of frames.
+        k sets of frames, of the first joint first.
     """
     shape = (*q.shape[:-1], 3)
     x, y, z = (axis.expand(shape) for axis in torch.eye(3, dtype=q.dtype, device=q.device))
@@ -136,17 +136,18 @@ def walk(links: tuple[Link, ...], q: Tensor, standard: bool) -> tuple[LinkFrames
     for link, value in zip(links, q.unbind(-1), strict=True):
         if standard:
             before_z = frame
-            before_x = _screw_z(before_z, value + link.turn, link.d)
+            before_x = _screw_z(before_z, value + link.theta_offset, link.d)
             after_x = frame = _screw_x(before_x, link)
         else:
             before_x = frame
             after_x = before_z = _screw_x(before_x, link)
-            frame = _screw_z(before_z, value + link.turn, link.d)
+            frame = _screw_z(before_z, value + link.theta_offset, link.d)
         path.append(LinkFrames(before_z, before_x, after_x, frame))
     return tuple(path)
 
 
 def _carry_x(x: Tensor, y: Tensor, z: Tensor, link: Link) -> tuple[Tensor, Tensor, Tensor]:
+    """Coordinates of a point after the link's screw about x, as they are before it."""
     if link.beta is not None:
         z, x = _turn(z, x, link.beta)
     y, z = _turn(y, z, link.alpha)
@@ -167,7 +168,7 @@ def _screw_x(frame: Frame, link: Link) -> Frame:
 
 
 def _turn(u: Tensor, v: Tensor, angle: Scalar, axes: bool = False) -> tuple[Tensor, Tensor]:
-    """Turn coordinates (u, v) by an angle; `axes` turns the axes u and v themselves, which is the transpose."""
+    """Rotate coordinates (u, v) by an angle; `axes` rotates the axes u and v themselves, which is the transpose."""
     cos, sin = (angle.cos(), angle.sin()) if isinstance(angle, Tensor) else (math.cos(angle), math.sin(angle))
     return (cos * u + sin * v, cos * v - sin * u) if axes else (cos * u - sin * v, sin * u + cos * v)
 

@@ -1,4 +1,4 @@
-"""Damped least squares of a serial arm toward wanted poses, all rows at once."""
+"""Levenberg-Marquardt steps of a serial arm toward wanted poses, all rows at once, within the joint limits."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ptt.mechanisms.rotations import rotation_vector
 TOLERANCE_MM = 1e-9
 ITERATIONS = 60
 LONGEST_STEP_RAD = 0.7
-FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6  # in units of the squared characteristic length
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6  # times the squared characteristic length
 
 
 class Arm(Protocol):
-    """What the inverse asks of an arm of k joints; `ptt.mechanisms.serial.Serial` says what each is."""
+    """The part of `ptt.mechanisms.serial.Serial` that the inverse needs, which itself imports the inverse."""
 
     @property
     def joints(self) -> int:
@@ -25,7 +25,7 @@ class Arm(Protocol):
 
     @property
     def length_mm(self) -> float:
-        """A rotation by one radian counts as much as a shift by this."""
+        """Characteristic length: a rotation by one radian counts as much as a shift by this."""
 
     @property
     def reach_mm(self) -> float:
@@ -41,7 +41,7 @@ class Arm(Protocol):
         """Tool position (..., 3) mm and orientation (..., 3, 3)."""
 
     def pose_jacobian(self, q: Tensor, geometry: Tensor | None = None) -> Tensor:
-        """dp/dq and rotation per joint, (..., 6, k)."""
+        """Geometric Jacobian, (..., 6, k): mm/rad above rad/rad."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class PoseTask:
         )
 
     def error(self, q: Tensor) -> Tensor:
-        """What is left to go: (n, 3) mm, or (n, 6) with the rotation vector times the characteristic length below."""
+        """Wanted less reached pose: (n, 3) mm, or (n, 6) with the rotation vector times the characteristic length."""
         if self.rotation is None:
             return self.p - self.arm.forward(q, self.geometry)
         p, rotation = self.arm.pose(q, self.geometry)
@@ -87,14 +87,16 @@ class PoseTask:
 
 
 def descend(task: PoseTask, q: Tensor) -> tuple[Tensor, Tensor]:
-    """Go from joint values toward the task's poses by damped least squares within the limits.
+    """Go from joint values toward the task's poses by damped least squares within the limits (Levenberg-Marquardt).
+
+    Damping falls tenfold with each step that comes nearer and grows eightfold with each that does not.
 
     Args:
         task: n poses.
         q: (n, k) where to start, rad.
 
     Returns:
-        (n, k) joint values, rad, and (n,) what is left to go, mm.
+        (n, k) joint values, rad, and (n,) length of the pose error that is left, mm.
     """
     low, high = task.arm.limits()
     q = torch.clamp(q, low, high)
@@ -114,19 +116,19 @@ def descend(task: PoseTask, q: Tensor) -> tuple[Tensor, Tensor]:
     return q, length(error)
 
 
-def free_columns(task: PoseTask, q: Tensor, uphill: Tensor) -> Tensor:
-    """Mark the joints that may move: not at a limit, or pulled back from it.
+def free_joints(task: PoseTask, q: Tensor, direction: Tensor) -> Tensor:
+    """Active set of the joint limits: mark the joints that a step may move, not those it would push past a limit.
 
     Args:
         task: n poses.
         q: (n, k) joint values, rad.
-        uphill: (n, k) direction each joint is pulled in.
+        direction: (n, k), of which the sign says which way each joint is to move.
 
     Returns:
-        (n, k) one where free, zero where held.
+        (n, k), 1 where free, 0 where held.
     """
     low, high = task.arm.limits()
-    return (~(((q <= low) & (uphill < 0)) | ((q >= high) & (uphill > 0)))).to(q.dtype)
+    return (~(((q <= low) & (direction < 0)) | ((q >= high) & (direction > 0)))).to(q.dtype)
 
 
 def length(vectors: Tensor) -> Tensor:
@@ -135,11 +137,11 @@ def length(vectors: Tensor) -> Tensor:
 
 
 def _step(task: PoseTask, q: Tensor, error: Tensor, damping: Tensor) -> Tensor:
-    """Damped least-squares step, (n, k) rad, joints held that would leave their limits."""
+    """Damped least-squares step J^T (J J^T + damping)^-1 e, (n, k) rad, joints at a limit held that would leave it."""
     jacobian = task.jacobian(q)
-    uphill = (jacobian.mT @ error[..., None]).squeeze(-1)
-    jacobian = jacobian * free_columns(task, q, uphill)[:, None, :]
-    square = task.arm.length_mm**2 * damping[:, None, None] * torch.eye(error.shape[-1], dtype=q.dtype)
-    step = (jacobian.mT @ torch.linalg.solve(jacobian @ jacobian.mT + square, error[..., None])).squeeze(-1)
+    descent = (jacobian.mT @ error[..., None]).squeeze(-1)
+    jacobian = jacobian * free_joints(task, q, descent)[:, None, :]
+    damped = task.arm.length_mm**2 * damping[:, None, None] * torch.eye(error.shape[-1], dtype=q.dtype)
+    step = (jacobian.mT @ torch.linalg.solve(jacobian @ jacobian.mT + damped, error[..., None])).squeeze(-1)
     longest = step.abs().amax(-1, keepdim=True)
     return step * (LONGEST_STEP_RAD / longest.clamp(min=LONGEST_STEP_RAD))

@@ -9,22 +9,22 @@ import torch
 from torch import Tensor
 
 from ptt.mechanisms.serial_descent import TOLERANCE_MM, Arm, PoseTask, descend, length
-from ptt.mechanisms.serial_redundancy import settle
+from ptt.mechanisms.serial_redundancy import slide_toward
 
-STARTS = 12  # further tries for rows that the first start does not bring home
-CANDIDATES = 1024  # joint values spread over the limits, from which the further starts are chosen
-BENT_RAD = 0.4  # the middle of the limits is often a stretched, singular arm
-ROWS_AT_ONCE = 20_000
+STARTS = 12  # restarts of a row that does not converge from its first start
+CANDIDATES = 1024  # sampled joint values from which the restarts are chosen
+BENT_RAD = 0.4  # added to each joint: in the middle of the limits an arm is often stretched, which is singular
+ROWS_AT_ONCE = 20_000  # so that memory does not grow with the number of poses
 
 
 @dataclass(frozen=True)
 class InverseResult:
-    """What an inverse found.
+    """Result of an inverse kinematics.
 
     Attributes:
         q: (n, k) joint values, rad; NaN rows where the target was not reached.
         converged: (n,) bool.
-        error_mm: (n,) distance left at the best joint values; an orientation error counts times `Serial.length_mm`.
+        error_mm: (n,) pose error left at the best joint values; an orientation error counts times `Serial.length_mm`.
     """
 
     q: Tensor
@@ -44,9 +44,9 @@ def solve_inverse(
 ) -> InverseResult:
     """Find joint values within the limits that reach tool positions or poses.
 
-    Levenberg's damped least squares from `near`, then, for the rows that did not arrive, from those of a spread of
-    joint values whose poses lie closest. Where joints are to spare the answer then slides along the self-motion
-    as close to `near` as it can (a local optimum).
+    Damped least squares (Levenberg-Marquardt) from `near`, then, for rows that did not converge, from those of the
+    sampled joint values whose poses lie closest. The answer of a redundant arm then slides along the self-motion as
+    close to `near` as it can (a local optimum).
 
     Args:
         arm: the arm.
@@ -54,10 +54,10 @@ def solve_inverse(
         rotation: (n, 3, 3) tool orientations; None leaves the orientation free.
         geometry: (n, G) or (1, G) errors of the geometry slots; None for the drawing.
         near: (n, k) or (1, k) joint values to start from, rad; None for the bent middle of the limits.
-        starts: how many further starts a row gets.
+        starts: how many restarts a row gets.
 
     Returns:
-        Joint values, mask and what was left to go.
+        Joint values, which rows converged, and the pose error left.
     """
     task = PoseTask(arm, p, rotation, geometry)
     first = (middle(arm)[None] if near is None else near).expand(len(p), -1)
@@ -69,7 +69,7 @@ def solve_inverse(
 
 
 def middle(arm: Arm) -> Tensor:
-    """Joint values to start from when nothing better is known: the limits' middle, every joint a little bent.
+    """Joint values to start from when nothing better is known: the middle of the limits plus `BENT_RAD`.
 
     Args:
         arm: the arm.
@@ -81,8 +81,8 @@ def middle(arm: Arm) -> Tensor:
     return torch.minimum((low + high) / 2 + BENT_RAD, high)
 
 
-def spread(arm: Arm, count: int) -> Tensor:
-    """Spread joint values evenly over the limits (a Sobol sequence; one turn where a joint has no limit).
+def sample_joints(arm: Arm, count: int) -> Tensor:
+    """Sample joint values evenly over the limits (a Sobol sequence; one turn where a joint has no limit).
 
     Args:
         arm: the arm.
@@ -97,6 +97,7 @@ def spread(arm: Arm, count: int) -> Tensor:
 
 
 def _solve(task: PoseTask, first: Tensor, starts: int) -> tuple[Tensor, Tensor]:
+    """Joint values (n, k) and pose errors (n,) mm, infinite out of reach, from first starts (n, k) and restarts."""
     q, error = first.clone(), torch.full_like(task.p[:, 0], math.inf)
     inside = torch.isfinite(task.p).all(-1) & torch.isfinite(first).all(-1) & (length(task.p) <= _farthest(task))
     rows = torch.nonzero(inside).flatten()
@@ -106,7 +107,7 @@ def _solve(task: PoseTask, first: Tensor, starts: int) -> tuple[Tensor, Tensor]:
     _retry(task, q, error, rows[error[rows] >= TOLERANCE_MM], starts)
     done = torch.nonzero(error < TOLERANCE_MM).flatten()
     if len(done) and task.arm.joints > (3 if task.rotation is None else 6):
-        q[done], error[done] = settle(task.rows(done), q[done], first[done])
+        q[done], error[done] = slide_toward(task.rows(done), q[done], first[done])
     return q, error
 
 
@@ -114,7 +115,7 @@ def _retry(task: PoseTask, q: Tensor, error: Tensor, rows: Tensor, starts: int) 
     """Start the given rows again from joint values whose poses are close; better answers go into `q` and `error`."""
     if not len(rows) or not starts:
         return
-    candidates = spread(task.arm, CANDIDATES)
+    candidates = sample_joints(task.arm, CANDIDATES)
     order = _closest(task.rows(rows), candidates, starts)
     for start in order.T:
         left = error[rows] >= TOLERANCE_MM
@@ -144,6 +145,6 @@ def finite_limits(arm: Arm) -> tuple[Tensor, Tensor]:
 
 
 def _farthest(task: PoseTask) -> float | Tensor:
-    """How far from the base the tool may be at most, with room for geometry errors."""
-    spare = 0.0 if task.geometry is None else task.geometry.abs().sum(-1)
-    return task.arm.reach_mm + spare
+    """Upper bound on the distance of the tool from the base, mm, with room for geometry errors."""
+    room = 0.0 if task.geometry is None else task.geometry.abs().sum(-1)
+    return task.arm.reach_mm + room

@@ -1,20 +1,20 @@
-"""Joints to spare: sliding along an arm's self-motion without moving the tool."""
+"""Redundant arms: motion in the null space of the Jacobian, which leaves the tool where it is."""
 
 import torch
 from torch import Tensor
 
-from ptt.mechanisms.serial_descent import LONGEST_STEP_RAD, TOLERANCE_MM, PoseTask, descend, free_columns, length
+from ptt.mechanisms.serial_descent import LONGEST_STEP_RAD, TOLERANCE_MM, PoseTask, descend, free_joints, length
 
 STEPS = 60
-STILL_RAD = 1e-7  # slope along the self-motion below which a row has arrived
-GIVE_UP = 1e-4
+STILL_RAD = 1e-7  # null-space part of the way to `near` below which a row has arrived
+LEAST_GAIN = 1e-4  # share of the full step below which a row is left where it is
 
 
-def settle(task: PoseTask, q: Tensor, near: Tensor) -> tuple[Tensor, Tensor]:
-    """Slide along the self-motion until joint values are as close to given ones as they can be nearby.
+def slide_toward(task: PoseTask, q: Tensor, near: Tensor) -> tuple[Tensor, Tensor]:
+    """Slide along the self-motion to the joint values that are closest to given ones (a local optimum).
 
     Gradient projection (Liegeois, Automatic supervisory control of multibody mechanisms, 1977): a step in the null
-    space of the task's Jacobian, then back onto the task; a step that does not help is shortened.
+    space of the task's Jacobian, then back onto the task by `descend`; a step that does not help is shortened.
 
     Args:
         task: n poses.
@@ -22,33 +22,33 @@ def settle(task: PoseTask, q: Tensor, near: Tensor) -> tuple[Tensor, Tensor]:
         near: (n, k) joint values to stay close to, rad.
 
     Returns:
-        (n, k) joint values that reach the poses still, rad, and (n,) what is left to go, mm.
+        (n, k) joint values that still reach the poses, rad, and (n,) length of the pose error that is left, mm.
     """
     q, error = q.clone(), length(task.error(q))
     gain = torch.ones_like(error)
-    apart = (q - near).square().sum(-1)
+    distance = (q - near).square().sum(-1)
     for _ in range(STEPS):
         slope = _null_part(task, q, near - q)
-        rows = torch.nonzero((slope.abs().amax(-1) > STILL_RAD) & (gain > GIVE_UP)).flatten()
+        rows = torch.nonzero((slope.abs().amax(-1) > STILL_RAD) & (gain > LEAST_GAIN)).flatten()
         if not len(rows):
             break
         part = task.rows(rows)
         step = gain[rows, None] * slope[rows]
         step = step * (LONGEST_STEP_RAD / step.abs().amax(-1, keepdim=True).clamp(min=LONGEST_STEP_RAD))
         trial, trial_error = descend(part, q[rows] + step)
-        trial_apart = (trial - near[rows]).square().sum(-1)
-        better = (trial_error < TOLERANCE_MM) & (trial_apart < apart[rows])
+        trial_distance = (trial - near[rows]).square().sum(-1)
+        better = (trial_error < TOLERANCE_MM) & (trial_distance < distance[rows])
         kept = rows[better]
-        q[kept], error[kept], apart[kept] = trial[better], trial_error[better], trial_apart[better]
+        q[kept], error[kept], distance[kept] = trial[better], trial_error[better], trial_distance[better]
         gain[rows] = gain[rows] * torch.where(better, 1.5, 0.25)
     return q, error
 
 
-def _null_part(task: PoseTask, q: Tensor, uphill: Tensor) -> Tensor:
-    """Part (n, k) of a direction that leaves the tool where it is, joints held that would leave their limits."""
-    free = free_columns(task, q, uphill)
+def _null_part(task: PoseTask, q: Tensor, direction: Tensor) -> Tensor:
+    """Projection of a joint direction on the null space of the Jacobian, (n, k); joints are held at their limits."""
+    free = free_joints(task, q, direction)
     jacobian = task.jacobian(q) * free[:, None, :]
-    wanted = (uphill * free)[..., None]
+    wanted = (direction * free)[..., None]
     tiny = 1e-12 * task.arm.length_mm**2 * torch.eye(jacobian.shape[-2], dtype=q.dtype)
-    lost = jacobian.mT @ torch.linalg.solve(jacobian @ jacobian.mT + tiny, jacobian @ wanted)
-    return ((wanted - lost) * free[..., None]).squeeze(-1)
+    in_row_space = jacobian.mT @ torch.linalg.solve(jacobian @ jacobian.mT + tiny, jacobian @ wanted)
+    return ((wanted - in_row_space) * free[..., None]).squeeze(-1)

@@ -1,15 +1,15 @@
-"""Where three spheres meet, for long batches: components first, rows last, a block at a time."""
+"""Intersection of three spheres for long batches: components on the first axes, rows on the last, block by block."""
 
 from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
 
-BLOCK_ROWS = 16384
+BLOCK_ROWS = 16384  # an array of three components then takes 400 kB
 
 
-def meet_spheres(centre: Tensor, radius: Tensor, side: float) -> Tensor:
-    """Point at given distances from three centres.
+def intersect_spheres(centre: Tensor, radius: Tensor, side: float) -> Tensor:
+    """Point at given distances from three centres, closed form.
 
     Source: trilateration; the point is split into its parts along two edges of the centres' triangle and along its
     normal n = (c_2 - c_1) x (c_3 - c_1). Written out by components: a stacked cross product keeps torch.compile from
@@ -56,8 +56,8 @@ def dot(left: Tensor, right: Tensor, axis: int) -> Tensor:
     return torch.addcmul(torch.addcmul(x1 * x2, y1, y2), z1, z2)
 
 
-def columns(constant: Tensor, batch_axes: int) -> Tensor:
-    """View of a constant with one trailing axis of length 1 for each batch axis.
+def with_batch_axes(constant: Tensor, batch_axes: int) -> Tensor:
+    """View of a constant with one trailing axis of length 1 for each batch axis, so that it broadcasts over the rows.
 
     Args:
         constant: any shape.
@@ -70,7 +70,7 @@ def columns(constant: Tensor, batch_axes: int) -> Tensor:
 
 
 def rows_last(rows: Tensor) -> Tensor:
-    """(n, k) -> (k, n), contiguous: columns are what the processor's vector units read fastest.
+    """(n, k) -> (k, n), contiguous: one component of all rows lies together, as the processor's vector units want it.
 
     Args:
         rows: (n, k).
@@ -82,7 +82,7 @@ def rows_last(rows: Tensor) -> Tensor:
 
 
 def in_blocks(solve: Callable[[Tensor, Tensor | None], Tensor], rows: Tensor, geometry: Tensor | None) -> Tensor:
-    """Solve a long batch block by block, so that what lies between stays in the processor's cache.
+    """Solve a long batch block by block, so that intermediate arrays stay in the processor's cache.
 
     Args:
         solve: maps rows (n, k) and their geometry shifts to values (n, ...).

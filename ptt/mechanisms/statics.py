@@ -1,4 +1,4 @@
-"""Forces that a hanging or resting load puts into links and drives."""
+"""Static forces in links and joints under the weight of payload, platform and arm links."""
 
 import torch
 from torch import Tensor
@@ -13,7 +13,7 @@ GRAVITY = 9.80665
 
 
 def gravity_of(spec: ThreePttSpec | SerialSpec) -> Tensor:
-    """Direction in which weights pull, (3,) unit vector in the base frame: downward on a 3-PTT."""
+    """Direction of gravity, (3,) unit vector in the base frame: (0, 0, -1) on a 3-PTT."""
     direction = spec.gravity if isinstance(spec, SerialSpec) else (0.0, 0.0, -1.0)
     return torch.nn.functional.normalize(torch.tensor(direction, dtype=torch.float64), dim=0)
 
@@ -41,7 +41,7 @@ def link_forces(
 ) -> Tensor:
     """Axial forces in the links of a 3-PTT under payload and platform; the links' own weight is left out.
 
-    Source: balance of the platform, sum of f_i s_i / L_i + F = 0, by Cramer's rule.
+    Source: force balance of the platform, sum of f_i s_i / |s_i| + F = 0, solved by Cramer's rule.
 
     Args:
         mechanism: the machine.
@@ -60,7 +60,7 @@ def link_forces(
 
 
 def link_torques(mechanism: Mechanism, spec: ThreePttSpec | SerialSpec, q: Tensor) -> Tensor | None:
-    """Torques with which the weight of an arm's own links pushes its joints toward growing joint values.
+    """Torques of the weight of an arm's own links about its joints, positive toward growing joint values.
 
     Source: virtual work, tau = sum over links of (dc_i/dq)^T m_i g, c_i the link's centre of mass.
 

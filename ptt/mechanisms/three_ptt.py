@@ -1,7 +1,7 @@
 """Kinematics of the 3-PTT: three sliders, three links with universal joints, a platform that only translates.
 
-Because the platform does not turn, each platform joint can be moved into the tool by a constant shift of its rail. What
-is left are three virtual joint centres c_i that run along rails, and a tool that lies L_i away from each of them:
+Because the platform does not rotate, the offset from platform joint to tool is constant, and rail i is shifted by it.
+What is left is a virtual joint centre c_i on each shifted rail, a link length L_i away from the tool point p:
 |p - c_i| = L_i, c_i = foot_i + q_i rail_i.
 """
 
@@ -17,7 +17,7 @@ from torch import Tensor
 
 from ptt.errors import MachineError
 from ptt.machine import ThreePttSpec
-from ptt.mechanisms.spheres import columns, dot, in_blocks, meet_spheres, rows_last
+from ptt.mechanisms.spheres import dot, in_blocks, intersect_spheres, rows_last, with_batch_axes
 
 LEGS = 3
 LEG_SLOTS = ("centre x [mm]", "centre y [mm]", "centre z [mm]", "link length [mm]")
@@ -36,9 +36,9 @@ class ThreePtt:
         rail: (3, 3), unit vector of each rail, along growing slider height.
         link: (3,) mm, link lengths.
         outer_axis: (3, 3), unit vector of the universal joints' axis that is fixed to slider and platform.
-        above: whether the sliders are on the rails' upper side of the platform.
+        above: whether each slider is beyond the platform along its rail; it tells the inverse's two roots apart.
         side: +1 or -1, on which side of the plane c_1 c_2 c_3 (normal (c_2 - c_1) x (c_3 - c_1)) the platform is.
-        joint_height_mm: how far the slider joint lies below the point whose height is read, already in `foot`.
+        joint_height_mm: how far the slider joint lies below the point whose height q_i is, already in `foot`.
         travel_mm: least and greatest height of each slider, None where not known.
     """
 
@@ -113,7 +113,7 @@ class ThreePtt:
             link_length: (3,) mm.
             platform_joint: (3, 3) mm, platform joint of each leg from the tool point.
             above: whether each slider is beyond the platform along its rail.
-            joint_height_mm: how far the slider joint lies below the point whose height is read.
+            joint_height_mm: how far the slider joint lies below the point whose height q_i is.
             travel_mm: least and greatest height of each slider.
             outer_axis: (3, 3), outer axis of the universal joints; None takes the horizontal tangent of `rail_foot`.
 
@@ -146,10 +146,10 @@ class ThreePtt:
         return (self.rail * self.outward).sum(dim=-1).abs() > self.rail[:, 2].abs()
 
     @property
-    def foot_way(self) -> Tensor:
-        """Unit vectors in which a rail may stand off beside sideways, (3, 3): outward, across where it is flat.
+    def foot_direction(self) -> Tensor:
+        """Unit vectors along which a rail's foot may be misplaced besides tangentially, (3, 3): outward.
 
-        What lies outward lies along a flat rail, where it is a homing offset.
+        On a flat rail they are those across it, since outward is along the rail there, which is a homing offset.
         """
         return torch.where(self.flat[:, None], self.across, self.outward)
 
@@ -176,7 +176,7 @@ class ThreePtt:
         Args:
             p: float64 tensor (n, 3) mm, tool positions.
             geometry: (n, 15) or (1, 15) mm, shift of each slot in `slots`.
-            near: not used, a leg has one solution on its side.
+            near: not used; of a leg's two roots `above` says which.
 
         Returns:
             q: (n, 3) mm, NaN where a link is too short.
@@ -234,7 +234,7 @@ class ThreePtt:
     def _forward(self, q: Tensor, geometry: Tensor | None) -> Tensor:
         """`forward` of one block."""
         centre, link, tool = self._spheres(rows_last(q), geometry)
-        p = meet_spheres(centre, link, self.side)
+        p = intersect_spheres(centre, link, self.side)
         return (p if tool is None else p + tool).movedim(0, -1)
 
     def _inverse(self, p: Tensor, geometry: Tensor | None) -> Tensor:
@@ -242,15 +242,15 @@ class ThreePtt:
         foot, link, tool = self._spheres(None, geometry, p.ndim - 1)
         at = rows_last(p)
         reach = (at if tool is None else at - tool) - foot  # shape: (leg, xyz, n)
-        along = dot(reach, columns(self.rail, p.ndim - 1), 1)
+        along = dot(reach, with_batch_axes(self.rail, p.ndim - 1), 1)
         drop = torch.sqrt(torch.addcmul(link * link - dot(reach, reach, 1), along, along))
         return (along + drop if self.above else along - drop).movedim(0, -1)
 
     def _jacobian(self, q: Tensor, geometry: Tensor | None) -> Tensor:
         """`jacobian` of one block."""
         centre, link, _ = self._spheres(rows_last(q), geometry)
-        vector = meet_spheres(centre, link, self.side) - centre  # shape: (leg, xyz, n)
-        along = dot(vector, columns(self.rail, q.ndim - 1), 1)
+        vector = intersect_spheres(centre, link, self.side) - centre  # shape: (leg, xyz, n)
+        along = dot(vector, with_batch_axes(self.rail, q.ndim - 1), 1)
         minor = torch.linalg.cross(vector.roll(-1, 0), vector.roll(-2, 0), dim=1)
         volume = dot(vector[0], minor[0], 0)
         return (minor * (along / volume).unsqueeze(1)).movedim((1, 0), (-2, -1))
@@ -260,9 +260,9 @@ class ThreePtt:
     ) -> tuple[Tensor, Tensor, Tensor | None]:
         """Centres (leg, xyz, n), radii (leg, n) and tool shift (xyz, n) or None, mm; q (leg, n) mm, None is 0."""
         axes = batch_axes if q is None else q.ndim - 1
-        centre, link = columns(self.foot, axes), columns(self.link, axes)
+        centre, link = with_batch_axes(self.foot, axes), with_batch_axes(self.link, axes)
         if q is not None:
-            centre = torch.addcmul(centre, columns(self.rail, axes), q.unsqueeze(1))
+            centre = torch.addcmul(centre, with_batch_axes(self.rail, axes), q.unsqueeze(1))
         if geometry is None:
             return centre, link, None
         shift = rows_last(geometry)

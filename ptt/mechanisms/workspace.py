@@ -10,28 +10,28 @@ from torch import Tensor
 from ptt.mechanisms.dexterity import condition_number, near_singularity, singular_values, singularities
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
-from ptt.mechanisms.serial_inverse import spread
+from ptt.mechanisms.serial_inverse import sample_joints
 from ptt.mechanisms.three_ptt import ThreePtt
 
 OK, OUT_OF_TRAVEL, OUT_OF_REACH, NEAR_SINGULAR = "ok", "out of travel", "out of reach", "near singular"
 
 NEAR_CONDITION = 50.0
-"""Other mechanisms count as near singular where a joint moves this many times further in one direction than another."""
+"""Condition number of dp/dq from which an arm's pose counts as near singular; a 3-PTT has margins of its own."""
 
 FLAT = 1e-9
-"""Share of the strongest direction below which an arm does not move its tool there at all, rounding of angles left."""
+"""Singular value of dp/dq, as a share of the largest, below which it is zero but for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceMap:
-    """Dexterity over a grid at a few heights.
+    """Condition number and travel margin over a grid of tool positions at a few heights.
 
     Attributes:
         x: (i,) mm.
         y: (j,) mm.
         z: (h,) mm.
         condition: (h, j, i) condition number of the Jacobian, NaN out of reach.
-        travel_margin: (h, j, i) mm or rad, least way left to an end of travel, negative beyond it, NaN out of reach.
+        travel_margin: (h, j, i) mm or rad, as `travel_margin` has it.
     """
 
     x: Tensor
@@ -61,7 +61,7 @@ def reach(mechanism: Mechanism, p: Tensor, q: Tensor | None = None) -> np.ndarra
 
 
 def travel_margin(mechanism: Mechanism, q: Tensor) -> Tensor:
-    """Way left to the nearest end of travel.
+    """Travel left to the nearest end of travel, the least over the joints.
 
     Args:
         mechanism: the machine.
@@ -109,35 +109,38 @@ def near_singular(mechanism: Mechanism, p: Tensor, q: Tensor) -> Tensor:
     """
     if isinstance(mechanism, ThreePtt):
         return near_singularity(mechanism, p)
-    return unevenness(mechanism, q) > NEAR_CONDITION
+    return condition_in_rank(mechanism, q) > NEAR_CONDITION
 
 
-def unevenness(mechanism: Mechanism, q: Tensor) -> Tensor:
-    """How much further the joints move the tool in one direction than in another of those that they move it in at all.
+def condition_in_rank(mechanism: Mechanism, q: Tensor) -> Tensor:
+    """Condition number of dp/dq over the directions in which the joints can move the tool at all.
+
+    A planar arm, or one of two joints, has a Jacobian of rank 2 everywhere, which is no singularity: the ratio is that
+    of its largest singular value to the smallest of the first two.
 
     Args:
-        mechanism: the machine; of two axes, or with all axes alike, it moves its tool in two directions everywhere.
+        mechanism: the machine.
         q: (n, k) mm or rad, joint values.
 
     Returns:
         (n,), infinite at a singularity up to rounding, NaN where q is.
     """
     jacobian = mechanism.jacobian(q)
-    ways = tool_ways(mechanism)
-    if ways == 3:
+    rank = translation_rank(mechanism)
+    if rank == 3:
         return condition_number(jacobian)
     values = singular_values(jacobian)
-    least = values[..., ways - 1]
+    least = values[..., rank - 1]
     return torch.where(least <= FLAT * values[..., 0], torch.inf, values[..., 0] / least)
 
 
-def tool_ways(mechanism: Mechanism) -> int:
-    """Number of directions in which a mechanism can move its tool point."""
-    return joint_ways(mechanism) if isinstance(mechanism, Serial) else 3
+def translation_rank(mechanism: Mechanism) -> int:
+    """Rank of dp/dq at a general pose, 1 to 3: the number of directions in which joints can move the tool point."""
+    return arm_translation_rank(mechanism) if isinstance(mechanism, Serial) else 3
 
 
 @functools.lru_cache(maxsize=64)
-def joint_ways(arm: Serial) -> int:
-    """Number of directions in which an arm can move its tool point, at the best of many poses."""
-    values = singular_values(arm.jacobian(spread(arm, 256)))
+def arm_translation_rank(arm: Serial) -> int:
+    """Rank of an arm's dp/dq at a general pose: the highest over many sampled poses."""
+    values = singular_values(arm.jacobian(sample_joints(arm, 256)))
     return max(int((values > FLAT * values[:, :1]).sum(dim=-1).max()), 1)

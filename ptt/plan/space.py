@@ -12,7 +12,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.dexterity import singularities
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.mechanisms.workspace import NEAR_CONDITION, unevenness
+from ptt.mechanisms.workspace import NEAR_CONDITION, condition_in_rank
 from ptt.progress import Progress
 from ptt.run.viewing import joint_limits
 
@@ -119,7 +119,7 @@ def can_drive(space: Space, q: Tensor) -> np.ndarray:
         if isinstance(mechanism, ThreePtt):
             near = _margin(mechanism, p[good]) < SAFE * _margin(mechanism, mechanism.forward(mechanism.home()[None]))
         else:
-            near = unevenness(mechanism, q[good]) > NEAR_CONDITION
+            near = condition_in_rank(mechanism, q[good]) > NEAR_CONDITION
         inside[good[near]] = False
     return inside.numpy()
 

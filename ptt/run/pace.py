@@ -71,7 +71,7 @@ class Pace:
         return total
 
 
-def line_ends(jacobian: Tensor, q: Tensor, p: Tensor, ways: int) -> Ends:
+def line_ends(jacobian: Tensor, q: Tensor, p: Tensor, rank: int) -> Ends:
     """How the joints set off and arrive where the tool runs straight from row to row.
 
     By the least change of an even motion of theirs that gives the tool its direction: all of it where joints have
@@ -81,14 +81,14 @@ def line_ends(jacobian: Tensor, q: Tensor, p: Tensor, ways: int) -> Ends:
         jacobian: dp/dq at each row, (n, 3, k).
         q: joint values, (n, k); rows out of reach are NaN.
         p: tool positions, (n, 3) mm.
-        ways: number of directions in which the joints can move the tool at all.
+        rank: number of directions in which the joints can move the tool at all (`translation_rank`).
 
     Returns:
         (n - 1, k) each, beyond those of the even motion and per move; zero at rows out of reach.
     """
     turned, moved = q.diff(dim=0)[:, :, None], p.diff(dim=0)
     begin, end = (
-        least_move(jacobian[rows], moved - (jacobian[rows] @ turned)[:, :, 0], ways).nan_to_num(0.0, 0.0, 0.0).numpy()
+        least_move(jacobian[rows], moved - (jacobian[rows] @ turned)[:, :, 0], rank).nan_to_num(0.0, 0.0, 0.0).numpy()
         for rows in (slice(None, -1), slice(1, None))
     )
     return begin, end
@@ -110,7 +110,7 @@ def joint_speeds(
     jacobian: Tensor,
     starts: np.ndarray,
     table: "Table",
-    ways: int,
+    rank: int,
     *,
     straight: bool,
     smooth: bool,
@@ -123,7 +123,7 @@ def joint_speeds(
         jacobian: dp/dq at each row, (n, 3, k).
         starts: first rows of runs, (n,) bool.
         table: the rows, with feed or time.
-        ways: number of directions in which the joints can move the tool at all.
+        rank: number of directions in which the joints can move the tool at all (`translation_rank`).
         straight: the tool runs straight between rows.
         smooth: it runs smoothly through rows without a corner.
 
@@ -132,7 +132,7 @@ def joint_speeds(
     """
     if len(p) < 2 or not (shows_feed(table) or table.time_s is not None):
         return torch.zeros_like(q), None
-    ends = line_ends(jacobian, q, p, ways)
+    ends = line_ends(jacobian, q, p, rank)
     speeds = []
     for way in PACES:
         bent = ends if runs_straight(way, straight=straight) else None

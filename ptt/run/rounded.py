@@ -6,7 +6,7 @@ import torch
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.least_move import least_move
-from ptt.mechanisms.workspace import tool_ways
+from ptt.mechanisms.workspace import translation_rank
 from ptt.run.noise import step_of
 from ptt.run.table import Table
 
@@ -92,7 +92,7 @@ def _finer(file: MachineFile, table: Table) -> tuple[float, np.ndarray | None]:
     at = torch.as_tensor(q)
     lacks = torch.as_tensor(target) - mechanism.forward(at)
     # The least move: an arm of more than three joints has others, and that of a rounding is no longer than it is.
-    move = least_move(mechanism.jacobian(at), lacks, tool_ways(mechanism)).numpy()
+    move = least_move(mechanism.jacobian(at), lacks, translation_rank(mechanism)).numpy()
     length = np.linalg.norm(move, axis=1) / (size * np.sqrt(q.shape[1]))
     if not (length <= NEAR).all() or np.sqrt(np.mean(length**2)) < LEAST:
         return 0.0, None

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from ptt.mechanisms.workspace import tool_ways
+from ptt.mechanisms.workspace import translation_rank
 from ptt.run.pace import joint_speeds
 from ptt.run.problem import Problem
 from ptt.run.travel import on_the_way, read_travel
@@ -40,9 +40,9 @@ def smoothly(problem: Problem) -> Problem | None:
     varies = view.varies | {"direction"} if travel.two_sided else view.varies - {"direction"}
     seen = replace(view, direction=travel.direction, turning_point=travel.turning_point, varies=varies)
     if view.velocity.any():  # else it stood at each row
-        starts, ways = view.starts.numpy(), tool_ways(view.mechanism)
+        starts, rank = view.starts.numpy(), translation_rank(view.mechanism)
         velocity, paces = joint_speeds(
-            view.q, view.p, view.jacobian, starts, problem.table, ways, straight=False, smooth=True
+            view.q, view.p, view.jacobian, starts, problem.table, rank, straight=False, smooth=True
         )
         seen = replace(seen, velocity=velocity, paces=paces)
     return replace(problem, file=replace(problem.file, machine=machine), view=seen)

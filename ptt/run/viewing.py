@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.statics import gravity_of, link_torques
-from ptt.mechanisms.workspace import tool_ways
+from ptt.mechanisms.workspace import translation_rank
 from ptt.run.beside import rows_beside
 from ptt.run.pace import joint_speeds
 from ptt.run.reach import require_targets
@@ -89,7 +89,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
     straight = spec.moves == "straight"
     travel = read_travel(mechanism, commands, position, table, straight=straight, smooth=spec.moves == "smooth")
     velocity, paces = joint_speeds(
-        commands, position, jacobian, travel.starts.numpy(), table, tool_ways(mechanism), straight=straight,
+        commands, position, jacobian, travel.starts.numpy(), table, translation_rank(mechanism), straight=straight,
         smooth=spec.moves == "smooth",
     )  # fmt: skip
     zeros = torch.zeros(table.rows, dtype=torch.float64)

@@ -17,7 +17,7 @@ from ptt.effects.layout import sizes
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.statics import GRAVITY, gravity_of
-from ptt.mechanisms.workspace import tool_ways
+from ptt.mechanisms.workspace import translation_rank
 
 ROUNDS = 7  # each leaves a hundredth or less: rounding after five or six
 FAINT = 1e-12  # of the square of its length, that keeps an arm whose tool stays in a plane from dividing by nothing
@@ -125,7 +125,7 @@ def settle(
     errors = [_errors(arm, theta) for effect, theta in effects if effect.name == "dh-offsets"]
     links = drawn_links(arm, sum(errors, np.zeros((arm.joints, 5))))
     goal = walk(arm, drawn, q)[1][-1].point(arm.tool_mm)
-    damping = FAINT * arm.length_mm**2 if tool_ways(arm) < 3 else 0.0
+    damping = FAINT * arm.length_mm**2 if translation_rank(arm) < 3 else 0.0
     for _ in range(ROUNDS if effects else 0):
         axes, ends = walk(arm, drawn, q)
         tip = ends[-1].point(arm.tool_mm)

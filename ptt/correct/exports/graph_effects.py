@@ -84,7 +84,7 @@ def _axis(s: LegRows, t: np.ndarray, effect: Effect) -> None:
 
 
 def _position(s: LegRows, t: np.ndarray, effect: Effect) -> None:
-    shift = t[:3, None] * s.mechanism.foot_way.numpy() + t[3:, None] * s.aside
+    shift = t[:3, None] * s.mechanism.foot_direction.numpy() + t[3:, None] * s.aside
     s.move_centre([shift[None, :, x] for x in range(3)])
 
 

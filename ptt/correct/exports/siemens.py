@@ -32,7 +32,7 @@ from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, samp
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
 from ptt.mechanisms.least_move import least_move
-from ptt.mechanisms.workspace import tool_ways
+from ptt.mechanisms.workspace import translation_rank
 from ptt.model.chain import predict
 from ptt.run.viewing import build_view
 
@@ -94,7 +94,7 @@ def _asked_of_joints(sample: WorkspaceSample, drives: Drives) -> Array:
     undone = sample.nominal - drives.at_rows(sample.nominal)
     view = build_view(model.file, sample.table.replace(command=undone))
     missed = torch.as_tensor(sample.targets) - predict(split_terms(model)[0], view).p
-    return np.asarray(least_move(view.jacobian, missed, tool_ways(view.mechanism)).numpy())
+    return np.asarray(least_move(view.jacobian, missed, translation_rank(view.mechanism)).numpy())
 
 
 def _rounded(tables: AxisTables, unit: float) -> AxisTables:

@@ -26,7 +26,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.mechanisms.serial import Serial
-from ptt.mechanisms.workspace import tool_ways
+from ptt.mechanisms.workspace import translation_rank
 from ptt.model.chain import predict
 from ptt.run.viewing import build_view
 
@@ -117,7 +117,7 @@ def _inverse(arm: Serial, geometry: Array, sample: WorkspaceSample) -> Array:
     shift, place = torch.as_tensor(geometry)[None], torch.as_tensor(sample.targets)
     q = torch.as_tensor(sample.nominal)
     for _ in range(ROUNDS):
-        q = q + least_move(sensitivity(arm, q, shift)[1], place - arm.forward(q, shift), tool_ways(arm))
+        q = q + least_move(sensitivity(arm, q, shift)[1], place - arm.forward(q, shift), translation_rank(arm))
     return np.asarray(q.numpy())
 
 

@@ -80,7 +80,7 @@ def _draw_space(
 ) -> None:
     shown = np.ma.masked_invalid(values if norm is None else np.minimum(values, WORST))
     colours = "viridis" if norm is None else "viridis_r"
-    mesh = axis.pcolormesh(space.radius_mm, space.height_mm, shown, cmap=colours, norm=norm, rasterized=True)
+    mesh = axis.pcolormesh(space.across, space.up, shown, cmap=colours, norm=norm, rasterized=True)
     bar = figure.colorbar(mesh, ax=axis, extend="max" if norm is not None else "neither")
     if norm is not None:  # plain figures instead of powers of ten
         bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
@@ -90,7 +90,7 @@ def _draw_space(
 
 
 def _draw_joints(figure: Figure, axis: Axes, found: DexterityMap, first: int, second: int) -> None:
-    across, up = np.degrees(found.radius_mm), np.degrees(found.height_mm)
+    across, up = np.degrees(found.across), np.degrees(found.up)
     mesh = axis.pcolormesh(across, up, found.manipulability, cmap="viridis", shading="nearest", rasterized=True)
     figure.colorbar(mesh, ax=axis)
     top = float(np.nanmax(found.manipulability))

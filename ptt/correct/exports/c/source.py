@@ -19,7 +19,7 @@ from ptt.mechanisms.serial_descent import LONGEST_STEP_RAD, TOLERANCE_MM
 from ptt.mechanisms.serial_inverse import middle
 from ptt.mechanisms.statics import GRAVITY, gravity_of
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.mechanisms.workspace import NEAR_CONDITION, joint_ways
+from ptt.mechanisms.workspace import NEAR_CONDITION, arm_translation_rank
 from ptt.run.table import make_table
 from ptt.run.target_frame import target_frames
 from ptt.run.travel import TRANSIT_STEPS
@@ -140,7 +140,7 @@ def _three_ptt(mechanism: ThreePtt, file: MachineFile, parts: Parts) -> str:
         "ptt_outer": (mechanism.outer_axis, "outer axis of the universal joints, tangential"),
         "ptt_radial": (mechanism.outward, "outward"),
         "ptt_across": (mechanism.across, "across each rail, as its upper end leans outward"),
-        "ptt_stand": (mechanism.foot_way, "outward, of a flat rail across it"),
+        "ptt_stand": (mechanism.foot_direction, "outward, of a flat rail across it"),
         "ptt_azimuth": (_azimuth(spec.slider_azimuth_deg), "cosine and sine of each slider's azimuth"),
         "ptt_reflector": (spec.reflector_mm, "mm from the platform's centre"),
     }
@@ -176,7 +176,7 @@ def _serial(arm: Serial, file: MachineFile, parts: Parts) -> str:
     text += define("PTT_STANDARD", int(arm.convention == "standard")) + define("PTT_SMALL", 3)
     text += define("PTT_TOLERANCE", TOLERANCE_MM) + define("PTT_LENGTH", arm.length_mm)
     text += define("PTT_LONGEST", LONGEST_STEP_RAD) + define("PTT_CONDITION", NEAR_CONDITION)
-    text += define("PTT_WAYS", joint_ways(arm))
+    text += define("PTT_WAYS", arm_translation_rank(arm))
     return text + "\n" + kernel("serial.c.in").replace("@CHAINS@", chains)
 
 
