@@ -18,7 +18,7 @@ from ptt.run.view import View
 
 Stage = Literal["drive", "geometry", "structure", "metrology"]
 STAGES: tuple[Stage, ...] = ("drive", "geometry", "structure", "metrology")
-CONTEXTS = {  # what an effect may require -> what the data want where that does not vary
+CONTEXTS = {  # context that an effect may require -> what the user is told to measure where it does not vary
     "payload": "column payload_kg with at least two loads",
     "temperature": "column temp_c with a change of temperature",
     "time": "column time_s over more than an instant",
@@ -34,27 +34,30 @@ class Effect:
     Class attributes:
         name: as in machine.toml.
         stage: where in the causal chain the shift is added.
-        mechanisms: families it fits.
+        mechanisms: mechanism families that it applies to.
         parameters: amplitudes first ('linear'), shape parameters ('searched', 'given') after them.
         requires: contexts of `View.varies` without which the data cannot test it.
-        told_by: context that tells it from a size of the drawing, without which it is one among many; '' for none.
+        told_by: context that has to vary before the data can tell it from an error of the drawing's dimensions; '' for
+            none.
         follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
-        stands_for: names of commoner causes that it looks like together, each of which it has to be likelier than.
-        stands_for_away: how many where its further values are not zero, as it then looks like more.
-        reverses: depends on the way a joint came, so its compensation is reported as the reversal part of a command.
-        product: its further values are zero, or the first one times an unknown place, usually one usual size away.
-        one_way: no cause makes its values clearly negative, though a fit may have them so.
-        of_drawing: a size that the drawing states, which is off a little on every machine.
+        stands_for: names of more common effects whose sum it imitates; its prior odds are theirs taken together.
+        stands_for_away: how many it imitates where its further values are not zero.
+        reverses: depends on the direction of arrival or the travel before, so its compensation is reported as the
+            reversal part of a command.
+        product: its further values are zero, or its first value times an unknown position (s c for a scale about c),
+            usually about one usual size.
+        one_way: clearly negative values have no physical cause, although a fit may give them.
+        of_drawing: error of a dimension that the drawing states, present a little on every machine.
         of_run: belongs to the run that it was fitted on (a set-up, a knocked tripod), not to the machine.
-        card: cause, source, usual size, fingerprint, remedy; None makes one of the docstring.
-        phrases: what each parameter above and below zero means.
+        card: cause, source, usual size, fingerprint, remedy; None makes one from the docstring.
+        phrases: what a positive and a negative value of each parameter mean, in words.
         noun: what its joints are called on a 3-PTT.
-        arm_noun: and on an arm.
-        called: the cause in a few words; the name where it has none.
-        arm_called: the same on an arm, where it differs.
+        arm_noun: what they are called on an arm.
+        called: the cause in a few words; '' for the name.
+        arm_called: the same on an arm; '' where it does not differ.
 
     Attributes:
-        label: tells two of a kind apart, as in two knocks.
+        label: tells two effects of one name apart, as in two knocks.
     """
 
     name: ClassVar[str] = ""
@@ -87,13 +90,13 @@ class Effect:
 
     @property
     def odds_of_kind(self) -> float:
-        """Nats against this very one of all those of its kind that there may be; none where there is but one."""
+        """Nats of prior odds against this one among all of its kind (harmonic m of all m); 0 where it is alone."""
         return 0.0
 
-    def reach(self, view: View) -> float | None:
-        """How many times its first value a joint's second one may well be, in their units; None where it may be any.
+    def ratio_limit(self, view: View) -> float | None:
+        """Largest plausible ratio of a joint's second value to its first, in their units; None where there is none.
 
-        Only of effects with just two linear values for each joint.
+        For effects with exactly two linear values for each joint; a diagnosis holds larger ratios against the effect.
 
         Args:
             view: n rows.
@@ -101,13 +104,14 @@ class Effect:
         return None
 
     def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float | Tensor]:
-        """Up to which size, either way, linear values can be what they are called, with these searched parameters.
+        """Largest magnitude of linear values that their cause can produce, given the searched parameters.
 
         Args:
             shape: the searched and given parameters.
 
         Returns:
-            Stem -> size of those that have one, in its unit, one for all its values or one for each.
+            Stem -> magnitude in the parameter's unit, one for all its values or one for each; parameters without such a
+            limit are left out.
         """
         return {}
 
@@ -130,12 +134,12 @@ class Effect:
             view: n rows.
 
         Returns:
-            One mapping from parameter stem to its values per trial; a single empty one where nothing is searched.
+            One mapping from parameter stem to its values for each trial; a single empty one where nothing is searched.
         """
         return ({},)
 
     def undecided(self, view: View) -> Tensor:
-        """Rows at which the side on which it has a joint lie hangs on less than a drawing is known to.
+        """Rows at which errors of the drawing decide on which side of a discontinuity the effect puts a joint.
 
         Args:
             view: n rows.
@@ -146,7 +150,7 @@ class Effect:
         return torch.zeros(view.rows, dtype=torch.bool)
 
     def usual_trial(self, view: View) -> Mapping[str, Tensor]:
-        """The trial that stands for the effect where nothing was measured yet; the middle one, if nothing says else."""
+        """The trial that stands for the effect before anything was measured (plans, pictures): here the middle one."""
         trials = self.search(view)
         return trials[len(trials) // 2]
 
@@ -163,15 +167,15 @@ class Effect:
         return (shape,)
 
     def meant_by(self, view: View, shape: Mapping[str, Tensor], amounts: Tensor) -> Sequence[Mapping[str, Tensor]]:
-        """What a trial may stand for: shapes that are one while its amounts are small, and part where they are not.
+        """Shapes that share this trial as their small-amplitude limit and differ at the amplitudes found.
 
         Args:
             view: n rows.
             shape: the chosen trial.
-            amounts: of its linear parameters, (P,).
+            amounts: values of its linear parameters, (P,).
 
         Returns:
-            The usual one first; none where these rows do not tell them apart.
+            The shapes to compare, the usual one first; none where these rows do not tell them apart.
         """
         return ()
 
@@ -200,13 +204,13 @@ class Effect:
         raise NotImplementedError
 
     def proportions(self, mechanism: Mechanism) -> Tensor | None:
-        """How large each value usually is beside the usual size of its parameter.
+        """How large each value usually is, as a share of its parameter's usual size.
 
         Args:
             mechanism: the nominal mechanism.
 
         Returns:
-            (P,) of all parameters in declared order; None where the drawing says nothing of it.
+            (P,) of all parameters in declared order; None where all of them are 1.
         """
         return None
 
@@ -223,8 +227,10 @@ class Effect:
         linear = linear_size(self, view.joints)
         return weigh(self.basis(view, shape_of(self, theta, view.joints)), theta[:linear])
 
-    def summed(self, theta: Tensor, view: View) -> Tensor:
-        """The same shift for who derives it by the view: what has many values may sum them before it spreads them out.
+    def differentiable_shift(self, theta: Tensor, view: View) -> Tensor:
+        """Equal to `shift`, in the form that autograd differentiates by the view's q and p at least cost.
+
+        An effect with many values may override it to sum them before they are spread over the outputs.
 
         Args:
             theta: as in `shift`.
@@ -250,7 +256,7 @@ class Effect:
         return by_parameters(lambda values: weigh(self.basis(view, {**shape, stem: values}), linear), shape[stem])
 
     def slope(self, theta: Tensor, view: View) -> Tensor:
-        """Derivative of a shift that is not linear in its parameters by these.
+        """Derivative of the shift by all its parameters, for effects that override `shift`.
 
         Args:
             theta: all parameters, flat, in declared order.
@@ -262,15 +268,15 @@ class Effect:
         return by_parameters(lambda values: self.shift(values, view), theta)
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
-        """Put the parameters into words, each with its side.
+        """Put the parameter values into words.
 
         Args:
             theta: all parameters, flat.
             std: their standard errors, NaN where none is known.
-            view: of the machine.
+            view: n rows of the machine.
 
         Returns:
-            One for each value that has a phrase.
+            The words of each value that has a phrase.
         """
         kind, parts, start = family(view), [], 0
         lead = view.lead if kind == "three-ptt" else None
@@ -287,11 +293,11 @@ class Effect:
         return tuple(parts)
 
     def cause(self, theta: Tensor, view: View) -> str:
-        """The cause in a few words, with what its shape parameters tell.
+        """The cause in a few words, with its shape parameters where they matter.
 
         Args:
             theta: all parameters, flat.
-            view: of the machine.
+            view: n rows of the machine.
 
         Returns:
             For example 'wind-up, over 2.1 mm of travel'.

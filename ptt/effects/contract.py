@@ -1,4 +1,4 @@
-"""The contract that every effect keeps, the library's own and a user's: plain functions that say what is broken."""
+"""The contract that every effect keeps, the library's and a user's own: one function for each check."""
 
 import re
 from collections.abc import Callable
@@ -18,9 +18,9 @@ from ptt.mechanisms.derivatives import by_input
 from ptt.run.view import PER_ROW
 
 UNITS = ("1", "mm", "rad", "s", "K", "kg", "N", "Nmm")
-NOMINAL = 1e-12  # mm or rad
-ALIKE = 1e-12  # batch against loop; what a sum in another order may differ by
-CLOSE = 1e-5  # exact derivative against a central difference, share of the column
+NOMINAL = 1e-12  # mm or rad: a shift below is zero but for rounding
+ALIKE = 1e-12  # relative difference of batch and loop that the order of summation may cause
+CLOSE = 1e-5  # largest difference of exact derivative and central difference, as a share of the column's largest entry
 
 
 @dataclass(frozen=True)
@@ -44,14 +44,14 @@ class CheckOutcome:
 
 
 def check_effect(effect: Effect, differentiate: Differentiate) -> tuple[CheckOutcome, ...]:
-    """Hold an effect against the whole contract, on every mechanism family it says it fits.
+    """Check an effect against the whole contract, on every mechanism family that it applies to.
 
     Args:
         effect: the effect.
         differentiate: `ptt.model.chain.differentiate`.
 
     Returns:
-        One finding per check and family.
+        One outcome for each check and family.
     """
     findings = []
     for kind in effect.mechanisms:
@@ -131,7 +131,7 @@ def check_acts(case: Case) -> str:
 
 
 def check_rows(case: Case) -> str:
-    """Rows on their own give what the batch gives; effects that remember the travel: runs on their own."""
+    """Single rows give what the batch gives; for effects that remember the travel, single runs do."""
     whole = case.shift()
     if case.effect.reverses:
         parts = [case.view.run == run for run in case.view.run.unique()]
@@ -148,7 +148,7 @@ def check_rows(case: Case) -> str:
 
 
 def check_derivative(case: Case) -> str:
-    """Derivative by the parameters against central differences, at usual size."""
+    """The derivative by the parameters equals central differences, at usual size."""
     _, exact = case.differentiate(case.effect, case.theta, case.view)
     start = 0
     for parameter, size in zip(case.effect.parameters, sizes(case.effect, case.view.joints), strict=True):
@@ -178,26 +178,25 @@ def check_basis(case: Case) -> str:
 
 
 def check_input(case: Case) -> str:
-    """Derivative by the stage's input as derived by torch, as the composed model takes it."""
+    """The derivative by the stage's input, which the model takes by autograd, equals central differences."""
     name = {"geometry": "q", "structure": "p", "metrology": "p"}.get(case.effect.stage)
     if name is None:
         return ""
     given = getattr(case.view, name)
-    x = given.mean(dim=0) + 0.9 * (
-        given - given.mean(dim=0)
-    )  # off the ends of a covered range, where curves have kinks
+    middle = given.mean(dim=0)
+    x = middle + 0.9 * (given - middle)  # off the ends of a covered range, where curves have kinks
     h = 1e-3 if name == "p" or case.kind == "three-ptt" else 1e-6
     directions = torch.eye(x.shape[1], dtype=x.dtype)[:, None].expand(-1, *x.shape)
 
     def shift(value: Tensor) -> Tensor:
         return case.shift(case.view.at(**{name: value}))
 
-    def summed(value: Tensor) -> Tensor:
-        return case.effect.summed(case.theta, case.view.at(**{name: value}))
+    def differentiable(value: Tensor) -> Tensor:
+        return case.effect.differentiable_shift(case.theta, case.view.at(**{name: value}))
 
-    if float((summed(x) - shift(x)).abs().max()) > ALIKE:
-        return "summed is not the shift"
-    exact = by_input(summed, x).permute(2, 0, 1)
+    if float((differentiable(x) - shift(x)).abs().max()) > ALIKE:
+        return "differentiable_shift is not the shift"
+    exact = by_input(differentiable, x).permute(2, 0, 1)
     for column, direction in zip(exact, directions, strict=True):
         broken = _compare(column, [shift(x + h * direction), shift(x - h * direction)], h)
         if broken:
@@ -206,7 +205,7 @@ def check_input(case: Case) -> str:
 
 
 def check_pure(case: Case) -> str:
-    """View and parameters stay as they were, and the same question gets the same answer."""
+    """Calls change neither view nor parameters, and give the same the second time."""
     fields = [name for name in (*PER_ROW, "home", "reflector", "growth") if getattr(case.view, name) is not None]
     before = {name: getattr(case.view, name).clone() for name in fields}
     theta = case.theta.clone()
@@ -223,7 +222,7 @@ def check_pure(case: Case) -> str:
 
 
 def check_words(case: Case) -> str:
-    """What has a phrase can be said, and says another side below zero than above."""
+    """An effect with phrases yields words, and other words for the opposite sign."""
     unknown = torch.full_like(case.theta, torch.nan)
     linear, other = linear_size(case.effect, case.view.joints), case.theta.clone()
     other[:linear] = -other[:linear]
@@ -234,7 +233,7 @@ def check_words(case: Case) -> str:
 
 
 def check_needs(case: Case) -> str:
-    """The sample has all it needs, and a run without context is refused where it requires a context."""
+    """`needs` accepts the sample run, in which everything varies, and refuses one without a context it requires."""
     lacking = case.effect.needs(case.view)
     if lacking is not None:
         return f"refuses a run in which everything varies: {lacking}"
@@ -258,6 +257,7 @@ CHECKS: dict[str, Callable[[Case], str]] = {
 
 
 def _compare(exact: Tensor, ends: list[Tensor], step: float) -> str:
+    """An exact derivative against the central difference of two shifts, at + and - a step."""
     numeric = (ends[0] - ends[1]) / (2.0 * step)
     gap, scale = float((exact - numeric).abs().max()), float(numeric.abs().max())
     rounding = 1e-12 / step
@@ -265,7 +265,7 @@ def _compare(exact: Tensor, ends: list[Tensor], step: float) -> str:
 
 
 def _attempt(check: Callable[[], str]) -> str:
-    """A check that raises has found something too."""
+    """What a check finds; one that raises has found the exception."""
     try:
         return check()
     except Exception as error:

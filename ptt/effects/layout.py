@@ -1,4 +1,4 @@
-"""How the values of an effect lie in one flat vector, and how columns of a basis lie beside each other."""
+"""Layout of an effect's parameter values in one flat vector, and of its basis columns."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ def sizes(effect: "Effect", joints: int) -> tuple[int, ...]:
 
 
 def weigh(basis: Tensor, amounts: Tensor) -> Tensor:
-    """Sum of the columns of a basis, each times its amount; a basis that is the same for all rows is summed once.
+    """Linear combination of basis columns; a basis expanded from one row is multiplied once.
 
     Args:
         basis: (n, out, P).
@@ -68,7 +68,7 @@ def usual_values(effect: "Effect", view: View) -> Tensor:
 
     Args:
         effect: the effect.
-        view: of the machine.
+        view: n rows of the machine.
 
     Returns:
         (P,) of all parameters in declared order, in their units.
@@ -76,12 +76,12 @@ def usual_values(effect: "Effect", view: View) -> Tensor:
     kind, joints = family(view), view.joints
     parts = [torch.full((p.size(joints),), p.on(kind).usual, dtype=torch.float64) for p in effect.parameters]
     usual = torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
-    beside = effect.proportions(view.mechanism)
-    return usual if beside is None else usual * beside
+    shares = effect.proportions(view.mechanism)
+    return usual if shares is None else usual * shares
 
 
 def flatten(effect: "Effect", shape: Mapping[str, Tensor], joints: int) -> Tensor:
-    """Zero amplitudes with the given shape: the point at which an effect is screened.
+    """Flat parameter vector with zero amplitudes and a given shape: where a search linearises an effect.
 
     Args:
         effect: the effect.
@@ -101,10 +101,10 @@ def flatten(effect: "Effect", shape: Mapping[str, Tensor], joints: int) -> Tenso
 
 
 def per_joint(*columns: Tensor) -> Tensor:
-    """Basis of parameters that each act on their own joint.
+    """Block-diagonal basis of parameters of which each value acts on its own joint alone.
 
     Args:
-        columns: one (n, k) or (n, k, c) tensor per parameter, the shift of joint i per unit of its own value.
+        columns: for each parameter (n, k) or (n, k, c), the shift of joint i per unit of its own value or values.
 
     Returns:
         (n, k, P), the parameters side by side.

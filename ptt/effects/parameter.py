@@ -11,32 +11,33 @@ class Parameter:
     Attributes:
         stem: name without its unit.
         unit: unit on a 3-PTT; for an axis quantity `mm` becomes `rad` on a serial arm.
-        usual: size it usually has; scales the fit and holds what the data cannot see, bounds nothing.
+        usual: size that it usually has; scales the fit and the prior on directions that the data do not see, and is no
+            bound.
         meaning: one line.
         per_joint: one value (or `count` values) for each joint or leg.
-        count: values, for each joint where `per_joint`.
-        onward: one value for each pair of a joint and a link that it carries, its own first; joint by joint.
+        count: number of values, for each joint where `per_joint`.
+        onward: one value for each pair of a joint and a link behind it, its own link first; joint by joint.
         lower: physical lower bound.
         upper: physical upper bound.
-        most: value beyond which no fit goes, though a file may hold it: there it would be something else.
-        within: usual sizes below which the cause would be another, so that no diagnosis names it, and above which it
-            names it only where the readings show its form clearly; a fit may end there all the same, and a file hold
-            it. None where any size may be.
-        role: 'linear'; 'searched' (enters the shape smoothly, start found by search); 'given' (set by search, held in
-            the fit).
+        most: upper limit of fits, though a file may hold more: beyond it the shape is that of another effect.
+        within: limits in usual sizes. Below the first the cause would be another, and no diagnosis names the effect;
+            above the second it does so only where the readings show the form clearly. Neither bounds a fit or a file.
+            None for no limits.
+        role: 'linear'; 'searched' (enters the shape smoothly; the fit refines what the search found); 'given' (set by
+            the search, constant in the fit).
         axis: measured along the axis, so its unit follows the joint's.
         usual_rad: usual size on a serial arm, where it differs.
-        held: kept near zero at its usual size by a prior, because the effect is defined without it; what data of
-            finite length leave of it is small.
-        lent: effects whose own cause each of the `count` held values is. Where such an effect is not in the model, the
-            fit frees the value: else the rest of the effect would have to imitate it.
-        fine: detail of the parameter before it, mostly far under the noise: how large it is is learned by itself.
-            Declared after all other linear parameters; an effect is tried without it and has it once it is in a model.
-        bands: numbers of its `count` values: in a diagnosis those of one number share how large they are, for each
-            joint; () all of them do.
-        joined: shares with the parameter before it how large it is: of one cause, their proportion is known.
-        default: value that goes without saying, so that files and lists leave it out and none of them is older for it;
-            None where it is always said.
+        held: kept near zero by a prior of its usual size, because the effect is defined without it; over the finite
+            range of the data a little of it remains.
+        lent: for each of the `count` held values the effect that it belongs to. Where that effect is not in the model
+            the fit frees the value, since other values would have to imitate it.
+        fine: detail of the parameter before it, mostly far below the noise, with a learned variance of its own.
+            Declared after all other linear parameters; a diagnosis tries an effect without it, a model has it.
+        bands: group number of each of the `count` values; in a diagnosis those of one group share a learned variance,
+            for each joint. () puts all in one group.
+        joined: shares its learned variance with the parameter before it: of one cause, their proportion is known.
+        default: value at which files and lists leave the parameter out, so that files from before it existed stay
+            valid; None where it is always written.
     """
 
     stem: str
@@ -62,12 +63,12 @@ class Parameter:
 
     @property
     def shapes(self) -> bool:
-        """Whether a search has to find out what it is before there is an effect at all."""
+        """Whether a search has to choose its value before the effect has a shape at all."""
         return self.role != "linear" and self.default is None
 
     @property
     def apart(self) -> bool:
-        """Whether a search begins with one value for all joints, of which each then has its own."""
+        """Whether it has a value for each joint, all of which a search starts from one common value."""
         return self.role == "searched" and self.per_joint
 
     def size(self, joints: int) -> int:
@@ -83,7 +84,7 @@ class Parameter:
             kind: 'three-ptt' or 'serial'.
 
         Returns:
-            The same parameter with the unit and usual size of that family, and bounds as far from it as they were.
+            The same parameter with the unit and usual size of that family, and its bounds scaled in proportion.
         """
         if kind == "three-ptt" or not self.axis:
             return self

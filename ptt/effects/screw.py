@@ -1,4 +1,4 @@
-"""Effects of the screws (an arm: of gears and encoders): their lead, their curve, their turns, their growth."""
+"""Effects of the screws (of an arm's gears and encoders): lead, error map, error of each turn, thermal growth."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
 
 SCREW_STANDARD = "ISO 3408-3 (ball screws, tolerance classes)"
-PHASES = 5  # a turn seen at fewer phases than this cannot part a period from an offset
+PHASES = 5  # fewer phases of a turn do not tell a periodic error from an offset
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,11 @@ class LeadScale(Effect):
 
 @dataclass(frozen=True)
 class ScrewErrorMap(Effect):
-    """Error of the screw along its length, smooth or rough, without the parts that homing and lead are.
+    """Error of the screw along its length, smooth or rough, without the constant and linear parts (homing, lead).
 
-    A curve that has no level and no slope over its whole range has a little of both over the heights that were
-    visited; that little is held near zero beside homing and lead, so that these stay their own causes. Without them it
-    is free: a curve that had to imitate them would bend wildly where no height was visited.
+    A curve without level and slope over its whole range still has a little of both over the heights that were visited.
+    That little is `straight`: held near zero where homing and lead are in the model, so that these keep what is theirs;
+    free where they are not, since bending modes that imitate them would swing wildly between the heights visited.
     """
 
     name: ClassVar[str] = "screw-error-map"
@@ -134,7 +134,7 @@ class ScrewErrorMap(Effect):
     )
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
-        """How high and how low each axis runs at the most, and where."""
+        """Maximum and minimum of each axis's curve, and where they are."""
         phrase = Phrase("curve", "run{s} up to {what} high", "run{s} up to {what} low")
         return curve_extremes(self, theta, std, ((phrase, ("curve", "waves"), slice(0, 2)),))
 
@@ -143,11 +143,11 @@ class ScrewErrorMap(Effect):
         return (covered_range(view),)
 
     def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Six shapes on nine knots, as files had them, in the present shapes."""
+        """Files with six shapes on nine knots are converted to the present shapes."""
         return renew_curves(values, ("curve",), joints)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Spline shapes of each axis."""
+        """Bending modes, straight part and finer splines of each axis."""
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
         return per_joint(smooth_shapes(place), straight_shapes(place), wave_shapes(place))
 
@@ -207,7 +207,7 @@ class OncePerRev(Effect):
             return "screw_lead_mm (gear_period_rad for an arm) in the machine file"
         phase = torch.remainder(view.q, self.period(view)) / self.period(view)
         parts = 3.0 * PHASES
-        # A whole turn is none, and phases at the edge of a part are in one for some of three ways to part a turn.
+        # A phase of one is a phase of zero. Bins are tried at three offsets, so that no phase is always at an edge.
         ways = [torch.remainder((parts * phase + way / 3.0).round(), parts) for way in range(3)]
         seen = max(min(len(torch.unique(way[:, joint])) for way in ways) for joint in range(view.joints))
         if seen >= PHASES:
@@ -218,7 +218,7 @@ class OncePerRev(Effect):
 
     @property
     def odds_of_kind(self) -> float:
-        """Of harmonic m by 1/(m (m - 1)), which sums to one over all there may be; a whole turn is no choice.
+        """Prior 1/(m (m - 1)) of harmonic m > 1, which sums to one over all of them; the turn itself is no choice.
 
         Source: a prior of all integers, Rissanen, Annals of Statistics 11 (1983), in its simplest form.
         """
@@ -226,17 +226,17 @@ class OncePerRev(Effect):
 
     @property
     def _harmonic(self) -> int:
-        """How often in a turn it repeats, by the label."""
+        """Number m of periods in a turn, from the label 'harmonic m'; 1 without it."""
         words = self.label.split()
         return max(int(words[1]), 1) if len(words) == 2 and words[0] == "harmonic" and words[1].isdigit() else 1
 
     def period(self, view: View) -> float:
-        """Length of a turn or of its part, mm or rad; the drawing has to have a lead."""
+        """Length of a turn over the harmonic's number, mm or rad; the drawing must state a lead."""
         assert view.lead is not None
         return view.lead / self._harmonic
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """The drawing's lead."""
+        """The period by the drawing's lead."""
         return ({"period": torch.tensor([self.period(view)], dtype=torch.float64)},)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
@@ -280,8 +280,8 @@ class ScrewGrowth(Effect):
         shade="b",
     )
 
-    def reach(self, view: View) -> float | None:
-        """A screw grows away from a bearing at one of its ends, mm from home: no further than it is long."""
+    def ratio_limit(self, view: View) -> float | None:
+        """Distance from home to the fixed bearing, mm: no more than the travel is long."""
         return float((view.travel_limits[:, 1] - view.travel_limits[:, 0]).max())
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:

@@ -89,8 +89,8 @@ class TowerPosition(ThreePttEffect):
 class TowerTilt(ThreePttEffect):
     """Rail i leans, pivot at the slider height of home.
 
-    As a rail leans its slider comes nearer to home as well, by half the lean squared, which looks like a short lead: 17
-    um at 16 mrad and 135 mm. What is left out is of third order, under 0.1 um there.
+    To second order the slider also comes nearer to home, by half the lean squared times its distance, which looks like
+    a short lead: 17 um at 16 mrad and 135 mm. The third order, left out, is under 0.1 um there.
     """
 
     name: ClassVar[str] = "tower-tilt"
@@ -139,19 +139,19 @@ class TowerTilt(ThreePttEffect):
         return upright(super().say(theta, std, view), view)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Shift of each leg's centre, as far from home as it is, by a small turn of its rail."""
+        """Shift of each leg's centre by a unit turn of its rail about home."""
         along, distance = machine(view).rail, (view.q - view.home)[..., None]
         return centre_basis(*(distance * torch.linalg.cross(turn, along) for turn in _unit_turns(view)))
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
-        """The same to second order."""
+        """Shift of each leg's centre by the turn of its rail, to second order."""
         turn = _turn(theta, view)
         once = torch.linalg.cross(turn, machine(view).rail)
         lean = once + 0.5 * torch.linalg.cross(turn, once)
         return centre_slots((view.q - view.home)[..., None] * lean)
 
     def slope(self, theta: Tensor, view: View) -> Tensor:
-        """What a further turn of each rail adds where it leans already."""
+        """Derivative of the second-order shift by both leans."""
         turn, along, distance = _turn(theta, view), machine(view).rail, (view.q - view.home)[..., None]
         leaning = torch.linalg.cross(turn, along)
         columns = []
@@ -176,10 +176,10 @@ def _turn(theta: Tensor, view: View) -> Tensor:
 
 @dataclass(frozen=True)
 class GuideStraightness(ThreePttEffect):
-    """Slider i wanders sideways along its rail, without the parts that tower position and tilt are.
+    """Slider i wanders sideways along its rail, without the constant and linear parts (tower position and tilt).
 
-    As with the screw's curve, the little level and slope that the visited heights leave is held near zero beside the
-    effects that it is, and free without them.
+    As in the screw's error map, the little level and slope that curves have over the visited heights is held near zero
+    where tower position and tilt are in the model, and free where they are not.
     """
 
     name: ClassVar[str] = "guide-straightness"
@@ -224,7 +224,7 @@ class GuideStraightness(ThreePttEffect):
     )
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
-        """How far each slider wanders at the most, which way, and where."""
+        """Maximum and minimum of each slider's wander in both directions, and where they are."""
         out = Phrase("radial", "wander{s} up to {what} outward", "wander{s} up to {what} inward")
         along = Phrase(
             "tangential",
@@ -239,11 +239,11 @@ class GuideStraightness(ThreePttEffect):
         return (covered_range(view),)
 
     def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Six shapes on nine knots, as files had them, in the present shapes."""
+        """Files with six shapes on nine knots are converted to the present shapes."""
         return renew_curves(values, ("radial", "tangential"), joints)
 
-    def summed(self, theta: Tensor, view: View) -> Tensor:
-        """Each rail's two curves as one height each, before any column is spread over the slots."""
+    def differentiable_shift(self, theta: Tensor, view: View) -> Tensor:
+        """Shift with each rail's two curves summed to one height each, before they are spread over the slots."""
         shape = shape_of(self, theta, view.joints)
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
         curved, straight = torch.split(theta[: LEGS * (2 * SHAPES + 4)], [2 * LEGS * SHAPES, 4 * LEGS])
@@ -253,7 +253,7 @@ class GuideStraightness(ThreePttEffect):
         return centre_slots(torch.einsum("anl,alx->nlx", bent + level, torch.stack(across_axes(view))))
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Spline shapes of each rail, outward and along the azimuth."""
+        """Bending modes of each rail outward and along the azimuth, then the straight parts of both."""
         place = (view.q - shape["from"]) / (shape["to"] - shape["from"])
         axes = across_axes(view)
         curves = smooth_shapes(place)  # shape: (n, leg, c)

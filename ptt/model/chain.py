@@ -252,6 +252,6 @@ def _by_input(terms: EffectTerms, stage: str, x: Tensor, see: Callable[[Tensor],
         return None
 
     def total(value: Tensor) -> Tensor:
-        return torch.stack([effect.summed(theta, see(value)) for effect, theta in here]).sum(dim=0)
+        return torch.stack([effect.differentiable_shift(theta, see(value)) for effect, theta in here]).sum(dim=0)
 
     return by_input(total, x)

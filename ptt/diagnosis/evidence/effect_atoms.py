@@ -117,7 +117,7 @@ def effect_atom(
     return Atom(
         key, effect.key, columns, group, most, odds, kinds.non_negative, effect, shape,
         joint=joint if alike else None, leg=_legs(group, joint), fine=fine if fine.any() else None,
-        reach=effect.reach(problem.view), within=within if np.isfinite(within).any() else None,
+        reach=effect.ratio_limit(problem.view), within=within if np.isfinite(within).any() else None,
     )  # fmt: skip
 
 
