@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from ptt.effects.registry import library, make_effect
-from ptt.effects.self_weight import lines
+from ptt.effects.self_weight import link_lines
 from ptt.errors import MachineError
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine, parse_machine
@@ -236,7 +236,7 @@ def test_the_drawing_tells_along_which_line_the_mass_of_a_link_lies() -> None:
         half = torch.pi * torch.cartesian_prod(*[torch.arange(2, dtype=torch.float64)] * 7)
         q = (q[:, None] + half).reshape(-1, 7)
         chain, tip = mechanism.walk(q), mechanism.forward(q)
-        for link, line in zip(chain, lines(mechanism), strict=True):
+        for link, line in zip(chain, link_lines(mechanism), strict=True):
             away = tip - link.before_z.origin
             across = torch.linalg.cross(link.before_z.z.expand_as(away), link.end.x.expand_as(away))
             seen = [float((away * way).sum(dim=-1).mean()) for way in (link.end.x, across)]

@@ -11,7 +11,7 @@ from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_ways
 from ptt.correct.newton import MISSED, gaps_of, holding, invert, invert_together, open_gaps
 from ptt.correct.task import CommandTask, Handover
-from ptt.effects.memory import Passed
+from ptt.effects.memory import TravelBefore
 from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
@@ -95,9 +95,10 @@ def hand_on(task: CommandTask, solved: Solved, rows: int, beside: int) -> Handov
         return None
     first = max(rows - beside, 0)
     view = task.see(solved.q)
-    passed = Passed(enter(view, [first])[0], view.direction[first], view.turning_point[first] - view.q[first])
+    turned = view.turning_point[first] - view.q[first]
+    travel = TravelBefore(enter(view, [first])[0], view.direction[first], turned)
     sent = solved.reached & torch.isfinite(solved.missed).all(dim=1).numpy()
-    return Handover(passed, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
+    return Handover(travel, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
 
 
 def nearest_commands(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:

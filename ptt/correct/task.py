@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.correct.newton import holding
 from ptt.effects.drive import FollowingError, pace_number
 from ptt.effects.layout import shape_of
-from ptt.effects.memory import Passed, go_on
+from ptt.effects.memory import TravelBefore, continue_travel
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import translation_rank
 from ptt.model.chain import EffectTerms
@@ -88,7 +88,7 @@ class CommandTask:
             view = replace(view, velocity=self.velocity, paces=None)
         elif self.pace is not None:
             view = replace(view, velocity=torch.as_tensor(self.pace.velocity(q.numpy())), paces=None)
-        return view if self.handover is None else go_on(view, self.handover.passed)
+        return view if self.handover is None else continue_travel(view, self.handover.travel)
 
     def paced(self, sent: np.ndarray) -> "CommandTask":
         """The same with the pace of its travel: that of the targets, since a correction does not change a program's.
@@ -124,13 +124,13 @@ class Handover:
     """What rows hand on to those behind them: their last commands, and the travel before these.
 
     Attributes:
-        passed: the travel before the first of the rows.
+        travel: the travel up to the first of the rows.
         height: their commands without reversal compensation, (m, k).
         q: their commands with it, (m, k).
         place: their targets, (m, 3) mm; of rows that are not sent, that of the row before.
     """
 
-    passed: Passed
+    travel: TravelBefore
     height: Tensor
     q: Tensor
     place: Tensor

@@ -1,4 +1,4 @@
-"""Sample machines and sample runs on which every effect can be seen: for the contract and for pictures."""
+"""Sample machines and sample runs in which every effect shows: for the contract and for pictures."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -14,8 +14,8 @@ from ptt.run.viewing import build_view
 
 SEED = 7
 FREE = {"three-ptt": 90, "serial": 260}  # rows that go anywhere
-CREEP = 48  # rows that creep back and forth, so that short travel after a reversal is seen
-TURN_EVERY = 8
+CREEP = 48  # rows of short moves back and forth, so that there is short travel after reversals
+TURN_EVERY = 8  # of these moves
 
 _MACHINES = {
     "three-ptt": """
@@ -62,7 +62,7 @@ def sample_machine(kind: str) -> MachineFile:
 
 @lru_cache(maxsize=2)
 def sample_view(kind: str) -> View:
-    """Three runs in which every context varies: free moves, a creep back and forth, free moves again.
+    """Three runs in which every context varies: free moves, short moves back and forth, free moves again.
 
     Args:
         kind: 'three-ptt' or 'serial'.
@@ -101,7 +101,7 @@ def sample_table(kind: str) -> Table:
 
 
 def bare(view: View) -> View:
-    """The same poses in a run that tells nothing of load, temperature, time, speed or direction.
+    """The same poses without any context: no load, temperature, time or speed, and one direction of arrival.
 
     Args:
         view: n rows.

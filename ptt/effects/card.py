@@ -1,4 +1,4 @@
-"""Card of an effect: cause, equation, source, fingerprint, what it is confused with, how it is mended."""
+"""Card of an effect: cause, equation, source, fingerprint, what it is confused with, remedy."""
 
 from dataclasses import dataclass, replace
 
@@ -24,24 +24,25 @@ RESIDUALS = ("joint", "x", "y", "z")
 
 @dataclass(frozen=True)
 class Card:
-    """One effect as a machinist reads it.
+    """One effect described for a person at the machine.
 
     Attributes:
         cause: what is physically wrong.
-        equation: the additive shift, as the code works it out.
+        equation: the additive shift, as the code computes it.
         source: where the equation comes from.
         size: what is usual on real machines.
         fingerprint: what it looks like in the residual.
-        confused_with: pairs of an effect, or another thing, and the measurement that tells the two apart.
-        remedy: how one mends it on the machine.
+        confused_with: pairs of an effect, or another cause, and the measurement that tells the two apart.
+        remedy: how it is corrected on the machine.
         needs: what the data must hold for it to be tested; '-' for nothing beyond poses.
-        residual: component of the residual that shows it, one of `RESIDUALS`; 'joint' is J e, in the joints' own space.
-        telling: variable that the residual follows, one of `TELLING`.
-        shade: second variable that matters, one of `TELLING`, or ''.
-        arm_cause: what is wrong on a serial arm, which has no screws and rails; '' for the same words.
-        arm_size: what is usual there.
-        arm_fingerprint: what it looks like there.
-        arm_remedy: how one mends it there.
+        residual: component of the residual that its picture shows, one of `RESIDUALS`; 'joint' is J e, the error in
+            joint coordinates.
+        telling: variable that the residual follows, the abscissa of its picture, one of `TELLING`.
+        shade: second variable that matters, the colour of its picture, one of `TELLING`, or ''.
+        arm_cause: the cause on a serial arm, which has no screws and rails; '' for the same words.
+        arm_size: what is usual on an arm.
+        arm_fingerprint: what it looks like on an arm.
+        arm_remedy: how it is corrected on an arm.
     """
 
     cause: str
@@ -67,7 +68,7 @@ class Card:
             kind: 'three-ptt' or 'serial'.
 
         Returns:
-            On an arm the same with its own words, where it has some.
+            The same card, on an arm with its arm_ texts in place of the others.
         """
         if kind != "serial":
             return self

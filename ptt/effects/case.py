@@ -1,4 +1,4 @@
-"""An effect at its usual size on the sample run: what the contract and the pictures look at."""
+"""An effect at its usual size on the sample run: test case of the contract and source of the pictures."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A law of which only the variable and the shape are known: what `ptt effects new NAME --like D.json` starts from."""
+"""A free function of one variable as an effect: what `ptt effects new NAME --like D.json` writes for a dependence."""
 
 import re
 from itertools import product
@@ -24,31 +24,32 @@ JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")
 PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])|(set-up)")
 COORDINATES = ("x", "y", "z")
 OTHERS = ("payload", "temperature", "time", "run")
-KINDS = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
-BENDS = 6  # bows, double bows, ... of a smooth law: what a run of a few hundred rows can tell
-HATS = 13  # of a bump: damage of a spot has no shape that one could know
+CURVE_SHAPES = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
+BENDS = 6  # bending modes of a smooth curve: as many as a run of a few hundred rows can determine
+HATS = 13  # hat functions of a bump, since local damage has no shape that is known beforehand
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
-ARM = 100.0  # mm from the base's origin at which turns and scale of a set-up count as much as its shift
-DEGREE = 4  # of a free field over the workspace: what pulls from one side is no function of one coordinate
+ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
+DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace
 FIELD = [powers for powers in product(range(DEGREE + 1), repeat=3) if 0 < sum(powers) <= DEGREE]
 CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
 
 
 class Curve(Effect):
-    """A free function of one variable, acting at a place, else where that variable is: its joint, tool or readings.
+    """A free function of one variable that shifts a joint, a rail, a link, the tool or the readings.
 
-    A subclass says what it follows; stage, parameters and needs come from that.
+    A subclass sets the class attributes below; stage, parameters and requirements are derived from them.
 
     Class attributes:
-        on: 'b2' or 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'run', or 'x', 'y', 'z', which
-            stand for a free field over the workspace where no place is given.
-        acts_on: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', 'x', 'y', 'z' of the tool, or
-            'set-up': tracker and machine move against each other, which no command mends.
-        shape: 'levels', 'smooth', 'step', 'bump', 'period', 'varying' or 'gradual' as a diagnosis says it.
-        between: where the variable (of 'varying': the second one; of 'gradual': the joint that reverses) was seen, or
-            where the step or bump is; mm, rad, s, kg, or K above the drawing's temperature.
-        period: of 'period', mm or rad.
-        along: the second variable that a direction's say varies with.
+        on: the variable: 'b2' or 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'run', or 'x', 'y',
+            'z', which without `acts_on` stand for a free field over the workspace.
+        acts_on: what it shifts: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', 'x', 'y', 'z'
+            of the tool, or 'set-up' (tracker against machine, which no command corrects); '' for the joint that `on`
+            names, else the tool, or the readings for 'time' and 'run'.
+        shape: 'levels', 'smooth', 'step', 'bump', 'period', 'varying' or 'gradual', as a diagnosis names it.
+        between: range of the variable in the data (of 'varying': of the second variable; of 'gradual': of the joint
+            that reverses), or ends of the step or bump; mm, rad, s, kg, or K above the drawing's temperature.
+        period: of shape 'period', mm or rad.
+        along: of shape 'varying', the second variable, on which the effect of a direction depends.
     """
 
     on: ClassVar[str] = ""
@@ -59,7 +60,7 @@ class Curve(Effect):
     along: ClassVar[str] = ""
 
     def __init_subclass__(cls, **named: Any) -> None:
-        """Derive the rest from what it follows.
+        """Derive stage, parameters and requirements from the class attributes.
 
         Raises:
             TypeError: no such variable, place or shape, an empty range, or no period.
@@ -68,7 +69,7 @@ class Curve(Effect):
         for name in filter(None, (cls.on, cls.along)):
             if not (JOINT.fullmatch(name) or name in COORDINATES + OTHERS):
                 raise TypeError(f"a curve cannot follow '{name}'")
-        if not cls.on or cls.shape not in KINDS or not cls.between[0] < cls.between[1]:
+        if not cls.on or cls.shape not in CURVE_SHAPES or not cls.between[0] < cls.between[1]:
             raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
         if cls.shape == "period" and not cls.period > 0.0:
             raise TypeError("a period above zero is needed")
@@ -98,7 +99,7 @@ class Curve(Effect):
 
     @classmethod
     def _place(cls) -> tuple[str, int]:
-        """Kind of the place that it acts at, and which of them, from 0."""
+        """What it shifts ('slider', 'joint', 'rail', 'link', 'axis', 'tool', 'set-up'), and its number from 0."""
         found = PLACE.fullmatch(cls.acts_on)
         if found is None:
             joint = JOINT.fullmatch(cls.on)
@@ -110,7 +111,7 @@ class Curve(Effect):
         return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
 
     def basis(self, view: View, shape: Any) -> Tensor:
-        """The shapes where they act."""
+        """The basis functions of the variable, each in the outputs that it shifts."""
         kind, index = self._place()
         followed = [int(joint[2]) for name in (self.on, self.along) if (joint := JOINT.fullmatch(name))]
         last = max([*followed, index + 1 if kind in ("slider", "joint", "link") else 0])
@@ -139,11 +140,11 @@ class Curve(Effect):
         return basis
 
     def _shapes(self, view: View) -> Tensor:
-        """Shape: (n, count)."""
+        """Basis functions of the variable at each row, (n, count)."""
         low, high = self.between
         if self.shape == "gradual":
-            every = hysterons(view, view.q.new_full((view.joints,), high - low))
-            return every[:, int(self.on.removeprefix("direction")) - 1]
+            elements = hysterons(view, view.q.new_full((view.joints,), high - low))
+            return elements[:, int(self.on.removeprefix("direction")) - 1]
         value = _value(view, self.on)
         if self.along:
             return value[:, None] * _smooth(_value(view, self.along), low, high)
@@ -153,21 +154,21 @@ class Curve(Effect):
         if self.shape == "step":
             return (value > 0.5 * (low + high)).to(value)[:, None]
         if self.shape == "bump":
-            reach = high - low  # damage fades out beyond the feet that a test finds
+            reach = high - low  # wider than found: damage fades out beyond the feet that a test can see
             knots = torch.linspace(low - reach, high + reach, HATS + 2, dtype=value.dtype)
             return (1.0 - (value[:, None] - knots[1:-1]).abs() / (knots[1] - knots[0])).clamp(min=0.0)
         return value[:, None] if _proportional(type(self)) else _smooth(value, low, high)
 
 
 def fits(mechanisms: tuple[str, ...], name: str) -> bool:
-    """Whether machines of some kinds have what a variable or a place is called by.
+    """Whether mechanism families have the joint, rail, link or variable that a name refers to.
 
     Args:
         mechanisms: 'three-ptt', 'serial'.
         name: for example 'b2', 'direction3', 'rail 2 outward', 'x'.
 
     Returns:
-        Whether they do; how many joints an arm has only its file says.
+        Whether all of them do; the number of an arm's joints is not checked, since its file alone states it.
     """
     own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint", "link")}
     word = (re.match(r"[a-z]*", name) or [""])[0]
@@ -180,12 +181,12 @@ def fits(mechanisms: tuple[str, ...], name: str) -> bool:
 
 
 def _proportional(cls: type[Curve]) -> bool:
-    """Whether it is a multiple of its variable: few levels, of which zero does nothing."""
+    """Whether the function is a multiple of its variable, because that has few levels of which zero has no effect."""
     return cls.shape == "levels" or cls.on.startswith(("direction", "payload", "speed"))
 
 
 def _size(cls: type[Curve]) -> tuple[int, str]:
-    """How many shapes it has where it acts, and what they are."""
+    """Number of basis functions at each output, and their meaning."""
     if cls.on in COORDINATES and not cls.acts_on:
         return len(FIELD), f"of each product of up to {DEGREE} coordinates"
     if cls.shape == "gradual":
@@ -204,17 +205,19 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
 
 
 def _smooth(value: Tensor, low: float, high: float) -> Tensor:
+    """Bending modes and straight part over a range, (n, BENDS + 2)."""
     place = (value - low) / (high - low)
     return torch.cat([smooth_shapes(place)[:, :BENDS], straight_shapes(place)], dim=1)
 
 
 def _field(tool: Tensor, between: tuple[float, float]) -> Tensor:
+    """Monomials of the tool position, scaled by the range, (n, len(FIELD))."""
     x, y, z = (tool / max(abs(between[0]), abs(between[1]), 1.0)).T
     return torch.stack([x**i * y**j * z**k for i, j, k in FIELD], dim=1)
 
 
 def _value(view: View, name: str) -> Tensor:
-    """The variable, (n,)."""
+    """The variable at each row, (n,)."""
     joint = JOINT.fullmatch(name)
     if joint:
         table = {"b": view.q, "q": view.q, "direction": view.direction, "speed": view.velocity}[joint[1]]

@@ -1,4 +1,4 @@
-"""What curves along a joint's travel share: the range they are drawn over, their highest places, older files."""
+"""Shared by effects with curves along a joint's travel: their range, their extremes in words, older machine files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -11,11 +11,11 @@ from ptt.effects.phrases import Phrase, ValuePhrase, said
 from ptt.effects.shapes import COARSE_SHAPES, from_coarse, smooth_shapes, straight_shapes, wave_shapes
 from ptt.run.view import View
 
-PLACES = 201  # at which a curve is looked at for its highest
+PLACES = 201  # points of a curve among which its extremes are looked for
 
 
 def covered_range(view: View) -> dict[str, Tensor]:
-    """Range of each joint that the rows cover, so that a saved curve keeps its own ruler.
+    """Range of each joint that the rows cover: the abscissa scale that a curve is saved with.
 
     Args:
         view: n rows.
@@ -29,7 +29,7 @@ def covered_range(view: View) -> dict[str, Tensor]:
 
 
 def renew_curves(values: Mapping[str, Tensor], stems: Sequence[str], joints: int) -> Mapping[str, Tensor]:
-    """Curves of older machine files in the present shapes.
+    """Coefficients of curves of older machine files, converted to the present shapes.
 
     Args:
         values: stem -> values as the file has them.
@@ -37,7 +37,7 @@ def renew_curves(values: Mapping[str, Tensor], stems: Sequence[str], joints: int
         joints: k.
 
     Returns:
-        The same where they are in the present shapes already.
+        The same object where they are in the present shapes already.
     """
     if not all(stem in values and len(values[stem]) == COARSE_SHAPES * joints for stem in stems):
         return values
@@ -54,17 +54,17 @@ def renew_curves(values: Mapping[str, Tensor], stems: Sequence[str], joints: int
 def curve_extremes(
     effect: Effect, theta: Tensor, std: Tensor, curves: Sequence[tuple[Phrase, tuple[str, ...], slice]]
 ) -> tuple[ValuePhrase, ...]:
-    """The highest and the lowest place of curves, in words.
+    """Maximum and minimum of curves along each joint's travel, in words.
 
     Args:
         effect: has 'straight', 'from' and 'to'.
         theta: all its parameters, flat.
         std: their standard errors, NaN where none is known.
-        curves: words, the parameters of its smooth shapes and, where it has any, of its waves, and which of a joint's
-            values of 'straight' are its slope and level.
+        curves: for each curve its words, the stems of its bending modes and of its finer splines (if any), and which
+            of a joint's values of 'straight' are its slope and level.
 
     Returns:
-        Highest and lowest place of each curve, where they are on either side of zero.
+        The maximum of each curve where it is positive, and the minimum where it is negative.
     """
     names = [parameter.stem for parameter in effect.parameters]
     joints = len(theta) // sum(parameter.count for parameter in effect.parameters)

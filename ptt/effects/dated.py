@@ -1,4 +1,4 @@
-"""Effects of one run, seen beside other runs: the clock is that run's, and so are the rows."""
+"""Effects that belong to one run, applied to a table with other runs: their clock and rows are those of that run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -19,9 +19,9 @@ class RunPlace:
     """Where the run that an effect belongs to lies in a table.
 
     Attributes:
-        runs: codes of the runs in their order; none where the table does not hold it.
-        time: seconds at its first row.
-        number: number of its first row.
+        runs: codes of its runs in their order; empty where the table does not hold it.
+        time: the view's time at its first row, s.
+        number: index of its first row.
     """
 
     runs: tuple[int, ...]
@@ -34,29 +34,27 @@ class RunPlace:
 
 
 def is_dated(effect: Effect) -> bool:
-    """Tell whether an effect's values mean something for the run alone that they were fitted on.
+    """Whether an effect's values refer to the run that they were fitted on: its set-up, or a moment of it.
 
     Args:
         effect: the effect.
-
-    Returns:
-        True for what a set-up did, and for what happened at some moment.
     """
     return effect.of_run or isinstance(effect, Sudden)
 
 
 def at_place(effect: Kind, place: RunPlace) -> Kind:
-    """The same effect as rows of other runs see it.
+    """The same effect for a table in which its run is one of several, or is not there.
 
-    What a set-up did is nothing there. What happened to the machine at some moment stays: runs before know nothing of
-    it, runs behind, and those of which nothing tells when they were, have it from their first row on.
+    An effect of the set-up is zero in the rows of other runs. A change of the machine at some moment is zero in runs
+    before its own, and holds from the first row in runs after it; where the table lacks its own run, that run is taken
+    to lie in the past.
 
     Args:
-        effect: of one run.
+        effect: it belongs to one run.
         place: where that run lies.
 
     Returns:
-        An effect of the same class.
+        An effect of a subclass made here, with the same parameters.
     """
     own = type(effect)
     parts: dict[str, Any] = {
@@ -65,11 +63,11 @@ def at_place(effect: Kind, place: RunPlace) -> Kind:
     }
     if own.shift is not Effect.shift:
         parts["shift"] = lambda self, theta, view: (
-            _share(effect, view, place) * own.shift(self, theta, _local(effect, view, place))
+            _weight(effect, view, place) * own.shift(self, theta, _local(effect, view, place))
         )
     if own.slope is not Effect.slope:
         parts["slope"] = lambda self, theta, view: (
-            _share(effect, view, place)[..., None] * own.slope(self, theta, _local(effect, view, place))
+            _weight(effect, view, place)[..., None] * own.slope(self, theta, _local(effect, view, place))
         )
     if not place.runs:
         parts["needs"] = lambda self, view: "the run that it was found on"
@@ -78,23 +76,23 @@ def at_place(effect: Kind, place: RunPlace) -> Kind:
 
 
 def _basis(own: type[Effect], effect: Effect, view: View, shape: Mapping[str, Tensor], place: RunPlace) -> Tensor:
-    return _share(effect, view, place)[..., None] * own.basis(effect, _local(effect, view, place), shape)
+    return _weight(effect, view, place)[..., None] * own.basis(effect, _local(effect, view, place), shape)
 
 
-def _share(effect: Effect, view: View, place: RunPlace) -> Tensor:
-    """(n, 1), 0 in rows that a set-up of another run does not touch."""
+def _weight(effect: Effect, view: View, place: RunPlace) -> Tensor:
+    """(n, 1): 0 in rows of other runs for an effect of the set-up, else 1."""
     if not effect.of_run:
         return torch.ones(view.rows, 1, dtype=view.q.dtype)
     return place.own(view).to(view.q.dtype)[:, None]
 
 
 def _local(effect: Effect, view: View, place: RunPlace) -> View:
-    """The view by the clock of the run: long before its first row in runs before, long after in runs behind."""
+    """The view with the clock of the effect's own run: -inf in rows before that run, +inf in rows after it."""
     own = place.own(view)
     behind = ~own if not place.runs else view.run > max(place.runs)
     endless = torch.where(behind, torch.inf, -torch.inf).to(view.q.dtype)
     if effect.of_run:
-        endless = torch.zeros_like(endless)  # those rows count for nothing, and nothing may be infinite there
+        endless = torch.zeros_like(endless)  # these rows get weight 0, and 0 times infinity is not a number
     return replace(
         view,
         time=torch.where(own, view.time - place.time, endless),

@@ -1,4 +1,4 @@
-"""Links and joint axes of an arm are not where the drawing has them."""
+"""Errors of an arm's Denavit-Hartenberg parameters."""
 
 import math
 from collections.abc import Mapping
@@ -18,15 +18,16 @@ BETA = 4  # place of the Hayati angle among a link's slots
 
 
 def links_along(arm: Serial) -> Tensor:
-    """How an arm's geometry slots change as each link grows along itself, as a warm one does.
+    """Geometry shifts by which each link grows along the line between its joints, as a warm one does.
 
-    Link i is the body behind joint i. The modified convention has its common normal in the row of the next joint.
+    Link i is the body behind joint i. In the modified convention its common normal belongs to the next joint.
 
     Args:
         arm: k joints.
 
     Returns:
-        (G, k), mm per mm of growth: shares of its common normal a and its offset d; zero for a link of no length.
+        (G, k) mm per mm of growth: a / hypot(a, d) for its common normal a and d / hypot(a, d) for its offset d; zero
+        for a link of no length.
     """
     along = torch.zeros(len(arm.slots), arm.joints, dtype=torch.float64)
     later = arm.convention == "modified"
@@ -43,11 +44,11 @@ def links_along(arm: Serial) -> Tensor:
 
 @dataclass(frozen=True)
 class DhOffsets(Effect):
-    """Denavit-Hartenberg parameters are off, link by link; axes that the drawing has parallel lean by beta too.
+    """Denavit-Hartenberg parameters are off, link by link; with the Hayati angle beta between parallel joint axes.
 
-    Every link has all five parameters. What they do twice (the offset along parallel axes, the first and last link
-    against a fitted frame and tool) the fit leaves where it is; beta acts between parallel axes only, because
-    elsewhere twist and joint angle of the neighbours do the same.
+    Every link has all five parameters. Combinations that the data do not determine (offsets along parallel axes, first
+    and last link against a fitted frame and tool) the prior keeps near zero. Beta acts between parallel axes only,
+    because elsewhere twist and joint angle of the neighbours do the same.
     """
 
     name: ClassVar[str] = "dh-offsets"
@@ -96,7 +97,7 @@ class DhOffsets(Effect):
     )
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
-        """As of any effect; a length, twist or offset that the drawing has below zero is larger where it falls."""
+        """Signs such that 'too long' or 'too far' is a larger magnitude where the drawing's own value is negative."""
         arm = cast(Serial, view.mechanism)
         drawn = theta.new_tensor((*arm.a_mm, *arm.alpha_rad, *arm.d_mm))
         outward = torch.ones_like(theta)

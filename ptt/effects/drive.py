@@ -1,4 +1,4 @@
-"""Effects of the drives: what the axis does differs from what it was told."""
+"""Effects of the drives: the actual joint value differs from the commanded one."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -61,7 +61,7 @@ class HomingOffset(Effect):
 
 @dataclass(frozen=True)
 class HomingSlip(Sudden):
-    """An axis was homed anew, was hit or slipped: from some time on its zero is off by c_i."""
+    """An axis was homed anew, hit or slipped: from some time on its zero is off by c_i."""
 
     name: ClassVar[str] = "homing-slip"
     stage: ClassVar[Stage] = "drive"
@@ -147,11 +147,11 @@ class FollowingError(Effect):
     )
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """All that a row may mean by its speed."""
+        """Every definition of the speed at a row."""
         return tuple({"pace": torch.tensor([float(way)])} for way in (PACES if view.paces is not None else (SMOOTH,)))
 
     def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Older files know one pace alone."""
+        """Files from before `pace` mean the first of `PACES`."""
         return values if "pace" in values else {**values, "pace": torch.tensor([float(SMOOTH)], dtype=torch.float64)}
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
@@ -161,13 +161,13 @@ class FollowingError(Effect):
 
 
 def pace_number(shape: Mapping[str, Tensor]) -> int:
-    """Which of `ptt.run.pace.PACES` the shape of a following error means."""
+    """Definition of speed in the shape of a following error, one of `ptt.run.pace.PACES`."""
     return int(shape["pace"])
 
 
 @dataclass(frozen=True)
 class AxisCompliance(Effect):
-    """The axis gives way under its load: c_i tau_i."""
+    """The axis yields under its load: c_i tau_i."""
 
     name: ClassVar[str] = "axis-compliance"
     told_by: ClassVar[str] = "payload"
@@ -205,7 +205,7 @@ class AxisCompliance(Effect):
     )
 
     def needs(self, view: View) -> str | None:
-        """A load that is not the same everywhere."""
+        """A load that varies."""
         force = view.axis_force()
         varied = float((force.amax(dim=0) - force.amin(dim=0)).max()) > 1e-6
         return None if varied else "a payload (column payload_kg) or measured loads (tau1, tau2, ...)"

@@ -1,4 +1,4 @@
-"""What the geometry effects of the 3-PTT share: legs, their axes, the slots they move, the pull in the links."""
+"""Shared by the geometry effects of the 3-PTT: unit vectors of the legs, bases over geometry slots, link tension."""
 
 import re
 from collections.abc import Iterable
@@ -14,13 +14,13 @@ from ptt.mechanisms.statics import link_forces
 from ptt.mechanisms.three_ptt import LEGS, SLOTS, ThreePtt
 from ptt.run.view import View
 
-ACROSS = ("outward", "sideways")  # what the two ways across a rail are called
+ACROSS = ("outward", "sideways")  # names of the two directions across a rail, as of `across_axes`
 UPWARD = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
 CLOSURE = "first-order geometry: derivative of |p - c_i| = L_i"
 
 
 def machine(view: View) -> ThreePtt:
-    """The 3-PTT that a view is seen through."""
+    """The mechanism of a view that is one of a 3-PTT."""
     return cast(ThreePtt, view.mechanism)
 
 
@@ -30,17 +30,17 @@ def horizontal_axes(view: View) -> tuple[Tensor, Tensor]:
 
 
 def across_axes(view: View) -> tuple[Tensor, Tensor]:
-    """Unit vectors across the rails, each (3, 3): as the upper end leans outward, and tangential."""
+    """Unit vectors across the rails, each (3, 3): the way an upper end leans outward, and tangential."""
     return machine(view).across, machine(view).outer_axis
 
 
 def foot_axes(view: View) -> tuple[Tensor, Tensor]:
-    """Unit vectors in which a rail may stand off, each (3, 3): outward, of a flat rail across it, and tangential."""
+    """Unit vectors along which a rail may be misplaced, each (3, 3): outward (across a flat rail), and tangential."""
     return machine(view).foot_direction, machine(view).outer_axis
 
 
 def upright(said: Iterable[ValuePhrase], view: View) -> tuple[ValuePhrase, ...]:
-    """Of flat rails, outward and inward are said as they lie there: downward and upward."""
+    """Replace 'outward' and 'inward' by 'upward' and 'downward' where the rail is flat."""
     there = machine(view)
     rises = {leg + 1: float(there.across[leg, 2]) > 0.0 for leg in range(LEGS) if there.flat[leg]}
 
@@ -74,7 +74,8 @@ def centre_basis(*columns: Tensor) -> Tensor:
 
 def centre_slots(centres: Tensor) -> Tensor:
     """Shifts of the legs' joint centres, (n, leg, xyz), as shifts of all slots, (n, 15)."""
-    return torch.nn.functional.pad(torch.nn.functional.pad(centres, (0, 1)).flatten(1), (0, len(SLOTS) - 4 * LEGS))
+    with_length = torch.nn.functional.pad(centres, (0, 1))  # shape: (n, leg, 4)
+    return torch.nn.functional.pad(with_length.flatten(1), (0, len(SLOTS) - 4 * LEGS))
 
 
 def length_basis(*columns: Tensor) -> Tensor:
@@ -95,14 +96,14 @@ def length_basis(*columns: Tensor) -> Tensor:
     return torch.cat(blocks, dim=-1)
 
 
-def pull(view: View) -> Tensor:
-    """Pull in each link that holds platform and payload.
+def tension(view: View) -> Tensor:
+    """Tension in each link under platform and payload.
 
     Args:
         view: n rows.
 
     Returns:
-        (n, 3) N, positive where the link is pulled; zero without any weight.
+        (n, 3) N, negative in compression; zero without any weight.
     """
     return -link_forces(machine(view), view.p, view.payload, view.platform_mass)
 

@@ -1,4 +1,4 @@
-"""The joints of an arm turn unevenly: encoder rings and gears."""
+"""Periodic errors of an arm's joints: encoder rings and gears, as a Fourier series of each joint angle."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from ptt.effects.layout import per_joint
 from ptt.effects.phrases import Phrase, ValuePhrase, said
 from ptt.run.view import View
 
-ROWS_A_JOINT = 100  # rows, for each joint, that a map of it takes at the least
-PLACES = 721  # of a joint's range at which its curve is looked at for its highest: half a degree of a turn
-SLOW, FAST = 32, 32  # harmonics of a turn: those of usual size, and smaller ones above them
-# A ring out of centre errs once and twice a turn, a gear a few times, its teeth and the ring's lines often: each has a
-# size of its own. Three times as often is about as far as one cause goes, and few sizes are learned better than many.
+ROWS_A_JOINT = 100  # fewest rows for each joint: its map has 128 values
+PLACES = 721  # angles of a joint's range among which extremes are looked for: half a degree apart over a turn
+SLOW, FAST = 32, 32  # harmonics: the first 32 of a turn, and 32 smaller ones above them
+# An eccentric ring gives the first two harmonics, a gear the next few, its teeth and the ring's lines high ones; each
+# band has a learned variance of its own. One cause spans about a factor of three, and few variances are learned better.
 BANDS = (0,) * 2 + (1,) * 6 + (2,) * (SLOW - 8)
 
 
@@ -71,10 +71,10 @@ class JointErrorMap(Effect):
     called: ClassVar[str] = "encoder or gear"
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
-        """How far each joint runs ahead and behind at the most where it went, and where."""
+        """Extremes of each joint's error over the range that it covered, and where they are."""
         low, high = view.covered
         places = low + torch.linspace(0.0, 1.0, PLACES, dtype=theta.dtype)[:, None] * (high - low)
-        return farthest(self, self.shift(theta, view.at(q=places)), places)
+        return extremes(self, self.shift(theta, view.at(q=places)), places)
 
     def needs(self, view: View) -> str | None:
         """More coordinates than harmonics."""
@@ -89,16 +89,16 @@ class JointErrorMap(Effect):
         return per_joint(cosine[..., :SLOW], sine[..., :SLOW], cosine[..., SLOW:], sine[..., SLOW:])
 
 
-def farthest(effect: Effect, shift: Tensor, places: Tensor) -> tuple[ValuePhrase, ...]:
-    """Where each joint is farthest ahead and farthest behind.
+def extremes(effect: Effect, shift: Tensor, places: Tensor) -> tuple[ValuePhrase, ...]:
+    """Maximum and minimum of each joint's shift, in words.
 
     Args:
-        effect: for the usual size.
+        effect: whose usual size ranks them.
         shift: (n, k) rad.
-        places: joint values, (n, k) rad.
+        places: joint values of the rows, (n, k) rad.
 
     Returns:
-        One for each side of each joint.
+        The maximum of each joint where it is positive, and the minimum where it is negative.
     """
     parts = []
     for joint in range(shift.shape[1]):

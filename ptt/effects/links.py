@@ -16,14 +16,14 @@ from ptt.effects.geometry import (
     horizontal_axes,
     length_basis,
     machine,
-    pull,
+    tension,
 )
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.statics import GRAVITY
 from ptt.run.view import View
 
-SLIGHT = 0.0025  # of the weight: a joint that is a millimetre off at 400 mm turns a link's force by as much
-FEWEST_A_SIDE = 3  # rows: fewer are as well a scatter of single readings
+SLIGHT = 0.0025  # share of the weight: a joint misplaced by 1 mm at 400 mm changes a link's force by as much
+FEWEST_A_SIDE = 3  # rows on either side of a change of sign; fewer may be the scatter of single readings
 
 
 @dataclass(frozen=True)
@@ -147,25 +147,25 @@ class JointClearance(ThreePttEffect):
     )
 
     def needs(self, view: View) -> str | None:
-        """A link force that changes its sign in the data, or comes with the load where nothing else weighs."""
-        side = torch.sign(pull(view))
+        """A link force that takes both signs in the data, or is zero in some rows (no load) and not in others."""
+        side = torch.sign(tension(view))
         rows = torch.stack([(side == one).sum(dim=0) for one in (-1.0, 0.0, 1.0)])  # shape: (side, leg)
         both = (rows >= FEWEST_A_SIDE).sum(dim=0) > 1
         return None if bool(both.any()) else "poses on both sides of where a link force changes sign, and a load"
 
     def undecided(self, view: View) -> Tensor:
-        """Rows at which a link carries next to nothing, so that a drawing's errors change the sign of its force."""
+        """Rows at which a link carries so little that errors of the drawing may change the sign of its force."""
         weight = GRAVITY * (view.payload + view.platform_mass)
-        return (pull(view).abs() < SLIGHT * weight[:, None]).any(dim=1)
+        return (tension(view).abs() < SLIGHT * weight[:, None]).any(dim=1)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Half the play, longer when pulled and shorter when pushed."""
-        return length_basis(0.5 * torch.sign(pull(view)))
+        return length_basis(0.5 * torch.sign(tension(view)))
 
 
 @dataclass(frozen=True)
 class LinkCompliance(ThreePttEffect):
-    """Link i with its joints gives way along itself under its force: dL_i = c_i N_i, N_i the pull."""
+    """Link i with its joints stretches under its axial force: dL_i = c_i N_i, N_i its tension."""
 
     name: ClassVar[str] = "link-compliance"
     told_by: ClassVar[str] = "payload"
@@ -197,11 +197,11 @@ class LinkCompliance(ThreePttEffect):
     )
 
     def needs(self, view: View) -> str | None:
-        """A link force that is not the same everywhere."""
-        force = pull(view)
+        """A link force that varies."""
+        force = tension(view)
         varied = bool((force.amax(dim=0) - force.amin(dim=0) > 1e-6).any())
         return None if varied else "platform_mass_kg in the machine file, or a payload (column payload_kg)"
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Pull in each link."""
-        return length_basis(pull(view))
+        return length_basis(tension(view))

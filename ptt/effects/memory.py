@@ -1,4 +1,7 @@
-"""Scans over the travel for effects with memory, in log depth: play and gradual reversal, with state handed on."""
+"""Play operator and Dahl friction along the travel, as associative scans (log depth), with their derivatives.
+
+A run may be cut into parts: what a joint remembers of the travel before a part enters it as waypoints (`Entry`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,24 +14,24 @@ from ptt.run.direction import STANDSTILL
 from ptt.run.turns import REACH, REACH_RAD, Entry, remember
 from ptt.run.view import View
 
-FORGOTTEN = 1e-20  # share of an earlier state that no later one shows
-SCANNED = 8192  # waypoints of a block: 200 kB an array of three joints
+FORGOTTEN = 1e-20  # share of an earlier state below which it has no effect on a float64 between -1 and 1
+SCANNED = 8192  # waypoints in a block of a scan: 200 kB for an array of three joints
 
 
 def keep_reversals(view: View, lengths: Sequence[Tensor]) -> None:
-    """Work out gradual reversals of lengths that a search asks for time and again; they are known by these tensors."""
+    """Cache gradual reversals of the lengths that a search tries, keyed by the identity of these tensors."""
     view.kept.update({id(length): (length, gradual_reversal(view, length)) for length in lengths})
 
 
 @dataclass(frozen=True)
-class Way:
-    """The travel as a sequence of waypoints: the last turn before a row, then the row.
+class Waypoints:
+    """The travel as m waypoints: for each row the joints' last turning points on the way to it, then the row itself.
 
     Attributes:
-        q: joint values, (m, k); what an entry remembers comes before its row.
+        q: joint values, (m, k); the waypoints of an entry come before those of its row.
         starts: waypoints at which a run, or what is remembered of it, begins, (m,) bool.
-        direction: direction of arrival there, (m, k).
-        rows: which waypoints are the rows, (n,) int.
+        direction: direction of arrival at each waypoint, (m, k), +1 or -1.
+        rows: index of each row's own waypoint, (n,) int.
     """
 
     q: Tensor
@@ -37,20 +40,13 @@ class Way:
     rows: Tensor
 
 
-def waypoints(view: View) -> Way:
-    """Lay out the travel.
-
-    Args:
-        view: n rows.
-
-    Returns:
-        The way.
-    """
+def waypoints(view: View) -> Waypoints:
+    """The waypoints of a view of n rows, those that its entries remember included."""
     q = torch.stack([view.turning_point, view.q], dim=1).reshape(-1, view.joints)
     starts = torch.stack([view.starts, torch.zeros_like(view.starts)], dim=1).reshape(-1)
     direction = view.direction.repeat_interleave(2, dim=0)
     if not view.entries:
-        return Way(q, starts, direction, torch.arange(1, len(q), 2))
+        return Waypoints(q, starts, direction, torch.arange(1, len(q), 2))
     cuts = [2 * entry.row for entry in view.entries]
     pieces = [torch.tensor_split(values, cuts) for values in (q, starts, direction)]
     ways = [entry.way for entry in view.entries]
@@ -59,19 +55,20 @@ def waypoints(view: View) -> Way:
     new = [torch.zeros(len(way), dtype=torch.bool) for way in ways]
     own = [torch.ones(len(piece), dtype=torch.bool) for piece in pieces[0]]
     waypoint, start, arrival = (_put_between(*pair) for pair in zip(pieces, (ways, first, signs), strict=True))
-    return Way(waypoint, start, arrival, torch.nonzero(_put_between(own, new))[1::2, 0])
+    return Waypoints(waypoint, start, arrival, torch.nonzero(_put_between(own, new))[1::2, 0])
 
 
 def _put_between(pieces: Sequence[Tensor], new: Sequence[Tensor]) -> Tensor:
+    """Pieces of a table with new rows between each two of them."""
     return torch.cat([pieces[0], *(part for pair in zip(new, pieces[1:], strict=True) for part in pair)])
 
 
-def leave(view: View, row: int) -> Entry:
-    """What is remembered at the end of a view, for the row that comes next.
+def entry_after(view: View, row: int) -> Entry:
+    """What the joints remember at the end of a view, for the row that comes next.
 
     Args:
-        view: rows up to there; itself entered with what was remembered, unless a run starts with it.
-        row: number of the next row in the view that will be entered.
+        view: the rows before, with an entry of its own unless it begins with a run.
+        row: index of the next row in the view that the entry is for.
 
     Returns:
         The entry.
@@ -83,13 +80,14 @@ def leave(view: View, row: int) -> Entry:
 
 
 @dataclass(frozen=True)
-class Passed:
-    """The travel before a row, as far as the rows from there on must know it.
+class TravelBefore:
+    """The travel up to a row, as far as that row and later ones depend on it.
 
     Attributes:
-        entry: how the joints came to the row; None where a run starts with it.
-        direction: in which each joint arrived there, (k,).
-        turned: from there to where each turned last on the way there, (k,); zero where none did.
+        entry: what the joints remember on arrival at the row; None where a run starts with it.
+        direction: direction of arrival of each joint at the row, (k,), +1 or -1.
+        turned: last turning point of each joint on the way to the row, less its value there, (k,); zero where it did
+            not turn.
     """
 
     entry: Entry | None
@@ -97,47 +95,47 @@ class Passed:
     turned: Tensor
 
 
-def go_on(view: View, passed: Passed) -> View:
-    """The view of rows in the middle of a travel, which by themselves look like its beginning.
+def continue_travel(view: View, before: TravelBefore) -> View:
+    """Join rows from the middle of a travel, whose view by itself begins a run, to the travel before them.
 
     Args:
         view: n rows, seen without those before.
-        passed: what was before its first row.
+        before: the travel up to its first row.
 
     Returns:
         The view as a part of the whole travel.
     """
-    turning_point = torch.cat([view.q[:1] + passed.turned, view.turning_point[1:]])
-    view = keep_direction(replace(view, turning_point=turning_point), passed.direction)
-    direction = torch.cat([passed.direction[None], view.direction[1:]])
-    if passed.entry is None:
+    turning_point = torch.cat([view.q[:1] + before.turned, view.turning_point[1:]])
+    view = keep_direction(replace(view, turning_point=turning_point), before.direction)
+    direction = torch.cat([before.direction[None], view.direction[1:]])
+    if before.entry is None:
         return replace(view, direction=direction)
     starts = torch.cat([torch.zeros_like(view.starts[:1]), view.starts[1:]])
-    return replace(view, direction=direction, starts=starts, entries=(replace(passed.entry, row=0),))
+    return replace(view, direction=direction, starts=starts, entries=(replace(before.entry, row=0),))
 
 
 def keep_direction(view: View, direction: Tensor) -> View:
-    """Joints that have stood since before the first row go on in the direction (k,) of their last move."""
+    """Give joints that have not moved since the first row the direction (k,) of their last move before it."""
     stood = standing(view.q, view.turning_point)
     return replace(view, direction=torch.where(stood, direction, view.direction))
 
 
 def standing(q: Tensor, turning_point: Tensor) -> Tensor:
-    """Which joints have not moved since the first row, (n, k) bool.
+    """Which joints have stood still since the first row, (n, k) bool.
 
     Args:
         q: joint values, (n, k).
-        turning_point: where they turned last on the way to each row, (n, k).
+        turning_point: last turning point on the way to each row, (n, k); q where there is none.
     """
     moved = (q.diff(dim=0, prepend=q[:1]).abs() > STANDSTILL) | ((q - turning_point).abs() > STANDSTILL)
     return moved.cumsum(dim=0) == 0
 
 
 def play(view: View, gap: Tensor) -> Tensor:
-    """Play operator along the commanded travel.
+    """Play operator (backlash) along the commanded travel.
 
-    The slider follows the nut at half the gap behind: y = min(max(y_before, q - gap/2), q + gap/2). Composing such
-    clamps gives a clamp again, so the whole travel is one associative scan (Visintin, Differential Models of
+    The slider follows the nut half the gap behind: y = min(max(y_before, q - gap/2), q + gap/2). The composition of
+    such clamps is a clamp again, so the whole travel is one associative scan (Visintin, Differential Models of
     Hysteresis, 1994, for the operator).
 
     Args:
@@ -145,7 +143,7 @@ def play(view: View, gap: Tensor) -> Tensor:
         gap: full gap of each joint, (k,) mm or rad, not negative.
 
     Returns:
-        Shift y - q, (n, k), between -gap/2 and gap/2; the first row of a run is taken to arrive as the second moves.
+        Shift y - q, (n, k), between -gap/2 and gap/2; a run begins with the gap taken up in its first row's direction.
     """
     way = waypoints(view)
     q = way.q
@@ -155,7 +153,7 @@ def play(view: View, gap: Tensor) -> Tensor:
     reset = way.starts[:, None]
     low, high = torch.where(reset, first, low), torch.where(reset, first, high)
     step = 1
-    # Where both sides of every clamp have met, nothing earlier is felt any more.
+    # Once both bounds of every clamp have met, the value no longer depends on anything earlier.
     while step < len(q) and not bool((low.detach() == high.detach()).all()):
         before_low, before_high = low[:-step], high[:-step]
         late_low, late_high = low[step:], high[step:]
@@ -166,9 +164,10 @@ def play(view: View, gap: Tensor) -> Tensor:
 
 
 def play_slope(view: View, gap: Tensor) -> Tensor:
-    """Derivative of the play operator's shift by the gap, each joint's by its own.
+    """Derivative of the play operator's shift by each joint's own gap.
 
-    The same scan: a clamp of clamps ends at one of their bounds, each of which moves by half the gap's change.
+    The scan of `play` with slopes carried along: a composed clamp ends at one of its bounds, and each bound moves by
+    half the gap's change, down (`falls`) or up (`rises`).
 
     Args:
         view: n rows.
@@ -198,23 +197,23 @@ def play_slope(view: View, gap: Tensor) -> Tensor:
 def _clamped(
     value: Tensor, slope: Tensor, low: Tensor, falls: Tensor, high: Tensor, rises: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """A value between bounds, and its slope: the bound's where one holds it."""
+    """A value clamped to bounds, and its derivative: that of the bound where it is clamped."""
     value, slope = torch.maximum(value, low), torch.where(value < low, falls, slope)
     return torch.minimum(value, high), torch.where(value > high, rises, slope)
 
 
 def gradual_reversal(view: View, length: Tensor) -> Tensor:
-    """Normalised friction that turns over gradually after a reversal.
+    """Normalised Dahl friction, which changes over gradually after a reversal.
 
-    dF/dx = (sign(x) - F) / l along the travel (Dahl, 1968): after a long move against the former one F runs
-    from -1 to 1 as 1 - 2 exp(-x/l). The recurrence is affine, so it is one associative scan.
+    dF/dx = (sign(dx) - F) / l along the travel x (Dahl, 1968): after a reversal from F = -1 it runs to 1 as
+    1 - 2 exp(-x/l). The recurrence from waypoint to waypoint is affine, so it is one associative scan.
 
     Args:
         view: n rows.
         length: travel constant l, () or (k,) mm or rad.
 
     Returns:
-        F, (n, k), between -1 and 1; at the first row of a run fully turned in the direction of arrival.
+        F, (n, k), between -1 and 1; at the first row of a run equal to the direction of arrival.
     """
     known = view.kept.get(id(length))
     if known is not None and known[0] is length:
@@ -223,14 +222,14 @@ def gradual_reversal(view: View, length: Tensor) -> Tensor:
     reset, gain = way.starts[:, None], torch.sign(move) * (1.0 - decay)
     first = way.direction.to(gain.dtype)
     decay, gain = torch.where(reset, torch.zeros_like(decay), decay), torch.where(reset, first, gain)
-    return _followed(decay, gain)[way.rows]
+    return _recurrence(decay, gain)[way.rows]
 
 
 def gradual_slope(view: View, length: Tensor) -> Tensor:
     """Derivative of the normalised friction by the travel constant of each joint.
 
-    F_i = s_i + d_i (F_(i-1) - s_i), d_i = exp(-x_i/l), so F'_i = d_i F'_(i-1) + d_i x_i/l^2 (F_(i-1) - s_i): the same
-    scan once more.
+    F_i = s_i + d_i (F_(i-1) - s_i) for a move of length x_i and sign s_i, d_i = exp(-x_i/l); hence the affine
+    recurrence F'_i = d_i F'_(i-1) + d_i x_i/l^2 (F_(i-1) - s_i), which is scanned the same way.
 
     Args:
         view: n rows.
@@ -242,22 +241,22 @@ def gradual_slope(view: View, length: Tensor) -> Tensor:
     way, move, decay = _decays(view, length)
     reset, sign = way.starts[:, None], torch.sign(move)
     own = torch.where(reset, torch.zeros_like(decay), decay)
-    friction = _followed(own, torch.where(reset, way.direction.to(own.dtype), sign * (1.0 - decay)))
+    friction = _recurrence(own, torch.where(reset, way.direction.to(own.dtype), sign * (1.0 - decay)))
     before = torch.cat([friction[:1], friction[:-1]])
-    return _followed(own, own * move.abs() / length.square() * (before - sign))[way.rows]
+    return _recurrence(own, own * move.abs() / length.square() * (before - sign))[way.rows]
 
 
-def _decays(view: View, length: Tensor) -> tuple[Way, Tensor, Tensor]:
-    """The travel, the moves from waypoint to waypoint, and what each leaves of the friction before it, (m, k)."""
+def _decays(view: View, length: Tensor) -> tuple[Waypoints, Tensor, Tensor]:
+    """Waypoints, the moves to each of them, (m, k) mm or rad, and the decay exp(-|move|/l) of each, (m, k)."""
     way = waypoints(view)
     move = torch.diff(way.q, dim=0, prepend=way.q[:1])
     return way, move, torch.where(move == 0.0, torch.ones_like(move), torch.exp(-move.abs() / length))
 
 
-def _followed(decay: Tensor, gain: Tensor) -> Tensor:
-    """x_i = gain_i + decay_i x_(i-1), (m, k): a scan of each block, which goes on where the one before left it.
+def _recurrence(decay: Tensor, gain: Tensor) -> Tensor:
+    """Solve x_i = gain_i + decay_i x_(i-1), (m, k), by a scan of each block that continues from the block before.
 
-    One scan of everything takes log2 m passes over arrays that fit into no cache.
+    One scan of the whole would make log2 m passes over arrays that fit into no cache.
     """
     blocks = list(zip(decay.split(SCANNED), gain.split(SCANNED), strict=True))
     found = [_scanned(*blocks[0])]
@@ -268,6 +267,7 @@ def _followed(decay: Tensor, gain: Tensor) -> Tensor:
 
 
 def _scanned(decay: Tensor, gain: Tensor) -> Tensor:
+    """The recurrence of `_recurrence` over one block, by doubling steps (Hillis-Steele scan)."""
     step = 1
     while step < len(gain) and float(decay.detach().max()) > FORGOTTEN:
         gain = torch.cat([gain[:step], gain[step:] + decay[step:] * gain[:-step]])

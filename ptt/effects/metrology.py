@@ -1,4 +1,4 @@
-"""Effects of the metrology: the machine is right, the tracker says otherwise. Never sent to the machine."""
+"""Effects of the metrology: the tracker's readings are off, not the machine. Commands never correct them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
-from ptt.effects.constants import finer
 from ptt.effects.phrases import Phrase
+from ptt.effects.refinement import between_trials
 from ptt.effects.sudden import AFTER, Sudden
 from ptt.run.frames import rigid_columns
 from ptt.run.view import View
 
 RIGID = "small rigid motion, Rodrigues' formula to first order"
 USUAL_SCALE = 2e-5
-WITHOUT_AIR = 3e-4  # share by which a tracker that leaves the air out reads lengths long, a tenth to spare
-AWAY = 3e3  # mm along an axis, how far off a tracker usually stands
-SETTLING = (1e3, 3.0, 1.25, 0.5, 0.2, 0.07)  # shares of the run: a straight line, and slow to fast; refined between
+WITHOUT_AIR = 3e-4  # relative error of a tracker that ignores the refractive index of air, 2.7e-4, and a tenth more
+AWAY = 3e3  # mm along each axis: usual distance of the tracker
+SETTLING = (1e3, 3.0, 1.25, 0.5, 0.2, 0.07)  # time constants as shares of the run: a straight line, then slow to fast
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,10 @@ class TrackerFrame(MetrologyEffect):
 
 @dataclass(frozen=True)
 class TrackerScale(MetrologyEffect):
-    """The tracker's length unit is off: s (p - c), about the place c where it stands, or s p, about the base origin.
+    """The tracker's unit of length is off: s (p - c) about the place c where it stands, or s p about the base origin.
 
-    -s c are values of their own, so that the law is linear. A frame that is fitted or measured takes them, and the
-    readings say nothing of them then.
+    The shift -s c has parameters of its own, so that the effect is linear. A frame that is fitted or measured absorbs
+    it, and the readings then do not determine it.
     """
 
     name: ClassVar[str] = "tracker-scale"
@@ -110,11 +110,11 @@ class TrackerScale(MetrologyEffect):
     )
 
     def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float | Tensor]:
-        """What a tracker reads wrong that knows nothing of the air, whose refractive index is 1.00027."""
+        """No more than the refractive index of air, which a tracker corrects for."""
         return {"scale": WITHOUT_AIR}
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """The position itself, and what is the same everywhere."""
+        """The position, and a constant shift."""
         eye = torch.eye(3, dtype=view.p.dtype).expand(len(view.p), 3, 3)
         return torch.cat([view.p[..., None], eye], dim=-1)
 
@@ -160,20 +160,24 @@ class TrackerDrift(MetrologyEffect):
     )
 
     def cause(self, theta: Tensor, view: View) -> str:
-        """With its pace."""
+        """With its time constant."""
         settling, duration = float(theta[-2]), float(theta[-1])
         pace = "at an even pace" if settling > 10.0 * duration else f"settling with a time constant of {settling:.0f} s"
         return f"tracker drift, {pace}"
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """A straight line and five speeds of settling."""
+        """A straight line and five time constants of settling."""
         whole = view.time.max()
         return tuple({"settling": (part * whole).reshape(1), "duration": whole.reshape(1)} for part in SETTLING)
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
-        """Constants between the trials on either side; a straight line is no end of that scale."""
+        """Constants between the neighbouring trials; the straight line is not a neighbour of any."""
         straight, *trials = self.search(view)
-        return (shape,) if float(shape["settling"]) >= float(straight["settling"]) else finer(trials, shape, "settling")
+        return (
+            (shape,)
+            if float(shape["settling"]) >= float(straight["settling"])
+            else between_trials(trials, shape, "settling")
+        )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Share of the drift that is reached, in each coordinate."""

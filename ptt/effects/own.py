@@ -1,4 +1,4 @@
-"""Effects of a user's own file: run, held against the form of an effect, kept from harming what calls them."""
+"""Effects of a user's own file: load it, check what it defines, and report its failures as messages on that file."""
 
 import contextlib
 import functools
@@ -24,8 +24,8 @@ from ptt.run.view import View
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,59}")
 STEM = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
-MOST_VALUES = 10_000  # of one effect; a joint error map of seven joints has 84
-KINDS = ("three-ptt", "serial")
+MOST_VALUES = 10_000  # of one parameter: far more than any effect of the library has
+FAMILIES = ("three-ptt", "serial")
 ROLES = ("linear", "searched", "given")
 METHODS = tuple(name for name, own in vars(Effect).items() if inspect.isfunction(own) and not name.startswith("_"))
 
@@ -40,7 +40,7 @@ def load_effects(path: str | Path) -> dict[str, type[Effect]]:
         Name -> class.
 
     Raises:
-        InputError: the file is missing, fails, or defines no effect or one that is not of the form.
+        InputError: the file is missing, fails, or defines no effect or one whose attributes are not those of an effect.
     """
     where = str(path)
     module = _run_file(path, where)
@@ -52,11 +52,11 @@ def load_effects(path: str | Path) -> dict[str, type[Effect]]:
     if not own:
         raise InputError("defines no effect", where=where, fix="`ptt effects new NAME` writes a template")
     for cls in own:
-        _check_words(cls, where)
+        _check_attributes(cls, where)
         if sum(cls.name == other.name for other in own) > 1:
             raise InputError(f"defines effect '{cls.name}' twice", where=where, fix="give one of them another name")
         _guard_methods(cls, where)
-        with foreign(where, f"{cls.name} cannot be made with a label"):
+        with user_code(where, f"{cls.name} cannot be made with a label"):
             if cls().key != cls.name or cls("second").key != f"{cls.name}[second]":
                 raise TypeError("its constructor is not that of an effect")
     return {cls.name: cls for cls in own}
@@ -70,15 +70,15 @@ def _run_file(path: str | Path, where: str) -> ModuleType:
         raise InputError("not a Python file", where=where, fix="name a file that ends in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their module up there
-    with foreign(where, "cannot be run"):
+    with user_code(where, "cannot be run"):
         # Compiled here: the import system's cache would leave files behind, and miss an edit within the same second.
         exec(compile(read_bytes(path), where, "exec"), vars(module))
     return module
 
 
 @contextlib.contextmanager
-def foreign(where: str, what: str) -> Iterator[None]:
-    """Code that is not ours: whatever it does becomes a message, what it prints stays off standard output.
+def user_code(where: str, what: str) -> Iterator[None]:
+    """Run the user's code: any failure becomes a message on their file, and output is kept off standard output.
 
     Args:
         where: its file, for messages.
@@ -108,7 +108,7 @@ def foreign(where: str, what: str) -> Iterator[None]:
 
 
 def _line_of(error: BaseException, where: str) -> str:
-    """` line 12`, the last line of the file that the error went through."""
+    """The innermost line of the user's file in the traceback, as ' line 12'; '' where there is none."""
     trace, line = error.__traceback__, 0
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == where:
@@ -117,8 +117,8 @@ def _line_of(error: BaseException, where: str) -> str:
     return f" line {line}" if line else ""
 
 
-def _check_words(cls: type[Effect], where: str) -> None:
-    """Name, stage, mechanisms, needs and parameters are what an effect's are."""
+def _check_attributes(cls: type[Effect], where: str) -> None:
+    """Refuse a class whose name, stage, mechanisms, requirements or parameters are not those of an effect."""
     at = f"{where} class {shown(cls.__name__)}"
 
     def refuse(what: str, fix: str) -> None:
@@ -130,7 +130,7 @@ def _check_words(cls: type[Effect], where: str) -> None:
         refuse(f"name {shown(cls.name)} is not a name for an effect", 'write name = "my-effect", at most 60 letters')
     if cls.stage not in STAGES:
         refuse(f"stage '{shown(cls.stage)}' of {cls.name} is not known", f"use one of {', '.join(STAGES)}")
-    for key, allowed in (("mechanisms", KINDS), ("requires", tuple(CONTEXTS))):
+    for key, allowed in (("mechanisms", FAMILIES), ("requires", tuple(CONTEXTS))):
         values = getattr(cls, key)
         if not isinstance(values, tuple | list) or any(value not in allowed for value in values):
             refuse(f"{key} = {shown(values)} is not a tuple of these", f"use {key} = {allowed[:1]!r}, of {allowed}")
@@ -139,11 +139,11 @@ def _check_words(cls: type[Effect], where: str) -> None:
             f"stands_for = {shown(cls.stands_for)} is not a tuple of names", 'name effects, as in ("homing-offset",)'
         )
     if not cls.mechanisms:
-        refuse("mechanisms is empty: it fits no machine", f"name one of {', '.join(KINDS)}")
+        refuse("mechanisms is empty: it fits no machine", f"name one of {', '.join(FAMILIES)}")
     if not isinstance(cls.parameters, tuple | list) or not all(isinstance(p, Parameter) for p in cls.parameters):
         refuse("parameters is not a tuple of Parameter(...)", "see the file that `ptt effects new NAME` writes")
     for parameter in cls.parameters:
-        broken = _broken(parameter)
+        broken = _fault_of(parameter)
         if broken:
             refuse(f"parameter {shown(parameter.stem)}: {broken}", "mend it")
     stems = [parameter.stem for parameter in cls.parameters]
@@ -154,8 +154,8 @@ def _check_words(cls: type[Effect], where: str) -> None:
         refuse(f"parameters of {cls.name} need a linear one, and the linear ones first", "reorder them")
 
 
-def _broken(parameter: Parameter) -> str:
-    """What of a parameter is not of the form, '' where all is."""
+def _fault_of(parameter: Parameter) -> str:
+    """What is wrong with a parameter's attributes; '' where nothing is."""
     texts = (parameter.stem, parameter.unit, parameter.meaning)
     if not all(isinstance(text, str) for text in texts) or not STEM.fullmatch(parameter.stem):
         return "its name is letters, digits and _, its unit and meaning are texts"
@@ -173,7 +173,7 @@ def _broken(parameter: Parameter) -> str:
 
 
 def _guard_methods(cls: type[Effect], where: str) -> None:
-    """Every method of the class that the fit calls says whose code failed, and where."""
+    """Wrap the methods of the class that override those of `Effect`, so that a failure names the user's file."""
     for name in METHODS:
         own = cls.__dict__.get(name)
         if own is not None and not callable(own):
@@ -187,13 +187,15 @@ def _guard_methods(cls: type[Effect], where: str) -> None:
 def _guarded(method: Callable[..., Any], what: str, where: str) -> Callable[..., Any]:
     @functools.wraps(method)
     def call(*args: Any, **named: Any) -> Any:
-        with foreign(where, what):
+        with user_code(where, what):
             return method(*args, **named)
 
     return call
 
 
 def _without(what: str, where: str) -> Callable[..., Any]:
+    """Stand-in for a basis that the class does not define: it raises the message."""
+
     def basis(*_: Any) -> Any:
         raise InputError(what, where=where, fix="write def basis(self, view, shape) in it")
 
@@ -201,7 +203,7 @@ def _without(what: str, where: str) -> Callable[..., Any]:
 
 
 def try_laws(cls: type[Effect], where: str) -> None:
-    """Call an effect's own basis and shift once over a sample run of every mechanism that it says it fits.
+    """Call an effect's basis and shift once on a sample run of every mechanism family that it applies to.
 
     Args:
         cls: the effect.
@@ -223,7 +225,7 @@ def try_laws(cls: type[Effect], where: str) -> None:
                 wanted: tuple[int, ...] = (view.rows, out, linear_size(effect, view.joints))
                 _require(effect.basis(view, shape), wanted, f"basis of {cls.name}", kind, where)
             if cls.shift is not Effect.shift:
-                with foreign(where, f"search of {cls.name} gives no value for each parameter"):
+                with user_code(where, f"search of {cls.name} gives no value for each parameter"):
                     theta = flatten(effect, shape, view.joints)
                 _require(effect.shift(theta, view), (view.rows, out), f"shift of {cls.name}", kind, where)
                 _require(effect.slope(theta, view), (view.rows, out, len(theta)), f"slope of {cls.name}", kind, where)

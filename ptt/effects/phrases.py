@@ -1,4 +1,4 @@
-"""How the values of an effect are said: with the side that each of them means, in the units of a workshop."""
+"""Parameter values in words: what a positive and a negative one mean, with sizes in workshop units (um, urad, ms)."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -19,38 +19,38 @@ SHOWN_UNITS = {  # unit -> factor and unit in words
     "mm/kg": (1e3, "um/kg"),
     "1/kg": (1e6, "um/m/kg"),
 }
-SHARE_OF_TURN = (1e6, "urad/rad")  # what a joint that turns does too much
+SHARE_OF_TURN = (1e6, "urad/rad")  # unit of a share ("1") where it is of a revolute joint's angle
 UNIT = re.compile("(?P<prefix>[nmu\N{MICRO SIGN}]?)(?P<base>rad|m|s)(?P<per>[/ ].*)?")
 PREFIXES = ("n", "u", "m", "")  # of m, rad and s, by thousands
-LARGE, LARGEST = 1e3, 1e4  # the least and the largest of some sizes from which the next prefix is said
-LEAST_SIZE = 1e-2  # the largest of some, below which the prefix before is said
-FULL = 720.0  # deg from which the turns of a screw are said
-UNTOLD = 20.0  # times a value: an error beyond that says that nothing is known, however large it is
-MOST_VALUES = 6  # of one effect that anybody reads
-SMALL = 0.02  # share of the largest value below which nobody would turn a screw
+LARGE, LARGEST = 1e3, 1e4  # smallest and largest of several sizes from which they are said with the next prefix
+LEAST_SIZE = 1e-2  # largest of several sizes below which they are said with the prefix before
+FULL = 720.0  # deg from which a screw's rotation is said in turns
+UNTOLD = 20.0  # ratio of standard error to value beyond which the error is said as "many times that"
+MOST_VALUES = 6  # of one effect in a sentence
+SMALL = 0.02  # share of the largest value below which a value is not worth an adjustment
 ONE = {"s": "s", "es": "es", "is_": "is", "has": "has"}
 MANY = {"s": "", "es": "", "is_": "are", "has": "have"}
-ABSURD = 30.0  # usual sizes that no machine is off by, but a drawing with a wrong sign or figure is
+ABSURD = 30.0  # usual sizes: no machine is off by as much, only a drawing with a wrong sign or number
 SIGNIFICANT = 3.0  # standard errors from which a value is worth a word
 
 
 @dataclass(frozen=True)
 class Phrase:
-    """What it means that one parameter is above or below zero.
+    """What a positive and a negative value of one parameter mean, as templates.
 
     `{what}` is the size with its unit, `{axis}` x, y or z of a vector's component; `{s}`, `{es}`, `{is_}`, `{has}` are
-    the verb for one or several joints. What sets it right has `{who}`, `{what}` and `{turn}`, how far a screw turns.
+    the verb for one or several joints. Remedies have `{who}`, `{what}`, and `{turn}`, how far a screw is to be turned.
 
     Attributes:
         stem: of the parameter.
-        plus: what a value above zero does, as in '{is_} {what} too long'.
-        minus: what a value below zero does.
-        who: the subject, where it is no joint.
-        arm: the same two on a serial arm, where they differ.
-        arm_who: the subject there.
-        times: the size said, as a multiple of the value.
-        mend: what sets a value above and one below zero right, as in 'shorten {who} by {what}'; '' for nothing.
-        arm_mend: the same on a serial arm.
+        plus: predicate for a positive value, as in '{is_} {what} too long'.
+        minus: predicate for a negative value.
+        who: the subject; '' for the joint.
+        arm: plus and minus on a serial arm, where they differ.
+        arm_who: the subject on a serial arm.
+        times: the size that is said, as a multiple of the value.
+        mend: remedies for a positive and a negative value, as in 'shorten {who} by {what}'; '' for none.
+        arm_mend: the remedies on a serial arm.
     """
 
     stem: str
@@ -80,13 +80,13 @@ class ValuePhrase:
 
     Attributes:
         who: the subject; '' where it is a joint.
-        joint: number of the joint or leg, from 1; 0 where it is none.
-        text: what it does, with {what} still to be filled in.
-        size: not negative, in `unit`.
-        error: its standard error; NaN where none is known.
-        unit: as said.
-        worth: size in usual sizes, which tells what matters most.
-        mend: what sets it right; '' for nothing.
+        joint: number of the joint or leg, from 1; 0 where it belongs to none.
+        text: predicate, with {what} still to be filled in.
+        size: magnitude in `unit`.
+        error: its standard error in `unit`; NaN where none is known.
+        unit: the unit that is said.
+        worth: magnitude in usual sizes, by which values are ranked.
+        mend: the remedy; '' for none.
     """
 
     who: str
@@ -100,7 +100,7 @@ class ValuePhrase:
 
     @property
     def sure(self) -> bool:
-        """Whether the value is beyond what chance makes of zero."""
+        """Whether the value differs from zero by more than `SIGNIFICANT` standard errors."""
         return self.size > SIGNIFICANT * np.nan_to_num(self.error)
 
 
@@ -108,7 +108,7 @@ def said(
     phrase: Phrase, value: float, error: float, unit: str, usual: float, joint: int = 0, kind: str = "",
     lead: float | None = None,
 ) -> ValuePhrase:  # fmt: skip
-    """Say one value.
+    """Put one value into words.
 
     Args:
         phrase: of its parameter.
@@ -136,14 +136,14 @@ def said(
 
 
 def worth_saying(parts: Sequence[ValuePhrase]) -> list[ValuePhrase]:
-    """What is beyond chance and not small beside the rest, the largest first."""
+    """The significant values that are not small beside the largest, in order of worth."""
     most = max((part.worth for part in parts), default=0.0)
     sure = [part for part in parts if part.sure and part.worth > SMALL * most]
     return sorted(sure, key=lambda part: -part.worth)
 
 
 def remedies(parts: Sequence[ValuePhrase], noun: str) -> str:
-    """What sets right all that is worth saying.
+    """The remedies of all values that are worth saying, in words.
 
     Args:
         parts: what can be said.
@@ -163,7 +163,7 @@ def smaller_ones(count: int) -> str:
 
 
 def compose(parts: Sequence[ValuePhrase], noun: str) -> str:
-    """One sentence without its end: subjects of the same side together, only what is beyond chance.
+    """One sentence without its full stop on the significant values, subjects of the same predicate together.
 
     Args:
         parts: what can be said.
@@ -186,7 +186,7 @@ def compose(parts: Sequence[ValuePhrase], noun: str) -> str:
         before = subject
     if sure:
         return f"{words}{few}"
-    # Several values may be sure together though no single one is, and that is no word on whether they are.
+    # An effect may be significant as a whole although no single value is; this speaks of single values only.
     within = "none of these alone is beyond chance" if len(parts) > 1 else "no more than chance"
     if np.isnan(shown[0].error):
         return f"{words}, {within}"
@@ -196,7 +196,7 @@ def compose(parts: Sequence[ValuePhrase], noun: str) -> str:
 
 
 def doubt(parts: Sequence[ValuePhrase]) -> str:
-    """A word on sizes that no machine has; '' where there are none.
+    """Remark on values beyond `ABSURD` usual sizes; '' where there are none.
 
     Args:
         parts: what can be said.
@@ -222,14 +222,14 @@ def sizes_in_words(group: Iterable[ValuePhrase]) -> str:
 
 
 def scaled(sizes: Sequence[float], unit: str) -> tuple[float, str]:
-    """The prefix that suits some sizes.
+    """The metric prefix in which several sizes are said together.
 
     Args:
         sizes: not negative, in `unit`.
         unit: of a length, an angle or a time with its prefix, by itself or per something: 'um', 'urad', 'um/m/K'.
 
     Returns:
-        What sizes are multiplied by, and the unit then; another unit is left as it is.
+        Factor that sizes are multiplied by, and the unit then; (1, unit) for any other unit.
     """
     found = UNIT.fullmatch(unit)
     said = [size for size in sizes if size > 0.0 and np.isfinite(size)]
@@ -249,7 +249,7 @@ def _turned(degrees: float) -> str:
 
 
 def figure(value: float) -> str:
-    """A number with at least two figures that count, and no more behind the point than those."""
+    """A number with two significant figures, or all of those before the decimal point where there are more."""
     if value == 0.0 or not np.isfinite(value):
         return f"{value:.0f}"
     return f"{value:.{max(0, 1 - int(np.floor(np.log10(abs(value) * (1.0 + 1e-9)))))}f}"

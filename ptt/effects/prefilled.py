@@ -1,19 +1,19 @@
-"""The file of a user's own effect, written for what a diagnosis found that no known effect describes."""
+"""Source of a user's own effect for a dependence that a diagnosis found and no effect of the library describes."""
 
 import re
 from collections.abc import Mapping
 from typing import Any
 
-from ptt.effects.curve import COORDINATES, JOINT, KINDS, OTHERS, PLACE, fits
-from ptt.effects.template import class_name, free_name
+from ptt.effects.curve import COORDINATES, CURVE_SHAPES, JOINT, OTHERS, PLACE, fits
+from ptt.effects.template import class_name, require_free_name
 from ptt.errors import InputError, shown
 
-REFERENCE_C = 20.0  # where warmth is zero unless the drawing says otherwise
+REFERENCE_C = 20.0  # reference temperature of a machine file that states none
 _FIX = "give the JSON of `ptt diagnose --json`"
 
 
 def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
-    """Text of an effect with the variable and the shape that a diagnosis found.
+    """Python source of an effect with the variable and the shape that a diagnosis found.
 
     Args:
         name: its name, lower case words joined by hyphens.
@@ -25,7 +25,7 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
     Raises:
         InputError: the name is taken, or the entry lacks something.
     """
-    free_name(name)
+    require_free_name(name)
     found = _checked(dependence)
     kinds = _mechanisms(found)
     for key in ("on", "along", "acts_on"):
@@ -55,15 +55,15 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
 
 
 def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
-    """The entry with every part of the kind it should be: what is written ends up in a file that is run."""
+    """The entry's parts, each validated, because they are written into a Python file that is run later."""
     keys = ("residual", "on", "shape", "with", "acts_on")
     residual, on, shape, along, acts_on = (str(dependence.get(key) or "") for key in keys)
-    if shape == "gradual":  # its travel since the last reversal is no column: the law works it out
+    if shape == "gradual":  # its second variable, travel since the last reversal, is computed by the effect itself
         along = ""
     proper = {
         "residual": re.fullmatch(r"(?:slider|joint) [0-9]+|[xyz]", residual),
         "on": is_variable(on),
-        "shape": shape in KINDS and (shape != "gradual" or on.startswith("direction")),
+        "shape": shape in CURVE_SHAPES and (shape != "gradual" or on.startswith("direction")),
         "with": not along or is_variable(along),
         "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
@@ -94,7 +94,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
 def _with_size(
     dependence: Mapping[str, Any], shape: str, between: tuple[float, float]
 ) -> tuple[str, str, tuple[float, float]]:
-    """Shape, second variable and ends of what a side of arrival loses more of at one end: its size says so first."""
+    """Shape 'varying' with its second variable and range where the entry's `size` tells them, else as given."""
     size = dependence.get("size")
     told = size if isinstance(size, Mapping) and size.get("kind") == "varying" else {}
     along, ends = str(told.get("along") or ""), (told.get("low"), told.get("high"))
@@ -105,19 +105,16 @@ def _with_size(
 
 
 def is_variable(name: str) -> bool:
-    """Whether an effect can read what something follows: the tool's moves and columns of one's own it cannot.
+    """Whether an effect's view holds a variable: it does not hold the tool's moves, nor the user's own columns.
 
     Args:
-        name: as `depends_on` has it.
-
-    Returns:
-        Whether it can.
+        name: as in `depends_on`.
     """
     return bool(JOINT.fullmatch(name)) or name in COORDINATES + OTHERS
 
 
 def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
-    """What it fits: what leads, shows or acts at a joint says whose; of the tool and its readings nothing does."""
+    """Mechanism families that it fits: that of the joint named by variable, residual or place; both for the tool."""
     on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
     if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on):
         return ("serial",)

@@ -1,4 +1,4 @@
-"""Effects by name: the library, and those of a file that the user names."""
+"""Effects by name: those of the library, and those of files that the user names."""
 
 import difflib
 from collections.abc import Mapping
@@ -65,7 +65,7 @@ def library(*files: str | Path, tried: bool = True) -> Library:
 
     Args:
         files: Python files of the user's own effects, run as they are.
-        tried: whether the user's effects are called once on a sample run, so that they fail here if they fail.
+        tried: whether the user's effects are called once on a sample run, so that faulty ones are refused here.
 
     Returns:
         Name -> class.

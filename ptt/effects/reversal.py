@@ -1,4 +1,4 @@
-"""Effects of the drives that remember from where an axis came."""
+"""Effects of the drives with hysteresis: backlash (play operator) and wind-up (Dahl friction)."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,20 +10,21 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
-from ptt.effects.constants import finer
 from ptt.effects.layout import family, per_joint
 from ptt.effects.memory import gradual_reversal, gradual_slope, keep_reversals, play, play_slope
 from ptt.effects.phrases import SMALL, Phrase
+from ptt.effects.refinement import between_trials
 from ptt.mechanisms.serial import Serial
 from ptt.run.direction import STANDSTILL
 from ptt.run.view import View
 
-LONGEST = 64.0  # mm of travel, six times what friction takes: over more than lies between reversals it is but a step
-WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-10, 11))  # mm, 0.03 to 32: neighbours look alike
+LONGEST = 64.0  # mm, six times what real friction takes; longer than the travel between reversals it is but a step
+WINDUP_LENGTHS = tuple(2.0 ** (half / 2.0) for half in range(-10, 11))  # mm, 0.03 to 32: neighbours are nearly alike
 
-GAPS = (0.02, 0.06, 0.2, 0.6)  # mm, from ground to worn screws: between them a row more or less takes the gap up
+GAPS = (0.02, 0.06, 0.2, 0.6)  # mm, from ground to worn screws; a gap in between differs from one of them by few rows
 WAITS, AT_ONCE = ({"waits": torch.tensor([waits], dtype=torch.float64)} for waits in (1.0, 0.0))
-LATE = 0.02  # of the gap, mean over the rows: rows that wait for it, from which they are worth a trial
+LATE = 0.02  # share of the gap, mean over rows, that play and its sign alone have to differ by to be worth a trial
+SEEN = 0.02  # mean difference of normalised friction and direction from which readings show the change-over
 
 SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal compensation of {who} by {what}")
 
@@ -32,8 +33,8 @@ SET = ("raise the reversal compensation of {who} by {what}", "lower the reversal
 class Backlash(Effect):
     """Play between nut and screw: the slider stays half the gap behind, on the side it comes from.
 
-    After a reversal it waits until the gap is taken up. A preloaded drive, and a sign of the move that somebody wrote
-    for play, turn over at once; so does a controller that compensates more than there is, whose gap is below zero.
+    After a reversal it waits until the gap is taken up (play operator). With `waits` = 0, and where the gap is negative
+    (a controller that compensates more than there is), the shift follows the sign of the motion at once.
     """
 
     name: ClassVar[str] = "backlash"
@@ -97,46 +98,46 @@ class Backlash(Effect):
     )
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """The limit of a small gap, and gaps that moves as short as these take up only over several rows."""
+        """The limit of a small gap, and gaps that some rows of these data do not take up."""
         scale = 1.0 if family(view) == "three-ptt" else 0.01
         gaps = [torch.tensor([gap * scale], dtype=torch.float64) for gap in GAPS]
         late = [gap for gap in gaps if float(self._late(view, gap).abs().mean()) > LATE]
         return (WAITS, *({**WAITS, "about": gap} for gap in late))
 
     def meant_by(self, view: View, shape: Mapping[str, Tensor], amounts: Tensor) -> Sequence[Mapping[str, Tensor]]:
-        """The limit of a small gap stands for play as wide as it is, and for what turns over at once."""
+        """Play with the gap that was found, and the sign alone: both have the limit of a small gap in common."""
         if "about" in shape or float((amounts * self._late(view, amounts)).abs().max()) < STANDSTILL:
             return ()
         return {**WAITS, "about": amounts}, AT_ONCE
 
     def _late(self, view: View, gap: Tensor) -> Tensor:
-        """What waiting for a gap does, per unit of it, (n, k)."""
-        return self._at(view, gap) + 0.5 * view.direction
+        """Difference between play with a gap and its limit for a small one, per unit of gap, (n, k)."""
+        return self._per_gap(view, gap) + 0.5 * view.direction
 
-    def _at(self, view: View, gap: Tensor) -> Tensor:
-        """What a gap does that is waited for, per unit of it, (n, k)."""
+    def _per_gap(self, view: View, gap: Tensor) -> Tensor:
+        """Shift of play with a gap, per unit of gap, (n, k); of a negative gap the sign alone."""
         gap, once = gap.expand(view.joints), -0.5 * view.direction
         return torch.where(gap > 0.0, play(view, gap.clamp(min=0.0)) / torch.where(gap > 0.0, gap, 1.0), once)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Half the gap against the direction of arrival, the limit of a small one; or as the gap `about` does."""
-        return per_joint(self._at(view, shape["about"]) if "about" in shape else -0.5 * view.direction)
+        """Play with the gap `about` per unit of gap; without it its limit for a small gap, -1/2 times the direction."""
+        return per_joint(self._per_gap(view, shape["about"]) if "about" in shape else -0.5 * view.direction)
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
-        """The play operator itself, which knows when the gap is not taken up yet; at once the sign alone."""
+        """The play operator; where the gap is negative or nothing waits, -gap/2 times the direction."""
         gap, waits = gap_of(theta)
         once = -0.5 * gap * view.direction
         return torch.where(gap > 0.0, play(view, gap.clamp(min=0.0)), once) if waits else once
 
     def slope(self, theta: Tensor, view: View) -> Tensor:
-        """Half the gap's change, on the side on which the play is taken up; none between the branches."""
+        """Derivative by each joint's gap, between -1/2 and 1/2; zero by `waits`, which is given."""
         gap, waits = gap_of(theta)
         once = -0.5 * view.direction
         by_gap = per_joint(torch.where(gap > 0.0, play_slope(view, gap.clamp(min=0.0)), once) if waits else once)
         return torch.cat([by_gap, torch.zeros_like(by_gap[..., :1])], dim=-1)
 
     def cause(self, theta: Tensor, view: View) -> str:
-        """Whether it turns over at once, which a gap above zero does not."""
+        """With the remark that a positive gap is not waited for, where that is so."""
         gap, waits = gap_of(theta)
         at_once = not waits and bool((gap > 0.0).any())
         return super().cause(theta, view) + (" that turns over at once" if at_once else "")
@@ -210,45 +211,45 @@ class Windup(Effect):
         return f"wind-up, over {low if low == high else f'{low} to {high}'} {unit} of travel"
 
     def needs(self, view: View) -> str | None:
-        """Readings soon and long after reversals."""
+        """Readings soon after reversals and long after them."""
         wanting = super().needs(view)
         if wanting or self._lengths(view):
             return wanting
         return "readings at different travel since reversal (some within a few mm of it)"
 
     def _lengths(self, view: View) -> list[Tensor]:
-        """Travel constants that the data can see, (k,) alike each: some readings change over, some are done."""
+        """Travel constants, (k,) each and alike for all joints, at which some readings are not yet turned over."""
         if not view.kept:
             scale = 1.0 if family(view) == "three-ptt" else 0.01
             alike = view.q.new_ones(view.joints) * scale
             keep_reversals(view, [length * alike for length in WINDUP_LENGTHS])
-        return [length for length, turned in view.kept.values() if float((turned - view.direction).abs().mean()) > 0.02]
+        return [length for length, turned in view.kept.values() if float((turned - view.direction).abs().mean()) > SEEN]
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """A geometric ladder of travel constants, the one next to the usual first."""
+        """Geometrically spaced travel constants, the one nearest to the usual first."""
         usual, lengths = self.parameters[-1].on(family(view)).usual, self._lengths(view)
         first = min(lengths, key=lambda length: abs(math.log(float(length[0]) / usual)), default=None)
         return tuple({"length": length} for length in sorted(lengths, key=lambda length: length is not first))
 
     def usual_trial(self, view: View) -> Mapping[str, Tensor]:
-        """The one next to the usual."""
+        """The one nearest to the usual."""
         return self.search(view)[0]
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Constants between the trials on either side; the fit itself goes on from there."""
-        return finer(self.search(view), shape, "length")
+        return between_trials(self.search(view), shape, "length")
 
     def largest(self, shape: Mapping[str, Tensor]) -> Mapping[str, float | Tensor]:
-        """Half the travel: a slider cannot go back while its drive goes on, and one that stands still has play.
+        """Height at most half the length: the error changes at first by 2 h / l of the travel, and 1 is a standstill.
 
-        The error changes by 2 h / l of the travel at first.
+        Beyond that the slider would go back while its drive goes on.
         """
         return {"height": 0.5 * shape["length"]}
 
     def slope_by(self, stem: str, linear: Tensor, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """By the lengths, each joint by its own, for which autograd would need a pass a joint."""
+        """By each joint's own length, in closed form: autograd would need a pass for every joint."""
         return per_joint(-linear * gradual_slope(view, shape[stem]))
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Normalised friction of each axis, against the travel."""
+        """Normalised friction of each axis, reversed."""
         return per_joint(-gradual_reversal(view, shape["length"]))

@@ -1,4 +1,4 @@
-"""The joints of an arm sag under the weight of its own links."""
+"""Gravity sag of an arm's joints under the weight of its own links."""
 
 import math
 from collections.abc import Mapping
@@ -15,25 +15,25 @@ from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
 
-STILL = 0.01  # of a joint's largest lever that has to vary before its sag can be told from an offset
+STILL = 0.01  # least variation of a lever, whose largest value is 1, that tells sag from a joint offset
 USUAL_SAG = 3e-4  # rad: industrial arms sag by 0.1 to 1 mrad
-ASIDE = 0.2  # of what a link holds along its own line, that it usually holds across it: its centre of mass lies near it
-ON_AXIS = 1e-3  # mm from its joint's axis within which a link has no line across that axis
+ASIDE = 0.2  # usual moment of a link across its line as a share of that along it: its centre of mass lies near the line
+ON_AXIS = 1e-3  # mm: a link whose far end is nearer to its joint axis has no such line
 
 
 @dataclass(frozen=True)
 class SelfWeight(Effect):
-    """Each joint gives way under the weight of the links behind it: dq_j = c_j g_j(q).
+    """Each joint yields under the weight of the links behind it: dq_j = c_j g_j(q).
 
-    The torque of gravity about joint j is linear in the mass and the first moments of every link l that it carries:
-    g_j = gamma . (z_j x sum over l of m_l r_l). What a link holds along its own joint axis stands still in the link
-    before, so it counts there; two moments a link are left, along its common normal x_l and across it, y_l. Their
-    shapes, gamma . (z_j x x_l) and gamma . (z_j x y_l), are cosines and sines of the angles alone, free of lengths:
-    mass that sits on a later link's far side only changes the moments. Each amplitude is compliance times moment times
-    g, an angle; no mass needs to be known, and the amplitudes of a joint with a vertical axis stay where they are.
+    The gravity torque about joint j is linear in the mass and the first moments of every link l behind it:
+    g_j = gamma . (z_j x sum over l of m_l r_l). The first moment of a link along its own joint axis is constant in the
+    link before and is counted there (base parameters); two moments for each link are left, along its common normal x_l
+    and across it, y_l. Their levers gamma . (z_j x x_l) and gamma . (z_j x y_l) are cosines and sines of the joint
+    angles alone, free of lengths. Each amplitude is compliance times moment times g, an angle, so no mass needs to be
+    known; those of a joint with a vertical axis are not determined and stay at zero.
 
-    Mass lies near the line from a link's joint to what it carries. Where poses vary little the two moments and an
-    offset of the joint look alike, and the smaller share that is usual across that line then keeps them apart.
+    A link's centre of mass lies near the line from its joint to what it carries. Where poses vary little, the two
+    moments and an offset of the joint look alike, and the smaller usual size across that line then tells them apart.
     """
 
     name: ClassVar[str] = "self-weight"
@@ -74,7 +74,7 @@ class SelfWeight(Effect):
     called: ClassVar[str] = "self-weight"
 
     def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
-        """How far each joint sags at the most over the run, and which way."""
+        """Largest sag of each joint over the run, and its direction."""
         shift = self.shift(theta, view)
         spread = (self.basis(view, {}).square() @ std.nan_to_num().square()).sqrt()
         phrase = Phrase("along", "sag{s} up to {what} toward +", "sag{s} up to {what} toward -")
@@ -85,35 +85,34 @@ class SelfWeight(Effect):
         )
 
     def needs(self, view: View) -> str | None:
-        """A joint whose load by its own links changes from pose to pose."""
+        """A joint whose lever of gravity varies from pose to pose."""
         along, across = levers(view)
         varied = max(float((lever.amax(dim=0) - lever.amin(dim=0)).max()) for lever in (along, across))
         return None if varied > STILL else "poses that turn the arm against gravity"
 
     def proportions(self, mechanism: Mechanism) -> Tensor:
-        """A moment across the line of its link is usually the smaller one; without a line in the drawing neither is."""
-        line = lines(cast(Serial, mechanism)).abs()
+        """Moments across a link's line are usually smaller; both are alike where the drawing has no such line."""
+        line = link_lines(cast(Serial, mechanism)).abs()
         longer = line.amax(dim=-1, keepdim=True)
         share = torch.where(longer > ON_AXIS, line / longer, 1.0).clamp(min=ASIDE)  # shape: (k, 2)
         link = torch.triu_indices(len(line), len(line))[1]
         return share[link].T.reshape(-1)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Lever of gravity on each joint by the moments of each link that it carries."""
+        """Lever of gravity on each joint by either moment of each link behind it, (n, k, P)."""
         joint, link = torch.triu_indices(view.joints, view.joints)
         mine = torch.nn.functional.one_hot(joint, view.joints).T.to(view.q.dtype)  # shape: (k, pairs)
         return torch.cat([lever[:, None, joint, link] * mine for lever in levers(view)], dim=-1)
 
 
-def lines(arm: Serial) -> Tensor:
-    """Where each link carries what comes behind it: its mean place over full turns of the joints behind.
+def link_lines(arm: Serial) -> Tensor:
+    """Direction of each link's line: from its joint to what it carries, averaged over full turns of the joints behind.
 
     Args:
         arm: k joints.
 
     Returns:
-        (k, 2) mm from the joint's axis along the link's common normal and across it; zero where all of it is on the
-        axis.
+        (k, 2) mm from the joint axis, along the link's common normal and across it; zero where it lies on the axis.
     """
     carried, found = arm.tool_mm, list[tuple[float, float]]()
     standard = arm.convention == "standard"
@@ -126,7 +125,7 @@ def lines(arm: Serial) -> Tensor:
 
 
 def _through_x(point: tuple[float, float, float], a: float, alpha: float) -> tuple[float, float, float]:
-    """A point behind a screw about x as it is before it, mm."""
+    """Coordinates of a point after a screw about x as they are before it, mm."""
     x, y, z = point
     cos, sin = math.cos(alpha), math.sin(alpha)
     return x + a, cos * y - sin * z, sin * y + cos * z
@@ -139,7 +138,7 @@ def levers(view: View) -> tuple[Tensor, Tensor]:
         view: n rows of an arm with k joints.
 
     Returns:
-        (n, k, k) along and (n, k, k) across, without unit; zero where joint j does not carry link l.
+        (n, k, k) along and (n, k, k) across, joint j by link l, dimensionless; zero where l is not behind j.
     """
     arm = cast(Serial, view.mechanism)
     chain = arm.walk(view.q)

@@ -1,4 +1,8 @@
-"""Smooth shapes along an axis, with the constant and the linear part taken out: bending modes of a natural spline."""
+"""Basis of smooth curves along an axis: bending modes of a natural cubic spline, straight line, finer splines between.
+
+Bending modes have no constant and no linear part, which are the shapes of effects of their own (homing, lead; position,
+tilt).
+"""
 
 from functools import lru_cache
 
@@ -6,18 +10,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-KNOTS = 17  # sixteen pieces: what bends within a twentieth of the range is damage of a spot, not a screw or a rail
-SHAPES = KNOTS - 2
-FINE = 2  # pieces of one between two knots: with four, rough screws are told in nine of twelve runs for seven
-WAVES = (KNOTS - 1) * (FINE - 1)
-COARSE = 9  # knots of older machine files, every second one of these, so that their curves are curves of these
-COARSE_SHAPES = 6
+KNOTS = 17  # sixteen pieces: a bend within less of the range is local damage, not the lead of a screw or a rail's line
+SHAPES = KNOTS - 2  # bending modes
+FINE = 2  # dense pieces for each piece; four name a rough screw in 9 of 12 runs instead of 7, but take twice the time
+WAVES = (KNOTS - 1) * (FINE - 1)  # finer splines, zero at the knots
+COARSE = 9  # knots of older machine files, every second one of these, so that their curves stay within this basis
+COARSE_SHAPES = 6  # bending shapes of older machine files
 
 
 def _bends(values: np.ndarray) -> np.ndarray:
-    """Second derivatives of natural cubic splines at their knots, which run evenly from 0 to 1, (k, m) both.
+    """Second derivatives of m natural cubic splines at k even knots from 0 to 1, from their values there, (k, m) both.
 
-    Written out here because scipy's splines bring its optimisers along, which take longer to load than all else.
+    Not by scipy, whose splines load its optimisers, which takes longer than all the rest.
     """
     size = len(values) - 2
     inner = 4.0 * np.eye(size) + np.eye(size, k=1) + np.eye(size, k=-1)
@@ -27,13 +31,13 @@ def _bends(values: np.ndarray) -> np.ndarray:
 
 
 def natural_pieces(values: np.ndarray) -> np.ndarray:
-    """Natural cubic splines through values at even knots from 0 to 1, as one cubic a piece.
+    """Natural cubic splines through values at even knots from 0 to 1, as one cubic for each piece.
 
     Args:
         values: (k, m).
 
     Returns:
-        (4, k - 1, m): coefficients of the cube, the square, the offset from the piece's lower end, and one.
+        (4, k - 1, m): coefficients of x^3, x^2, x and 1, x counted from the piece's lower end.
     """
     bends, width = _bends(values), 1.0 / (len(values) - 1)
     slope = np.diff(values, axis=0) / width - width * (2.0 * bends[:-1] + bends[1:]) / 6.0
@@ -42,14 +46,14 @@ def natural_pieces(values: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _modes() -> tuple[np.ndarray, np.ndarray]:
-    """Natural splines that share no bending energy, the softest first, each as high as it is usual.
+    """Natural splines orthogonal in bending energy, the softest first: values at the knots (KNOTS, SHAPES), and pieces.
 
-    They are told as values at the knots, (KNOTS, SHAPES), and as pieces. Sum of squares of their coefficients is the
-    bending energy, as in a smoothing spline, whose curves have a slope that wanders at random along the axis (Wahba,
-    Spline Models for Observational Data, 1990). The first is one high; the k-th then is about 1/k^2 high.
+    They are scaled so that the sum of squares of their coefficients is the bending energy, up to a factor: a prior of
+    equal variances is then that of a smoothing spline, whose slope is a random walk along the axis (Wahba, Spline
+    Models for Observational Data, 1990). The first mode has height 1, the k-th about 1/k^2.
     """
     bend = _bends(np.eye(KNOTS))
-    hats = (4.0 * np.eye(KNOTS) + np.eye(KNOTS, k=1) + np.eye(KNOTS, k=-1)) / 6.0  # integral of products, times 1/h
+    hats = (4.0 * np.eye(KNOTS) + np.eye(KNOTS, k=1) + np.eye(KNOTS, k=-1)) / 6.0  # integrals of hat products / h
     energy, modes = np.linalg.eigh(bend.T @ hats @ bend)  # the two without energy are the constant and the line
     modes = modes[:, 2:] * np.sign(modes[-1, 2:]) / np.sqrt(energy[2:])
     values = modes / np.abs(modes[:, 0]).max()
@@ -57,7 +61,7 @@ def _modes() -> tuple[np.ndarray, np.ndarray]:
 
 
 def straight_shapes(position: Tensor) -> Tensor:
-    """The straight part that smooth shapes leave out: a line of height one at both ends, and a constant.
+    """The straight part that bending modes lack: a line from -1 to 1, and a constant 1.
 
     Args:
         position: place along the axis, scaled so that the range runs from 0 to 1, any shape (...).
@@ -69,13 +73,13 @@ def straight_shapes(position: Tensor) -> Tensor:
 
 
 def smooth_shapes(position: Tensor) -> Tensor:
-    """Evaluate the smooth shapes.
+    """Evaluate the bending modes.
 
     Args:
-        position: place along the axis, scaled so that the range runs from 0 to 1, any shape (...); held beyond it.
+        position: place along the axis, scaled so that the range runs from 0 to 1, any shape (...); constant beyond it.
 
     Returns:
-        (..., SHAPES), the first of height one and the others ever smaller, orthogonal at the knots to each other, to a
+        (..., SHAPES), the first of height 1 and the others ever smaller, orthogonal at the knots to each other, to a
         constant and to a line.
     """
     return _evaluated(_modes()[1], position)
@@ -83,11 +87,11 @@ def smooth_shapes(position: Tensor) -> Tensor:
 
 @lru_cache(maxsize=1)
 def _waves() -> np.ndarray:
-    """Natural splines on knots FINE times as dense that are zero at all the others, as pieces.
+    """Cardinal natural splines on FINE times as many knots, those that are zero at all the coarse knots, as pieces.
 
-    Halfway between two knots one of them is one high: what a wander at random does between two places that hold it is
-    largest there (Loeve's expansion of the Brownian bridge begins with it). With the smooth shapes they are all splines
-    on the dense knots, and none of them bends where a smooth shape does: each takes its own energy.
+    Each is 1 halfway between two coarse knots and 0 at all other dense ones: there a random walk held at both ends (a
+    Brownian bridge, whose Karhunen-Loeve expansion begins with such a bow) departs most. With the bending modes they
+    span all natural splines on the dense knots, and they share no bending energy with the modes.
     """
     values = np.zeros(((KNOTS - 1) * FINE + 1, WAVES))
     values[np.arange(len(values)) % FINE > 0] = np.eye(WAVES)
@@ -95,10 +99,10 @@ def _waves() -> np.ndarray:
 
 
 def wave_shapes(position: Tensor) -> Tensor:
-    """Evaluate what a curve does between the knots of the smooth shapes.
+    """Evaluate the finer splines, which are zero at the knots of the bending modes.
 
     Args:
-        position: place along the axis, scaled so that the range runs from 0 to 1, any shape (...); held beyond it.
+        position: place along the axis, scaled so that the range runs from 0 to 1, any shape (...); constant beyond it.
 
     Returns:
         (..., WAVES), zero at the knots.
@@ -117,15 +121,15 @@ def _evaluated(pieces: np.ndarray, position: Tensor) -> Tensor:
 
 
 def wavy_pieces(smooth: np.ndarray, straight: np.ndarray, waves: np.ndarray) -> np.ndarray:
-    """A curve of all shapes as one cubic a piece of the dense knots.
+    """A curve of bending modes, straight part and finer splines as one cubic for each piece between dense knots.
 
     Args:
-        smooth: (SHAPES,) coefficients.
+        smooth: (SHAPES,) coefficients of the bending modes.
         straight: (2,) slope and level.
-        waves: (WAVES,) coefficients.
+        waves: (WAVES,) coefficients of the finer splines.
 
     Returns:
-        (FINE * (KNOTS - 1), 4): coefficients as of `curve_pieces`.
+        (FINE * (KNOTS - 1), 4): coefficients as those of `curve_pieces`.
     """
     knots = torch.linspace(0.0, 1.0, (KNOTS - 1) * FINE + 1, dtype=torch.float64)
     values = smooth_shapes(knots).numpy() @ smooth + straight_shapes(knots).numpy() @ straight
@@ -133,14 +137,14 @@ def wavy_pieces(smooth: np.ndarray, straight: np.ndarray, waves: np.ndarray) -> 
 
 
 def curve_pieces(smooth: np.ndarray, straight: np.ndarray) -> np.ndarray:
-    """A curve of the smooth and straight shapes as one cubic a piece.
+    """A curve of bending modes and straight part as one cubic for each piece between knots.
 
     Args:
-        smooth: (SHAPES,) coefficients.
+        smooth: (SHAPES,) coefficients of the bending modes.
         straight: (2,) slope and level.
 
     Returns:
-        (KNOTS - 1, 4): coefficients of the cube, the square, the offset from the piece's lower end, and one.
+        (KNOTS - 1, 4): coefficients of x^3, x^2, x and 1, x counted from the piece's lower end.
     """
     pieces = np.asarray(_modes()[1] @ smooth).T.copy()
     pieces[:, 2] += 2.0 * straight[0]
@@ -150,10 +154,10 @@ def curve_pieces(smooth: np.ndarray, straight: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def from_coarse() -> tuple[np.ndarray, np.ndarray]:
-    """What the shapes of older machine files are in the present ones.
+    """Coefficients of the shapes of older machine files in the present basis, exact.
 
     Returns:
-        Smooth (SHAPES, COARSE_SHAPES) and straight (2, COARSE_SHAPES) coefficients of each older shape, exact.
+        Bending modes (SHAPES, COARSE_SHAPES) and straight part (2, COARSE_SHAPES) of each older shape.
     """
     from scipy.interpolate import CubicSpline
 

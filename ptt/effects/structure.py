@@ -1,4 +1,4 @@
-"""Effects of the structure: what carries the mechanism gives way or grows."""
+"""Effects of the structure: column and frame bend under load or grow with temperature."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,8 +13,9 @@ from ptt.effects.phrases import Phrase
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
 
-# Usual sizes: zinc has 2.5 of steel, and a sensor in the room sees less of the warmth than the frame has. Carbon fibre
-# shrinks by up to a tenth of that; a radius is what the base grows by less what the platform does.
+# Largest expansion in units of the usual one, that of steel: zinc has 2.5, and a sensor in the room warms less than
+# the frame. The lower limits below: carbon fibre shrinks by up to a tenth of it, and the effective radius R - r of a
+# machine shrinks where its platform grows more than its base.
 METALS = 4.0
 
 
@@ -130,15 +131,16 @@ class FrameGrowth(Effect):
         return self._per_strain(view, torch.zeros_like(view.growth[:1]))
 
     def slope(self, theta: Tensor, view: View) -> Tensor:
-        """Tool shift per unit of further strain."""
+        """Derivative by both expansions at the strain that there is."""
         return self._per_strain(view, (view.warmth[:, None] * theta) @ view.growth)
 
     def _per_strain(self, view: View, grown: Tensor) -> Tensor:
+        """Tool shift per unit of either expansion, (n, 3, 2) mm K, at geometry shifts (n, G)."""
         _, _, by_slot = sensitivity(view.mechanism, view.q, view.mounted(grown))
         return view.warmth[:, None, None] * (by_slot @ view.growth.T)
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
-        """The grown machine's position less the drawn one's: near the edge strains of 1e-4 are no longer small."""
+        """Position of the grown machine less that of the drawn one: near a singularity 1e-4 is no small strain."""
         strain = view.warmth[:, None] * theta  # shape: (n, 2)
         still = torch.zeros_like(view.growth[:1])
         grown = view.mechanism.forward(view.q, view.mounted(strain @ view.growth))

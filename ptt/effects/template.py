@@ -55,12 +55,12 @@ def template(name: str) -> str:
     Raises:
         InputError: the name is taken, or is not such a name.
     """
-    free_name(name)
+    require_free_name(name)
     return _TEXT.format(name=name, class_name=class_name(name))
 
 
-def free_name(name: str) -> None:
-    """Check that an effect of one's own may have a name.
+def require_free_name(name: str) -> None:
+    """Refuse a name that a user's effect may not have.
 
     Args:
         name: to be checked.

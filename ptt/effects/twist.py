@@ -68,38 +68,38 @@ class PlatformTwist(ThreePttEffect):
     )
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Platform joints and reflector carried by the rotation that unit skews cause."""
+        """Geometry shifts of the platform rotation that a unit of each skew causes."""
         link = machine(view).link_vectors(view.p)  # shape: (n, leg, xyz)
         radial, axis = horizontal_axes(view)
         skews = torch.stack([radial, UPWARD.expand(LEGS, 3)], dim=1)  # shape: (leg, 2, xyz)
-        drive = -torch.einsum("nlx,lcx->nlc", link, torch.linalg.cross(axis[:, None].expand_as(skews), skews))
-        drive = torch.diag_embed(drive.transpose(1, 2)).permute(0, 2, 1, 3).reshape(-1, 3, 6)
-        return _carried(view, torch.linalg.solve(_across(link, axis), drive), radial)
+        right = -torch.einsum("nlx,lcx->nlc", link, torch.linalg.cross(axis[:, None].expand_as(skews), skews))
+        right = torch.diag_embed(right.transpose(1, 2)).permute(0, 2, 1, 3).reshape(-1, 3, 6)  # shape: (n, leg, P)
+        return _carried(view, torch.linalg.solve(_across(link, axis), right), radial)
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
-        """The same for skews of any small size, to second order."""
+        """Geometry shifts of the platform rotation to second order in the skews, by two Newton steps."""
         link = machine(view).link_vectors(view.p)
         radial, axis = horizontal_axes(view)
         skewed = axis + theta[:LEGS, None] * radial + theta[LEGS:, None] * UPWARD
         arm, rows = view.platform_radius * radial, _across(link, axis)
         turn, swung, moved = link.new_zeros(len(link), 3), torch.zeros_like(link), torch.zeros_like(link)
         for _ in range(2):
-            crossed = torch.linalg.cross(axis.expand_as(link), skewed + _turned(turn, skewed))
+            crossed = torch.linalg.cross(axis.expand_as(link), skewed + _rotated_by(turn, skewed))
             turn = turn - torch.linalg.solve(rows, ((link + moved) * crossed).sum(dim=-1))
-            swung = _turned(turn, arm)
+            swung = _rotated_by(turn, arm)
             centre = -torch.linalg.solve(link, (link * swung).sum(dim=-1))  # keeps the links as long as they are
             moved = centre[:, None] + swung
         centres = torch.nn.functional.pad(-swung, (0, 1)).flatten(1)  # the links' lengths stay
-        return torch.cat([centres, _turned(turn, view.reflector[None])[:, 0]], dim=1)
+        return torch.cat([centres, _rotated_by(turn, view.reflector[None])[:, 0]], dim=1)
 
 
 def _across(link: Tensor, axis: Tensor) -> Tensor:
-    """Part of each link across its joint's axis, (n, leg, xyz)."""
+    """Part of each link vector perpendicular to its joint axis, (n, leg, xyz)."""
     return link - (link * axis).sum(dim=-1, keepdim=True) * axis
 
 
-def _turned(turn: Tensor, arms: Tensor) -> Tensor:
-    """By how much small turns (n, xyz) move the ends of arms (m, xyz), to second order, (n, m, xyz)."""
+def _rotated_by(turn: Tensor, arms: Tensor) -> Tensor:
+    """Displacement of the ends of arms (m, xyz) by small rotations (n, xyz), to second order, (n, m, xyz)."""
     about = turn[:, None].expand(-1, len(arms), -1)
     once = torch.linalg.cross(about, arms.expand_as(about))
     return once + 0.5 * torch.linalg.cross(about, once)

@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 import torch
 
-from ptt.effects.memory import leave
+from ptt.effects.memory import entry_after
 from ptt.run.cores import map_cores
 from ptt.run.problem import Problem
 from ptt.run.table import Table
@@ -62,7 +62,7 @@ def enter(view: View, cuts: Sequence[int]) -> list[Entry | None]:
     entry, start = next((entry for entry in view.entries if entry.row == 0), None), 0
     for cut in cuts:
         if cut > start:
-            entry = leave(_part_of_view(view, np.arange(start, cut), (entry,)), 0)
+            entry = entry_after(_part_of_view(view, np.arange(start, cut), (entry,)), 0)
             start = cut
         entries.append(None if cut >= view.rows or bool(view.starts[cut]) else entry)
     return entries

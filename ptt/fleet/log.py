@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.effects.memory import keep_direction, leave
+from ptt.effects.memory import entry_after, keep_direction
 from ptt.errors import InputError
 from ptt.fitting.chunks import BESIDE, CHUNK, stretches, take_entered
 from ptt.fleet.database import duckdb, in_memory
@@ -164,9 +164,11 @@ def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
     shown = problem.view.time[part[0] - low : part[1] - low]
     told = torch.isfinite(shown)
     if not told.any():
-        return LogState(leave(view, 0), view.direction[-1], *((state.clock, state.back) if state else (np.nan, 0.0)))
+        return LogState(
+            entry_after(view, 0), view.direction[-1], *((state.clock, state.back) if state else (np.nan, 0.0))
+        )
     clock = float(shown[told][-1])
-    return LogState(leave(view, 0), view.direction[-1], clock, float(view.time[told][-1]) - clock)
+    return LogState(entry_after(view, 0), view.direction[-1], clock, float(view.time[told][-1]) - clock)
 
 
 def _gone_back(shown: Tensor, state: LogState | None) -> Tensor:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from ptt.effects.geometry import machine, pull
+from ptt.effects.geometry import machine, tension
 from ptt.run.direction import STANDSTILL
 from ptt.run.view import View
 
@@ -68,6 +68,6 @@ VARIABLES: dict[str, Callable[[View, int], Tensor]] = {
     "payload": lambda view, joint: view.payload,
     "temperature": lambda view, joint: view.warmth,
     "time": lambda view, joint: view.time,
-    "link force": lambda view, joint: pull(view)[:, joint],
+    "link force": lambda view, joint: tension(view)[:, joint],
     "link angle": _link_angle,
 }
