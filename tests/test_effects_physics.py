@@ -11,7 +11,7 @@ from torch.testing import assert_close
 
 from ptt.effects import library
 from ptt.effects.bench import sample_view
-from ptt.effects.geometry import pull
+from ptt.effects.geometry import tension
 from ptt.effects.layout import total_size
 from ptt.mechanisms.statics import GRAVITY
 from ptt.mechanisms.three_ptt import ThreePtt
@@ -151,9 +151,9 @@ def test_link_force_is_what_holds_the_sliders(bench):
     slider = weight * view.jacobian[:, 2, :].numpy()  # virtual work of a vertical force
     reach = jacobian_by_hand(view.p.numpy())[1]
     steep = np.sqrt(LINK**2 - (reach**2).sum(axis=-1)) / LINK
-    assert_close(pull(view), tensor(-slider / steep))
-    assert (pull(view)[0] > 0).all()  # the platform hangs
-    assert pull(view)[4, 0] < 0  # beyond the triangle's edge at x = -50 the leg opposite is pushed
+    assert_close(tension(view), tensor(-slider / steep))
+    assert (tension(view)[0] > 0).all()  # the platform hangs
+    assert tension(view)[4, 0] < 0  # beyond the triangle's edge at x = -50 the leg opposite is pushed
 
 
 def test_clearance_lets_a_hanging_platform_down(bench):
