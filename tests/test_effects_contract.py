@@ -137,7 +137,7 @@ class SaysTheSide(Good):
 
 
 class SumsOtherwise(Good):
-    def summed(self, theta, view):
+    def differentiable_shift(self, theta, view):
         return 1.01 * self.shift(theta, view)
 
 

@@ -85,7 +85,9 @@ def test_own_file_that_does_not_run_is_refused(tmp_path, text, said):
         load_effects(path)
 
 
-@pytest.mark.parametrize("method", ["undecided(self, view)", "usual_trial(self, view)", "summed(self, theta, view)"])
+@pytest.mark.parametrize(
+    "method", ["undecided(self, view)", "usual_trial(self, view)", "differentiable_shift(self, theta, view)"]
+)
 def test_an_own_method_that_fails_says_where(tmp_path, method):
     """Whichever the fit calls: all that an effect may define is guarded, by no list that could fall behind."""
     path = tmp_path / "own.py"

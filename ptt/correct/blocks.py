@@ -1,7 +1,7 @@
-"""A long list of targets block by block: each block goes on where the one before left the machine.
+"""A long list of targets block by block, each from the state in which the one before left the machine.
 
-Rows beside a block are looked at with it, so that its speeds are those of the whole travel, and its direction where a
-run has only begun; what came before is handed on (`ptt.correct.task.Handover`).
+Rows before and after a block are solved with it, so that its speeds are those of the whole travel, and its directions
+where a run has only begun; the state before is handed on (`ptt.correct.task.Handover`).
 """
 
 from collections.abc import Iterator
@@ -18,18 +18,18 @@ from ptt.run.direction import STANDSTILL
 from ptt.run.table import Table, take_rows
 from ptt.run.travel import run_starts
 
-ROWS = CHUNK - 2 * BESIDE  # of a block, so that with those beside it is one chunk
+ROWS = CHUNK - 2 * BESIDE  # of a block, which with the rows on both sides is then one chunk
 
 
 @dataclass(frozen=True)
 class RowBlock:
-    """Some rows of a task, and those beside.
+    """Some rows of a task, and the rows before and after that are solved with them.
 
     Attributes:
         first: its first row.
         last: the row after its last.
-        high: the row after those looked at with it.
-        handover: what the rows before hand on.
+        high: the row after the lookahead.
+        handover: state handed on by the rows before.
     """
 
     first: int
@@ -39,23 +39,23 @@ class RowBlock:
 
     @property
     def low(self) -> int:
-        """The first row looked at with it."""
+        """The first row that is solved with it."""
         return self.first - (0 if self.handover is None else len(self.handover.q))
 
     @property
     def own(self) -> slice:
-        """Its rows among those looked at."""
+        """Its own rows among those."""
         return slice(self.first - self.low, self.last - self.low)
 
 
 @dataclass(frozen=True)
 class Settled:
-    """A block whose inversion has settled.
+    """An inverted block.
 
     Attributes:
         block: its rows.
-        task: that of its rows and those beside.
-        outcome: what becomes of these.
+        task: the task of these and of the rows on both sides.
+        outcome: commands and status of all of them.
     """
 
     block: RowBlock
@@ -86,10 +86,10 @@ def settle_block(task: CommandTask, first: int, last: int, handover: Handover | 
     """Invert one block.
 
     Args:
-        task: it, the rows before it that are handed on, and all behind it that it may look at.
+        task: its rows, those before that are handed on, and all behind that it may look ahead to.
         first: its first row.
         last: the row after its last.
-        handover: what the rows before hand on.
+        handover: state handed on by the rows before.
     """
     block = RowBlock(first, last, _seen_to(task, first, last, handover), handover)
     part = cut(task, block)
@@ -97,24 +97,24 @@ def settle_block(task: CommandTask, first: int, last: int, handover: Handover | 
 
 
 def leave_block(settled: Settled) -> Handover | None:
-    """What a block hands on to the rows behind it."""
+    """State that a block hands on to the rows behind it."""
     return hand_on(settled.task, settled.outcome.solved, settled.block.own.stop, BESIDE)
 
 
 def rows_ahead(run: np.ndarray, first: int, last: int, handover: Handover | None) -> int:
-    """How many rows behind a block it may look at: many only where a run begins in it.
+    """Largest lookahead of a block: a whole chunk only where a run begins in it.
 
     Args:
         run: run codes of the rows up to its last, (n,).
         first: its first row.
         last: the row after its last.
-        handover: what the rows before hand on.
+        handover: state handed on by the rows before.
     """
     return CHUNK if handover is None or first == 0 or (run[first:last] != run[first - 1]).any() else BESIDE
 
 
 def cut(task: CommandTask, block: RowBlock) -> CommandTask:
-    """The task of a block and the rows beside it."""
+    """The task of a block and the rows on both sides."""
     rows = slice(block.low, block.high)
     if (block.low, block.high) == (0, task.targets.rows):
         return replace(task, handover=block.handover)
@@ -126,9 +126,9 @@ def cut(task: CommandTask, block: RowBlock) -> CommandTask:
 
 
 def _seen_to(task: CommandTask, first: int, last: int, handover: Handover | None) -> int:
-    """How far a block looks ahead: until each joint of a run that has begun in it was seen to move.
+    """End of a block's lookahead: until every joint has moved, where a run begins in it.
 
-    A joint that stands longer than a chunk is taken to go on upward, as one that never moves.
+    A joint that stands longer than a chunk is taken to arrive upward, as one that never moves.
     """
     run, rows = task.targets.run, task.targets.rows
     high = min(last + BESIDE, rows)
@@ -146,13 +146,14 @@ def _seen_to(task: CommandTask, first: int, last: int, handover: Handover | None
 
 
 def with_one_clock(table: Table, feed: bool, place: np.ndarray) -> Table:
-    """The column alone that tells speeds of the whole list, so that a block without it takes no other.
+    """Keep only the column from which speeds of the whole list follow, so that no block falls back on another.
 
-    A clock stays beside the feed where it shows ramps that the feed does not: each block then asks it for its own rows.
+    The clock is kept beside the feed where it shows ramps that the feed does not; each block then uses it for its own
+    rows.
 
     Args:
-        table: some of its rows.
-        feed: whether that is the feed.
+        table: some rows of the list.
+        feed: whether speeds follow from the feed.
         place: targets in the base frame, (n, 3) mm.
 
     Returns:

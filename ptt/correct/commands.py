@@ -1,4 +1,4 @@
-"""Commands for the machine as a result: what to send, what not and why."""
+"""Commands for the machine as a result: what to send, and the status of every row."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -6,9 +6,9 @@ import numpy as np
 
 OK, UNCERTAIN = "ok", "uncertain"
 OUT_OF_REACH, OUT_OF_TRAVEL, NEAR_SINGULAR, TOO_LARGE = "out of reach", "out of travel", "near singular", "too large"
-NOTE = "reversal_note"  # the one thing that commands have that is not of a row
-ROUNDING = 1e-3  # mm: commands that miss by less miss by nothing that a machine could do
-NO_TARGET = ""  # a row of a base reflector, at which the machine stands
+NOTE = "reversal_note"  # the one attribute that has no entry for each row
+ROUNDING = 1e-3  # mm: a smaller miss is below the resolution of any machine
+NO_TARGET = ""  # status of a row of a base reflector, at which the machine stands
 STATUSES = (OK, UNCERTAIN, TOO_LARGE, NEAR_SINGULAR, OUT_OF_TRAVEL, OUT_OF_REACH)
 
 
@@ -21,18 +21,19 @@ class Commands:
         reversal: the part of them that is reversal compensation, (n, k); NaN where nothing is to be sent.
         status: one of `STATUSES`, (n,); only 'ok' and 'uncertain' are sent. Empty in rows that are no targets.
         in_domain: rows inside the training domain of the network, all True without one, (n,) bool.
-        shift: how far the commands ask the drawing to go from the target, reversal left aside, (n,) mm; NaN where no
-            command was found.
-        first_order: the same commands by H_m(b - db) = f(p) - J_a dp, (n, k); NaN where nothing is to be sent.
-        first_order_gap: how far apart the two put the tool, (n,) mm; NaN where nothing is to be sent.
-        reversal_note: who compensates what at a reversal, in words.
-        missed: by how much the model's tool misses what it was asked for, (n,) mm; more than rounding only where
-            reversal effects leave a step that no command can take; NaN where nothing is to be sent.
-        nearest: for rows that are not sent, the corrected command of the last place that works on the straight way
-            from the nearest target that is sent, (n, k); NaN elsewhere, and where not even that works.
-        nearest_gap: how far that place is from the target, (n,) mm.
-        sigma: what parameters and network leave uncertain of where the tool will be, (n,) mm; NaN where nothing tells.
-        approach: what of that hangs on from which side the joints came to the first row, (n,) mm.
+        shift: size of the correction, reversal left aside: distance of the commands' nominal position from the target,
+            (n,) mm; NaN where no command was found.
+        first_order: the commands by the first-order form H_m(b - db) = f(p) - J_a dp, (n, k); NaN where nothing is to
+            be sent.
+        first_order_gap: distance of their nominal position from that of the exact ones, (n,) mm; NaN likewise.
+        reversal_note: which reversal effects are in the commands and which are left to the controller, in words.
+        missed: distance of the model's tool from what it was asked for, (n,) mm; more than rounding only where
+            reversal effects leave a step that no command can make; NaN where nothing is to be sent.
+        nearest: for rows that are not sent, the corrected command of the last position that can be reached on the line
+            from the nearest target that is sent, (n, k); NaN elsewhere, and where there is none.
+        nearest_gap: distance of that position from the target, (n,) mm.
+        sigma: standard deviation of the tool position that parameters and network leave, (n,) mm; NaN where unknown.
+        approach: the part of it that is due to the unknown side from which joints came to the first row, (n,) mm.
     """
 
     q: np.ndarray
@@ -66,7 +67,7 @@ class Commands:
 
 
 def without(commands: Commands, rows: np.ndarray) -> Commands:
-    """The same commands with nothing said of some rows, which are no targets.
+    """The same commands with some rows blanked, which are no targets.
 
     Args:
         commands: n rows.
@@ -81,7 +82,7 @@ def without(commands: Commands, rows: np.ndarray) -> Commands:
 
 
 def sent_rows(status: np.ndarray) -> np.ndarray:
-    """Say which rows their status lets be sent.
+    """Rows whose status allows them to be sent.
 
     Args:
         status: (n,), of `STATUSES`.

@@ -26,7 +26,7 @@ from ptt.run.viewing import elapsed
 
 __all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "compensate"]
 
-LIMIT_MM = 5.0  # machines err by 0.1 to 2 mm; what goes beyond this is a mistake in drawing, frame or network
+LIMIT_MM = 5.0  # machines err by 0.1 to 2 mm; a larger correction is a mistake in drawing, frame or network
 
 # From wanted positions, (n, 3) mm: positions to ask the model for, (n, 3) mm; and which a network knows, (n,) bool.
 Correction = Callable[[np.ndarray], np.ndarray]
@@ -45,25 +45,25 @@ def compensate(
     nearest: bool = True,
     progress: Progress | None = None,
 ) -> Commands:
-    """Invert drive, geometry and structure of a model, never its metrology.
+    """Corrected commands: invert drive, geometry and structure of a model, never its metrology.
 
-    Metrology includes where a reflector sat on an arm: what is put right is the drawing's tool point. Of a mount that
-    was fitted along, the data cannot tell shifts of the last link; those stay at zero.
+    The offset of an arm's reflector belongs to metrology: it is the drawing's tool point that is put on the target.
+    Where that offset was fitted too, the data do not determine shifts of the last link, which stay at zero.
 
-    The exact inverse is found by Newton steps through the whole chain. Reversal effects look at the order of the
+    The exact inverse is found by Newton's method through the whole chain. Reversal effects follow the order of the
     corrected commands, because the correction may move the turning points. A row that cannot be sent gets a status and
-    no command; the machine stands where the row before left it, so the reversals of the rows behind stay right.
+    no command; the machine stands where the row before left it, so that reversals of the rows behind are right.
 
     Args:
         model: effects with their parameters.
         targets: wanted tool positions in travel order, with payload, temperature and speed where the model needs them.
-        correction: what a network adds: wanted position -> position to ask the model for.
+        correction: of a network: wanted position -> position that the model is to reach.
         inside: which wanted positions lie in the network's training domain.
         reversal: 'software', the default, puts the reversal compensation into the commands, 'none' leaves it out.
             What the machine file says its controller compensates is never put in.
         limit: largest correction that is sent, mm of tool: physics, network and reversal together.
-        network: what the network that made the correction leaves, where that is known.
-        nearest: whether to look for the nearest command that works beside each row that cannot be sent.
+        network: held-out error of the network that made the correction, where that is known.
+        nearest: whether to find, for each row that cannot be sent, the nearest command that can.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -91,15 +91,15 @@ def compensate(
 
 @dataclass(frozen=True)
 class InversionPlan:
-    """What an inversion is to do, whatever the targets are.
+    """What an inversion is to do, apart from the targets.
 
     Attributes:
         model: effects with their parameters.
-        steady: effects that depend on pose and context.
-        reversing: effects that depend on the way there and are compensated here.
-        words: who compensates what at a reversal.
+        steady: effects that depend on pose and context alone.
+        reversing: effects that depend on the direction or travel before, as far as the commands compensate them.
+        words: which reversal effects are in the commands and which are left to the controller.
         limit: largest correction that is sent, mm.
-        network: what the network that made the correction leaves, where that is known.
+        network: held-out error of the network that made the correction, where that is known.
     """
 
     model: Model
@@ -111,21 +111,21 @@ class InversionPlan:
 
     @property
     def follows_speed(self) -> bool:
-        """Whether an effect may look at speeds; one of the user's own may do so without a word."""
+        """Whether an effect may depend on speed; a user's own may do so without requiring it."""
         effects = [effect for effect, _ in (*self.steady, *self.reversing)]
         return any("speed" in each.requires or not type(each).__module__.startswith("ptt.") for each in effects)
 
 
 def plan_of(model: Model, reversal: Reversal | None, limit: float, network: NetworkError | None) -> InversionPlan:
-    """What an inversion is to do; arguments as `compensate`."""
+    """The plan of an inversion; arguments as `compensate`."""
     return InversionPlan(model, *split_terms(model, reversal), limit, network)
 
 
 def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Commands:
-    """The commands of a block whose inversion has settled, without the nearest ones of rows that are not sent.
+    """The commands of an inverted block, with their uncertainty; `nearest` is left blank.
 
     Args:
-        plan: what was to be done.
+        plan: the plan.
         settled: the block.
         inside: which wanted positions lie in the network's training domain.
 
@@ -157,7 +157,7 @@ def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Comm
 
 
 def joined(parts: Sequence[Commands]) -> Commands:
-    """The commands of several blocks, one behind the other."""
+    """The commands of several blocks, concatenated."""
     values = [vars(part) for part in parts]
     one = {name: np.concatenate([each[name] for each in values]) for name in values[0] if name != "reversal_note"}
     return Commands(**one, reversal_note=parts[0].reversal_note)
@@ -176,9 +176,10 @@ def _wanted(model: Model, targets: Table) -> np.ndarray:
 
 
 def _posture(model: Model, targets: Table) -> Tensor | None:
-    """Joint commands that say how an arm is to reach its targets, (n, k) rad; None where there are none.
+    """Nominal joint commands of an arm's targets, (n, k) rad; None where there are none.
 
-    An arm reaches a position in many postures, so its nominal commands are the target: the corrected ones lie beside.
+    An arm reaches a position in many postures, so where it has nominal commands these are its targets, and corrected
+    commands keep their posture.
     """
     if model.file.machine.kind != "serial" or targets.command is None or not np.isfinite(targets.command).all():
         return None
@@ -188,12 +189,12 @@ def _posture(model: Model, targets: Table) -> Tensor | None:
 def prepare(
     plan: InversionPlan, targets: Table, correction: Correction | None, time: Tensor | None = None
 ) -> CommandTask:
-    """What an inversion of some targets begins with.
+    """The task of inverting some targets.
 
     Args:
-        plan: what is to be done.
+        plan: the plan.
         targets: the rows.
-        correction: what a network adds.
+        correction: of a network: wanted position -> position that the model is to reach.
         time: seconds since the first row of the whole list, (n,) s; None: these are the whole list.
 
     Returns:

@@ -1,4 +1,4 @@
-"""What a model asks of the context of its targets: loads, warmth, speed and time that their list may not tell."""
+"""Context that a model depends on and targets may lack or exceed: payload, temperature, speed, time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,20 +16,20 @@ from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import build_view
 
-ASKED = 100  # rows, spread evenly, at which a load or warmth is tried: a load that acts on none of them acts on few
+ASKED = 100  # rows, evenly spaced, at which one kg or one K is tried: an effect that moves none of them moves few
 BY_ONE = {"payload": "payload", "temperature": "warmth"}  # context -> field of a view, tried by one kg, one K
 COLUMNS = {"payload_kg": "payload", "temp_c": "temperature"}
 
 
 def missing_context(model: Model, targets: Table) -> list[str]:
-    """What effects of a model depend on and a list of targets does not tell.
+    """Contexts that effects of a model depend on and a list of targets does not state.
 
     Args:
         model: the model.
         targets: the targets.
 
     Returns:
-        One sentence for each such column.
+        One sentence for each missing column.
     """
     targets = without_empty(targets)
     told = {
@@ -52,14 +52,14 @@ def missing_context(model: Model, targets: Table) -> list[str]:
 
 @dataclass(frozen=True)
 class Beyond:
-    """Rows whose load, warmth or speed a model follows and its run did not have.
+    """Rows of targets outside the range of payload, temperature or speed that the model was fitted over.
 
     Attributes:
         column: of the targets.
-        users: keys of the effects that follow it.
-        run: lowest and highest of the model's run.
-        rows: how many there are.
-        worst: how far beyond, at the most.
+        users: keys of the effects that depend on it.
+        run: lowest and highest value in the model's run.
+        rows: number of rows outside.
+        worst: largest distance outside, in the column's unit.
     """
 
     column: str
@@ -70,14 +70,14 @@ class Beyond:
 
 
 def beyond_context(model: Model, targets: Table) -> tuple[Beyond, ...]:
-    """Loads, warmth and speeds of targets that a model follows and its run did not have.
+    """Payloads, temperatures and speeds of targets outside the range that the model was fitted over.
 
     Args:
         model: the model.
         targets: the targets, or a part of them.
 
     Returns:
-        One for each such column.
+        One entry for each column on which an effect of the model depends.
     """
     then, found = ranges_of_model(model.file) or {}, []
     for column, (need, _) in QUANTITIES.items():
@@ -94,12 +94,12 @@ def beyond_context(model: Model, targets: Table) -> tuple[Beyond, ...]:
 
 
 def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> list[str]:
-    """The same in words, of all parts of a list together.
+    """What `beyond_context` found, in words, for all parts of a list together.
 
     Args:
-        parts: of each part.
+        parts: what it found in each part.
         source: file name for messages.
-        rows: of the whole list.
+        rows: number of rows of the whole list.
     """
     lines = []
     for column, (need, unit) in QUANTITIES.items():
@@ -116,14 +116,14 @@ def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> l
 
 
 def require_context(model: Model, targets: Table) -> None:
-    """Refuse an empty cell of a load or warmth that decides on the command.
+    """Refuse an empty cell of a payload or temperature on which the command depends.
 
     Args:
         model: the model.
         targets: the targets.
 
     Raises:
-        TableError: there is one, by file, row and column.
+        TableError: there is one; it names file, row and column.
     """
     told = without_empty(targets)
     for column, need in COLUMNS.items():
@@ -139,7 +139,7 @@ def require_context(model: Model, targets: Table) -> None:
 
 
 def _followers(model: Model, targets: Table, need: str) -> list[str]:
-    """Keys of the effects that follow a context: by what they say, or as they do at these targets."""
+    """Keys of the effects that depend on a context: those that require it, and those that it moves at these targets."""
     moved = _moved(model, targets, need) if need in BY_ONE else set()
     terms = [term.effect for term in model.terms if term.effect.stage != "metrology"]
     return [effect.key for effect in terms if need in effect.requires or effect.key in moved]
@@ -168,6 +168,6 @@ def _moved(model: Model, targets: Table, need: str) -> set[str]:
 
 
 def _had_load(file: MachineFile) -> bool:
-    """Whether a run of the model was under a load, or nothing says so: one that never had any needs none stated."""
+    """Whether the model's runs had a payload, or do not say; without one, targets need not state any."""
     ranges = [each for each in ranges_of_steps(file) if each is not None]
     return not ranges or any(each.get("payload_kg", (0.0, 0.0))[1] > 0.0 for each in ranges)

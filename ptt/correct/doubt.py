@@ -1,4 +1,4 @@
-"""How sure a command is: what the fit left uncertain at its target, and whether that is more than was promised."""
+"""Uncertainty of a command: standard deviation of the tool at its target, and whether it exceeds the held-out error."""
 
 from dataclasses import dataclass, replace
 
@@ -15,13 +15,13 @@ from ptt.run.direction import STANDSTILL
 from ptt.run.travel import OVERTRAVEL
 from ptt.run.view import View
 
-CHANCE = 0.5  # that a joint came from the other side than that on which it goes on
-FAR = 20.0  # times the overtravel that is assumed: as far as anybody goes past a pose
+CHANCE = 0.5  # probability that a joint came from the other side than that to which it goes on
+FAR = 20.0  # times the overtravel that is assumed: no program overtravels farther
 
 
 @dataclass(frozen=True)
 class NetworkError:
-    """What a network leaves.
+    """Held-out error of a network.
 
     Attributes:
         inside: error of held-out rows with it, mm.
@@ -35,45 +35,46 @@ class NetworkError:
 def command_sigma(
     model: Model, task: CommandTask, terms: EffectTerms, q: Tensor, in_domain: np.ndarray, network: NetworkError | None
 ) -> tuple[np.ndarray, float | None]:
-    """What parameters and network leave uncertain at each target.
+    """Standard deviation of the tool position at each target, by the parameters' covariance and the network's error.
 
     Args:
-        model: with what its file keeps of the fit.
+        model: its file keeps the covariance of the fit.
         task: the targets.
         terms: effects of the machine with their parameters.
         q: commands, (n, k), finite.
         in_domain: rows inside the network's domain, (n,) bool.
-        network: what it leaves; None without one.
+        network: its held-out error; None without one.
 
     Returns:
-        (n,) mm, NaN where nothing is kept; and how sure a command should be in mm: the error of held-out rows, nothing
-        where the drawing did as well at them, None where nothing tells it.
+        (n,) mm, NaN where no covariance is kept; and the standard deviation that a command should not exceed: the error
+        of held-out rows, 0 where the drawing did as well there, None where it is not known.
     """
     kept = kept_covariance(model)
     if (terms and kept is None) or (not terms and network is None):
         return np.full(len(q), np.nan), None
-    sigma, view = np.zeros(len(q)), task.see(q)
+    sigma, view = np.zeros(len(q)), task.view_of(q)
     if kept is not None and terms:
         sigma = tool_sigma(kept, terms, view, model.file)
     if network is None:
         return sigma, None if kept is None else kept.promised
     if kept is not None and terms and kept.unnamed is not None:
-        # What has no name a network has learned where it knows poses, whatever it is, as far as its errors have fallen.
+        # Inside its domain the network has learned the unnamed part too, as far as it reduced held-out errors.
         named = tool_sigma(replace(kept, unnamed=None), terms, view, model.file)
         left = min(network.inside / network.outside, 1.0) if network.outside > 0.0 else 1.0
         sigma = np.where(in_domain, np.hypot(named, left * np.sqrt(np.maximum(sigma**2 - named**2, 0.0))), sigma)
-    # The errors of held-out rows have in them what the parameters leave open there; more than that they do not know.
+    # Held-out errors contain the parameters' share within the poses measured; outside it may be larger: the maximum.
     return np.maximum(sigma, np.where(in_domain, network.inside, network.outside)), network.inside
 
 
 def approach_doubt(task: CommandTask, terms: EffectTerms, q: Tensor) -> np.ndarray:
-    """How far the tool may be off because the targets leave open how the joints came.
+    """Standard deviation of the tool because the targets do not say how the joints arrived.
 
-    From which side to the first row, where `dir1..` does not say it; and how far past a row before a joint turned,
-    where `dir1..` says that it did.
+    It covers the side from which joints came to the first row, where `dir1..` does not state it, and the overtravel
+    past a row before a joint turned, where `dir1..` states that it did.
 
-    A drive that winds up has not turned over for dozens of small steps. The first row itself arrives as the second
-    moves, and a joint that never moves in a run counts as +1, by convention (`ptt.run.travel`): neither is doubted.
+    A drive that winds up needs dozens of small steps to turn over, so rows behind the first are affected. The first row
+    itself arrives as the second moves, and a joint that never moves in a run counts as +1, by convention
+    (`ptt.run.travel`): neither is doubted.
 
     Args:
         task: the targets.
@@ -81,10 +82,10 @@ def approach_doubt(task: CommandTask, terms: EffectTerms, q: Tensor) -> np.ndarr
         q: commands, (n, k), finite.
 
     Returns:
-        (n,) mm, standard deviation.
+        (n,) mm.
     """
     drives = [(effect, theta) for effect, theta in terms if effect.stage == "drive" and len(theta)]
-    known, view = [(effect, theta) for effect, theta in drives if effect.reverses], task.see(q)
+    known, view = [(effect, theta) for effect, theta in drives if effect.reverses], task.view_of(q)
     stated = task.targets.direction
     untold = torch.ones_like(q, dtype=torch.bool) if stated is None else torch.as_tensor(~(np.abs(stated) > 0.0))
     moved = (q.diff(dim=0, prepend=q[:1]).abs() > STANDSTILL) & ~view.starts[:, None]
@@ -97,7 +98,7 @@ def approach_doubt(task: CommandTask, terms: EffectTerms, q: Tensor) -> np.ndarr
     other = replace(view, direction=torch.where(turned, -view.direction, view.direction))
     apart = torch.stack([effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known]).sum(dim=0)
     each = view.jacobian * apart[:, None, :]  # shape: (n, 3, k)
-    # Each joint may have come from the other side by itself: the mean square of so many coins.
+    # Each joint may have come from the other side independently: second moment of a sum of k independent coin tosses.
     off = (CHANCE**2 * each.sum(dim=2).square() + CHANCE * (1.0 - CHANCE) * each.square().sum(dim=2)).sum(dim=1).sqrt()
     ever = moved.any(dim=1).cumsum(dim=0)
     stands = ever == torch.where(view.starts, ever, torch.zeros_like(ever)).cummax(dim=0).values  # where the run began
@@ -105,9 +106,9 @@ def approach_doubt(task: CommandTask, terms: EffectTerms, q: Tensor) -> np.ndarr
 
 
 def _past_doubt(known: EffectTerms, view: View, told: Tensor) -> np.ndarray:
-    """What hangs on how far joints went past rows, where the targets say from which side they came and the rows do not.
+    """Standard deviation of the tool by unknown overtravel, where the targets state a direction that the rows lack.
 
-    The travel has `OVERTRAVEL` there; that it was as far as anybody goes is as likely.
+    The travel has `OVERTRAVEL` there; `FAR` times as much is taken to be as likely.
 
     Args:
         known: effects that remember the travel.
@@ -127,12 +128,12 @@ def _past_doubt(known: EffectTerms, view: View, told: Tensor) -> np.ndarray:
 
 
 def doubtful(sigma: np.ndarray, shift: np.ndarray, promised: float | None) -> np.ndarray:
-    """Rows whose command is less sure than held-out rows promise.
+    """Rows whose command is less certain than held-out rows promise.
 
     Args:
-        sigma: (n,) mm, NaN where unknown.
-        shift: correction, (n,) mm; where nothing was promised, more than that would leave nothing gained.
-        promised: error of held-out rows, mm; None where nothing tells it.
+        sigma: standard deviation, (n,) mm, NaN where unknown.
+        shift: correction, (n,) mm: the bound where nothing was promised, since beyond it nothing is gained.
+        promised: error of held-out rows, mm; None where it is not known.
 
     Returns:
         (n,) bool.

@@ -1,8 +1,9 @@
-"""Commands ahead of axes that lag: what follows their velocity is moved as well when they are.
+"""Commands that lead lagging axes: a step of all commands together, since a lag follows velocities between rows.
 
-An axis at q - T D q, where D takes commands to velocities, is moved by dq with (I - T D) dq. D is linear once the pace
-of the travel is fixed (`ptt.run.pace`), and nearly skew but for corners after moves that outlast usual lags: the system
-can be solved where the lag is as long as the time between two rows. Steps that leave D out would not settle there.
+A lagging axis stands at x = q - T D q, T the lag and D the linear map from the commands of all rows to velocities, once
+the pace of the travel is fixed (`ptt.run.pace`). A step dx of the axis needs dq = (I - T D)^-1 dx. D is nearly skew
+(central differences) but for corners after moves that outlast usual lags, so the system is regular even where the lag
+is as long as the time between two rows; Newton steps without D would not converge there.
 """
 
 from collections.abc import Callable
@@ -16,29 +17,29 @@ from torch import Tensor
 from ptt.run.pace import Pace
 from ptt.run.slopes import Shares
 
-NUDGE = 1.0 + 1e-6  # of the lag: where it is just as long as a move to a stop, no command of that row moves the axis
+NUDGE = 1.0 + 1e-6  # times the lag: a lag exactly as long as the last move before a stop makes I - T D singular
 
 
 @dataclass(frozen=True)
 class Lead:
-    """Moves of lagging axes.
+    """Steps of the axes -> steps of the commands that make them.
 
     Attributes:
-        solvers: of each joint; None where it does not lag.
-        moved: rows that may move, (n,) float: 1 or 0.
+        solvers: for each joint the solution of (I - T D) x = r; None where it does not lag.
+        moved: 1 in rows whose commands may change, else 0, (n,).
     """
 
     solvers: tuple[Callable[[np.ndarray], np.ndarray] | None, ...]
     moved: np.ndarray
 
     def __call__(self, move: Tensor) -> Tensor:
-        """Moves of commands that move the axes.
+        """Steps of the commands for steps of the axes.
 
         Args:
-            move: of the axes, (n, k); what is not a number is left out.
+            move: steps of the axes, (n, k) mm or rad; where they are not numbers they count as zero.
 
         Returns:
-            Of the commands, (n, k).
+            (n, k) mm or rad, not a number where `move` is none.
         """
         wanted, found = move.numpy(), move.numpy().copy()
         for joint, solve in enumerate(self.solvers):
@@ -48,16 +49,13 @@ class Lead:
 
 
 def lead_of(pace: Pace, lag: np.ndarray, hold: np.ndarray, moved: np.ndarray) -> Lead:
-    """Factor the system of each joint.
+    """Factor the sparse system of each joint.
 
     Args:
         pace: of the travel, n rows.
         lag: of each joint, (k,) s.
-        hold: which row's command holds at each row, (n,) int.
-        moved: rows that may move, (n,) bool.
-
-    Returns:
-        The moves.
+        hold: index of the row whose command holds at each row, (n,) int.
+        moved: rows whose commands may change, (n,) bool.
     """
     free = moved.astype(float)
     known = {value: _solver(pace, value, hold, free) for value in set(lag.tolist()) if value}
@@ -65,7 +63,10 @@ def lead_of(pace: Pace, lag: np.ndarray, hold: np.ndarray, moved: np.ndarray) ->
 
 
 def _solver(pace: Pace, lag: float, hold: np.ndarray, free: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Solve x - T (S H x + m) = r together with B m = R H x: straight stretches S, slopes m of the splines, H held."""
+    """Solver of x - T (S H x + P m) = r, B m = R H x: slopes of straight stretches S and of splines m, held rows H.
+
+    S, P, B and R are `pace.straight`, `pace.part`, `pace.bands` and `pace.right` (`ptt.run.pace.Pace`).
+    """
     from scipy import sparse
     from scipy.sparse.linalg import splu
 
@@ -83,7 +84,7 @@ def _solver(pace: Pace, lag: float, hold: np.ndarray, free: np.ndarray) -> Calla
 
 
 def _matrix(shares: Shares, lasts: np.ndarray, sums: int) -> Any:
-    """Sums of weighted slopes as a matrix on joint values, (sums, n)."""
+    """Weighted sums of slopes between rows, as a sparse matrix on joint values, (sums, n)."""
     from scipy import sparse
 
     row, interval, weight = shares

@@ -1,4 +1,4 @@
-"""For a row that cannot be sent: the last place on the way to it where the machine still works."""
+"""For a target that cannot be sent: the last position on the line to it that the machine can still reach."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,21 +13,21 @@ from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import near_singular, translation_rank, travel_margin
 
-HALVINGS = 20  # of the way: a metre to a micrometre
+HALVINGS = 20  # bisections of a line: a metre to a micrometre
 
 Nearest = Callable[[Tensor], tuple[Tensor, Tensor]] | None
 
 
 @dataclass(frozen=True)
-class Ways:
-    """Straight ways from targets that are sent to targets that are not, m rows.
+class Lines:
+    """Straight lines from targets that are sent to targets that are not, m rows.
 
     Attributes:
-        mechanism: the nominal one.
-        begin: where they begin, (m, 3) mm.
-        goal: where they lead, (m, 3) mm.
-        near: joint values at the beginning, (m, k).
-        share: how much of each the drawing can go, (m, 1).
+        mechanism: the nominal mechanism.
+        begin: their beginnings, (m, 3) mm.
+        goal: their ends, (m, 3) mm.
+        near: joint values at the beginnings, (m, k).
+        share: share of each line that the drawing can go, (m, 1).
     """
 
     mechanism: Mechanism
@@ -36,14 +36,14 @@ class Ways:
     near: Tensor
     share: Tensor
 
-    def places(self, spare: float) -> tuple[Tensor, Tensor]:
-        """The last places that work.
+    def last_positions(self, spare: float) -> tuple[Tensor, Tensor]:
+        """The last positions that the drawing reaches, with a margin.
 
         Args:
-            spare: share that is left unused, so that a correction does not lead beyond the edge again.
+            spare: margin as a share of `share`, so that the correction does not lead beyond the edge again.
 
         Returns:
-            Places (m, 3) mm, and their joint values by the drawing, (m, k), NaN where not even the beginning works.
+            Positions (m, 3) mm, and their joint values by the drawing, (m, k), NaN where not even the beginning works.
         """
         place = self.begin + (1.0 - spare) * self.share * (self.goal - self.begin)
         q = _inverse(self.mechanism, place, self.near)
@@ -51,7 +51,7 @@ class Ways:
 
 
 def nearest_of(wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Nearest:
-    """Who knows the place that is sent nearest to another.
+    """Nearest-neighbour search among the targets that are sent.
 
     Args:
         wanted: targets, (n, 3) mm.
@@ -59,7 +59,8 @@ def nearest_of(wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Nearest:
         sent: (n,) bool.
 
     Returns:
-        Places (m, 3) mm -> the nearest ones, (m, 3) mm, and their joint values, (m, k); None where no target is sent.
+        Positions (m, 3) mm -> the nearest targets that are sent, (m, 3) mm, and their joint values, (m, k); None where
+        no target is sent.
     """
     if not sent.any():
         return None
@@ -74,18 +75,18 @@ def nearest_of(wanted: Tensor, nominal: Tensor, sent: np.ndarray) -> Nearest:
     return nearest
 
 
-def find_ways(mechanism: Mechanism, goal: Tensor, nearest: Nearest) -> Ways:
-    """Find how far the drawing can go from the nearest target that is sent toward each that is not.
+def find_lines(mechanism: Mechanism, goal: Tensor, nearest: Nearest) -> Lines:
+    """Find by bisection how far the drawing can go from the nearest target that is sent toward each that is not.
 
-    Where no target is sent, the ways begin at the home pose.
+    Where no target is sent, the lines begin at the home pose.
 
     Args:
-        mechanism: the nominal one.
-        goal: those that are not sent, (m, 3) mm.
-        nearest: from places to those that are sent nearest, and their joint values; None where there are none.
+        mechanism: the nominal mechanism.
+        goal: targets that are not sent, (m, 3) mm.
+        nearest: positions -> the nearest targets that are sent, and their joint values; None where none is sent.
 
     Returns:
-        The ways.
+        The lines.
     """
     if nearest is not None:
         begin, near = nearest(goal)
@@ -98,16 +99,16 @@ def find_ways(mechanism: Mechanism, goal: Tensor, nearest: Nearest) -> Ways:
         place = begin + middle * (goal - begin)
         good = _works(mechanism, place, _inverse(mechanism, place, near))[:, None]
         least, most = torch.where(good, middle, least), torch.where(good, most, middle)
-    return Ways(mechanism, begin, goal, near, least)
+    return Lines(mechanism, begin, goal, near, least)
 
 
 def _works(mechanism: Mechanism, place: Tensor, q: Tensor) -> Tensor:
-    """Whether the drawing reaches places within travel and away from singularities, (m,) bool."""
+    """Whether the drawing reaches positions within travel and away from singularities, (m,) bool."""
     return torch.isfinite(q).all(dim=1) & (travel_margin(mechanism, q) >= 0.0) & ~near_singular(mechanism, place, q)
 
 
 def _inverse(mechanism: Mechanism, place: Tensor, near: Tensor) -> Tensor:
-    """Joint values by the drawing; an arm goes on in the posture that it has, by Newton steps."""
+    """Joint values by the drawing; an arm keeps its posture, by Newton steps from `near`."""
     if isinstance(mechanism, ThreePtt):
         return mechanism.inverse(place, None, near)
     q = near

@@ -1,4 +1,4 @@
-"""The exact inverse of the whole chain, row by row: a row that cannot get there never stops the others.
+"""Newton inversion of the causal chain, all rows at once: a row without a solution does not stop the others.
 
 A joint with play of width e follows the play operator y = clip(y_before, x - e/2, x + e/2) of its command x. Its exact
 inverse is x = q + (e/2) dir, dir the direction of travel: the flank that pushes stays in contact, so that y = q at
@@ -23,17 +23,17 @@ from ptt.run.direction import STANDSTILL
 from ptt.run.travel import arrival_direction
 from ptt.run.view import View
 
-ROUNDS = 60  # as the C that is exported; many waves a turn leave up to half of a miss to the next round
-SETTLED = 1e-10  # mm: a tool this near its goal ends the iteration; exports agree with commands to ten times that
-NEARER = 0.9  # of what was missed before is progress; a round takes a hundredth, one of halved steps half
-MISSED = 1e-4  # mm: a tool this far from its goal after all rounds cannot get there
-IDLE = 3  # rounds that bring no row nearer: what is left goes to and fro over a gap, and no round after will help
-PASSES = 5  # over rows behind some that cannot settle: each is right for one more of these that feel each other
+ROUNDS = 60  # as in the exported C; with many harmonics of a turn a round leaves up to half of the miss
+SETTLED = 1e-10  # mm: a miss below ends the iteration; exports agree with commands to ten times that
+NEARER = 0.9  # a miss below this share of the one before is progress; a usual round leaves 0.01, a halved step 0.5
+MISSED = 1e-4  # mm: a row with a larger miss after all rounds cannot be reached
+IDLE = 3  # rounds without progress in any row: what is left alternates over a gap, and further rounds do not help
+PASSES = 5  # over rows that follow some which do not settle: each pass settles one more of those that depend on another
 HALVINGS = 6  # of a step that would take the links apart
 
 
 def holding(sent: np.ndarray) -> np.ndarray:
-    """Which row's command holds at each row: its own where it is sent, else the one before; at first, the next one.
+    """Index of the row whose command holds at each row: itself if sent, else the last one sent, at first the next.
 
     Args:
         sent: (n,) bool, at least one.
@@ -47,7 +47,7 @@ def holding(sent: np.ndarray) -> np.ndarray:
 
 
 def _held(sent: np.ndarray, given: int) -> tuple[Tensor, Tensor]:
-    """Which row's command holds at each row, (n,) int, and which rows are solved for, (n,) bool."""
+    """Index of the row whose command holds at each row, (n,) int, and which rows are solved for, (n,) bool."""
     known = np.arange(len(sent)) < given
     return torch.as_tensor(holding(sent | known)), torch.as_tensor(sent & ~known)
 
@@ -55,44 +55,44 @@ def _held(sent: np.ndarray, given: int) -> tuple[Tensor, Tensor]:
 def invert(
     terms: EffectTerms,
     mechanism: Mechanism,
-    see: Callable[[Tensor], View],
+    view_of: Callable[[Tensor], View],
     start: Tensor,
     goal: Tensor,
     sent: np.ndarray,
     given: int = 0,
 ) -> tuple[Tensor, Tensor]:
-    """Joint values at which the model puts the tool at its goal, by Newton steps.
+    """Joint values at which the model puts the tool at its goal, by Newton's method.
 
-    The view is taken anew in every round, because reversal effects remember the travel that the commands make. Where
-    they leave a step that no command can take, rows go to and fro and keep their best round; every other row keeps the
-    first in which it and those before it have settled, so that it does not matter with how many others it is inverted.
-    While a row is not sent the machine stands where the row before left it.
+    The view is built anew in every round, because reversal effects depend on the travel that the commands make. Where
+    they leave a step that no command can make, a row alternates and keeps its best round; every other row keeps the
+    first round in which it and all before it have settled, so the result does not depend on how many rows are inverted
+    together. At a row that is not sent the machine stands where the row before left it.
 
     Args:
         terms: effects with their parameters.
-        mechanism: the nominal one.
-        see: commands (n, k) -> the view of the travel that they make.
-        start: (n, k), finite where sent.
-        goal: (n, 3) mm.
+        mechanism: the nominal mechanism.
+        view_of: commands (n, k) -> the view of the travel that they make.
+        start: commands to start from, (n, k), finite where sent.
+        goal: positions that the model is to reach, (n, 3) mm.
         sent: (n,) bool, at least one beyond those given.
-        given: how many rows at the start keep the commands that they begin with.
+        given: how many leading rows keep the commands of `start`.
 
     Returns:
-        Commands (n, k), and by how much they miss in directions in which the joints move the tool, (n, 3) mm; infinite
-        in rows that are not sent or were given.
+        Commands (n, k), and their miss, goal less position, in the directions in which the joints move the tool,
+        (n, 3) mm; infinite in rows that are not sent or were given.
     """
     hold, rows = _held(sent, given)
     best, least = start[hold], torch.full_like(goal, torch.inf)
     if not terms:
         return best, torch.where(rows[:, None], torch.zeros_like(goal), least)
-    search = _Search(terms, mechanism, see, goal, hold, given)
+    search = _Search(terms, mechanism, view_of, goal, hold, given)
     moves = rows
     for _ in range(PASSES):
         best, least = search.settle(best, least, moves)
         if bool((_size(least)[rows] <= SETTLED).all()):
             break
-        # What cannot settle ends where it came nearest; what follows was right beside where it stood in another round.
-        before, least = _size(least), search.missed(see(best[hold]))
+        # A row that does not settle ends in its best round, while rows behind it settled beside another of its rounds.
+        before, least = _size(least), search.missed(view_of(best[hold]))
         moves = rows & (_size(least) > before + SETTLED)
         if not bool(moves.any()):
             break
@@ -101,31 +101,32 @@ def invert(
 
 @dataclass(frozen=True)
 class _Search:
-    """What Newton's rounds ask of a travel."""
+    """Newton's method over one travel; attributes as the arguments of `invert`, `hold` as of `_held`."""
 
     terms: EffectTerms
     mechanism: Mechanism
-    see: Callable[[Tensor], View]
+    view_of: Callable[[Tensor], View]
     goal: Tensor
     hold: Tensor
     given: int
 
     @property
     def rank(self) -> int:
+        """Rank of the mechanism's dp/dq."""
         return translation_rank(self.mechanism)
 
     def missed(self, view: View) -> Tensor:
-        """What the joints can make good of what each row misses, (n, 3) mm."""
-        return _made(view.jacobian, self.goal - predict(self.terms, view).p, self.rank)
+        """Part of each row's miss that the joints can correct, (n, 3) mm."""
+        return _attainable(view.jacobian, self.goal - predict(self.terms, view).p, self.rank)
 
     def settle(self, best: Tensor, least: Tensor, moves: Tensor) -> tuple[Tensor, Tensor]:
-        """Where some rows, (n,) bool, come nearest, the others standing where they stand."""
+        """Best commands (n, k) and misses (n, 3) of the rows in `moves` (n,) bool, the others held at `best`."""
         q, idle, stays = best[self.hold], 0, ~moves
         least = torch.where(moves[:, None], torch.inf, least)
         for _ in range(ROUNDS):
-            view = self.see(q)
+            view = self.view_of(q)
             step = self.missed(view)
-            least = torch.where(stays[:, None], step, least)  # rows before one may have moved since it was right
+            least = torch.where(stays[:, None], step, least)  # rows before may have moved since it settled
             size, before = _size(step), _size(least)
             better = ((size < before) & (before > SETTLED) & moves)[:, None]
             idle = 0 if bool((moves & (size < NEARER * before) & (before > SETTLED)).any()) else idle + 1
@@ -135,7 +136,7 @@ class _Search:
                 break
             step[: self.given] = 0.0
             wanted = q + least_move(view.jacobian, step, self.rank)
-            ahead = _ahead(self.terms, view, wanted, self.hold, self.given > 0)
+            ahead = _with_gaps_taken_up(self.terms, view, wanted, self.hold, self.given > 0)
             q = torch.where(stays[:, None], best, _assembled(self.mechanism, best, ahead, q))[self.hold]
         return best, least
 
@@ -143,26 +144,26 @@ class _Search:
 def invert_together(
     terms: EffectTerms,
     mechanism: Mechanism,
-    see: Callable[[Tensor], View],
+    view_of: Callable[[Tensor], View],
     start: Tensor,
     goal: Tensor,
     sent: np.ndarray,
     given: int,
     lead: Callable[[Tensor], Tensor],
 ) -> tuple[Tensor, Tensor]:
-    """The same where a row feels how its neighbours move: axes that lag follow their velocity.
+    """As `invert`, where a row depends on its neighbours' commands because lagging axes follow their velocity.
 
-    All rows end with the same round, because each is right only beside those of its round.
+    All rows end with the same round, because each is right only together with those of its round.
 
     Args:
-        terms: effects with their parameters, none of which remembers the way.
-        mechanism: the nominal one.
-        see: commands (n, k) -> the view of the travel that they make.
-        start: (n, k), finite where sent.
-        goal: (n, 3) mm.
+        terms: effects with their parameters, none of which depends on the travel before.
+        mechanism: the nominal mechanism.
+        view_of: commands (n, k) -> the view of the travel that they make.
+        start: commands to start from, (n, k), finite where sent.
+        goal: positions that the model is to reach, (n, 3) mm.
         sent: (n,) bool, at least one beyond those given.
-        given: how many rows at the start keep the commands that they begin with.
-        lead: moves of the axes -> moves of their commands, (n, k).
+        given: how many leading rows keep the commands of `start`.
+        lead: steps of the axes -> the steps of their commands that make them, (n, k).
 
     Returns:
         As `invert`.
@@ -171,8 +172,8 @@ def invert_together(
     q, least, idle = start[hold], torch.full((len(sent),), torch.inf, dtype=torch.float64), 0
     rank = translation_rank(mechanism)
     for turn in range(ROUNDS):
-        view = see(q)
-        step = _made(view.jacobian, goal - predict(terms, view).p, rank)
+        view = view_of(q)
+        step = _attainable(view.jacobian, goal - predict(terms, view).p, rank)
         size = torch.where(rows, _size(step), 0.0)
         idle = 0 if bool((rows & (size < NEARER * least)).any()) else idle + 1
         least = torch.minimum(least, size)
@@ -184,25 +185,25 @@ def invert_together(
     return q, torch.where(rows[:, None], step, torch.inf)
 
 
-def _made(jacobian: Tensor, step: Tensor, rank: int) -> Tensor:
-    """What of a step the joints can make, (n, 3) mm: all of it where they move the tool in every direction."""
+def _attainable(jacobian: Tensor, step: Tensor, rank: int) -> Tensor:
+    """Part of a tool step that the joints can make, (n, 3) mm: all of it where dp/dq has rank 3."""
     if rank == step.shape[-1]:
         return step
     return (jacobian @ least_move(jacobian, step, rank)[..., None])[..., 0]
 
 
-def _ahead(terms: EffectTerms, view: View, wanted: Tensor, hold: Tensor, going: bool) -> Tensor:
-    """Commands for a wanted move with every gap taken up, so that a joint inside its play does not stay there.
+def _with_gaps_taken_up(terms: EffectTerms, view: View, wanted: Tensor, hold: Tensor, going: bool) -> Tensor:
+    """Commands with every gap taken up, so that a joint inside its play does not stay there: the backlash inverse.
 
     Args:
         terms: effects with their parameters.
-        view: the travel as it was.
-        wanted: commands whose play would be that of the view, (n, k).
-        hold: which row's command holds at each row, (n,).
+        view: the travel of the round before.
+        wanted: commands that would be right with the play of that view, (n, k).
+        hold: index of the row whose command holds at each row, (n,).
         going: whether the travel began before the first row.
 
     Returns:
-        Commands half a gap ahead of where the nuts have to be, (n, k).
+        Commands half a gap ahead of the nuts, (n, k).
     """
     gaps = gaps_of(terms)
     if not gaps:
@@ -216,20 +217,20 @@ def _ahead(terms: EffectTerms, view: View, wanted: Tensor, hold: Tensor, going: 
 
 
 def gaps_of(terms: EffectTerms) -> EffectTerms:
-    """Those effects that are play."""
+    """The backlashes among effects."""
     return [(effect, theta) for effect, theta in terms if isinstance(effect, Backlash)]
 
 
 def open_gaps(gaps: EffectTerms, direction: Tensor, view: View) -> Tensor:
-    """How far a command has to be from where the nut has to be: half the gap ahead in the direction of travel.
+    """Command less nut position: half the gap ahead in the direction of travel.
 
-    Where the joint turned on the way and came back by less than the gap, a nut that waits for it still lies on the side
-    from before.
+    Where a joint turned on the way to a row and came back by less than a gap that is waited for, the nut is still in
+    contact on the former side, and so much is taken off.
 
     Args:
-        gaps: effects that are play, with their parameters.
+        gaps: backlashes with their parameters.
         direction: of arrival, (n, k).
-        view: the travel, which knows where the joints turned.
+        view: the travel with its turning points.
 
     Returns:
         (n, k) mm or rad.
@@ -238,16 +239,17 @@ def open_gaps(gaps: EffectTerms, direction: Tensor, view: View) -> Tensor:
     none = torch.zeros(view.joints, dtype=direction.dtype)
     whole, gap = sum((gap for gap, _ in known), none), sum((gap for gap, waits in known if waits), none)
     back = (view.q - view.turning_point).abs()
-    still = torch.where(back > STANDSTILL, (gap - back).clamp(min=0.0), 0.0)  # what is not taken up yet
+    still = torch.where(back > STANDSTILL, (gap - back).clamp(min=0.0), 0.0)  # not taken up yet
     return (0.5 * whole - still) * direction
 
 
 def _size(step: Tensor) -> Tensor:
+    """Length of each step (n, 3), (n,); infinite where it is not a number."""
     return torch.nan_to_num(step.norm(dim=1), nan=torch.inf)
 
 
 def _assembled(mechanism: Mechanism, best: Tensor, wanted: Tensor, here: Tensor) -> Tensor:
-    """A move as far as the links stay together: halved where they would not, given up where that does not help."""
+    """Commands shortened toward the best ones until the mechanism can be assembled; the best ones where none can."""
     q = torch.where(torch.isfinite(wanted).all(dim=1)[:, None], wanted, 0.5 * (best + here))
     for _ in range(HALVINGS):
         apart = ~torch.isfinite(mechanism.forward(q)).all(dim=1)

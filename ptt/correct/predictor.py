@@ -1,4 +1,4 @@
-"""Commands one after the other by the model's own C, built once and called from here.
+"""Commands row by row from the exported C of a model, compiled once and called through ctypes.
 
 A command of an array takes about a microsecond or less, one that is asked for alone a few, most of it the call from
 Python (docs/export.md has figures).
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O3", "-shared", "-fPIC")
-HERE = "-march=native"  # it runs where it is built; not every compiler knows the word
-# So that nobody has to guess how much to set aside.
+HERE = "-march=native"  # it runs on the machine that builds it; not every compiler knows the flag
+# The size of ptt_state, so that the caller can allocate one.
 STATE = "\nconst unsigned long ptt_state_bytes = sizeof(ptt_state);\n"
 CODES = ("ok", "outside the training domain: physics alone", "out of reach", "near singular")
 
@@ -34,12 +34,12 @@ class _Context(ctypes.Structure):
 class Predictor:
     """Corrected commands of a machine that goes from one target to the next.
 
-    It remembers the travel from call to call, so rows may come one by one, in blocks, or as a stream: memory does not
-    grow with their number. Numbers are those of `ptt predict`, reversal in software.
+    It remembers the travel from call to call, so rows may come one by one, in blocks, or as a stream; memory does not
+    grow with their number. The commands are those of `ptt predict`, reversal in software.
 
     Attributes:
         joints: k.
-        code: what became of the last row that was given, or the gravest of a block: a place in `CODES`.
+        code: index into `CODES` of the status of the last row, or of the gravest one of a block.
     """
 
     def __init__(self, compensator: "Compensator") -> None:

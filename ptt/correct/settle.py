@@ -1,4 +1,4 @@
-"""Targets turned into commands: what is sent to each row, what becomes of it, and the nearest place that works."""
+"""Commands and status of each target, and for targets that cannot be sent the nearest position that can."""
 
 from dataclasses import dataclass, replace
 
@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.lead import Lead, lead_of
-from ptt.correct.nearest import Nearest, find_ways
+from ptt.correct.nearest import Nearest, find_lines
 from ptt.correct.newton import MISSED, gaps_of, holding, invert, invert_together, open_gaps
 from ptt.correct.task import CommandTask, Handover
 from ptt.effects.memory import TravelBefore
@@ -20,19 +20,19 @@ from ptt.model.chain import EffectTerms, predict
 from ptt.run.table import take_rows
 from ptt.run.view import View
 
-SPARES = (1e-3, 1e-2, 0.1, 0.4, 1.0)  # shares of the way to a row that is not sent, left unused one after the other
-PASSES = 4  # rows that are not sent change the travel of those behind them
+SPARES = (1e-3, 1e-2, 0.1, 0.4, 1.0)  # margins tried in turn: shares of the line to a row that is not sent
+PASSES = 4  # a row found not to be sent changes the travel of those behind it, which are then solved again
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What an inversion ends with, n rows.
+    """Result of an inversion, n rows.
 
     Attributes:
-        height: commands without reversal compensation, (n, k); rows that are not sent hold the row before.
+        height: commands without reversal compensation, (n, k); a row that is not sent has those of the row before.
         q: commands with it, (n, k).
-        missed: by how much these miss, (n, 3) mm; infinite where nothing was found.
-        reached: rows that the effects without reversal let get there, (n,) bool.
+        missed: goal less position under `q`, (n, 3) mm; infinite where nothing was found.
+        reached: rows with a solution, (n,) bool.
     """
 
     height: Tensor
@@ -43,12 +43,12 @@ class Solved:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What becomes of n targets.
+    """Commands and status of n targets.
 
     Attributes:
         solved: their commands.
         status: (n,) str, as in `ptt.correct.commands`.
-        shift_mm: static correction, (n,); NaN where no command was found.
+        shift_mm: size of the static correction, (n,); NaN where no command was found.
     """
 
     solved: Solved
@@ -57,13 +57,13 @@ class Outcome:
 
 
 def settle(task: CommandTask) -> Outcome:
-    """Invert what can be inverted, and say of every row what becomes of it.
+    """Solve for commands, and give every row its status; a row that is not sent takes no part in the travel.
 
     Args:
         task: the targets.
     """
     status = _before(task)
-    status[: task.given] = OUT_OF_REACH  # they are done with
+    status[: task.given] = OUT_OF_REACH  # rows handed on are not solved again
     shift = np.where(status == TOO_LARGE, (task.asked - task.wanted).norm(dim=1).numpy(), np.nan)
     solved = _standing(task)
     for _ in range(PASSES):
@@ -80,38 +80,38 @@ def settle(task: CommandTask) -> Outcome:
 
 
 def hand_on(task: CommandTask, solved: Solved, rows: int, beside: int) -> Handover | None:
-    """What the rows behind must know of those before them.
+    """State for the rows behind a block.
 
     Args:
         task: the targets, in travel order.
         solved: their commands.
-        rows: how many of them are before; those behind were looked at on the way only.
-        beside: how many of them are handed on, at most.
+        rows: how many leading rows are done; the others were solved along as lookahead.
+        beside: how many of these are handed on, at most.
 
     Returns:
-        It; None where nothing was sent so far.
+        The state; None where nothing was sent so far.
     """
     if task.handover is None and not solved.reached[:rows].any():
         return None
     first = max(rows - beside, 0)
-    view = task.see(solved.q)
+    view = task.view_of(solved.q)
     turned = view.turning_point[first] - view.q[first]
     travel = TravelBefore(enter(view, [first])[0], view.direction[first], turned)
     sent = solved.reached & torch.isfinite(solved.missed).all(dim=1).numpy()
-    return Handover(travel, solved.height[first:rows], solved.q[first:rows], task.stands(sent)[first:rows])
+    return Handover(travel, solved.height[first:rows], solved.q[first:rows], task.positions(sent)[first:rows])
 
 
 def nearest_commands(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
-    """Commands that work beside targets that are not sent.
+    """For targets that are not sent, commands of the nearest position that can be, on the line from one that is.
 
     Args:
         task: the targets.
         rows: those that are not sent, (m,) int.
-        nearest: from places to those that are sent nearest, and their joint values; None where there are none.
+        nearest: positions -> the nearest targets that are sent, and their joint values; None where none is sent.
 
     Returns:
-        Commands (n, k) of the last places that work on the way, without reversal, and the distance (n,) mm from there
-        to the target; NaN where there are none.
+        Commands (n, k) without reversal, and the distance (n,) mm of their position from the target; NaN where there
+        are none.
     """
     q, distance = np.full(task.nominal.shape, np.nan), np.full(len(task.nominal), np.nan)
     for first, last in stretches(len(rows), CHUNK):
@@ -121,12 +121,12 @@ def nearest_commands(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> t
 
 
 def _nearest(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:
-    """The same for some rows that are not sent, (m,) int."""
+    """`nearest_commands` of some rows (m,) int: commands (m, k) and distances (m,)."""
     q, distance = np.full((len(rows), task.nominal.shape[1]), np.nan), np.full(len(rows), np.nan)
     goal = task.wanted[rows]
-    ways, table = find_ways(task.mechanism, goal, nearest), take_rows(task.targets, rows)
+    lines, table = find_lines(task.mechanism, goal, nearest), take_rows(task.targets, rows)
     for spare in SPARES:
-        place, start = ways.places(spare)
+        place, start = lines.last_positions(spare)
         part = replace(
             task, targets=table, wanted=place, asked=place, nominal=start, start=start, reversing=(), clock=None,
             time=task.time[rows],
@@ -141,12 +141,12 @@ def _nearest(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.
 
 
 def first_order(mechanism: Mechanism, wanted: Tensor, height: Tensor, sent: np.ndarray) -> Tensor:
-    """H_m(b - db) = f(p) - J_a dp (eq. 13 of the source paper) with dp = p - N(p), N the corrected target.
+    """First-order commands H_m(b - db) = f(p) - J_a dp (eq. 13 of the source paper), dp = p - N(p), N(p) what is asked.
 
-    J_a is taken half-way, at p - dp/2: there the first-order form is good to the third order in dp.
+    J_a is taken half-way, at p - dp/2, where the error of the first-order form is of third order in dp.
 
     Args:
-        mechanism: the nominal one.
+        mechanism: the nominal mechanism.
         wanted: targets, (n, 3) mm.
         height: exact commands without reversal compensation, (n, k).
         sent: rows that have such commands, (n,) bool.
@@ -163,7 +163,7 @@ def first_order(mechanism: Mechanism, wanted: Tensor, height: Tensor, sent: np.n
 
 
 def _before(task: CommandTask) -> np.ndarray:
-    """What the drawing and the network say of each row, before the model is asked; the gravest last."""
+    """Status of each row by drawing and network, before the model is inverted; later lines take precedence."""
     status = np.full(len(task.wanted), OK, dtype=object)
     status[near_singular(task.mechanism, task.wanted, task.nominal).numpy()] = NEAR_SINGULAR
     status[~((task.asked - task.wanted).norm(dim=1) <= task.limit).numpy()] = TOO_LARGE
@@ -172,7 +172,7 @@ def _before(task: CommandTask) -> np.ndarray:
 
 
 def _standing(task: CommandTask) -> Solved:
-    """Before anything was sent: where the rows before left the machine, else where the search will begin."""
+    """Commands where no row is sent: where the rows before left the machine, else the start of the search."""
     height = q = task.start
     if task.handover is not None:
         last = torch.arange(len(q)).clamp(max=task.given - 1)
@@ -181,42 +181,42 @@ def _standing(task: CommandTask) -> Solved:
 
 
 def _solve(task: CommandTask, sent: np.ndarray) -> Solved:
-    """Commands: first for the steady effects, then for those that remember the way.
+    """Commands, first for the steady effects alone, then with those that depend on direction or travel.
 
-    The search begins where the task says, whatever came before: an arm's posture follows its start.
+    Newton's method starts from the task's own start in every pass, since an arm's posture follows its start.
     """
     given, before, task = np.arange(len(sent)) < task.given, task.handover, task.paced(sent)
     near = task.start if before is None else torch.cat([before.height, task.start[task.given :]])
     lead, goal = _lead(task, sent), (task.asked, sent, task.given)
     if lead is None:
-        height, step = invert(task.steady, task.mechanism, task.see, near, *goal)
+        height, step = invert(task.steady, task.mechanism, task.view_of, near, *goal)
     else:
-        height, step = invert_together(task.steady, task.mechanism, task.see, near, *goal, lead)
+        height, step = invert_together(task.steady, task.mechanism, task.view_of, near, *goal, lead)
     reached = sent & (step.abs().amax(dim=1) < MISSED).numpy()
     if not reached.any():
         return replace(_standing(task), missed=step)
     if not task.reversing:
         return Solved(height, height, _missed(task, task.steady, height, step), reached)
     height = height[torch.as_tensor(holding(reached | given))]
-    opened = _opened(height, task.reversing, task.see(height))
+    opened = _opened(height, task.reversing, task.view_of(height))
     opened = opened if before is None else torch.cat([before.q, opened[task.given :]])
     terms = [*task.steady, *task.reversing]
-    if task.pace is not None:  # a gap is crossed at once while the slider stands: no motion that anything lags behind
+    if task.pace is not None:  # a gap is crossed while the axis stands: lags do not follow that motion
         task = replace(task, velocity=torch.as_tensor(task.pace.velocity(height.numpy())))
-    q, left = invert(terms, task.mechanism, task.see, opened, task.asked, reached, task.given)
+    q, left = invert(terms, task.mechanism, task.view_of, opened, task.asked, reached, task.given)
     reached = reached & torch.isfinite(left).all(dim=1).numpy()
     return Solved(height, q, _missed(task, terms, q, left), reached)
 
 
 def _missed(task: CommandTask, terms: EffectTerms, q: Tensor, left: Tensor) -> Tensor:
-    """By how much commands miss, (n, 3) mm: what joints could still do, `left`, and what lies across their plane."""
+    """Goal less position, (n, 3) mm: `left`, and for rank below 3 also the part that no joint can correct."""
     if translation_rank(task.mechanism) == 3:
         return left
-    return torch.where(left.isfinite().all(dim=1)[:, None], task.asked - predict(terms, task.see(q)).p, left)
+    return torch.where(left.isfinite().all(dim=1)[:, None], task.asked - predict(terms, task.view_of(q)).p, left)
 
 
 def _after(task: CommandTask, solved: Solved) -> np.ndarray:
-    """What becomes of each row once the model has been asked; the gravest last."""
+    """Status of each row by its commands; later lines take precedence."""
     limits = task.mechanism.limits().T
     status = np.full(len(solved.q), OK, dtype=object)
     status[((solved.q < limits[:, 0]) | (solved.q > limits[:, 1])).any(dim=1).numpy()] = OUT_OF_TRAVEL
@@ -227,13 +227,13 @@ def _after(task: CommandTask, solved: Solved) -> np.ndarray:
 
 
 def _lead(task: CommandTask, sent: np.ndarray) -> Lead | None:
-    """How commands run ahead of axes that lag; None where none does."""
-    if task.pace is None or not task.late:
+    """The factored systems that make commands lead lagging axes; None where no axis lags."""
+    if task.pace is None or not task.lags:
         return None
     given = np.arange(len(sent)) < task.given
     return lead_of(task.pace, task.lag.numpy(), holding(sent | given), sent & ~given)
 
 
 def _opened(height: Tensor, reversing: EffectTerms, view: View) -> Tensor:
-    """Commands half the gap ahead in the direction of travel: the exact inverse of the play operator."""
+    """Commands half the gap ahead in the direction of travel, the backlash inverse, as a start for all reversals."""
     return height + open_gaps(gaps_of(reversing), view.direction, view)

@@ -1,4 +1,4 @@
-"""A list of targets of any length from disk to commands on disk: in memory are a block and the rows beside it."""
+"""A list of targets of any length, from disk to commands on disk, with one block and its neighbours in memory."""
 
 import pickle
 from collections.abc import Iterator
@@ -24,12 +24,12 @@ from ptt.run.viewing import elapsed
 
 @dataclass(frozen=True)
 class Part:
-    """Some rows on their way out.
+    """Commands of some rows.
 
     Attributes:
-        first: their first.
+        first: the first of the rows.
         last: the row after their last.
-        commands: what to send there.
+        commands: their commands.
         wanted: targets in the base frame, (n, 3) mm.
         nominal: their joint values by the drawing, (n, k).
     """
@@ -42,11 +42,11 @@ class Part:
 
 
 class Stream:
-    """Commands of a list on disk, worked out once and then there to be read.
+    """Commands of a list on disk, computed once and then read part by part.
 
     Attributes:
         bounds: first row of each part, and the row after its last.
-        starts: seconds from the first row of the list to that of each part that was worked out.
+        starts: time of the first row of each part that was computed, s since the first row of the list.
         sent: whether every row has a command.
     """
 
@@ -64,13 +64,13 @@ class Stream:
         return self._spool.take(*self.bounds[index])
 
     def part(self, index: int) -> Part:
-        """A part that was worked out."""
+        """A part that was computed."""
         with self._file(index).open("rb") as file:
             part: Part = pickle.load(file)
         return part
 
     def invert(self, tell: Progress) -> Iterator[Part]:
-        """Work out block after block; rows that are not sent have no nearest command yet."""
+        """Compute block after block; rows that are not sent have no nearest command yet."""
         handover, start = None, 0.0
         for index, (first, last) in enumerate(self.bounds):
             low = first - (0 if handover is None else len(handover.q))
@@ -89,7 +89,7 @@ class Stream:
             yield part
 
     def find_nearest(self) -> None:
-        """Give rows that are not sent the nearest commands that work."""
+        """Give rows that are not sent the nearest commands that can be."""
         near = self._nearest()
         for index, (first, last) in enumerate(self.bounds):
             part = self.part(index)
@@ -106,13 +106,13 @@ class Stream:
         return replace(task, clock=with_one_clock(task.clock, self._spool.feed, task.wanted.numpy()))
 
     def _seen_to(self, first: int, last: int, handover: Handover | None) -> int:
-        """A block may look far ahead where a run begins in it: until each of its joints was seen to move."""
+        """End of a block's lookahead, which is long where a run begins in it."""
         low = max(first - 1, 0)
         run = self._spool.take(low, last).run
         return min(last + rows_ahead(run, first - low, last - low, handover), self._spool.rows)
 
     def _nearest(self) -> Nearest:
-        """The nearest target that is sent, looked for part by part."""
+        """Nearest-neighbour search among the targets of all parts that are sent."""
         parts = [index for index in range(len(self.bounds)) if self.part(index).commands.sent.any()]
 
         def nearest(goal: Tensor) -> tuple[Tensor, Tensor]:

@@ -1,4 +1,4 @@
-"""Targets on their way to commands: what is asked of drawing and model, and what rows hand on to those behind."""
+"""The task of an inversion: targets, what drawing and model are asked for, and the state handed on by rows before."""
 
 from dataclasses import dataclass, replace
 
@@ -23,24 +23,24 @@ from ptt.run.viewing import build_view
 
 @dataclass(frozen=True)
 class CommandTask:
-    """All that an inversion begins with, n rows.
+    """Everything that an inversion starts from, n rows.
 
     Attributes:
         model: effects with their parameters.
-        targets: the table.
-        mechanism: the nominal one.
-        steady: effects that depend on pose and context.
-        reversing: effects that depend on the way there and are compensated here.
+        targets: the table, without time and feed.
+        mechanism: the nominal mechanism.
+        steady: effects that depend on pose and context alone.
+        reversing: effects that depend on the direction or travel before, as far as the commands compensate them.
         wanted: targets in the base frame, (n, 3) mm.
-        asked: what the model is asked for, (n, 3) mm.
-        nominal: joint values of the targets by the drawing, (n, k); NaN out of reach.
-        start: where Newton steps begin, (n, k).
+        asked: positions that the model is to reach, (n, 3) mm: the targets, shifted by the network where there is one.
+        nominal: joint values of the targets by the drawing, (n, k) mm or rad; NaN out of reach.
+        start: joint values where Newton's method starts, (n, k).
         limit: largest correction that is sent, mm.
         time: seconds since the first row of the whole list, (n,) s.
-        handover: what rows before hand on; None where these are the first.
-        clock: the targets with what tells speeds; None where no effect follows them.
-        pace: of the travel, where it is known.
-        velocity: of the joints, (n, k), where it no longer depends on the commands.
+        handover: state handed on by the rows before; None where these rows are the first.
+        clock: the targets with time and feed, from which speeds follow; None where no effect depends on speed.
+        pace: of the travel; None until it is known which rows are sent.
+        velocity: of the joints, (n, k) mm/s or rad/s, where it no longer depends on the commands.
     """
 
     model: Model
@@ -61,28 +61,28 @@ class CommandTask:
 
     @property
     def given(self) -> int:
-        """How many rows at the start are those before, whose commands are known."""
+        """Number of leading rows that were handed on, whose commands are known."""
         return 0 if self.handover is None else len(self.handover.q)
 
     @property
-    def late(self) -> list[tuple[FollowingError, Tensor]]:
-        """Lags of axes behind their commands."""
+    def lags(self) -> list[tuple[FollowingError, Tensor]]:
+        """Following errors among the steady effects, with their parameters."""
         return [(effect, theta) for effect, theta in self.steady if isinstance(effect, FollowingError)]
 
     @property
     def lag(self) -> Tensor:
         """Lag of each axis behind its command, (k,) s."""
         joints = self.nominal.shape[1]
-        return sum((theta[:joints] for _, theta in self.late), torch.zeros(joints, dtype=torch.float64))
+        return sum((theta[:joints] for _, theta in self.lags), torch.zeros(joints, dtype=torch.float64))
 
     @property
-    def way(self) -> int:
-        """What rows mean by speed where an axis lags, one of `ptt.run.pace.PACES`."""
-        ways = [pace_number(shape_of(effect, theta, self.nominal.shape[1])) for effect, theta in self.late]
-        return ways[0] if ways else SMOOTH
+    def pace_kind(self) -> int:
+        """Definition of the speed that lags depend on, one of `ptt.run.pace.PACES`."""
+        kinds = [pace_number(shape_of(effect, theta, self.nominal.shape[1])) for effect, theta in self.lags]
+        return kinds[0] if kinds else SMOOTH
 
-    def see(self, q: Tensor) -> View:
-        """The travel that commands q (n, k) make, with the context of the targets."""
+    def view_of(self, q: Tensor) -> View:
+        """The view of the travel that commands q (n, k) make, with the context of the targets."""
         view = replace(build_view(self.model.file, replace(self.targets, command=q.numpy())), time=self.time)
         if self.velocity is not None:
             view = replace(view, velocity=self.velocity, paces=None)
@@ -91,42 +91,42 @@ class CommandTask:
         return view if self.handover is None else continue_travel(view, self.handover.travel)
 
     def paced(self, sent: np.ndarray) -> "CommandTask":
-        """The same with the pace of its travel: that of the targets, since a correction does not change a program's.
+        """The same task with the pace of its travel: that of the targets, which a correction does not change.
 
         Args:
             sent: rows with a command of their own, (n,) bool.
         """
         if self.clock is None:
             return self
-        place, ends = self.stands(sent), None
+        place, ends = self.positions(sent), None
         moves = self.model.file.machine.moves
-        if runs_straight(self.way, straight=moves == "straight") and len(place) > 1:
+        if runs_straight(self.pace_kind, straight=moves == "straight") and len(place) > 1:
             q = self.mechanism.inverse(place, None, self.nominal)
             ends = line_ends(self.mechanism.jacobian(q), q, place, translation_rank(self.mechanism))
         slowest, starts = float(self.lag.abs().max()), run_starts(self.clock.run)
-        smooth = moves == "smooth"
-        return replace(self, pace=pace_of(place.numpy(), starts, self.clock, ends, self.way, slowest, smooth=smooth))
+        kind, smooth = self.pace_kind, moves == "smooth"
+        return replace(self, pace=pace_of(place.numpy(), starts, self.clock, ends, kind, slowest, smooth=smooth))
 
-    def stands(self, sent: np.ndarray) -> Tensor:
-        """Targets at which the machine is, (n, 3) mm: of a row that is not sent, that of the row before."""
+    def positions(self, sent: np.ndarray) -> Tensor:
+        """Position of the machine at each row, (n, 3) mm: its target, or that of the row before if it is not sent."""
         place, given = self.wanted, np.arange(len(sent)) < self.given
         if self.handover is not None:
             place = torch.cat([self.handover.place, place[self.given :]])
         return place[torch.as_tensor(holding(sent | given))]
 
     def shift(self, q: Tensor) -> Tensor:
-        """How far commands q (n, k) ask the drawing to go from the target, (n,) mm."""
+        """Size of the correction in commands q (n, k): distance of their nominal position from the target, (n,) mm."""
         return (self.mechanism.forward(q) - self.wanted).norm(dim=1)
 
 
 @dataclass(frozen=True)
 class Handover:
-    """What rows hand on to those behind them: their last commands, and the travel before these.
+    """State that rows hand on to those behind them: their last commands, and the travel before these.
 
     Attributes:
         travel: the travel up to the first of the rows.
-        height: their commands without reversal compensation, (m, k).
-        q: their commands with it, (m, k).
+        height: commands of the rows without reversal compensation, (m, k).
+        q: commands with it, (m, k).
         place: their targets, (m, 3) mm; of rows that are not sent, that of the row before.
     """
 

@@ -1,4 +1,4 @@
-"""Which effects of a model a command puts right, and who does it."""
+"""Which effects of a model are compensated, and whether by the commands or by the controller."""
 
 from typing import Literal
 
@@ -11,15 +11,16 @@ Reversal = Literal["software", "none"]
 
 
 def split_terms(model: Model, reversal: Reversal | None = None) -> tuple[EffectTerms, EffectTerms, str]:
-    """Effects that depend on the pose and its context, those that depend on the way there, and who does the latter.
+    """Split the effects that commands compensate into steady and reversing ones.
 
     Args:
-        model: effects with their parameters; those of the metrology move no tool and are left out.
-        reversal: 'software', the default, takes the effects that depend on the way along, 'none' leaves them out. What
-            the machine file says its controller compensates is never among them.
+        model: effects with their parameters; those of the metrology do not move the tool and are left out.
+        reversal: 'software', the default, includes the reversing effects, 'none' leaves them out. What the machine file
+            says its controller compensates is never among them.
 
     Returns:
-        Both, with their flat parameters, and words for a person.
+        Steady effects (they depend on pose and context alone) and reversing ones (on direction or travel before), with
+        their flat parameters, and words on who compensates the latter.
     """
     terms = [
         (_now(term.effect), term.theta) for term in model.terms if term.effect.stage != "metrology" and len(term.theta)
@@ -48,7 +49,7 @@ def _is_left(effect: Effect, model: Model) -> bool:
 
 
 def _now(effect: Effect) -> Effect:
-    """What happened to the machine at some moment of a run is the state that it is in now."""
+    """The effect as it is now: a change at some moment of a run is in force from the first row on."""
     return at_place(effect, RunPlace(())) if is_dated(effect) else effect
 
 
