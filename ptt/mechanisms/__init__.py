@@ -1,11 +1,11 @@
 """Mechanisms: forward and inverse kinematics behind one protocol."""
 
 from ptt.machine import SerialSpec, ThreePttSpec
-from ptt.mechanisms.protocol import Mechanism, reachable, require_assembled, require_reachable
+from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import ThreePtt
 
-__all__ = ["Mechanism", "Serial", "ThreePtt", "build_mechanism", "reachable", "require_assembled", "require_reachable"]
+__all__ = ["Mechanism", "Serial", "ThreePtt", "build_mechanism"]
 
 
 def build_mechanism(spec: ThreePttSpec | SerialSpec) -> Mechanism:
