@@ -19,6 +19,7 @@ from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import translation_rank
 from ptt.model.chain import EffectTerms, predict
+from ptt.run.beside import rows_beside
 from ptt.run.direction import STANDSTILL
 from ptt.run.travel import arrival_direction
 from ptt.run.view import View
@@ -32,24 +33,10 @@ PASSES = 5  # over rows that follow some which do not settle: each pass settles 
 HALVINGS = 6  # of a step that would take the links apart
 
 
-def holding(sent: np.ndarray) -> np.ndarray:
-    """Index of the row whose command holds at each row: itself if sent, else the last one sent, at first the next.
-
-    Args:
-        sent: (n,) bool, at least one.
-
-    Returns:
-        (n,) int.
-    """
-    rows = np.arange(len(sent))
-    last = np.maximum.accumulate(np.where(sent, rows, -1))
-    return np.asarray(np.where(last >= 0, last, int(np.argmax(sent))))
-
-
 def _held(sent: np.ndarray, given: int) -> tuple[Tensor, Tensor]:
     """Index of the row whose command holds at each row, (n,) int, and which rows are solved for, (n,) bool."""
     known = np.arange(len(sent)) < given
-    return torch.as_tensor(holding(sent | known)), torch.as_tensor(sent & ~known)
+    return torch.as_tensor(rows_beside(sent | known)), torch.as_tensor(sent & ~known)
 
 
 def invert(

@@ -9,7 +9,7 @@ from torch import Tensor
 from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
 from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_lines
-from ptt.correct.newton import MISSED, gaps_of, holding, invert, invert_together, open_gaps
+from ptt.correct.newton import MISSED, gaps_of, invert, invert_together, open_gaps
 from ptt.correct.task import CommandTask, Handover
 from ptt.effects.memory import TravelBefore
 from ptt.fitting.chunks import CHUNK, enter, stretches
@@ -17,6 +17,7 @@ from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import near_singular, translation_rank
 from ptt.model.chain import EffectTerms, predict
+from ptt.run.beside import rows_beside
 from ptt.run.table import take_rows
 from ptt.run.view import View
 
@@ -197,7 +198,7 @@ def _solve(task: CommandTask, sent: np.ndarray) -> Solved:
         return replace(_standing(task), missed=step)
     if not task.reversing:
         return Solved(height, height, _missed(task, task.steady, height, step), reached)
-    height = height[torch.as_tensor(holding(reached | given))]
+    height = height[torch.as_tensor(rows_beside(reached | given))]
     opened = _opened(height, task.reversing, task.view_of(height))
     opened = opened if before is None else torch.cat([before.q, opened[task.given :]])
     terms = [*task.steady, *task.reversing]
@@ -231,7 +232,7 @@ def _lead(task: CommandTask, sent: np.ndarray) -> Lead | None:
     if task.pace is None or not task.lags:
         return None
     given = np.arange(len(sent)) < task.given
-    return lead_of(task.pace, task.lag.numpy(), holding(sent | given), sent & ~given)
+    return lead_of(task.pace, task.lag.numpy(), rows_beside(sent | given), sent & ~given)
 
 
 def _opened(height: Tensor, reversing: EffectTerms, view: View) -> Tensor:

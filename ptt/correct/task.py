@@ -6,7 +6,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.newton import holding
 from ptt.effects.drive import FollowingError, pace_number
 from ptt.effects.layout import shape_of
 from ptt.effects.memory import TravelBefore, continue_travel
@@ -14,6 +13,7 @@ from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.workspace import translation_rank
 from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
+from ptt.run.beside import rows_beside
 from ptt.run.pace import SMOOTH, Pace, line_ends, pace_of, runs_straight
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
@@ -112,7 +112,7 @@ class CommandTask:
         place, given = self.wanted, np.arange(len(sent)) < self.given
         if self.handover is not None:
             place = torch.cat([self.handover.place, place[self.given :]])
-        return place[torch.as_tensor(holding(sent | given))]
+        return place[torch.as_tensor(rows_beside(sent | given))]
 
     def shift(self, q: Tensor) -> Tensor:
         """Size of the correction in commands q (n, k): distance of their nominal position from the target, (n,) mm."""

@@ -1,10 +1,10 @@
-"""Which row a row goes by that says nothing itself: the machine stands as it stood while a reflector is read."""
+"""Which row stands for a row without information of its own: while the machine does not move, the one before."""
 
 import numpy as np
 
 
 def rows_beside(known: np.ndarray) -> np.ndarray:
-    """For each row the last one up to it that is known, at the beginning the first that will be.
+    """Index of the last known row up to each row; before the first known row, of that one.
 
     Args:
         known: (n,) bool.
