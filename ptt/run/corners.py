@@ -1,4 +1,4 @@
-"""Where a travel turns sharply, stands, changes its speed or begins anew."""
+"""Corners of a travel: rows where it turns sharply, stands, changes its speed or begins anew."""
 
 from typing import TYPE_CHECKING
 
@@ -7,33 +7,33 @@ import numpy as np
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-TURN = 0.8  # cosine of the turn of the tool's way at a row, below which the row is a corner
-CURVE = 0.49  # the same where the way is known to be smooth: down to six rows to a circle
-SAME_SPEED = 0.05  # change of speed, as a share, beyond which a row is a corner
-EQUAL = 0.05  # share by which times are equal: trackers read every so many milliseconds, and clocks are rounded
-EVENLY = 0.9  # share of the rows by equal time: one in ten waits for the next lap or was missed, of stops hardly any is
-PAUSE = 10.0  # times the usual move, and what most moves take beyond their feed: nobody waits that long on the way
-REPEATED = 1e-9  # mm: a pose that is told twice
+TURN = 0.8  # cosine of the tool's change of direction at a row, below which the row is a corner
+CURVE = 0.49  # the same on a path that is known to be smooth: down to six rows to a circle
+SAME_SPEED = 0.05  # relative change of speed beyond which a row is a corner
+EQUAL = 0.05  # relative difference of times that count as equal: sampling in whole milliseconds, rounded clocks
+EVENLY = 0.9  # least share of rows at equal times for reading on the move: laps and missed rows are the rest
+PAUSE = 10.0  # ratio to the usual duration beyond which a move contains a pause
+REPEATED = 1e-9  # mm: rows closer than this are one pose
 
 
 def shows_feed(table: "Table") -> bool:
-    """Whether the feed tells speeds."""
+    """Whether the table has a feed from which speeds follow."""
     return table.feed_mm_s is not None and bool(np.nan_to_num(table.feed_mm_s).max() > 0.0)
 
 
 def driven_feed(length: np.ndarray, starts: np.ndarray, table: "Table") -> tuple[np.ndarray, np.ndarray]:
-    """The feed at which rows were reached: the column's, but where the clock shows that it was another.
+    """Actual feed at each row: that of the column, but by the clock where this shows ramps.
 
-    A feed column holds what was programmed, and the machine has to come up to it and down again. Where rows were read
-    on the way by equal time, and most of them as far apart as the feed makes them, the clock shows where it had not.
+    A feed column holds the programmed feed, which the machine has to ramp up to and down from. Where rows were read on
+    the move at equal times, and most are as far apart as the feed makes them, the others are on ramps.
 
     Args:
-        length: of the tool's way from row to row, (n - 1,) mm.
+        length: distance from row to row, (n - 1,) mm.
         starts: first rows of runs, (n,) bool.
         table: the rows, with a feed.
 
     Returns:
-        (n,) mm/s, and whether the clock tells that of a move, (n - 1,) bool.
+        (n,) mm/s, and whether that of a move is by the clock, (n - 1,) bool.
     """
     feed, none = np.nan_to_num(np.asarray(table.feed_mm_s, dtype=float)), np.zeros(len(length), dtype=bool)
     if table.time_s is None or len(length) < 2:
@@ -55,7 +55,7 @@ def driven_feed(length: np.ndarray, starts: np.ndarray, table: "Table") -> tuple
 def corners_of(
     moved: np.ndarray, length: np.ndarray, lasts: np.ndarray, sound: np.ndarray, *, smooth: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rows at which the tool turns sharply or stands, and the first and last; rows at which its speed changes."""
+    """Rows (n,) bool where the tool turns sharply or stands, with the first and last; rows where its speed changes."""
     rate = length / lasts
     unit = moved / np.maximum(length, 1e-9)[:, None]
     bend = np.einsum("nc,nc->n", unit[1:], unit[:-1]) < (CURVE if smooth else TURN)
@@ -65,7 +65,7 @@ def corners_of(
 
 
 def arcs_of(moved: np.ndarray, bends: np.ndarray) -> np.ndarray:
-    """Ways from row to row along the circles that they are chords of, over their lengths, (n - 1,); one beside corners.
+    """Ratio of arc to chord from row to row, on circles through neighbouring rows, (n - 1,); 1 beside corners.
 
     Args:
         moved: from row to row, (n - 1, 3) mm.
@@ -75,19 +75,19 @@ def arcs_of(moved: np.ndarray, bends: np.ndarray) -> np.ndarray:
     turn, known = np.zeros(len(bends)), ~bends
     turn[1:-1] = np.arccos(np.clip(np.einsum("nc,nc->n", unit[1:], unit[:-1]), -1.0, 1.0))
     half = 0.5 * (turn * known)[1:] + 0.5 * (turn * known)[:-1]
-    half = half / np.maximum(known[1:].astype(float) + known[:-1], 1.0)  # the mean of those that are known, halved
+    half = half / np.maximum(known[1:].astype(float) + known[:-1], 1.0)  # half the mean of the known ones
     return np.asarray(1.0 / np.sinc(half / np.pi))
 
 
 def entered_anew(lasts: np.ndarray, bends: np.ndarray, table: "Table") -> np.ndarray:
-    """Rows at which a sweep begins anew though the table names no run, (n,).
+    """Rows at which a sweep begins anew although the run goes on, (n,) bool.
 
-    By the clock there was time for more than the move to such a row, and the way would turn sharply there only to run
-    smoothly on: the tool came by a run-up that is not in the table, as a circle is entered when it is read on the move.
+    By the clock there was time for more than the move to such a row, and the path turns sharply there but not at the
+    next: the tool came by a run-up that is not in the table, as onto a circle that is read on the move.
 
     Args:
-        lasts: from row to row by the feed, (n - 1,) s; infinite where nothing tells.
-        bends: (n,) whether the tool turns sharply at a row.
+        lasts: durations from row to row by the feed, (n - 1,) s; infinite where not known.
+        bends: whether the tool turns sharply at a row, (n,) bool.
         table: the rows.
     """
     none = np.zeros_like(bends)
@@ -102,13 +102,13 @@ def entered_anew(lasts: np.ndarray, bends: np.ndarray, table: "Table") -> np.nda
 
 
 def begun_again(length: np.ndarray, sound: np.ndarray, table: "Table") -> np.ndarray:
-    """Rows at which the last pose of a lap is told once more as the first of the next, (n,).
+    """Rows that repeat the last pose of a lap as the first of the next, (n,) bool.
 
-    Hardly any time passes, so the machine does not stand there.
+    Hardly any time passes between the two, so the machine does not stand there.
 
     Args:
-        length: of the tool's way from row to row, (n - 1,) mm.
-        sound: whether a move tells a speed, (n - 1,) bool.
+        length: distance from row to row, (n - 1,) mm.
+        sound: moves from which a speed follows, (n - 1,) bool.
         table: the rows.
     """
     begun = np.zeros(len(length) + 1, dtype=bool)

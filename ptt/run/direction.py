@@ -34,15 +34,16 @@ def travel_direction(q: Array, starts: ArrayLike | None = None) -> NDArray[np.in
 
 
 def hold_direction(move: Array, starts: ArrayLike | None = None, begun: Array | None = None) -> NDArray[np.int8]:
-    """Fill the rows at which a joint stands with the direction of its moves.
+    """Direction of arrival at each row from the joints' moves, held where a joint stands.
 
     Args:
-        move: (n, k) last move of each joint on its way to each row, any size, 0 where it stood.
+        move: (n, k) last move of each joint on its way to each row, of which the sign counts, 0 where it stood.
         starts: first row of each run, (n,) bool or (m,) row indices; row 0 is always one.
-        begun: (n, k) first move of each joint on its way to each row; None: it turns nowhere on the way.
+        begun: (n, k) first move of each joint on its way to each row; None: joints do not reverse on the way.
 
     Returns:
-        (n, k) +1 or -1: that of the last move of the run, before the first one as that sets off, without any +1.
+        (n, k) +1 or -1: the sign of the run's last move so far; before its first move that with which that one begins;
+        +1 where there is none.
     """
     if not len(move):
         return np.empty(move.shape, dtype=np.int8)

@@ -1,4 +1,4 @@
-"""Whether a machine moved while it was read: a feed column alone does not say so."""
+"""Whether a machine moved or stood while it was read, which a feed column alone does not show."""
 
 from typing import TYPE_CHECKING
 
@@ -11,24 +11,24 @@ from ptt.run.view import View
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-STOPPED = 1.5  # times the way at the stated feed that a row takes, from which the machine stood while it was read
-SURE = 5.0  # standard errors from which a run's clock alone shows the feed between its rows
-LEAST_STEPS = 10  # from which it may
-MOSTLY = 0.5  # share of the rows: of a path with corners they are few, between poses of their own nearly all
+STOPPED = 1.5  # ratio of a row's time to its distance over the feed from which the machine stood while it was read
+SURE = 5.0  # standard errors of the regression of time on distance from which it gives the feed
+LEAST_STEPS = 10  # fewest moves for that regression
+MOSTLY = 0.5  # share of rows with corners: few on a path, nearly all between separate poses
 
 
 def as_driven(view: View, table: "Table") -> View:
     """A view without speed where its clock shows that the machine stood while it was read.
 
-    A feed column says how fast the machine came, not whether it still moved: rows that take longer than the way at that
-    feed were read at a stop, where nothing lags. Without the column the clock itself tells the feed.
+    A feed column states how fast the machine came, not whether it still moved: rows that take longer than their
+    distance over the feed were read at a standstill, where nothing lags. Without the column the clock gives the feed.
 
     Args:
         view: of the rows.
         table: the rows.
 
     Returns:
-        The same, or the same at a standstill.
+        The same view, or the same at a standstill.
     """
     if table.time_s is None or not view.velocity.any():
         return view
@@ -45,7 +45,7 @@ def as_driven(view: View, table: "Table") -> View:
 
 
 def _turns_sharply(moved: np.ndarray, steps: np.ndarray) -> bool:
-    """Whether the tool turns sharply at most rows that it moves to and from: nobody runs through corners unstopped."""
+    """Whether the tool turns sharply at most rows, where no machine runs through without stopping."""
     both = steps[1:] & steps[:-1]
     if both.sum() < LEAST_STEPS:
         return False
@@ -55,11 +55,10 @@ def _turns_sharply(moved: np.ndarray, steps: np.ndarray) -> bool:
 
 
 def _stood_by_clock(way: np.ndarray, took: np.ndarray, *, turns_sharply: bool) -> bool:
-    """Whether the clock shows that rows were read at a stop: most of the time goes by whatever the way is.
+    """Whether most of the time between rows does not depend on their distance: rows read at a standstill.
 
-    Rows read at a stop take the time of the stop and of the way. Where they take longer the farther they lie apart,
-    that tells the feed, and with it the stop. Those read on the way by equal time, or at equal distance, do not; nor do
-    those of stops that each last as long as they please, but between these there are corners.
+    The slope of time over distance is one over the feed; the rest is the stop. It is not determined where rows were
+    read on the move at equal times or distances, nor where stops vary freely; but between separate poses are corners.
     """
     far = way - way.mean() if len(way) else way
     spread = float(far @ far)

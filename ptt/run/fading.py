@@ -1,15 +1,15 @@
-"""What fades from row to row: a memory that loses its share with the time, or with the way, since the row before."""
+"""First-order lag over uneven steps: exponential forgetting with time, or with travel, from row to row."""
 
 import numpy as np
 
 
 def kept_shares(step: np.ndarray, starts: np.ndarray, reach: float) -> np.ndarray:
-    """Share of what was there at the row before that each row keeps: exp(-step / reach).
+    """Decay factor from the row before to each row: exp(-step / reach).
 
     Args:
-        step: time or way from the row before, (n,); a step back counts as none.
+        step: time or travel since the row before, (n,); a negative step counts as none.
         starts: (n,) bool, rows that keep nothing, as the first does in any case.
-        reach: in which 1/e is left, in the unit of the steps.
+        reach: time or travel constant, in the unit of the steps.
 
     Returns:
         (n,), 0 to 1.
@@ -20,7 +20,7 @@ def kept_shares(step: np.ndarray, starts: np.ndarray, reach: float) -> np.ndarra
 
 
 def trailing(values: np.ndarray, keep: np.ndarray) -> np.ndarray:
-    """What lags behind values: y_i = keep_i y_(i-1) + (1 - keep_i) values_i.
+    """Low-pass of values: y_i = keep_i y_(i-1) + (1 - keep_i) values_i.
 
     Args:
         values: (n,) or (n, m).

@@ -1,9 +1,9 @@
-"""How fast the joints are at each row of a travel: linear in their values, once it is known where the motion is smooth.
+"""Velocity of the joints at each row of a travel: linear in their values once durations and corners are known.
 
-Along smooth stretches the velocity is that of a cubic spline over time. At a corner an axis that lags still has that of
-its arrival, since it cannot know where it goes next. A run's first row is left as the second is reached, and so is that
-of a sweep which is entered anew after a pause, and that of a lap which begins where another ended. On a move of two
-rows joints run evenly, or bend so that the tool runs straight.
+Along smooth stretches it is that of a cubic spline over time. At a corner it is that of the arrival, because an axis
+that lags cannot know where it goes next. The first row of a run has the velocity of the move to the second; so has that
+of a sweep that is entered anew after a pause, and that of a lap that begins where another ended. On a single move
+between corners the velocity is constant, or varies so that the tool runs straight.
 """
 
 from dataclasses import dataclass
@@ -20,26 +20,30 @@ from ptt.run.slopes import Ends, Shares, added, bend_of, short_stretches, spline
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-SMOOTH, MEAN, EVEN, STRAIGHT = PACES = (0, 1, 2, 3)  # what rows mean by the speed at which they are passed:
-# that of a smooth way, or of the move to a corner; the parabola's through three rows, everywhere; that of the move to
-# the row, everywhere, its joints running evenly; the same, its tool running straight
-SLOW = 4.0  # lags: a row later an axis is 98 % of the way to its speed
-ROUNDED = 0.2  # s: what follows a move this short is rounded off, the mean of both sides; ten lags of a usual drive
-INSTANT = 1e-9  # s: rows that follow each other faster tell no speed
+# Definitions of the velocity at a row. SMOOTH: of a smooth path, at a corner of the move to it. MEAN: of the parabola
+# through three rows, everywhere. EVEN: of the move to the row, joint velocities constant. STRAIGHT: of the move to the
+# row, the tool running straight.
+SMOOTH, MEAN, EVEN, STRAIGHT = PACES = (0, 1, 2, 3)
+SLOW = 4.0  # lags: after a move of that duration an axis has 98 % of its speed
+ROUNDED = 0.2  # s: the corner behind a shorter move is rounded off (mean of both sides); ten lags of a usual drive
+INSTANT = 1e-9  # s: no speed follows from rows closer in time
 
 
 @dataclass(frozen=True)
 class Pace:
-    """Durations of a travel of n rows, and the stretches between its corners.
+    """The linear map from joint values to velocities of a travel of n rows.
+
+    The slope of an interval is the difference of joint values over its duration. Velocities are weighted sums of slopes
+    in stretches of two or three rows between corners, and spline slopes, from a tridiagonal system, in longer ones.
 
     Attributes:
-        lasts: from row to row, (n - 1,) s; infinite where nothing tells.
-        straight: what intervals' slopes add to rows, in stretches of two or three rows.
-        bands: system of the slopes of all splines, (3, m).
-        owner: whose rows these slopes are, (m,) int.
-        part: what these slopes are of their rows' velocities, (m,).
-        right: what intervals' slopes add to the right-hand side of that system.
-        bend: (n, k) mm/s or rad/s on top, where joints bend so that the tool runs straight; None: they run evenly.
+        lasts: duration of each interval from row to row, (n - 1,) s; infinite where it is not known.
+        straight: weights of the slopes in the velocities of rows in stretches of two or three rows.
+        bands: tridiagonal matrix of the spline slopes of all longer stretches, as of `solve_banded`, (3, m).
+        owner: row that each spline slope belongs to, (m,) int.
+        part: weight of each spline slope in the velocity of its row, (m,).
+        right: weights of the intervals' slopes in the right-hand side of that system.
+        bend: added to the velocities, (n, k) mm/s or rad/s, where the tool runs straight; None: joints run evenly.
     """
 
     lasts: np.ndarray
@@ -57,7 +61,7 @@ class Pace:
             q: joint values, (n, k) mm or rad.
 
         Returns:
-            (n, k) mm/s or rad/s, zero where nothing tells.
+            (n, k) mm/s or rad/s, zero where it is not known.
         """
         slope = np.diff(q, axis=0) / self.lasts[:, None]
         total = added(self.straight, slope, len(q))
@@ -72,10 +76,9 @@ class Pace:
 
 
 def line_ends(jacobian: Tensor, q: Tensor, p: Tensor, rank: int) -> Ends:
-    """How the joints set off and arrive where the tool runs straight from row to row.
+    """Joint velocities at both ends of straight tool moves, less those of even joint motion.
 
-    By the least change of an even motion of theirs that gives the tool its direction: all of it where joints have
-    nothing to spare.
+    They are the least-norm change of the even motion that gives the tool its direction.
 
     Args:
         jacobian: dp/dq at each row, (n, 3, k).
@@ -84,7 +87,8 @@ def line_ends(jacobian: Tensor, q: Tensor, p: Tensor, rank: int) -> Ends:
         rank: number of directions in which the joints can move the tool at all (`translation_rank`).
 
     Returns:
-        (n - 1, k) each, beyond those of the even motion and per move; zero at rows out of reach.
+        At the beginning and at the end of each move, (n - 1, k) mm or rad per duration of the move; zero where a row is
+        out of reach.
     """
     turned, moved = q.diff(dim=0)[:, :, None], p.diff(dim=0)
     begin, end = (
@@ -94,14 +98,14 @@ def line_ends(jacobian: Tensor, q: Tensor, p: Tensor, rank: int) -> Ends:
     return begin, end
 
 
-def runs_straight(way: int, *, straight: bool) -> bool:
-    """Whether the speed that rows mean is that of a tool that runs straight.
+def runs_straight(kind: int, *, straight: bool) -> bool:
+    """Whether a definition of velocity has the tool run straight.
 
     Args:
-        way: one of `PACES`.
+        kind: one of `PACES`.
         straight: the tool runs straight between rows.
     """
-    return way == STRAIGHT or (straight and way == SMOOTH)
+    return kind == STRAIGHT or (straight and kind == SMOOTH)
 
 
 def joint_speeds(
@@ -115,7 +119,7 @@ def joint_speeds(
     straight: bool,
     smooth: bool,
 ) -> tuple[Tensor, Tensor | None]:  # fmt: skip
-    """Velocity of the joints at each row, and what else the rows may mean by it.
+    """Velocity of the joints at each row, by every definition of it.
 
     Args:
         q: joint values, (n, k) mm or rad.
@@ -128,37 +132,38 @@ def joint_speeds(
         smooth: it runs smoothly through rows without a corner.
 
     Returns:
-        (n, k) mm/s or rad/s, zero where nothing tells; (n, k, 3) of the paces beside `SMOOTH`, None there.
+        By `SMOOTH`, (n, k) mm/s or rad/s, zero where it is not known; by the other `PACES`, (n, k, 3), None where no
+        speed is known.
     """
     if len(p) < 2 or not (shows_feed(table) or table.time_s is not None):
         return torch.zeros_like(q), None
     ends = line_ends(jacobian, q, p, rank)
     speeds = []
-    for way in PACES:
-        bent = ends if runs_straight(way, straight=straight) else None
-        pace = pace_of(p.numpy(), starts, table, bent, way, smooth=smooth)
+    for kind in PACES:
+        bent = ends if runs_straight(kind, straight=straight) else None
+        pace = pace_of(p.numpy(), starts, table, bent, kind, smooth=smooth)
         speeds.append(torch.zeros_like(q) if pace is None else torch.as_tensor(pace.velocity(q.numpy())))
     return speeds[0], torch.stack(speeds[1:], dim=-1)
 
 
 def pace_of(
-    p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None = None, way: int = SMOOTH, lag: float = 0.0,
+    p: np.ndarray, starts: np.ndarray, table: "Table", ends: Ends | None = None, kind: int = SMOOTH, lag: float = 0.0,
     *, smooth: bool = False,
 ) -> Pace | None:  # fmt: skip
-    """Durations and smooth stretches of a travel.
+    """Durations, corners and splines of a travel.
 
     Args:
         p: tool positions, (n, 3) mm.
         starts: first rows of runs, (n,) bool.
         table: the rows, with feed or time.
-        ends: how straight moves set off and arrive; None: joints run evenly.
-        way: one of `PACES`.
-        lag: of the slowest axis, s: between rows that follow each other in less than `SLOW` of it no axis comes up to
-            a speed of its own, so the motion stays smooth there.
-        smooth: the tool runs smoothly through rows that are no corners.
+        ends: of straight moves, by `line_ends`; None: joints run evenly.
+        kind: one of `PACES`.
+        lag: of the slowest axis, s: between rows closer in time than `SLOW` lags no axis reaches the speed of a single
+            move, so the motion counts as smooth there.
+        smooth: the tool follows a smooth path through rows that are no corners.
 
     Returns:
-        The pace; None where nothing tells it.
+        The pace; None where neither feed nor time is known.
     """
     if len(p) < 2:
         return None
@@ -176,21 +181,21 @@ def pace_of(
     before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
     bends, changes = corners_of(moved, length, lasts, sound, smooth=smooth)
     entered = ~starts & begun_again(length, sound, table)
-    if way in (SMOOTH, MEAN):
+    if kind in (SMOOTH, MEAN):
         entered |= entered_anew(lasts, bends, table)
     if entered.any():
-        return pace_of(p, starts | entered, table, ends, way, lag, smooth=smooth)
-    if way == SMOOTH:  # a feed is that along the way
+        return pace_of(p, starts | entered, table, ends, kind, lag, smooth=smooth)
+    if kind == SMOOTH:  # the feed is along the arc, not along its chord
         lasts = np.where(by_clock, lasts, lasts * arcs_of(moved, bends))
         before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
-    # By the clock a speed changes on the way, while a feed is that of its row.
+    # By the clock the speed varies between rows; by the feed it is constant up to its row.
     changing = np.append(by_clock[:1], by_clock) & np.append(by_clock, by_clock[-1:])
     both = np.where(bends, before < ROUNDED, changing) & np.isfinite(after)
     leaving = np.where(starts, 1.0, np.where(both, 0.5, 0.0))
-    if way != SMOOTH:
+    if kind != SMOOTH:
         alone = np.minimum(before, after) >= SLOW * lag
         inner = np.isfinite(before) & np.isfinite(after)
-        share = np.divide(before, before + after, out=np.zeros_like(before), where=inner & (way == MEAN))
+        share = np.divide(before, before + after, out=np.zeros_like(before), where=inner & (kind == MEAN))
         leaving, bends = np.where(alone & ~starts, share, leaving), bends | alone
     corners = np.flatnonzero(bends | changes)
     wide = np.flatnonzero(np.diff(corners) > 2)

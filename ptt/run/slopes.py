@@ -1,13 +1,13 @@
-"""What the slopes between rows add to the velocities at rows: splines, parabolas, straight moves."""
+"""Velocities at rows as weighted sums of the slopes between rows: splines, parabolas, single moves."""
 
 import numpy as np
 
-Shares = tuple[np.ndarray, np.ndarray, np.ndarray]  # place in a sum, interval between two rows, its weight
-Ends = tuple[np.ndarray, np.ndarray]  # how a move sets off and arrives: beyond that of an even one, per move
+Shares = tuple[np.ndarray, np.ndarray, np.ndarray]  # sparse matrix on slopes: index of the sum, of the interval, weight
+Ends = tuple[np.ndarray, np.ndarray]  # velocity at the beginning and end of moves less the mean one, times duration
 
 
 def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
-    """System of a spline's slopes over intervals of length step (n - 1,).
+    """Tridiagonal system of a cubic spline's slopes over intervals of length step (n - 1,), not-a-knot at the ends.
 
     Source: C. de Boor, A Practical Guide to Splines, 1978, chapter IV.
     """
@@ -27,12 +27,12 @@ def _spline(step: np.ndarray) -> tuple[np.ndarray, Shares]:
 def splines(
     lasts: np.ndarray, stretches: list[tuple[int, int]], leaving: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Shares]:
-    """One system for the splines of all stretches; whose rows the slopes are, and what they are of their velocities.
+    """One tridiagonal system for the splines of all stretches: `bands`, `owner`, `part` and `right` of a `Pace`.
 
     Args:
-        lasts: from row to row, (n - 1,) s.
+        lasts: durations from row to row, (n - 1,) s.
         stretches: first and last row of each.
-        leaving: what the stretch that begins at a row tells of its velocity, (n,); what it ends tells the rest.
+        leaving: weight of the stretch that begins at a row in its velocity, (n,); that which ends there has the rest.
     """
     bands, owner, part, shares, place = [np.zeros((3, 0))], [np.zeros(0, dtype=int)], [np.zeros(0)], [_none()], 0
     for first, last in stretches:
@@ -46,7 +46,7 @@ def splines(
 
 
 def short_stretches(lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray, leaving: np.ndarray) -> Shares:
-    """What intervals add to the rows of stretches of two or three rows."""
+    """Weights of the slopes in the velocities of rows in stretches of two or three rows: `straight` of a `Pace`."""
     first, size = ends[:-1], np.diff(ends)
     single = first[(size == 1) & sound[first]]
     double = first[size == 2]
@@ -64,7 +64,7 @@ def short_stretches(lasts: np.ndarray, sound: np.ndarray, ends: np.ndarray, leav
 
 
 def bend_of(lasts: np.ndarray, sound: np.ndarray, corners: np.ndarray, leaving: np.ndarray, ends: Ends) -> np.ndarray:
-    """What straight moves from corner to corner add to velocities, (n, k)."""
+    """Velocities beyond those of even motion on straight moves from corner to corner, (n, k): `bend` of a `Pace`."""
     move = corners[:-1][(np.diff(corners) == 1) & sound[corners[:-1]]]
     begin, end = (part[move] / lasts[move, None] for part in ends)
     total = np.zeros((len(lasts) + 1, begin.shape[1]))
@@ -83,7 +83,7 @@ def _joined(shares: list[Shares]) -> Shares:
 
 
 def added(shares: Shares, slope: np.ndarray, rows: int) -> np.ndarray:
-    """Sums of weighted slopes (n - 1, k), (rows, k)."""
+    """Weighted sums of slopes (n - 1, k), (rows, k)."""
     row, interval, weight = shares
     total = np.zeros((rows, slope.shape[1]))
     np.add.at(total, row, weight[:, None] * slope[interval])

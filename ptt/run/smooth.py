@@ -1,4 +1,4 @@
-"""Smooth ways: where joints turn between rows that lie on a circle, a helix or any way without corners."""
+"""Smooth paths: joints that reverse between rows on a circle, a helix or any path without corners."""
 
 from dataclasses import replace
 
@@ -7,9 +7,9 @@ from ptt.run.pace import joint_speeds
 from ptt.run.problem import Problem
 from ptt.run.travel import on_the_way, read_travel
 
-LEAST_READINGS = 3  # at which a joint arrives otherwise: fewer could be gross errors
-MOSTLY = 0.5  # of the readings that are passed without a corner: of poses at random it is one in ten
-LIKELIER = 5.0  # nats by which a smooth way has to do better than what the machine file says, for names and for fits
+LEAST_READINGS = 3  # readings with another direction of arrival: fewer could be gross errors
+MOSTLY = 0.5  # share of readings passed without a corner: of poses at random it is one in ten
+LIKELIER = 5.0  # nats of evidence by which a smooth path has to do better than what the machine file says
 SMOOTHLY = (
     "joints are taken to reverse between these rows where a smooth path through them does, as on a circle: "
     '`moves = "smooth"` in the machine file'
@@ -17,14 +17,14 @@ SMOOTHLY = (
 
 
 def smoothly(problem: Problem) -> Problem | None:
-    """The same readings with joints that turn between rows where a smooth way through the rows does.
+    """The same readings with joints that reverse between rows where a smooth path through the rows does.
 
     Args:
         problem: n rows.
 
     Returns:
-        The problem, whose machine file says so; None where the file says something else than that sliders run evenly
-        from row to row, or where few rows are passed without a corner, or hardly a joint arrives from another side.
+        The problem, with `moves = "smooth"` in its machine file; None where the file does not have the default
+        `"sliders"`, where few rows are passed without a corner, or where hardly a direction of arrival changes.
     """
     if problem.file.machine.moves != "sliders":
         return None

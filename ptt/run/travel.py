@@ -1,4 +1,4 @@
-"""Travel: from which side each joint arrives, and where it turned on the way."""
+"""Travel of the joints from row to row: direction of arrival at each row, and turning points on the way."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -14,17 +14,18 @@ from ptt.run.direction import STANDSTILL, hold_direction
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-OVERTRAVEL = 1.0  # mm or rad: how far past a pose an arrival that the table states, but the rows do not show, began
-TRANSIT_STEPS = 12  # points along a straight tool move at which the joints are looked at
+OVERTRAVEL = 1.0  # mm or rad: assumed overtravel past a pose whose stated direction of arrival the rows do not show
+TRANSIT_STEPS = 12  # intervals along a straight tool move at whose ends the joint values are computed
 
 
 @dataclass(frozen=True)
 class Travel:
-    """How the joints got to each row.
+    """How the joints arrive at each row.
 
     Attributes:
         direction: (n, k), +1 or -1; standstill keeps the last one, a run's first row arrives as the second moves.
-        turning_point: (n, k) joint value at the last turn on the way from the row before; the row's own value if none.
+        turning_point: (n, k) joint value where it last reversed between the row before and the row; the row's own value
+            where it did not.
         starts: (n,) bool, the first row of each run.
     """
 
@@ -50,17 +51,17 @@ def read_travel(
         q: joint commands, (n, k).
         p: nominal tool positions, (n, 3) mm.
         table: n rows in travel order.
-        straight: the tool runs straight between rows, so a joint may turn on the way.
-        smooth: it runs smoothly through rows without a corner, where a joint may turn as well.
+        straight: the tool runs straight between rows, so a joint may reverse on the way.
+        smooth: it follows a smooth path through rows without a corner, where a joint may reverse as well.
 
     Returns:
         The travel.
     """
     starts = run_starts(table.run)
     if smooth:
-        turning_point = _smooth_turnings(q.numpy(), p.numpy(), starts)
+        turning_point = _turning_points_on_smooth_path(q.numpy(), p.numpy(), starts)
     else:
-        turning_point = _turnings(mechanism, q, p, starts) if straight else q.numpy().copy()
+        turning_point = _turning_points_on_lines(mechanism, q, p, starts) if straight else q.numpy().copy()
     stated = None if table.direction is None else np.nan_to_num(table.direction)
     if stated is not None:
         turning_point = np.where(
@@ -73,9 +74,9 @@ def read_travel(
 
 
 def _unshown(stated: np.ndarray, q: np.ndarray, turning_point: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Arrivals (n, k) that the table states and the rows do not show; of a run's first row they show none.
+    """Directions (n, k) that the table states and the rows do not show; of a run's first row they show none.
 
-    Where a joint stands it has arrived as it had before, which the table may have stated then.
+    A joint that stands keeps its direction from before, which the table may have stated then.
     """
     own = arrival_direction(q, turning_point, starts)
     moved = (np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL) | (np.abs(q - turning_point) > STANDSTILL)
@@ -101,7 +102,7 @@ def arrival_direction(q: np.ndarray, turning_point: np.ndarray, starts: np.ndarr
 
     Args:
         q: joint values, (n, k).
-        turning_point: value at the last turn on the way, (n, k); equal to q where there is none.
+        turning_point: value at the last reversal on the way, (n, k); equal to q where there is none.
         starts: (n,) bool, first rows of runs.
 
     Returns:
@@ -116,10 +117,10 @@ def arrival_direction(q: np.ndarray, turning_point: np.ndarray, starts: np.ndarr
     return hold_direction(np.where(np.abs(step) > STANDSTILL, step, 0.0), starts, begun).astype(float)
 
 
-def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) -> np.ndarray:
-    """Where each joint turned last while the tool ran straight from the row before.
+def _turning_points_on_lines(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) -> np.ndarray:
+    """Turning points (n, k) of the joints while the tool runs straight from the row before.
 
-    An arm keeps its posture on the way, and whatever it has to spare moves as evenly as the tool lets it.
+    An arm keeps its posture on the way, and its redundant freedom follows linear joint motion as nearly as possible.
     """
     part = torch.linspace(0.0, 1.0, TRANSIT_STEPS + 1, dtype=torch.float64)[1:-1, None]
     before, begun = torch.cat([p[:1], p[:-1]]), torch.cat([q[:1], q[:-1]])
@@ -127,12 +128,12 @@ def _turnings(mechanism: Mechanism, q: Tensor, p: Tensor, starts: np.ndarray) ->
     even = begun[:, None, :] + part * (q - begun)[:, None, :]  # shape: (n, s, k)
     inner = mechanism.inverse(way.reshape(-1, 3), near=even.reshape(-1, q.shape[1])).reshape(even.shape)
     joints = torch.cat([begun[:, None], inner, q[:, None]], dim=1).numpy()  # shape: (n, s + 2, k)
-    value, turned = last_turn(joints)
+    value, turned = last_turning_point(joints)
     return np.where(turned & ~starts[:, None] & np.isfinite(value), value, q.numpy())
 
 
 def on_the_way(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows that the tool passes without a corner, and how long each move is.
+    """Rows that the tool passes without a corner, and the length of each move.
 
     Args:
         p: tool positions, (n, 3) mm.
@@ -150,35 +151,35 @@ def on_the_way(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return inner, length
 
 
-def _smooth_turnings(q: np.ndarray, p: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Where each joint turned last while the tool ran smoothly from the row before; beside a corner on a parabola."""
+def _turning_points_on_smooth_path(q: np.ndarray, p: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Turning points (n, k) on a smooth path: cubic Hermite pieces between rows, parabolas beside a corner."""
     inner, length = on_the_way(p, starts)
     moves, rise = (length > STANDSTILL) & ~starts[1:], np.diff(q, axis=0)
     slope, part = np.zeros_like(q), length[1:] / np.maximum(length[1:] + length[:-1], STANDSTILL)
     per_mm = rise / np.maximum(length, STANDSTILL)[:, None]
-    slope[1:-1] = part[:, None] * per_mm[:-1] + (1.0 - part[:, None]) * per_mm[1:]  # of the parabola through three rows
+    slope[1:-1] = part[:, None] * per_mm[:-1] + (1.0 - part[:, None]) * per_mm[1:]  # of the parabola through 3 rows
     begun, left = slope[:-1] * length[:, None], slope[1:] * length[:, None]
     begin = np.where(inner[:-1, None], begun, 2.0 * rise - left)
     end = np.where(inner[1:, None], left, 2.0 * rise - begun)
     on = np.linspace(0.0, 1.0, TRANSIT_STEPS + 1)[None, :, None]
-    bend = on**2 * (3.0 - 2.0 * on)  # a cubic by its ends and slopes
+    bend = on**2 * (3.0 - 2.0 * on)  # cubic Hermite basis
     way = q[:-1, None] + bend * rise[:, None] + on * (1.0 - on) * ((1.0 - on) * begin[:, None] - on * end[:, None])
-    value, turned = last_turn(way)
+    value, turned = last_turning_point(way)
     known = (inner[1:] | inner[:-1]) & moves
     return np.concatenate([q[:1], np.where(turned & known[:, None] & np.isfinite(value), value, q[1:])])
 
 
-def last_turn(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where joints turned last on ways that are known at even steps, between them on the cubic of values and slopes.
+def last_turning_point(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Last turning point of joints on paths sampled at even steps, on cubic Hermite pieces between the samples.
 
-    A play of 0.1 mm asks for the turn within microns: the nearest point that is looked at lies up to a tenth of a
-    millimetre beside it, and past the last turns of all it would be missed.
+    Play of 0.1 mm needs the turning point within microns; the nearest sample may be a tenth of a millimetre off, and a
+    reversal behind the last inner sample would be missed.
 
     Args:
-        joints: (n, s, k) joint values along each way, s at least 3.
+        joints: (n, s, k) joint values along each path, s at least 3.
 
     Returns:
-        Value at the last turn, (n, k), anything where there is none; whether there is one, (n, k).
+        Value at the last turning point, (n, k), undefined where there is none; whether there is one, (n, k) bool.
     """
     slope = np.gradient(joints, axis=1, edge_order=2)
     against = np.sign(slope[:, :-1]) != np.sign(slope[:, -1:])

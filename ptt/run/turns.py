@@ -1,4 +1,4 @@
-"""The turns of the travel that an axis still remembers: what one chunk of a run hands on to the next."""
+"""What a joint's hysteresis still remembers of its travel: what one chunk of a run hands on to the next."""
 
 from dataclasses import dataclass
 
@@ -6,22 +6,22 @@ import numpy as np
 import torch
 from torch import Tensor
 
-REACH = 1000.0  # mm: travel after which a gradual reversal has forgotten what was before (31 of its longest trials)
+REACH = 1000.0  # mm of travel after which Dahl friction has forgotten all before: 31 times the longest length tried
 REACH_RAD = 10.0
 
 
 @dataclass(frozen=True)
 class Entry:
-    """How the joints came to a row, so that whatever has a memory can be carried on from there.
+    """Waypoints before a row that leave every hysteresis effect in the state that the whole travel leaves it in.
 
-    Play remembers the extremes of the travel that no later move went beyond (wiping out: Visintin, Differential
-    Models of Hysteresis, 1994, III.2), whatever its gap; a gradual reversal remembers the latest turns. Both together
-    are a short list of waypoints that leaves either in the state that the whole travel left it in.
+    Play of any gap remembers those extremes of the travel that no later move went beyond (wiping-out property:
+    Visintin, Differential Models of Hysteresis, 1994, III.2); Dahl friction remembers the latest turning points. Both
+    together are a short list.
 
     Attributes:
-        row: the row that comes next.
-        way: joint values of the waypoints, oldest first, (m, k); short lists begin with their first value repeated.
-        direction: direction in which the first of them was arrived at, (k,), +1 or -1.
+        row: index of the row that comes next.
+        way: joint values of the waypoints, oldest first, (m, k); a joint with fewer of them repeats its first.
+        direction: direction of arrival of each joint at the first of them, (k,), +1 or -1.
     """
 
     row: int
@@ -30,13 +30,13 @@ class Entry:
 
 
 def remember(way: Tensor, direction: Tensor, row: int, reach: float = REACH) -> Entry:
-    """Shorten a way to what is still remembered at its end.
+    """Reduce a travel to the waypoints that are still remembered at its end.
 
     Args:
-        way: waypoints of one run since its start, or since a way that was shortened before, (m, k) mm or rad.
-        direction: direction in which the first was arrived at, (k,).
-        row: the row that comes next.
-        reach: travel beyond which only extremes are remembered.
+        way: waypoints of one run since its start, or since the waypoints of an entry, (m, k) mm or rad.
+        direction: direction of arrival at the first, (k,).
+        row: index of the row that comes next.
+        reach: travel beyond which only extremes are remembered, mm or rad.
 
     Returns:
         The entry of that row.
@@ -48,6 +48,7 @@ def remember(way: Tensor, direction: Tensor, row: int, reach: float = REACH) -> 
 
 
 def _shorten(way: np.ndarray, direction: float, reach: float) -> tuple[np.ndarray, float]:
+    """Waypoints (m,) of one joint reduced to old extremes and recent turning points; the direction at the first."""
     step = np.diff(way)
     way, step = way[np.concatenate([[True], step != 0.0])], step[step != 0.0]
     turns = np.flatnonzero(np.concatenate([[True], np.sign(step[1:]) != np.sign(step[:-1]), [True]]))
@@ -61,7 +62,7 @@ def _shorten(way: np.ndarray, direction: float, reach: float) -> tuple[np.ndarra
 def _extremes(way: np.ndarray, direction: float) -> np.ndarray:
     """The extremes that play remembers: the largest of all, the smallest since, the largest since that, to the end.
 
-    What was there before the first waypoint counts as infinitely far behind it, so the first is never outdone.
+    The travel before the first waypoint is taken to come from infinitely far behind it, so nothing wipes out the first.
     """
     kept, start, sign = [], 0, direction
     while start < len(way):
