@@ -1,4 +1,4 @@
-"""Whether base reflectors lie to each other as they are drawn: those that do not hold no frame."""
+"""Whether base reflectors are arranged as drawn; where not, which, or which two were exchanged."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -7,25 +7,25 @@ import numpy as np
 
 from ptt.run.frames import kabsch
 
-LEAST_MM = 1.5  # a knock amid a round, and a drawing in whole millimetres, are less
-FAR = 20.0  # standard deviations of one coordinate as stated
+LEAST_MM = 1.5  # mm: a knock within a round, or a drawing in whole millimetres, misfits by less
+FAR = 20.0  # stated standard deviations of one coordinate; the larger of both is the limit
 SHOWN_REFLECTORS = 4
-STRETCH = 2e-3  # share by which a tracker may read all lengths too long or too short: ten times a wrong station
+STRETCH = 2e-3  # relative scale error that is allowed for: ten times that of a wrong weather station
 
 
 def misplaced(
     visits: Mapping[str, np.ndarray], rows: Mapping[str, np.ndarray], place: Mapping[str, np.ndarray], sigma: float
 ) -> str:
-    """What is wrong with base reflectors as they were read, beside each other: a knock between rounds is none of it.
+    """What is wrong with the arrangement of base reflectors as read, round by round.
 
     Args:
-        visits: name -> (v, 3) mm as read, those that are left out for others aside.
-        rows: name -> (v,) when each visit was, as rows of the run.
+        visits: name -> (v, 3) mm as read, sound visits only.
+        rows: name -> (v,) rows of the run, the order in time.
         place: name -> (3,) mm as drawn.
-        sigma: of one coordinate, mm.
+        sigma: standard deviation of one coordinate, mm.
 
     Returns:
-        A sentence without its end; '' where they lie as drawn.
+        A sentence without its full stop; '' where they are arranged as drawn.
     """
     names = [*visits]
     read, spots = _rounds(visits, rows), np.array([place[name] for name in names])
@@ -48,14 +48,14 @@ def misplaced(
 
 
 def _rounds(visits: Mapping[str, np.ndarray], rows: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Each visit to the reflector with most of them, and beside it those of the others that lie nearest, (r, k, 3)."""
+    """Rounds (r, k, 3) mm: each visit of the most visited reflector with those of the others nearest in time."""
     most = rows[max(visits, key=lambda name: len(rows[name]))]
     nearest = {name: np.abs(most[:, None] - rows[name]).argmin(axis=1) for name in visits}
     return np.stack([visits[name][nearest[name]] for name in visits], axis=1)
 
 
 def _off(read: np.ndarray, spots: np.ndarray) -> np.ndarray:
-    """How far each reflector is off its place, moved and stretched with the others, (k,) mm, the median of rounds."""
+    """Misfit of each reflector after a rigid motion with bounded scale, (k,) mm, median over rounds."""
     arm = spots - spots.mean(axis=0)
     off = []
     for beside in read:

@@ -1,4 +1,4 @@
-"""Where a tracker's frames stand: the first rigid motion of each, from poses or from reflectors fixed to the base."""
+"""First rigid motion of each tracker frame: from the poses, or from reflectors fixed to the base."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,22 +22,22 @@ BASE_FIX = (
     "correct the names in the run or xyz_mm under [[tracker.base_point]], leave out the rows of the reflector that was "
     'moved, or set frame = "fitted" under [tracker]'
 )
-MOST_VISITS = 400  # to reflectors by which a run is told where its tracker stood: more are averaged, side by side
+MOST_VISITS = 400  # visits to base reflectors kept apart; where there are more, neighbouring rounds are averaged
 
 
 @dataclass(frozen=True)
 class BaseReadings:
-    """Base reflectors as the tracker sees them in the course of a run: whatever acts on it acts on them.
+    """Readings of base reflectors in the course of a run, on which metrology effects act as on the poses.
 
     Attributes:
-        view: m visits, the machine left aside: each with its moment, and with the reflector's drawn place for p.
-        reading: (m, 3) mm, read, near the base frame.
+        view: one row for each of m visits, with its time and with the reflector's drawn position as p.
+        reading: (m, 3) mm, near the base frame.
         frame: (m,) int, index of the frame.
         point: (m,) int, index of the reflector.
-        round: (m,) int, equal for reflectors that were read one after the other.
-        drawn: (m,) mm, standard deviation of a coordinate of the drawn place, the same at all visits.
-        apart: (m,) mm, how far rounds lie apart, which all reflectors of one share.
-        aside: (n,) bool, rows of the run with a visit that was left out.
+        round: (m,) int, equal for visits to different reflectors one after the other.
+        drawn: (m,) mm, standard deviation of a coordinate of the drawn position, an error common to all its visits.
+        apart: (m,) mm, standard deviation between rounds, an error common to all reflectors of a round.
+        aside: (n,) bool, rows of the run whose visit was left out as faulty.
     """
 
     view: View
@@ -55,17 +55,17 @@ class BaseReadings:
         return self.view.p.numpy()
 
     def whitened(self, values: np.ndarray, whitener: np.ndarray) -> np.ndarray:
-        """Bring values of the visits into units of their own noise: a reading's, and what visits have in common.
+        """Whiten values of the visits by their covariance: of a single reading, of drawn positions and of rounds.
 
-        Along its beam a tracker scatters by a tenth of what it does across, and the beam to a reflector is none of
-        those to the poses: on every axis a visit scatters as far as a pose does on its worst.
+        A tracker scatters along its beam a tenth as much as across, and the beam to a reflector has another direction
+        than those to the poses: so on every axis a visit is given the scatter of a pose on its worst axis.
 
         Args:
             values: (m, 3, c) mm.
-            whitener: (3, 3) 1/mm of one reading of a pose, its rows the noise's own axes.
+            whitener: (3, 3) 1/mm of one reading of a pose, its rows principal axes.
 
         Returns:
-            (m, 3, c); rows are no visits any more, but ways in which these differ.
+            (m, 3, c); rows are eigenvectors of the covariance over visits, no longer single visits.
         """
         common, ways = self._common
         worst = float(np.square(whitener).sum(axis=1).min())  # 1/mm^2
@@ -74,16 +74,16 @@ class BaseReadings:
 
     @cached_property
     def _common(self) -> tuple[np.ndarray, np.ndarray]:
-        """Variances, (m,) mm^2, that visits have in common, and along which ways, (m, m)."""
+        """Eigenvalues (m,) mm^2 and eigenvectors (m, m) of the covariance between visits, without single readings."""
         point, together = (one[:, None] == one[None, :] for one in (self.point, self.round))
         common, ways = np.linalg.eigh(np.square(self.drawn) * point + np.square(self.apart) * together)
         return np.maximum(common, 0.0), ways
 
     def frames_beside(self, told: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-        """Where the frames stand beside what the tracker itself is said to do.
+        """Rigid motion of each frame given a prediction of the reflectors' readings.
 
         Args:
-            told: what a model says of the reflectors, (m, 3) mm.
+            told: predicted readings, (m, 3) mm.
             frames: number of frames.
 
         Returns:
@@ -95,13 +95,13 @@ class BaseReadings:
 
 @dataclass(frozen=True)
 class BaseFrames:
-    """Where f tracker frames stand by the reflectors that they see in n rows.
+    """Rigid motions of f tracker frames by the base reflectors read in n rows.
 
     Attributes:
         rotations: (f, 3, 3), base axes in tracker coordinates.
         shifts: (f, 3) mm, base origin in tracker coordinates.
-        sound: which rows are sound visits, (n,) bool.
-        apart: (n,) mm, how far rounds of the row's frame lie apart.
+        sound: rows with a sound visit, (n,) bool.
+        apart: (n,) mm, standard deviation between rounds of the row's frame.
     """
 
     rotations: np.ndarray
@@ -126,7 +126,7 @@ def into_base(reading: np.ndarray, frame: np.ndarray, rotations: np.ndarray, shi
 
 
 def refuse_untrue(table: Table, view: View, stated_in: Sequence[RunFrame], used: np.ndarray) -> None:
-    """Refuse a frame that is said to be the base's where readings follow targets that are stated in another."""
+    """Refuse frame = "trusted" where the readings are in the frame of targets that are stated in another one."""
     for run, frame in enumerate(stated_in):
         here = used & (table.run == run) & np.isfinite(table.target).all(axis=1)
         if frame.source not in ("stated", "commands") or not here.any():
@@ -144,7 +144,7 @@ def refuse_untrue(table: Table, view: View, stated_in: Sequence[RunFrame], used:
 def from_poses(
     view: View, table: Table, read: np.ndarray, frame: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Each frame's best rigid motion onto the drawing; of one or two readings one that does as well as others."""
+    """Each frame's least-squares rigid motion onto the drawing's positions; not unique for one or two readings."""
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
     for index in range(count):
         rows = read & (frame == index)
@@ -154,7 +154,7 @@ def from_poses(
 
 
 def from_base(file: MachineFile, table: Table, frame: np.ndarray, count: int) -> BaseFrames:
-    """Each frame's best rigid motion from the reflectors that it sees onto their places.
+    """Each frame's least-squares rigid motion from its base reflectors onto their drawn positions.
 
     Args:
         file: the machine.
@@ -164,7 +164,7 @@ def from_base(file: MachineFile, table: Table, frame: np.ndarray, count: int) ->
 
     Raises:
         TableError: a reflector that the machine file lacks.
-        TooFewError: a frame that sees too few.
+        TooFewError: a frame with readings of too few.
     """
     drawn = {point.name: point for point in file.tracker.base_point}
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
@@ -185,7 +185,7 @@ def from_base(file: MachineFile, table: Table, frame: np.ndarray, count: int) ->
 
 
 def untrue_base(file: MachineFile, table: Table) -> str:
-    """What is wrong with the base reflectors that one set-up of the tracker reads; '' where nothing is, or few are.
+    """Contradiction between the base reflectors read in one set-up and the machine file, in words; '' for none.
 
     Args:
         file: the machine.
@@ -203,14 +203,14 @@ def untrue_base(file: MachineFile, table: Table) -> str:
 
 
 def odd_base(file: MachineFile, table: Table) -> tuple[list[str], list[str]]:
-    """Base reflectors that a run reads and the machine file lacks, and those that lie where it does not have them.
+    """Base reflectors that a run reads and the machine file lacks, and those that are not where the file has them.
 
     Args:
         file: the machine.
         table: the rows of one set-up of the tracker.
 
     Returns:
-        Names of both.
+        Names of the former, and of the latter.
     """
     here = (table.role == "base") & np.isfinite(table.measured).all(axis=1)
     drawn = {point.name for point in file.tracker.base_point}
@@ -221,7 +221,7 @@ def odd_base(file: MachineFile, table: Table) -> tuple[list[str], list[str]]:
 
 
 def _sound(file: MachineFile, table: Table, when: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Rows of the sound visits to each reflector that has some."""
+    """Name -> rows of the sound visits, for each reflector that has any."""
     drawn = {point.name: point for point in file.tracker.base_point}
     visits = {name: table.measured[rows] for name, rows in when.items()}
     spots = {name: np.array(drawn[name].xyz_mm) for name in when}
@@ -233,7 +233,7 @@ def _sound(file: MachineFile, table: Table, when: Mapping[str, np.ndarray]) -> d
 def base_readings(
     file: MachineFile, table: Table, view: View, near: np.ndarray, frame: np.ndarray, seen: BaseFrames
 ) -> BaseReadings:
-    """The visits to base reflectors as readings.
+    """The visits to base reflectors as readings, neighbouring rounds averaged where there are many.
 
     Args:
         file: the machine.
@@ -241,7 +241,7 @@ def base_readings(
         view: the same rows.
         near: readings near the base frame, (n, 3) mm.
         frame: (n,) int, frame of each row.
-        seen: which visits are sound, and how far rounds lie apart.
+        seen: sound visits and scatter between rounds.
     """
     names = [point.name for point in file.tracker.base_point]
     place, drawn = (np.array([getattr(p, own) for p in file.tracker.base_point]) for own in ("xyz_mm", "sigma_mm"))
@@ -260,7 +260,7 @@ def base_readings(
 
 
 def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> list[str]:
-    """Names of the reflectors that a run reads, in the order of the machine file; refused where they cannot do."""
+    """Names of the reflectors that a run reads, in the order of the machine file; unknown or too few are refused."""
     unknown = sorted(set(table.name[here]) - set(drawn))
     if unknown:
         raise TableError(

@@ -1,15 +1,15 @@
-"""Rigid motions: the best one between two sets of points, and rotations with their derivatives."""
+"""Rigid motions: alignment of two point sets (Kabsch), and rotation vectors with derivatives."""
 
 import numpy as np
 import torch
 from torch import Tensor
 
-TRIMS = 4
-LINE = 0.03  # of their length, below which poses lie on a line: their errors would tell the turn about it
+TRIMS = 4  # rounds of leaving out outliers
+LINE = 0.03  # width by length below which points lie on a line, and their errors would determine the turn about it
 
 
 def align(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Best rigid motion that carries places to readings, gross outliers left out.
+    """Least-squares rigid motion from places to readings, outliers beyond six median distances left out.
 
     Source: Kabsch, Acta Cryst. A32 (1976) 922.
 
@@ -45,10 +45,10 @@ def rotation(vector: Tensor) -> tuple[Tensor, Tensor]:
         R (f, 3, 3) and dR/dvector (f, 3, 3, 3), last axis the vector's.
     """
     square = (vector * vector).sum(dim=1)[:, None, None]
-    # The series are used throughout: after the first alignment angles stay small, and they have no division by zero.
+    # Power series of sin(x)/x and (1 - cos(x))/x^2: after the first alignment angles are small.
     first = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))
     second = 0.5 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)))
-    by_first = -1.0 / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0))  # d first / d square, times 2
+    by_first = -1.0 / 3.0 * (1.0 - square / 10.0 * (1.0 - square / 28.0))  # 2 d first / d square
     by_second = -1.0 / 12.0 * (1.0 - square / 15.0 * (1.0 - 3.0 * square / 112.0))
     generators = _GENERATORS.to(vector.dtype)
     cross = torch.einsum("fc,cij->fij", vector, generators)
@@ -61,15 +61,15 @@ def rotation(vector: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def rigid_columns(p: Tensor, about: Tensor | None = None, length: float = 1.0) -> Tensor:
-    """How points move as one body is shifted and turned a little: Rodrigues' formula to first order.
+    """Jacobian of points by a small rigid motion of all of them: Rodrigues' formula to first order.
 
     Args:
         p: (..., 3) mm.
-        about: point that turns leave where it is, (3,) mm; None for the origin.
+        about: centre of rotation, (3,) mm; None for the origin.
         length: mm that a turn of one radian counts as, so that shifts and turns move points about as far.
 
     Returns:
-        (..., 3, 6): shifts along x, y, z, mm per mm; then turns about these axes, mm per rad over `length`.
+        (..., 3, 6): by translations along x, y, z, mm per mm; by rotations about them, mm per rad, over `length`.
     """
     arm = (p if about is None else p - about) / length
     turns = torch.einsum("cij,...j->...ic", _GENERATORS.to(p.dtype), arm)  # shape: (..., xyz, axis)
@@ -77,7 +77,7 @@ def rigid_columns(p: Tensor, about: Tensor | None = None, length: float = 1.0) -
 
 
 def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarray]:
-    """Columns of each frame's or mount's own parameters, zero in the rows of the others.
+    """Jacobian columns of each frame or mount: those given in its own rows, zero in the others.
 
     Args:
         columns: (n, 3, c).
@@ -93,7 +93,7 @@ def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarra
 
 
 def rotation_vector(turn: np.ndarray) -> np.ndarray:
-    """Rotation vector of a rotation matrix, by way of the largest component of its quaternion.
+    """Rotation vector of a rotation matrix, by the largest component of its quaternion (stable at every angle).
 
     Source: S. W. Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1(3), 1978.
 
@@ -129,16 +129,16 @@ _GENERATORS = torch.tensor(
 
 
 def kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rigid motion that brings places nearest to their readings; about a line through all of them none turns.
+    """Least-squares rigid motion from places to readings; of collinear places without a turn about their line.
 
-    Of one place nothing turns; of none nobody knows, and all is NaN.
+    A single place gives no rotation; without any place all is NaN.
 
     Args:
         place: (n, 3) mm.
         reading: (n, 3) mm.
 
     Returns:
-        Turn (3, 3) and shift (3,): a reading is turn @ place + shift.
+        R (3, 3) and t (3,) mm with reading = R place + t.
 
     Source: Kabsch, Acta Crystallographica A32 (1976) 922.
     """
@@ -147,7 +147,7 @@ def kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarr
     middle, centre = place.mean(axis=0), reading.mean(axis=0)
     cross, sizes = (reading - centre).T @ (place - middle), np.linalg.svd(place - middle, compute_uv=False)
     if len(sizes) < 2 or sizes[1] < LINE * sizes[0]:
-        cross = cross + (LINE * sizes[0]) ** 2 * np.eye(3)  # as it would be with nothing turned
+        cross = cross + (LINE * sizes[0]) ** 2 * np.eye(3)  # pulls an undetermined turn to none
     left, _, right = np.linalg.svd(cross)
     mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     turn = left @ mirror @ right

@@ -1,4 +1,4 @@
-"""Where the reflector sits on the tool: fitted beside the tracker frame, because nobody knows it to a micrometre."""
+"""Reflector offset (mount) on an arm's tool: fitted along with the tracker frame, since it is never known exactly."""
 
 from dataclasses import replace
 
@@ -12,9 +12,9 @@ from ptt.run.table import Table
 from ptt.run.view import View
 
 ROUNDS = 20
-SETTLED = 1e-6  # mm
-TRIM = 6.0  # medians beyond which a row does not count
-UNSEEN = 1e-4  # share of the strongest direction below which the readings say nothing of a mount
+SETTLED = 1e-6  # mm, size of a step at which the iteration ends
+TRIM = 6.0  # median distances beyond which a row is an outlier
+UNSEEN = 1e-4  # relative singular value below which a direction is not determined and stays
 TURN_LENGTH = 1e3  # mm that a turn of one radian counts as
 
 
@@ -34,7 +34,7 @@ def mount_of_rows(file: MachineFile, table: Table) -> np.ndarray:
 
 
 def place_mounts(view: View, mount: np.ndarray, mounts: np.ndarray) -> View:
-    """See the reflector where it sits.
+    """Set the reflector's offset.
 
     Args:
         view: n rows.
@@ -53,7 +53,7 @@ def place_mounts(view: View, mount: np.ndarray, mounts: np.ndarray) -> View:
 def find_mounts(
     view: View, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray, frame: np.ndarray, *, free: bool
 ) -> View:
-    """Find where the reflectors sit, frames moving along, the drawing being otherwise right.
+    """Fit the reflector offsets, together with the frames, to the drawing's poses.
 
     Args:
         view: n rows.
@@ -75,10 +75,10 @@ def mounts_beside(
     place: np.ndarray, by_mount: np.ndarray, reading: np.ndarray, rows: np.ndarray, mount: np.ndarray,
     frame: np.ndarray, *, free: bool,
 ) -> np.ndarray:  # fmt: skip
-    """Where the reflectors sit if the tool is at some places: wherever it is, its frame alone carries them along.
+    """Reflector offsets by Gauss-Newton, for given tool poses.
 
     Args:
-        place: (n, 3) mm, NaN where none is known.
+        place: tool positions, (n, 3) mm, NaN where not known.
         by_mount: (n, 3, 3) axes of the tool's frame, as `mount_slopes` has them.
         reading: (n, 3) mm, NaN where not observed.
         rows: that count, (n,) bool.

@@ -1,8 +1,7 @@
-"""The frame in which targets are stated: the rigid motion between them and what the joint commands ask of the drawing.
+"""The frame in which targets are stated: the rigid motion from targets to the commands' nominal positions.
 
-A controller may count targets in a workpiece's frame. Commands tell: a rigid motion that carries every target to what
-its command asks for is no accident. Corrections of commands are smaller by far, and no rigid motion leaves nothing of
-them.
+A controller may count targets in a workpiece's frame. A rigid motion that carries every target to the nominal position
+of its command is then no accident: corrections in commands are far smaller, and no rigid motion removes them all.
 """
 
 from collections.abc import Sequence
@@ -20,14 +19,14 @@ from ptt.record import Record
 from ptt.run.frames import align, rotation_vector
 from ptt.run.table import Table
 
-LIMIT = 5.0  # mm, median: corrections of commands are far smaller, swapped axes and other machines far larger
-ARM_LIMIT = 20.0  # mm: encoders say where an arm stands, which is that far from where it was sent at most
-PURE = 0.01  # share of the way that a motion leaves over where nothing but a rigid motion lies between
-TURNED = 0.01  # rad: a correction turns the tool's path less, 2 mm over 200 mm
-SHIFTED = 1.0  # mm: no correction is so large and so even that a hundredth of it is all that is no rigid motion
-WORTH = 0.1  # a smaller turn is believed where it leaves less than this share of what a shift alone leaves
-LEAST_ROWS = 4  # from which a turn is found
-SEEN_MM = 0.05  # a shift below is not worth a word
+LIMIT = 5.0  # mm, median: corrections in commands are far smaller, swapped axes and other machines far larger
+ARM_LIMIT = 20.0  # mm: commands may be encoder readings, which differ from the targets by no more
+PURE = 0.01  # share of the distance left by a motion, below which nothing but a rigid motion lies between
+TURNED = 0.01  # rad: larger than the rotation of any correction, 2 mm over 200 mm
+SHIFTED = 1.0  # mm: a larger distance that is purely a rigid motion is no correction
+WORTH = 0.1  # a rotation below `TURNED` is kept only if it leaves less than this share of what a shift leaves
+LEAST_ROWS = 4  # fewest rows for a rotation
+SEEN_MM = 0.05  # smaller shifts are not mentioned
 
 Source = Literal["base", "stated", "commands", "unknown", "contrary"]
 
@@ -41,10 +40,10 @@ class RunFrame(Record):
             (an arm's, for another tool), 'contrary' (no rigid motion makes them fit the commands).
         rotation: (3, 3).
         origin: (3,) mm.
-        left: median distance that remains between targets and commands, mm; NaN where there are no commands.
-        rows: rows that tell.
-        doubt: median way of a rigid motion that is all there is between targets and commands, yet small enough for a
-            correction, mm; zero where there is none.
+        left: median distance that remains between targets and nominal positions of commands, mm; NaN without commands.
+        rows: number of rows that it was found from.
+        doubt: median displacement, mm, of a pure rigid motion between targets and commands that is small enough to be a
+            correction; zero where there is none.
     """
 
     keys: ClassVar[str] = "source, origin_mm: origin, turn_deg, left_mm: left, rows"
@@ -95,8 +94,7 @@ def target_frames(file: MachineFile, table: Table) -> tuple[RunFrame, ...]:
         One frame for each run.
 
     Raises:
-        TableError: targets and slider commands that no rigid motion brings together, or targets in a frame that
-            nothing tells.
+        TableError: targets and slider commands that no rigid motion brings together, or targets in an unknown frame.
     """
     place = np.full((table.rows, 3), np.nan)
     if table.command is not None:
@@ -166,14 +164,14 @@ def stated_frame(spec: TargetsSpec) -> RunFrame:
 
 
 def kept_frame(spec: TargetsSpec, frames: Sequence[RunFrame]) -> TargetsSpec:
-    """What a model keeps for targets to come.
+    """The [targets] section that a model keeps for later targets.
 
     Args:
-        spec: what it stated before.
-        frames: of the runs it was fitted on.
+        spec: the section so far.
+        frames: those of the runs it was fitted on.
 
     Returns:
-        The frame that all runs share, 'unknown' where they do not; as before where no commands tell.
+        The frame that all runs share, 'unknown' where they differ; the section so far where no commands determine it.
     """
     told = [frame for frame in frames if frame.rows]
     if not told or spec.frame == "base":
@@ -191,7 +189,7 @@ def find_frame(target: np.ndarray, place: np.ndarray, spec: TargetsSpec, *, arm:
 
     Args:
         target: (n, 3) mm, as stated, NaN where there is none.
-        place: (n, 3) mm, what the commands ask of the drawing, NaN where there is no command.
+        place: (n, 3) mm, nominal positions of the commands, NaN where there is no command.
         spec: what the machine file states.
         arm: a serial arm, whose commands may be encoders' readings and whose targets may be of another tool.
 
@@ -217,7 +215,7 @@ def find_frame(target: np.ndarray, place: np.ndarray, spec: TargetsSpec, *, arm:
 
 
 def _own_frame(target: np.ndarray, place: np.ndarray) -> RunFrame:
-    """The motion that the commands tell: a shift, with a turn where that leaves far less."""
+    """The rigid motion by the commands: a shift, with a rotation where that is large or leaves far less."""
     shifted = RunFrame("commands", np.eye(3), np.median(place - target, axis=0))
     shifted = replace(shifted, left=_left(shifted, target, place), rows=len(target))
     spread = np.linalg.svd(target - target.mean(axis=0), compute_uv=False) / np.sqrt(len(target))
