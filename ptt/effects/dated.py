@@ -96,5 +96,5 @@ def _local(effect: Effect, view: View, place: RunPlace) -> View:
     return replace(
         view,
         time=torch.where(own, view.time - place.time, endless),
-        number=torch.where(own, view.places - place.number, endless),
+        number=torch.where(own, view.row_numbers - place.number, endless),
     )

@@ -116,7 +116,7 @@ def few_enough(problem: Problem) -> Problem:
 
 def numbers(problem: Problem) -> np.ndarray:
     """Places of a problem's rows in the whole run, (m,) int."""
-    return problem.view.places.numpy().astype(int)
+    return problem.view.row_numbers.numpy().astype(int)
 
 
 def cut(problem: Problem, size: int = CHUNK) -> list[Callable[[], Problem]]:

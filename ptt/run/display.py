@@ -1,21 +1,21 @@
-"""A thermometer's display: warmth goes on between the steps that it shows."""
+"""Quantised temperatures: interpolation between the steps of a thermometer's display."""
 
 import numpy as np
 
 from ptt.run.table import Table
 
-COARSEST = 1.0  # K: no thermometer shows less than whole degrees; what goes further at once was set by somebody
-HELD = 0.5  # share of neighbouring rows that show the same, from which a display is said to stand still
-BY_ONE = 0.5  # share of its changes that are of one step; the others are pauses, or somebody sets what it shows
-ALIKE = 1e-6  # of a step, by which written numbers may lie beside the steps of a display
+COARSEST = 1.0  # K: thermometers resolve a degree or better; larger steps were set by somebody
+HELD = 0.5  # least share of neighbouring rows with equal values from which values count as a display's
+BY_ONE = 0.5  # least share of changes by one step; the others come after pauses
+ALIKE = 1e-6  # share of a step by which numbers may be off a whole number of steps
 
 
 def between_steps(table: Table) -> tuple[Table, list[str]]:
-    """Take temperature as it passes from one step of its display to the next, not as the display stands.
+    """Interpolate temperature between the moments at which its display changes.
 
-    A display that goes from 20.0 to 20.5 says that it is 20.25 just then, and says nothing of that sort where it
-    stands. Taken as it stands it is off by up to half a step for as many rows as it does, all in one direction; growth
-    that is a hundred times the noise would leave a course in time that no effect follows.
+    When a display goes from 20.0 to 20.5 the temperature is 20.25 just then. Taken as shown it would be off by up to
+    half a step over many rows in the same direction; with thermal growth of a hundred times the noise that would leave
+    a trend in time that no effect explains.
 
     Args:
         table: n rows in order of measuring.
@@ -41,7 +41,7 @@ def between_steps(table: Table) -> tuple[Table, list[str]]:
 
 
 def _step(warmth: np.ndarray, run: np.ndarray) -> float | None:
-    """Width of the steps in which values (n,) are shown that stand still for some rows, K; None where they do not."""
+    """Step of a display's values (n,), K; None where they are not those of a display."""
     shown = np.unique(warmth[np.isfinite(warmth)])
     if len(shown) < 3:
         return None
@@ -57,12 +57,12 @@ def _step(warmth: np.ndarray, run: np.ndarray) -> float | None:
 
 
 def _passing(shown: np.ndarray, along: np.ndarray, half: float) -> np.ndarray:
-    """Values (n,) on lines between the moments at which the display changes, never further off than half a step.
+    """Values (n,) interpolated between the moments at which the display changes, at most half a step off it.
 
-    Where it goes back to the step that it came from, it was about what is shown between.
+    Where it changes back to the step that it came from, the temperature between is taken as shown.
     """
     last = np.flatnonzero(np.diff(shown) != 0.0)  # rows before a change
-    if len(last) < 2:  # how fast it goes is not told
+    if len(last) < 2:  # its rate is not known
         return shown
     when, level = 0.5 * (along[last] + along[last + 1]), 0.5 * (shown[last] + shown[last + 1])
     if (np.diff(when) <= 0.0).any():
@@ -77,9 +77,9 @@ def _passing(shown: np.ndarray, along: np.ndarray, half: float) -> np.ndarray:
 
 
 def _end(shown: float, along: float, when: np.ndarray, level: np.ndarray, half: float) -> float:
-    """Where it stands at an end: between what is shown and as far on as between the nearest changes, in this step.
+    """Value at an end: the mean of what is shown and of the line through the nearest two changes, within this step.
 
-    What warms up slows down, and by how much no further change tells.
+    Warming slows down, and beyond the last change its rate is not known.
     """
     on = level[0] + (level[1] - level[0]) / (when[1] - when[0]) * (along - when[0])
     return 0.5 * (shown + float(np.clip(on, shown - half, shown + half)))

@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 BLOCKS = 10
-APIECE = 5  # blocks that a frame's own rows are cut into: what is left of them has to tell it
+APIECE = 5  # blocks for each tracker frame, so that the rows not held out still determine it
 MOST_BLOCKS = 40  # of runs in chunks the sums over each are kept side by side
-PLACED = 3  # joints up to which the tool position tells the pose
-_numbered: "WeakKeyDictionary[Table, np.ndarray]" = WeakKeyDictionary()  # a long table takes seconds, and all ask
+PLACED = 3  # largest number of joints whose values follow from the tool position
+_numbered: "WeakKeyDictionary[Table, np.ndarray]" = WeakKeyDictionary()  # cache: a long table takes seconds
 
 
 def pose_groups(table: "Table") -> np.ndarray:
@@ -26,7 +26,7 @@ def pose_groups(table: "Table") -> np.ndarray:
     Returns:
         (n,) int: equal for rows with the same target (the same commands where there is no target, or where an arm
         has so many joints that a position does not tell its pose), numbered in order of first appearance; -1 for
-        base reflectors. Read-only: all who ask get the same.
+        base reflectors. Read-only, since it is cached.
     """
     groups = _numbered.get(table)
     if groups is None:
@@ -45,7 +45,7 @@ def _number_poses(table: "Table") -> np.ndarray:
 
 
 def visit_groups(table: "Table") -> np.ndarray:
-    """Number the visits of a table: rows one after the other at one pose, between which the machine did not move.
+    """Number the visits of a table: consecutive rows at one pose, between which the machine did not move.
 
     Args:
         table: n rows in travel order.
@@ -61,18 +61,18 @@ def visit_groups(table: "Table") -> np.ndarray:
 
 
 def sharing_groups(table: "Table", counted: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Number the rows that may err alike beside any model: those of one pose, or only those of one visit.
+    """Groups of rows that may share an error which no model explains (random effects): by pose, or only by visit.
 
-    A machine that stands is read again with the error it stands with: what differs from visit to visit, as far as it
-    comes back to a pose, such readings share. That the error belongs to the pose shows only where it comes back.
+    Readings of one visit share the positioning error of that visit. That an error belongs to the pose shows only where
+    the machine comes back to it.
 
     Args:
         table: n rows in travel order.
         counted: readings that count, (n,) bool.
 
     Returns:
-        (n,) int, equal for rows that may err alike; and whether they are those of one visit, because most readings
-        that repeat another do so without a move between.
+        (n,) int, group of each row; and whether groups are visits, because most readings that repeat another do so
+        without a move between.
     """
     pose, visit = pose_groups(table), visit_groups(table)
     poses, visits = len(np.unique(pose[counted])), len(np.unique(visit[counted]))
@@ -101,26 +101,26 @@ def blocks(table: "Table", count: int = BLOCKS) -> np.ndarray:
 
 
 def blocks_beside(frames: int) -> int:
-    """How many blocks of travel to cut a table into, so that none hides most of what tells one of up to eight frames.
+    """Number of blocks to cut a table into, so that no block holds most of the rows that determine a tracker frame.
 
     Args:
-        frames: that are fitted.
+        frames: number of frames that are fitted; enough blocks for up to eight of them.
     """
     return min(max(BLOCKS, APIECE * frames), MOST_BLOCKS)
 
 
 def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:
-    """Deal the blocks of a table into parts that are held out in turn.
+    """Deal the blocks of a table into folds of a cross-validation.
 
     Neighbouring blocks go to different parts, so that a part hides some of every stretch of travel and no run whole.
 
     Args:
         table: n rows in travel order.
-        count: how many parts, at most.
-        among: how many blocks are dealt.
+        count: number of folds, at most.
+        among: number of blocks that are dealt.
 
     Returns:
-        (n,) bool for each part; base reflectors are in none.
+        Rows of each fold, (n,) bool; base reflectors are in none.
     """
     block = blocks(table, max(count, among))
     number = int(block.max(initial=-1)) + 1
@@ -129,7 +129,7 @@ def folds(table: "Table", count: int, among: int = BLOCKS) -> list[np.ndarray]:
 
 
 def _places(table: "Table") -> np.ndarray:
-    """What tells the poses of a table apart: targets, or commands where they tell more or there is nothing else."""
+    """Columns that distinguish the poses of a table: targets, or commands where these determine more or stand alone."""
     if table.command is None:
         return table.target
     told = np.isfinite(table.target).all(axis=1)

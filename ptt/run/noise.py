@@ -1,4 +1,4 @@
-"""The noise floor: what repeats scatter by, and where the figure comes from."""
+"""The noise floor: covariance of one reading by repeats, std columns or the machine file, and where it comes from."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -14,25 +14,25 @@ from ptt.run.tails import chi2_isf, median_sigma
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-NEAR_IN_TIME = 1800.0  # s: repeats further apart than this have seen drift and warmth come between
-ROUNDS = 6  # of leaving out repeats that are far off
-CHANCE = 1e-3  # that the farthest of all repeats is left out where all are sound
-ENOUGH = 30  # degrees of freedom below which repeats alone do not make a noise floor
-ROUNDING = 1e-9  # of the summed variances: what scatters by less in some direction than others' rounding
+NEAR_IN_TIME = 1800.0  # s: between repeats further apart drift and temperature change
+ROUNDS = 6  # of leaving out outliers among repeats
+CHANCE = 1e-3  # that the farthest of all repeats is left out although all are sound
+ENOUGH = 30  # fewest degrees of freedom of repeats that alone give a noise floor
+ROUNDING = 1e-9  # share of the summed variances below which the variance of a direction is rounding
 NOTHING = 1e-18  # mm^2: no reading is better than a nanometre
-STEPS = tuple(digit * 10.0**-power for power in range(1, 5) for digit in (5.0, 2.0, 1.0))  # mm, that readings come in
-ON_STEP = 1e-5  # of a step: how near a reading lies to a whole number of them
-FIRST = 1000  # readings asked before all are
+STEPS = tuple(digit * 10.0**-power for power in range(1, 5) for digit in (5.0, 2.0, 1.0))  # mm, steps of last digits
+ON_STEP = 1e-5  # share of a step by which a reading may be off a whole number of steps
+FIRST = 1000  # readings that are tested before all of them are
 SAME_WARMTH = 0.5  # K
 SAME_LOAD = 0.01  # kg
 SAME_FEED = 1e-3  # mm/s
-SATURATED = "saturated model"  # source of a noise that nothing tells but what everything at once leaves
-REPEATS = "repeats"  # source of a noise that repeats tell
-GUESSED = "first guess"  # source of one that nothing tells: used to weigh by, never told
-VISITED = f"{SATURATED}; readings of one visit scatter by less"  # where no pose was visited again to tell it
-COARSEST = 0.01  # mm, of a tracker's last digit: readings that all lie on coarser steps are targets
-READABLE = 1e-4  # mm: no tracker reads finer, the air alone moves its beam by more
-DEFAULT_SIGMA = 0.005  # mm, one coordinate of a hand-held reflector: used only to start with, never reported
+SATURATED = "saturated model"  # source: the residual of everything that could be fitted at once
+REPEATS = "repeats"  # source: scatter of repeats
+GUESSED = "first guess"  # source: none; used as weights in a fit, never reported
+VISITED = f"{SATURATED}; readings of one visit scatter by less"  # source where no pose was visited a second time
+COARSEST = 0.01  # mm: a coarser step is not that of a tracker's last digit
+READABLE = 1e-4  # mm: no tracker resolves less, the air alone moves its beam by more
+DEFAULT_SIGMA = 0.005  # mm, one coordinate of a hand-held reflector: the first guess
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,12 @@ class Noise(Record):
 
     Attributes:
         covariance: (3, 3) mm^2 of the coordinates of one reading, in the base frame.
-        source: where it comes from: 'repeats', 'std columns', 'machine file', 'saturated model', with what it outdoes
-            behind that; 'first guess' where nothing tells it.
-        freedom: degrees of freedom behind it, of coordinates for a saturated model, of readings (three coordinates)
-            for repeats; infinite where it was given.
-        stated: what the std columns or the machine file state in its stead, its source and total in mm; None where
-            nothing else does.
-        least: mm^2, variance of one coordinate that no explanation leaves less of.
+        source: where it comes from: 'repeats', 'std columns', 'machine file', 'saturated model' (perhaps with a remark
+            behind it), 'first guess' where there is nothing.
+        freedom: its degrees of freedom, of coordinates for a saturated model, of readings (three coordinates) for
+            repeats; infinite where it was stated.
+        stated: source and total (mm) that std columns or the machine file state instead; None where they do not.
+        least: mm^2, lower bound of the variance of one coordinate, by resolution.
     """
 
     keys: ClassVar[str] = "x: sigma.0 [um], y: sigma.1 [um], z: sigma.2 [um], total: total [um], source"
@@ -70,16 +69,16 @@ class Noise(Record):
 
     @cached_property
     def whitener(self) -> np.ndarray:
-        """W with W^T W the inverse covariance and W W^T diagonal, (3, 3) 1/mm: its rows are the noise's own axes."""
+        """Whitening matrix W, (3, 3) 1/mm: W^T W is the inverse covariance; its rows are the principal axes."""
         least = max(ROUNDING * float(np.trace(self.covariance)), NOTHING)
         squares, ways = np.linalg.eigh(at_least(self.covariance, least))
         return np.asarray(ways.T / np.sqrt(squares)[:, None])
 
     def log_density(self, rows: int) -> float:
-        """Logarithm of the density of so many readings that meet what is predicted, 1/mm each coordinate.
+        """Normalisation of the log likelihood of a number of readings: -rows/2 log det(covariance).
 
-        Less half of chi-squared, and apart from what no noise changes, it is that of any readings, so that explanations
-        with different noise and rows compare.
+        The log likelihood is this less half of chi-squared, up to a constant that does not depend on the noise; so
+        explanations with different noise compare.
         """
         return rows * float(np.linalg.slogdet(self.whitener)[1])
 
@@ -90,7 +89,7 @@ def source_in_words(source: str) -> str:
 
 
 def guessed_noise() -> Noise:
-    """A noise to start with, where nothing tells it."""
+    """The noise to start with where none is known."""
     return Noise(np.eye(3) * DEFAULT_SIGMA**2, GUESSED)
 
 
@@ -131,7 +130,7 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
         direction: directions of arrival, (n, k).
 
     Returns:
-        The noise, or None with fewer than `ENOUGH` degrees of freedom.
+        The noise; None with fewer than `ENOUGH` degrees of freedom.
     """
     usable = np.isfinite(measured).all(axis=1) & (table.role != "base")
     group = repeat_groups(table, direction)
@@ -153,9 +152,9 @@ def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
         if freedom < ENOUGH:
             return None
         covariance = deviation.T @ deviation / freedom
-        lifted, repeated = _lifted(deviation, group[kept])
-        scale = np.maximum(median_sigma(lifted[repeated], axis=0), 1e-9)
-        far = ((lifted / scale) ** 2).max(axis=1) > chi2_isf(CHANCE / len(values), 1)
+        unbiased, repeated = _unbiased(deviation, group[kept])
+        scale = np.maximum(median_sigma(unbiased[repeated], axis=0), 1e-9)
+        far = ((unbiased / scale) ** 2).max(axis=1) > chi2_isf(CHANCE / len(values), 1)
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False
@@ -163,11 +162,11 @@ def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
 
 
 def at_least(covariance: np.ndarray, variance: float) -> np.ndarray:
-    """A covariance with no direction of less than some variance, (3, 3) mm^2; as it is where it has none.
+    """A covariance with its eigenvalues raised to a lower bound, (3, 3) mm^2; unchanged where none is below.
 
     Args:
         covariance: (3, 3) mm^2.
-        variance: mm^2.
+        variance: the bound, mm^2.
     """
     sizes, ways = np.linalg.eigh(covariance)
     if sizes[0] >= variance:
@@ -176,13 +175,13 @@ def at_least(covariance: np.ndarray, variance: float) -> np.ndarray:
 
 
 def step_of(reading: np.ndarray) -> float:
-    """The step that readings come in, mm: repeats within one step look alike, and are not.
+    """Resolution of readings: the step of their last digit, mm.
 
     Args:
         reading: (n, 3) mm, in the tracker's own axes.
 
     Returns:
-        The largest of the usual decimal steps that all of them are whole numbers of; zero where none is.
+        The largest of the usual decimal steps of which all readings are whole multiples; zero where there is none.
     """
     for step in STEPS:
         if _are_whole(reading[:FIRST], step) and _are_whole(reading, step):
@@ -196,21 +195,21 @@ def _are_whole(reading: np.ndarray, step: float) -> bool:
 
 
 def least_variance(reading: np.ndarray, stated: float = np.inf) -> float:
-    """Variance that readings of a tracker have at the least, mm^2.
+    """Lower bound of the variance of one coordinate by resolution, mm^2.
 
     Args:
         reading: (n, 3) mm.
-        stated: variance that is known of one coordinate, mm^2: a scale may read finer than any tracker.
+        stated: known variance of one coordinate, mm^2: an instrument may resolve less than any tracker.
 
     Returns:
-        What their last digit leaves, or a tracker's own finest.
+        That of rounding to the last digit, or that of the best tracker.
     """
     step = step_of(reading)
     return max(step**2 / 12.0 if step <= COARSEST else 0.0, min(READABLE**2, stated))
 
 
 def first_of_copies(table: "Table", group: np.ndarray) -> np.ndarray:
-    """Rows that are no copy, to the last digit, of an earlier reading of their group.
+    """Rows that do not repeat, to the last digit, an earlier reading of their group.
 
     Args:
         table: n rows.
@@ -249,17 +248,17 @@ def noise_from_std(table: "Table") -> Noise | None:
     """
     if table.std is None:
         return None
-    rows = table.std[(table.std > 0.0).all(axis=1) & (table.role != "base")]  # zero is what a tracker does not know
+    rows = table.std[(table.std > 0.0).all(axis=1) & (table.role != "base")]  # zero stands for unknown
     if not len(rows):
         return None
     return Noise(np.diag(np.median(rows**2, axis=0)) + 1e-14 * np.eye(3), "std columns")
 
 
 def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sigma: float | None) -> Noise | None:
-    """The noise floor as far as the data or the machine file tell it.
+    """The noise floor from the data or the machine file.
 
-    Standard deviations of single held poses leave out what differs from visit to visit; where repeats scatter by
-    more, the repeats count.
+    A tracker's own standard deviations, taken while the machine stands, do not contain what differs from visit to
+    visit; where repeats scatter by more, the repeats are used.
 
     Args:
         table: n rows.
@@ -268,7 +267,7 @@ def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sig
         sigma: the machine file's figure for one coordinate, mm.
 
     Returns:
-        The noise, or None where only a saturated model can tell.
+        The noise; None where only a saturated model can give it.
     """
     known = _given_noise(table, measured, direction, sigma)
     if known is None:
@@ -295,7 +294,7 @@ def _deviations(values: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, int]
     return values - mean[group], int(len(values) - (count > 0).sum())
 
 
-def _lifted(deviation: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Deviations from group means as large as those from the true means would be, and which rows have company."""
+def _unbiased(deviation: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Deviations scaled from group means to the true means, by sqrt(n / (n - 1)), and which rows have repeats."""
     size = np.bincount(group)[group]
     return deviation * np.sqrt(size / np.maximum(size - 1.0, 1.0))[:, None], size > 1

@@ -1,4 +1,4 @@
-"""One identification problem: the view, the readings brought near the base frame, and what the tracker frame may do."""
+"""One identification problem: view, readings near the base frame, tracker frames, mounts and noise."""
 
 from dataclasses import dataclass, replace
 
@@ -21,32 +21,34 @@ from ptt.run.target_frame import RunFrame, in_base, target_frames
 from ptt.run.view import View
 from ptt.run.viewing import build_view
 
-SHIFT_USUAL = 10.0  # mm: the frame takes what it can; machine parameters only what it cannot
+# Usual sizes of frame and mount in the prior: far wider than errors of the machine, so that what the data cannot tell
+# apart goes to the frame, not to machine parameters.
+SHIFT_USUAL = 10.0  # mm
 TURN_USUAL = 0.05  # rad
 MOUNT_USUAL = 10.0  # mm
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Readings and all that is needed to predict them.
+    """Readings and everything that is needed to predict them.
 
     Attributes:
         file: the machine.
         table: n rows in travel order.
         view: the same rows as effects see them.
         measured: readings after a first rigid motion into the base frame, (n, 3) mm, NaN where not observed.
-        used: rows whose readings count, (n,) bool: poses and datums that are observed and not masked.
+        used: rows whose readings enter a fit, (n,) bool: poses and datums that are observed and not masked.
         frame: index of each row's tracker frame, (n,) int.
         frames: number of frames to be fitted; zero where the frame is trusted.
         mount: index of the reflector mount of each row, (n,) int; -1 where the tool point is trusted.
-        mounts: number of mounts to be fitted; the view has them where the drawing's arm puts them.
-        rotation: first rigid motion, reading_base = (reading - shift) @ rotation, (f, 3, 3).
-        shift: (f, 3) mm.
-        base: base reflectors, None unless the frame is measured.
-        noise: the noise floor where data or file tell it, else None.
+        mounts: number of mounts to be fitted; the view has their first values, fitted with the drawing.
+        rotation: of the first rigid motion, reading_base = (reading - shift) @ rotation, (f, 3, 3).
+        shift: of the first rigid motion, (f, 3) mm.
+        base: readings of base reflectors, None unless the frame is measured.
+        noise: the noise floor by the data or the machine file, else None.
         stated_in: the frame in which each run states its targets.
-        rounded: step of joint commands that nothing tells finer, mm or degrees, and how far rounding may put poses
-            aside, root mean square, mm.
+        rounded: `ptt.run.rounded.left_by_rounding`: step of joint commands, mm or degrees, and rms tool displacement by
+            rounding, mm.
     """
 
     file: MachineFile
@@ -67,10 +69,10 @@ class Problem:
 
     @property
     def target(self) -> np.ndarray:
-        """Wanted tool positions in the base frame, (n, 3) mm; what the commands ask for where there are no targets.
+        """Wanted positions of the reflector in the base frame, (n, 3) mm; nominal positions where there are no targets.
 
-        Where the reflector sits beside an arm's tool point, its own: the target moved along by the drawing's pose.
-        Targets that an arm's controller states for another tool than the drawing's give way to the commands.
+        On an arm a reflector offset is added in the nominal pose. Targets that its controller states for another tool
+        than the drawing's are replaced by nominal positions of the commands.
         """
         nominal, target = self.view.p.numpy(), self._in_base(self.table.target)
         if self.file.machine.kind == "serial" and np.isfinite(target).any():
@@ -88,7 +90,7 @@ class Problem:
 
     @property
     def two_sided(self) -> np.ndarray:
-        """Joints that came from both directions to readings that count, (k,) bool: elsewhere play is but an offset."""
+        """Joints that arrive from both directions at used rows, (k,) bool: in others play is only an offset."""
         direction = self.view.direction.numpy()[self.used]
         return np.asarray((direction > 0.0).any(axis=0) & (direction < 0.0).any(axis=0))
 
@@ -112,13 +114,13 @@ class Problem:
         return replace(self, used=self.used & ~hidden)
 
     def anchored(self, told: np.ndarray | None = None) -> "Problem":
-        """The same problem with the tracker held to the base reflectors where there are some.
+        """The same problem with the tracker frames fixed by the base reflectors, where there are any.
 
-        Thousands of pose readings against a dozen of reflectors would otherwise pull the frame toward whatever a
-        model does not explain yet.
+        Otherwise thousands of pose readings would outweigh a dozen of the reflectors and pull the frame toward whatever
+        a model does not explain yet.
 
         Args:
-            told: what a model says of the base reflectors, (m, 3) mm; None for their places.
+            told: predicted readings of the base reflectors, (m, 3) mm; None for their drawn positions.
         """
         if self.base is None:
             return self
@@ -132,7 +134,7 @@ class Problem:
 
     @property
     def rounding(self) -> tuple[float, float]:
-        """What of `rounded` shows in the readings: zeros where the noise hides it."""
+        """`rounded`, or zeros where it is below the noise."""
         hidden = self.noise is not None and self.rounded[1] < SEEN * self.noise.total
         return (0.0, 0.0) if hidden else self.rounded
 
@@ -198,7 +200,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
 
 
 def _require_places(file: MachineFile, table: Table, view: View, used: np.ndarray) -> None:
-    """Refuse readings at joint values from which no place of the tool follows: no rigid motion could be found."""
+    """Refuse readings at joint values that do not determine a tool position, since no frame could be aligned."""
     known = torch.isfinite(view.p).all(dim=1) & torch.isfinite(view.jacobian).flatten(1).all(dim=1)
     lost = used & ~known.numpy()
     told = np.zeros_like(lost) if table.command is None else np.isfinite(table.command).all(axis=1)

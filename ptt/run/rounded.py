@@ -1,4 +1,4 @@
-"""Rounded commands: joints that a log writes with fewer digits than the targets that they were worked out for."""
+"""Rounded commands: joint values logged with fewer digits than the targets from which they were computed."""
 
 import numpy as np
 import torch
@@ -10,48 +10,48 @@ from ptt.mechanisms.workspace import translation_rank
 from ptt.run.noise import step_of
 from ptt.run.table import Table
 
-FINE = 1e-3  # mm: a last digit of a micrometre leaves 0.3 um, less than any tracker reads
-NEAR = 0.5 + 1e-3  # of a step, by which a rounded number is off at the most
-PLANNED = 0.05  # mm or degrees: coarser steps are those of a plan
-SEEN = 0.3  # of the noise, from which what rounding leaves of commands shows in many readings
-LEAST = 0.05  # of a step, root mean square: rounding is off by 0.29, and joints that were planned in steps by nothing
+FINE = 1e-3  # mm: rounding to a micrometre leaves 0.3 um rms, less than any tracker resolves
+NEAR = 0.5 + 1e-3  # largest rounding error in steps
+PLANNED = 0.05  # mm or degrees: coarser steps are those in which commands were planned
+SEEN = 0.3  # ratio of rounding error to noise from which it shows in many readings
+LEAST = 0.05  # rms in steps: rounding errors have 0.29, commands that were planned in steps none
 
 
 def rounded_to(file: MachineFile, table: Table) -> float:
-    """The step that joint commands were rounded to, where the targets tell them finer.
+    """The step to which joint commands were rounded, where the targets determine them more finely.
 
-    A controller commands what it works out, and a log of two decimals is off by 3 um of it, the same at each visit to a
-    pose, as no noise is.
+    A controller sends what it computes; a log with two decimals is off by 3 um rms, the same at each visit to a pose,
+    unlike noise.
 
     Args:
         file: the machine.
         table: n rows, targets in the base frame.
 
     Returns:
-        mm or degrees; zero where commands are as fine as the targets, or other ones (a correction that was sent), or
-        there are none of either.
+        mm or degrees; zero where commands are as fine as the targets, where they differ from them by more than rounding
+        (a correction that was sent), or where either is missing.
     """
     return _finer(file, table)[0]
 
 
 def unrounded(file: MachineFile, table: Table) -> Table:
-    """The table with joints as its targets ask for them, where its commands are these but for rounding.
+    """The table with the joint values of its targets, where its commands are these but for rounding.
 
     Args:
         file: the machine.
         table: n rows, targets in the base frame.
 
     Returns:
-        The table; as it is where `rounded_to` is zero.
+        The table; unchanged where `rounded_to` is zero.
     """
     command = _finer(file, table)[1]
     return table if command is None else table.replace(command=command)
 
 
 def left_by_rounding(file: MachineFile, table: Table, jacobian: np.ndarray) -> tuple[float, float]:
-    """What rounding may have taken off joint commands that nothing tells finer.
+    """Rounding error of joint commands that the targets do not determine more finely.
 
-    Targets alone are as a rule planned in the steps that they are written in.
+    Targets alone are as a rule planned in the steps in which they are written.
 
     Args:
         file: the machine.
@@ -59,8 +59,8 @@ def left_by_rounding(file: MachineFile, table: Table, jacobian: np.ndarray) -> t
         jacobian: (n, 3, k) of the drawing.
 
     Returns:
-        The step, mm or degrees, and how far rounding to it puts the tool aside, root mean square, mm; zeros where
-        steps are so coarse that joints will have been planned in them.
+        The step, mm or degrees, and the rms displacement of the tool by rounding to it, mm; zeros where the step is so
+        coarse that joints will have been planned in it.
     """
     if table.command is None:
         return 0.0, 0.0
@@ -77,7 +77,7 @@ def _step(file: MachineFile, q: np.ndarray) -> float:
 
 
 def _finer(file: MachineFile, table: Table) -> tuple[float, np.ndarray | None]:
-    """The step, and joints (n, k) mm or rad that lead to the targets; zero and None where there is nothing to do."""
+    """The step, and joint values (n, k) mm or rad of the targets; zero and None where commands are not rounded."""
     if table.command is None:
         return 0.0, None
     known = np.isfinite(table.command).all(axis=1) & np.isfinite(table.target).all(axis=1)
@@ -91,7 +91,7 @@ def _finer(file: MachineFile, table: Table) -> tuple[float, np.ndarray | None]:
     mechanism = build_mechanism(file.machine)
     at = torch.as_tensor(q)
     lacks = torch.as_tensor(target) - mechanism.forward(at)
-    # The least move: an arm of more than three joints has others, and that of a rounding is no longer than it is.
+    # The least-norm step of a redundant arm: the rounding errors have at least that length.
     move = least_move(mechanism.jacobian(at), lacks, translation_rank(mechanism)).numpy()
     length = np.linalg.norm(move, axis=1) / (size * np.sqrt(q.shape[1]))
     if not (length <= NEAR).all() or np.sqrt(np.mean(length**2)) < LEAST:

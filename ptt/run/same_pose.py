@@ -1,23 +1,23 @@
-"""When two values are one: the same pose, warmth, load or hour. One rule and one tolerance for all who ask."""
+"""Clustering of values that count as the same: pose, temperature, load, time. One rule for the whole program."""
 
 import numpy as np
 
-SAME_POSE = 1e-3  # mm (rad): targets (commands) closer than this are one pose; no machine is sent that finely
-ROUNDING = 1e-6  # share of a tolerance that rounding in a file takes: 0.301 - 0.300 is no more than 0.001
+SAME_POSE = 1e-3  # mm (rad): targets (commands) closer than this are one pose; no machine is positioned that finely
+ROUNDING = 1e-6  # relative slack of a tolerance: 0.301 - 0.300 in binary is a little more than 0.001
 WIDEST = 2.0  # tolerances: a chain of neighbours wider than this is a path, not a pose
 
 
 def number_alike(values: np.ndarray, tolerance: float, within: np.ndarray | None = None) -> np.ndarray:
-    """Number rows so that neighbours have one number.
+    """Number clusters of rows by single linkage, column by column.
 
-    Rows are neighbours where no column differs by more than the tolerance; neighbours of neighbours are of the same
-    kind, so it makes no difference where a grid of cells would have its edges. A chain of neighbours that has become
-    wide, such as a densely sampled path, is cut into equal parts no wider than the tolerance.
+    Rows are linked where no column differs by more than the tolerance, and through further rows; so no grid of cells
+    with edges is involved. A cluster wider than `WIDEST` tolerances, such as a densely sampled path, is cut into equal
+    parts no wider than the tolerance.
 
     Args:
-        values: (n,) or (n, m); NaN is like NaN only.
+        values: (n,) or (n, m); NaN equals NaN only.
         tolerance: in the unit of the values.
-        within: (n,) int, rows with different numbers are never alike; None for no such thing.
+        within: (n,) int, rows with different numbers are never in one cluster; None for no such restriction.
 
     Returns:
         (n,) int from 0, in order of first appearance.
@@ -37,7 +37,7 @@ def number_alike(values: np.ndarray, tolerance: float, within: np.ndarray | None
 
 
 def same_places(place: np.ndarray) -> np.ndarray:
-    """Number places; those of one pose have one number.
+    """Number the poses of positions or joint values.
 
     Args:
         place: (n, 3) mm or (n, k) mm or rad.
@@ -82,7 +82,7 @@ def _cut_at_gaps(group: np.ndarray, column: np.ndarray, gap: float) -> np.ndarra
 
 
 def _cut_if_wide(group: np.ndarray, column: np.ndarray, tolerance: float) -> np.ndarray:
-    """Groups wider than `WIDEST` tolerances in equal parts that are no wider than one."""
+    """Groups with those wider than `WIDEST` tolerances cut into equal parts no wider than one tolerance."""
     count = int(group.max()) + 1
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.fmin.at(low, group, column)

@@ -10,7 +10,7 @@ from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.statics import weight
 from ptt.run.turns import Entry
 
-PER_ROW = (  # the fields of a view that have one entry a row, but for the row's own number
+PER_ROW = (  # fields of a view with one entry for each row, except `number`
     "q", "p", "jacobian", "direction", "turning_point", "velocity", "starts", "run", "payload", "warmth", "time",
     "torque", "mount", "link_load", "read", "paces",
 )  # fmt: skip
@@ -18,19 +18,20 @@ PER_ROW = (  # the fields of a view that have one entry a row, but for the row's
 
 @dataclass(frozen=True)
 class View:
-    """What the model knows about n rows before any parameter is chosen.
+    """n rows of whole runs as effects see them: all that does not depend on any parameter.
 
     Attributes:
         mechanism: the nominal mechanism, k joints.
-        home: joint values the errors are referred to, (k,) mm or rad.
-        lead: screw lead in mm (3-PTT), None where the drawing has none; gear period in rad (serial), a turn of the
-            joint where the drawing has none.
+        home: home position, from which drive errors count the travel, (k,) mm or rad.
+        lead: screw lead in mm (3-PTT), None where the drawing has none; gear period in rad (serial), 2 pi where the
+            drawing has none.
         reflector: reflector offset from the platform's centre, (3,) mm.
         q: joint values at the stage's input, (n, k) mm or rad; commands for the drive stage.
         p: tool position at the stage's input, (n, 3) mm; nominal before the structure stage.
         jacobian: dp/dq at the nominal pose, (n, 3, k).
         direction: direction of arrival of each joint, (n, k), +1 or -1.
-        turning_point: joint values of the last turn between the row before and this row, (n, k); q where there is none.
+        turning_point: joint value where it last reversed between the row before and this row, (n, k); q where it did
+            not.
         velocity: joint velocity, (n, k) mm/s or rad/s; zero where unknown.
         starts: first row of each run, (n,) bool.
         run: run of each row, (n,) int64.
@@ -42,17 +43,17 @@ class View:
         platform_radius: mm; zero on a serial arm.
         growth: geometry slots per unit strain of radius and links (serial: of every a and every d), (2, G) mm.
         travel_limits: joint limits, (k, 2) mm or rad.
-        mount: where the reflector sits beside the drawing's tool point, in the tool's own frame, (n, 3) mm; None
-            where it sits on it.
-        gravity: direction in which weights pull, (3,) unit vector in the base frame.
+        mount: offset of the reflector from the drawing's tool point, in the tool's own frame, (n, 3) mm; None for zero.
+        gravity: direction of gravity, (3,) unit vector in the base frame.
         link_load: torque of the arm's own links, (n, k) N mm; None where the drawing states no masses.
         varies: which contexts vary in the data: 'payload', 'temperature', 'time', 'speed', 'direction'.
         read: rows with a reading, (n,) bool; None where all have one, or none.
-        paces: joint velocity by the other `ptt.run.pace.PACES`, (n, k, 3); None where these are not asked.
-        number: place of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
-        entries: where rows are left out before a row, how the joints came to it.
-        began: what the table's clock showed at the first row, s.
-        kept: gradual reversals of just these rows for lengths that a search tries, by the lengths' identity.
+        paces: joint velocity by the definitions of `ptt.run.pace.PACES` but the first, (n, k, 3); None where it is
+            zero or these are not needed.
+        number: index of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
+        entries: for each row before which rows are left out, what the joints remember of those.
+        began: time of the first row by the table's own clock, s.
+        kept: cache of gradual reversals of these rows, by the identity of the length (`keep_reversals`).
     """
 
     mechanism: Mechanism
@@ -97,22 +98,22 @@ class View:
         return self.q.shape[1]
 
     @property
-    def places(self) -> Tensor:
-        """Place of each row in the whole table, (n,) float."""
+    def row_numbers(self) -> Tensor:
+        """Index of each row in the whole table, (n,) float."""
         return torch.arange(self.rows, dtype=torch.float64) if self.number is None else self.number
 
     @property
     def clock(self) -> Tensor:
-        """When each row was read, (n,): seconds where there is a clock, else its place in the whole table."""
-        return self.time if "time" in self.varies else self.places
+        """Time of each row, (n,): seconds where there is a clock, else its index in the whole table."""
+        return self.time if "time" in self.varies else self.row_numbers
 
     @cached_property
     def covered(self) -> tuple[Tensor, Tensor]:
-        """Lowest and highest value of each joint, (k,) each; every part of a long run asks the whole for it."""
+        """Lowest and highest value of each joint, (k,) each; cached, since every part of a long run needs it."""
         return self.q.amin(dim=0), self.q.amax(dim=0)
 
     def at(self, *, q: Tensor | None = None, p: Tensor | None = None) -> "View":
-        """The same rows seen from a later stage.
+        """The same rows at the input of a later stage.
 
         Args:
             q: actual joint values, (n, k).
@@ -128,32 +129,32 @@ class View:
         return replace(self, velocity=torch.zeros_like(self.velocity), paces=None, varies=self.varies - {"speed"})
 
     def of_rows(self, rows: Tensor) -> "View":
-        """Some rows by themselves, each with its place in the whole.
+        """Some of the rows, each with its index in the whole.
 
         Args:
             rows: (m,) int64, in rising order.
 
         Returns:
-            A view of m rows; how the joints came to them is not told.
+            A view of m rows, without entries: what the joints remember of the rows left out is not in it.
         """
         own = {name: value[rows] for name in PER_ROW if (value := getattr(self, name)) is not None}
-        return replace(self, **own, number=self.places[rows], entries=())
+        return replace(self, **own, number=self.row_numbers[rows], entries=())
 
     def mounted(self, geometry: Tensor) -> Tensor:
-        """Add the reflector's mount to shifts of the mechanism's slots.
+        """Add the reflector's offset to the tool slots of geometry shifts.
 
         Args:
             geometry: (n, G) or (1, G).
 
         Returns:
-            The same, or (n, G) where the reflector sits beside the tool point.
+            The same, or (n, G) where the reflector has an offset.
         """
         if self.mount is None:
             return geometry
         return torch.cat([geometry[:, :-3].expand(self.rows, -1), geometry[:, -3:] + self.mount], dim=1)
 
     def load(self) -> Tensor:
-        """Weight of platform and payload, as the force on the tool; without their mass in the drawing, the payload's.
+        """Weight of platform and payload as a force on the tool.
 
         Returns:
             (n, 3) N.
@@ -161,7 +162,7 @@ class View:
         return weight(self.payload, self.platform_mass, self.gravity)
 
     def axis_force(self) -> Tensor:
-        """Force or torque that each axis carries because of platform, links and payload; measured where a sensor is.
+        """Force or torque in each axis by platform, links and payload; the measured one where the table has it.
 
         Returns:
             (n, k) N (sliders) or N mm (joints): (dp/dq)^T F by virtual work, F = (platform + payload) x g, and the
@@ -169,7 +170,7 @@ class View:
         """
         if self.torque is not None:
             return self.torque
-        # The load hangs on the tool, not on a reflector that sits beside it.
+        # The load acts at the tool point, not at a reflector with an offset from it.
         at_tool = self.jacobian if self.mount is None else self.mechanism.jacobian(self.q)
         force = torch.einsum("nck,nc->nk", at_tool, self.load())
         return force if self.link_load is None else force + self.link_load

@@ -1,4 +1,4 @@
-"""Whole runs seen through the drawing of their machine: the view that every effect receives is built here."""
+"""Builds the `View` of a table: commands, nominal poses, travel, speeds, loads and context by the drawing."""
 
 from typing import TYPE_CHECKING
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from ptt.machine import MachineFile
     from ptt.run.table import Table
 
-EVEN = 0.05  # of the mean speed: of speeds that scatter by less, no reading tells what follows speed from direction
-MOMENT = 1.0  # s: from the last row of a run to the first of one whose clock starts anew; nobody knows how long it is
+EVEN = 0.05  # relative scatter of speeds below which effects of speed look like those of direction
+MOMENT = 1.0  # s: assumed time from the last row of a run to the first of one whose clock starts anew
 
 
 def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
@@ -47,16 +47,16 @@ def command_rows(mechanism: Mechanism, table: "Table") -> Tensor:
 
 
 def _hold(q: Tensor, run: np.ndarray) -> Tensor:
-    """Fill rows without a command (base reflectors): the machine stands where its run last was, first where it will."""
+    """Fill rows without a command (base reflectors): the machine stands where it was before, at first where it goes."""
     known = torch.isfinite(q).all(dim=1).numpy()
     return q if known.all() else q[torch.as_tensor(standing_rows(known, run))]
 
 
 def standing_rows(known: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """The row in which the machine stands as it does in each: the last known one of its run, first the next one.
+    """Index of the row whose command holds at each row: the last known one of its run, at first the next one.
 
     Args:
-        known: rows that say where it stands, (n,) bool.
+        known: rows with a command, (n,) bool.
         run: (n,) int.
 
     Returns:
@@ -69,7 +69,7 @@ def standing_rows(known: np.ndarray, run: np.ndarray) -> np.ndarray:
 
 
 def build_view(file: "MachineFile", table: "Table") -> View:
-    """See a table through the drawing of its machine.
+    """Build the view of a table.
 
     Args:
         file: the machine.
@@ -135,9 +135,9 @@ def _tensor(values: object) -> Tensor:
 
 
 def elapsed(table: "Table") -> Tensor:
-    """Seconds since the first row, (n,) s; where a clock goes back it was set anew, and what it shows is laid on.
+    """Seconds since the first row, (n,) s; where the clock goes back it was reset, and time continues from there.
 
-    A run whose clock starts anew comes a moment after the one before: what happens between them is after that.
+    A run with a reset clock is taken to begin `MOMENT` after the one before, so that there is a moment between them.
     """
     if table.time_s is None:
         return torch.zeros(table.rows, dtype=torch.float64)
@@ -148,9 +148,9 @@ def elapsed(table: "Table") -> Tensor:
 
 
 def joint_limits(file: "MachineFile") -> Tensor:
-    """The range of each joint: its limits by the drawing, half a turn either way where an arm states none.
+    """Range of each joint to plan, draw and measure over: the drawing's limits, +-180 deg where an arm states none.
 
-    It is what to measure, plan and draw over; which commands may be sent, `Mechanism.limits` says.
+    Which commands may be sent is up to `Mechanism.limits`, which are infinite there.
 
     Args:
         file: the machine.
@@ -165,6 +165,7 @@ def joint_limits(file: "MachineFile") -> Tensor:
 
 
 def _growth(file: "MachineFile", mechanism: Mechanism) -> Tensor:
+    """Geometry shifts per unit strain of base radius and links (serial: of every a and every d), (2, G) mm."""
     spec = file.machine
     growth = torch.zeros(2, len(mechanism.slots), dtype=torch.float64)
     if spec.kind == "three-ptt":
@@ -180,6 +181,7 @@ def _growth(file: "MachineFile", mechanism: Mechanism) -> Tensor:
 
 
 def _what_varies(table: "Table", travel: Travel, velocity: Tensor) -> frozenset[str]:
+    """Contexts that vary over the poses: `varies` of a `View`."""
     pose = table.role != "base"
     names = []
     for name, column, step in (

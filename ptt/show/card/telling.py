@@ -39,6 +39,6 @@ def telling_of(name: str, joint: int, problem: Problem) -> tuple[np.ndarray, str
     label = LABELS.get(name, ("", ""))[problem.file.machine.kind == "serial"].format(n=joint + 1)
     lacking = (name == "phase" and not view.lead) or (name == "time" and "time" not in view.varies)
     if lacking or not label:
-        return view.places.numpy(), READING
+        return view.row_numbers.numpy(), READING
     values = telling_values(name, view, joint).numpy()
     return (np.degrees(values) if name == "link angle" else values), label
