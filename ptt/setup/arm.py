@@ -1,7 +1,7 @@
-"""Set-up mistakes of serial arms: joints in another order, turned round, counted from elsewhere, degrees for radians.
+"""Set-up mistakes of serial arms: order, sign or zero of joints, degrees for radians, axes and units of readings.
 
-The tracker may stand anywhere and the reflector sit anywhere on the tool. Every hypothesis is first screened by a
-linear fit that allows more than that (any linear map of position and orientation); what passes is fitted exactly.
+Tracker position and reflector offset are unknown. Every hypothesis is first screened by a linear fit that allows more
+than these (any linear map of position and orientation); the best are then judged by an exact fit.
 """
 
 from collections.abc import Iterator
@@ -20,16 +20,16 @@ from ptt.setup.result import Finding, ties_in_words
 from ptt.setup.rows import slipped
 from ptt.setup.setup import Hypothesis, Setup, Undo, used_rows
 
-LEAST_ROWS, MOST_ROWS = 12, 90  # fewer leave the station, the reflector and link errors free to fit anything
-BROKEN = 0.004  # of the reach: what an arm misses by, out of the box, is less
-FOREIGN = 0.05  # of the reach: the lightest arms yield by a hundredth, and another drawing is off by a tenth and more
-LEADERS = 4
-PLACES, MOST_PLACES = 12, 24  # rows at which a missed reading is tried, roughly and closely
+LEAST_ROWS, MOST_ROWS = 12, 90  # to few rows a fit of tracker, reflector and link errors can fit anything
+BROKEN = 0.004  # share of the reach: uncalibrated arms err by less
+FOREIGN = 0.05  # share of the reach: the most compliant arms yield by 0.01, a wrong drawing is off by 0.1 and more
+LEADERS = 4  # hypotheses that are judged exactly
+PLACES, MOST_PLACES = 12, 24  # rows at which a missing reading is tried, in the coarse and in the fine search
 TURNS = {"90 deg": np.pi / 2.0, "-90 deg": -np.pi / 2.0, "180 deg": np.pi}
-TIE = 1.5
-TURN = 7.0  # a whole turn in radians and some more: angles in degrees are larger
-SAME = ("z negated", "y and z swapped")  # of the ways to mirror readings, all one where the frame is free
-LEAST_MM = 0.01  # agreement beyond this is no further proof
+TIE = 1.5  # ratio of errors up to which two explanations do equally well
+TURN = 7.0  # a little more than a turn in radians: angles in degrees are larger
+SAME = ("z negated", "y and z swapped")  # reflections of the readings that stand for all where the frame is free
+LEAST_MM = 0.01  # smaller errors count as equal
 Judged = tuple[float, list[Hypothesis], Setup]
 
 
@@ -67,7 +67,7 @@ def find_arm(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def unexplained_arm(setup: Setup) -> list[str]:
-    """One sentence where an arm's readings are off its commands by more than any arm is built off its drawing.
+    """One sentence where an arm's readings differ from its commands by more than errors of construction can explain.
 
     Args:
         setup: both files, with what was found undone.
@@ -95,7 +95,7 @@ def unexplained_arm(setup: Setup) -> list[str]:
 
 
 def _tried(setup: Setup, rows: np.ndarray, hypotheses: list[Hypothesis]) -> list[Judged]:
-    """Each hypothesis, and what the readings show besides, judged, best first."""
+    """Each hypothesis alone and with axes and units of the readings corrected, judged by exact fits, best first."""
     judged = []
     for hypothesis in hypotheses:
         for more in _read_off(hypothesis.undo(setup), rows):
@@ -106,11 +106,12 @@ def _tried(setup: Setup, rows: np.ndarray, hypotheses: list[Hypothesis]) -> list
 
 
 def _is_proof(judged: list[Judged], before: float, reach: float) -> bool:
+    """Whether the best hypothesis is a mistake whose correction reduces the error enough."""
     return bool(judged and judged[0][1]) and judged[0][0] <= min(before / FALL, BROKEN * reach)
 
 
 def choose_rows(setup: Setup) -> np.ndarray:
-    """Rows of an arm that have a command and a reading, so many as are judged, (m,) int."""
+    """Evenly spaced rows of an arm with a command and a reading, at most `MOST_ROWS`, (m,) int."""
     table = setup.table
     if table.command is None:
         return np.zeros(0, dtype=int)
@@ -121,7 +122,7 @@ def choose_rows(setup: Setup) -> np.ndarray:
 
 
 def _mistakes(setup: Setup) -> Iterator[Hypothesis]:
-    """Single mistakes, nothing undone first."""
+    """Every single mistake; first the hypothesis of none."""
     spec = arm_spec(setup)
     count = len(spec.joint)
     yield Hypothesis("joint-sign", "", "", lambda same: same)
@@ -169,7 +170,7 @@ def _signs(count: int) -> Iterator[Hypothesis]:
 
 
 def _zeros(count: int, free: bool) -> Iterator[Hypothesis]:
-    """The first joint's zero is a turn of the tracker, the last one's a turn of the reflector's place."""
+    """Joint zeros off by quarter turns, except the first joint's, which is a tracker rotation, and the last one's."""
     singles = [(joint, name) for joint in range(1 if free else 0, count - 1) for name in TURNS]
     pairs = [pair for pair in combinations(singles, 2) if pair[0][0] != pair[1][0]]
     for chosen in [*((each,) for each in singles), *pairs]:
@@ -182,7 +183,7 @@ def _zeros(count: int, free: bool) -> Iterator[Hypothesis]:
 
 
 def _leaders(setup: Setup, rows: np.ndarray) -> list[Hypothesis]:
-    """The best of the screen, and doing nothing."""
+    """The best hypotheses by the linear fit, after that of no mistake."""
     hypotheses = list(_mistakes(setup))
     cases, readings = [], []
     for hypothesis in hypotheses:
@@ -196,7 +197,7 @@ def _leaders(setup: Setup, rows: np.ndarray) -> list[Hypothesis]:
 
 
 def _zeros_in_commands(drawn: SerialSpec, undone: SerialSpec) -> tuple[SerialSpec, np.ndarray]:
-    """Zeros that were moved in the drawing, as a shift of the commands (k,) rad: one mechanism serves them all."""
+    """Changed zeros of the drawing as a shift of the commands, (k,) rad, so that one mechanism serves many cases."""
     pairs = list(zip(drawn.joint, undone.joint, strict=True))
     if drawn is undone or any(
         one.model_copy(update={"theta_offset_deg": two.theta_offset_deg}) != two for one, two in pairs
@@ -206,7 +207,7 @@ def _zeros_in_commands(drawn: SerialSpec, undone: SerialSpec) -> tuple[SerialSpe
 
 
 def _slips_from(setup: Setup, rows: np.ndarray) -> list[Hypothesis]:
-    """A reading missed, or one too many, at the row where that fits best: first roughly, then row by row."""
+    """A missing reading, or one too many, at the row where it fits best, by a coarse and a fine search."""
     count, found = setup.table.rows, []
     for slip in (1, -1):
         at = np.linspace(0, count, PLACES + 2)[1:-1].round().astype(int)
@@ -230,7 +231,7 @@ def _left_by(setup: Setup, rows: np.ndarray, slip: int, first: int) -> float:
 
 
 def _read_off(setup: Setup, rows: np.ndarray) -> list[list[Hypothesis]]:
-    """Axes and units of the readings, which the linear fit shows by its determinant."""
+    """Corrections by the determinant of the linear fit: its size shows a unit, its sign a left-handed frame."""
     command, reading = setup.table.command[rows], setup.table.measured[rows]  # type: ignore[index]
     (pose,) = pose_many([(arm_spec(setup), command)])
     volume = float(np.linalg.det(linear(pose, reading)[1]))

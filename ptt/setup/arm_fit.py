@@ -1,7 +1,4 @@
-"""Fits of an arm's readings: a linear one that screens, an exact one that judges.
-
-The tracker may stand anywhere and the reflector sit anywhere on the tool.
-"""
+"""Fits of an arm's readings with unknown tracker position and reflector offset: linear to screen, exact to judge."""
 
 from dataclasses import dataclass
 
@@ -15,20 +12,20 @@ from ptt.setup.faults import left_after_faults
 from ptt.setup.rigid import align_many, middle, rms
 from ptt.setup.setup import Setup
 
-SETTLED = 1e-3  # mm
+SETTLED = 1e-3  # mm, size of a Gauss-Newton step that ends the iteration
 ROUNDS = 8
-USUAL = (0.5, 1e-3, 0.5, 1e-3, 1e-3)  # mm and rad: errors of a, alpha, d, theta and the Hayati angle
-LOOSE = 1e-9
+USUAL = (0.5, 1e-3, 0.5, 1e-3, 1e-3)  # mm and rad: usual errors of a, alpha, d, theta and the Hayati angle
+LOOSE = 1e-9  # ridge of the linear fit, relative
 TURN_LENGTH = 100.0  # mm that a turn of one radian counts as
 
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """Where the joint values of a hypothesis put the tool.
+    """Nominal tool poses of the joint values of a hypothesis.
 
     Attributes:
-        place: (m, 3) mm.
-        turn: (m, 3, 3), the tool's axes.
+        place: positions, (m, 3) mm.
+        turn: orientations, (m, 3, 3).
     """
 
     place: np.ndarray
@@ -36,7 +33,7 @@ class Posed:
 
 
 def pose_many(cases: list[tuple[SerialSpec, np.ndarray]]) -> list[Posed]:
-    """Place and axes of the tool for each case of a drawing and joint values, (m, k) rad."""
+    """Nominal tool poses for each case of a drawing and joint values, (m, k) rad."""
     posed: list[Posed | None] = [None] * len(cases)
     groups: dict[SerialSpec, list[int]] = {}
     for index, (spec, _) in enumerate(cases):
@@ -50,7 +47,7 @@ def pose_many(cases: list[tuple[SerialSpec, np.ndarray]]) -> list[Posed]:
 
 
 def linear_many(posed: list[Posed], readings: np.ndarray) -> np.ndarray:
-    """What the best linear map of position and orientation leaves in each case, (h,) mm: `linear`, all at once.
+    """Residual of the best linear map from pose to reading in each case, (h,) mm: `linear`, batched.
 
     Args:
         posed: h cases of m rows.
@@ -69,7 +66,7 @@ def linear_many(posed: list[Posed], readings: np.ndarray) -> np.ndarray:
 
 
 def linear(pose: Posed, reading: np.ndarray) -> tuple[float, np.ndarray]:
-    """What the best linear map of position and orientation leaves, mm, and its part of the position, (3, 3)."""
+    """Median residual of the best linear map from pose to reading, mm, and the map's position part, (3, 3)."""
     known = np.isfinite(reading).all(axis=1)
     columns = np.concatenate([pose.place, pose.turn.reshape(-1, 9)], axis=1)[known]
     columns, wanted = columns - columns.mean(axis=0), reading[known] - reading[known].mean(axis=0)
@@ -82,12 +79,12 @@ def linear(pose: Posed, reading: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def judge_arm(setup: Setup, rows: np.ndarray, *, mounted: bool = True) -> float:
-    """What an exact fit of station, reflector and ordinary link errors leaves, mm.
+    """Residual of an exact fit of tracker frame, reflector offset and ordinary link errors, mm.
 
     Args:
         setup: both files.
-        rows: that are looked at.
-        mounted: whether the reflector may sit anywhere on the tool; else it is where the drawing has the tool point.
+        rows: the rows that are fitted.
+        mounted: whether the reflector has an unknown offset from the tool point; else it has none.
     """
     q, reading, pose = _posed(setup, rows)
     place = pose.place + pose.turn @ mount_of(pose, reading, setup.free) if mounted else pose.place
@@ -99,13 +96,13 @@ def judge_arm(setup: Setup, rows: np.ndarray, *, mounted: bool = True) -> float:
 
 
 def mount_of_rows(setup: Setup, rows: np.ndarray) -> np.ndarray:
-    """Where the reflector sits beside the drawing's tool point, (3,) mm in the tool's frame."""
+    """Reflector offset from the drawing's tool point, (3,) mm in the tool's frame."""
     _, reading, pose = _posed(setup, rows)
     return mount_of(pose, reading, setup.free)
 
 
 def _posed(setup: Setup, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, Posed]:
-    """Joint values (m, k) rad and readings (m, 3) mm of rows that have a reading, and where the tool is there."""
+    """Joint values (m, k) rad, readings (m, 3) mm and nominal poses of the rows that have a reading."""
     reading = setup.table.measured[rows]
     kept = np.isfinite(reading).all(axis=1)
     q, reading = setup.table.command[rows][kept], reading[kept]  # type: ignore[index]
@@ -114,13 +111,13 @@ def _posed(setup: Setup, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, Pose
 
 
 def mount_of(pose: Posed, reading: np.ndarray, free: bool, part: np.ndarray | None = None) -> np.ndarray:
-    """Where the reflector sits beside the drawing's tool point, (3,) mm in the tool's frame, by Gauss-Newton.
+    """Reflector offset from the drawing's tool point, (3,) mm in the tool's frame, by Gauss-Newton.
 
     Args:
-        pose: m rows.
+        pose: nominal poses of m rows.
         reading: (m, 3) mm.
-        free: whether the tracker may stand anywhere.
-        part: (m,) int, rows in which it stood alike; None where it did in all.
+        free: whether the tracker frame is unknown.
+        part: (m,) int, tracker frame of each row; None for one.
     """
     mount = np.zeros(3)
     part = np.zeros(len(reading), dtype=int) if part is None else part

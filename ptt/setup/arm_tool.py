@@ -1,4 +1,4 @@
-"""A reflector that sits elsewhere on an arm's tool, or readings in another frame, than the machine file trusts."""
+"""A trusted reflector position or tracker frame of an arm that the readings contradict."""
 
 from dataclasses import replace
 
@@ -8,18 +8,16 @@ from ptt.mechanisms.serial import Serial
 from ptt.setup.arm import BROKEN, LEAST_ROWS, choose_rows
 from ptt.setup.arm_fit import arm_spec, judge_arm, mount_of_rows
 from ptt.setup.columns import said
-from ptt.setup.elsewhere import UNHEARD
+from ptt.setup.elsewhere import FREE_FRAME, UNHEARD
 from ptt.setup.proof import FALL
 from ptt.setup.result import Finding
 from ptt.setup.setup import Setup
 
-FRAME = 'write frame = "fitted" under [tracker], or register the tracker anew'
-
 
 def find_tool(setup: Setup) -> tuple[list[Finding], Setup]:
-    """What is trusted of the readings of an arm and cannot be: where the reflector sits, or the tracker's frame.
+    """A trusted reflector position, tracker frame, or both, that the readings of an arm contradict.
 
-    Every other check lets the reflector sit anywhere on the tool, so that none sees this.
+    Every other check fits the reflector offset, so none of them shows this.
 
     Args:
         setup: both files of an arm in which nothing else was found.
@@ -42,7 +40,9 @@ def find_tool(setup: Setup) -> tuple[list[Finding], Setup]:
         after = judge_arm(cured, rows, mounted=fitted.tool != "trusted")
         if after > most:
             continue
-        ways = [_of_tool(setup, mount_of_rows(cured, rows)) if each == "tool" else (_OF_FRAME, FRAME) for each in freed]
+        ways = [
+            _of_tool(setup, mount_of_rows(cured, rows)) if each == "tool" else (_OF_FRAME, FREE_FRAME) for each in freed
+        ]
         words, fix = (" and ".join(parts) for parts in zip(*ways, strict=True))
         sentence = (
             f"the readings differ from the commands by {1e3 * before:,.0f} um; with {words}, "
@@ -57,7 +57,7 @@ _OF_FRAME = "the tracker standing elsewhere than the trusted frame says"
 
 
 def _of_tool(setup: Setup, mount: np.ndarray) -> tuple[str, str]:
-    """A reflector aside in words, and what to write."""
+    """A reflector offset in words, and the fix."""
     aside, drawn = _listed(mount, 1), np.array(arm_spec(setup).tool_mm)
     words = f"the reflector at ({aside}) mm from the tool point, in the tool's own axes"
     fix = f'write tool = "fitted" under [tracker], or tool_mm = [{_listed(drawn + mount, 2)}] under [machine]'

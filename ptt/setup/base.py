@@ -1,4 +1,4 @@
-"""Base reflectors that do not lie to each other as the machine file has them."""
+"""Base reflectors whose arrangement contradicts the machine file."""
 
 from ptt.run.base_frame import BASE_FIX, odd_base, untrue_base
 from ptt.setup.columns import said
@@ -7,7 +7,7 @@ from ptt.setup.setup import Setup
 
 
 def find_base(setup: Setup) -> list[Finding]:
-    """Base reflectors that would hold the frame and do not fit.
+    """Base reflectors of a measured frame that contradict the machine file or are missing from it.
 
     Args:
         setup: both files, the run of one set-up of the tracker.

@@ -1,4 +1,4 @@
-"""The geometric mistakes that people make with a 3-PTT, each with what undoes it."""
+"""Hypotheses of geometric set-up mistakes of a 3-PTT, each with the correction that undoes it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -16,11 +16,11 @@ from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 Side = Literal["readings", "targets", "both"]
 UNITS = {"inches": 25.4, "metres": 1e3, "centimetres": 10.0, "micrometres": 1e-3}
 SHORT = {"inches": "in", "metres": "m", "centimetres": "cm", "micrometres": "um"}
-BEYOND_HOMING = 5.0  # mm: a slider's zero further off than this was counted from elsewhere, not homed badly
+BEYOND_HOMING = 5.0  # mm: a larger error of a slider's zero is another origin of its scale, not bad homing
 
 
-def read_off(setup: Setup) -> list[Hypothesis]:
-    """What the readings by themselves show to be likely: a unit by how far they spread, and a left-handed frame."""
+def suggested_by_readings(setup: Setup) -> list[Hypothesis]:
+    """Mistakes that the readings suggest: a unit in which they extend like the targets, a left-handed frame."""
     commanded = forward_many([setup])[0]
     place = setup.table.target if np.isfinite(setup.table.target).any() else commanded
     known = np.isfinite(place).all(axis=1) & np.isfinite(setup.table.measured).all(axis=1)
@@ -32,12 +32,12 @@ def read_off(setup: Setup) -> list[Hypothesis]:
 
 
 def is_near(one: float, other: float) -> bool:
-    """Whether two sizes are about the same, closer than any two units of length."""
+    """Whether two sizes differ by less than any two units of length do."""
     return 0.8 * one < other < 1.25 * one
 
 
 def mirrors(side: Side) -> Iterator[Hypothesis]:
-    """One axis negated, or two swapped: all of them left-handed, so one and the same where the frame is free."""
+    """One axis negated, or two swapped: reflections, which are all equivalent where the frame is free."""
     for axis, letter in enumerate(AXES):
         sign = np.where(np.arange(3) == axis, -1.0, 1.0)
         matrix = np.diag(sign)
@@ -53,7 +53,7 @@ def mirrors(side: Side) -> Iterator[Hypothesis]:
 
 
 def turned_axes(side: Side) -> Iterator[Hypothesis]:
-    """Every other change of axes, which a frame that is fitted would take by itself."""
+    """Every other permutation of signed axes: rotations, which a fitted frame would absorb."""
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         changes = sum(place != axis for place, axis in enumerate(order)) + sum(sign < 0 for sign in signs)
         if changes > 1 and (changes, min(signs)) != (2, 1.0):
@@ -65,7 +65,7 @@ def turned_axes(side: Side) -> Iterator[Hypothesis]:
 
 
 def units(side: Side) -> Iterator[Hypothesis]:
-    """Another unit of length."""
+    """Another unit of length of readings, targets or both."""
     for unit, factor in UNITS.items():
         title = columns_of(side, "x").replace(" and ", f"_{SHORT[unit]} and ") + f"_{SHORT[unit]}"
         words = f"{side if side != 'both' else 'targets and readings'} taken as {unit}"
@@ -96,7 +96,7 @@ def scales(setup: Setup) -> Iterator[Hypothesis]:
 
 
 def slider_orders() -> Iterator[Hypothesis]:
-    """Sliders in another order, counted downward, or both; the zero that goes with it comes from the targets."""
+    """Sliders in another order, counted downward, or both; zeros follow from the targets."""
     for order in permutations(range(3)):
         for signs in product((1.0, -1.0), repeat=3):
             if order == (0, 1, 2) and min(signs) > 0:
@@ -118,7 +118,7 @@ def slider_orders() -> Iterator[Hypothesis]:
 
 
 def own_zeros(setup: Setup) -> Setup:
-    """Slider heights counted from where the targets say that they count from; as they are where that is no mistake."""
+    """Slider heights shifted to the zeros that the targets require; unchanged where these are within homing errors."""
     zero = _zeros(setup, np.ones(3))
     if zero is None or np.ptp(zero) < BEYOND_HOMING:
         return setup
@@ -137,7 +137,7 @@ def of(side: Side) -> str:
 
 
 def cost(side: Side) -> float:
-    """Readings come from other hands than the rest, so mistakes are likelier there."""
+    """Prior cost of a mistake: readings pass through more hands than the rest, so mistakes are likelier there."""
     return {"readings": 0.0, "targets": 0.1, "both": 0.2}[side]
 
 
@@ -173,7 +173,7 @@ def _turn(side: Side, matrix: np.ndarray) -> Undo:
 
 
 def _plausible(setup: Setup, factor: float, most: float) -> bool:
-    """Whether the sliders' strokes fit the travel in that unit, and in a large unit do not without."""
+    """Whether the sliders' strokes fit the travel in that unit, and for a smaller unit do not as they are."""
     stroke = float(np.nanmax(np.ptp(np.nan_to_num(np.asarray(setup.table.command)), axis=0)))
     return factor * stroke <= most and (factor > 1.0 or stroke > most)
 
@@ -203,14 +203,14 @@ def _reordered(order: tuple[int, ...], signs: np.ndarray) -> Undo:
 
 
 def slider_formulas(before: np.ndarray | None, after: np.ndarray | None) -> str:
-    """What was done to the slider columns, as formulas a person can type: 'write b1_cmd = 542.3 - b1_cmd'.
+    """The change of the slider columns as formulas that a person can type: 'write b1_cmd = 542.3 - b1_cmd'.
 
     Args:
         before: (n, 3) mm, or None.
         after: (n, 3) mm, columns in another order, turned round or shifted.
 
     Returns:
-        The formulas; '' where nothing or something else was done.
+        The formulas; '' where the change is none or of another kind.
     """
     if before is None or after is None or before is after:
         return ""
@@ -230,7 +230,7 @@ def slider_formulas(before: np.ndarray | None, after: np.ndarray | None) -> str:
 
 
 def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.ndarray:
-    """What has to be added to sliders that were turned round so that they stand about home, as runs do, (3,) mm."""
+    """Zeros that bring sliders of reversed sign to the middle of their travel at home, as in any run, (3,) mm."""
     mechanism = build(drawn(setup))
     home = np.zeros(3) if mechanism is None else mechanism.home().numpy()
     zero = home - medians(counted)
@@ -238,7 +238,7 @@ def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.
 
 
 def _zeros(setup: Setup, signs: np.ndarray) -> np.ndarray | None:
-    """What has to be added to each slider's heights to reach the targets, (3,) mm; None where there are no targets."""
+    """Zero of each slider with which its heights reach the targets, (3,) mm; None where there are no targets."""
     mechanism = build(drawn(setup))
     if mechanism is None or setup.table.command is None:
         return None

@@ -11,7 +11,7 @@ from ptt.setup.arm import LEAST_ROWS as FEWEST_OF_ARM
 from ptt.setup.arm import find_arm, unexplained_arm
 from ptt.setup.arm_tool import find_tool
 from ptt.setup.base import find_base
-from ptt.setup.candidates import read_off
+from ptt.setup.candidates import suggested_by_readings
 from ptt.setup.clock import find_speed
 from ptt.setup.columns import standing_still
 from ptt.setup.context import find_units
@@ -31,8 +31,8 @@ from ptt.setup.shuffled import find_shuffled
 from ptt.setup.stations import find_stations
 from ptt.setup.stray import find_far_targets
 
-AT_FIRST = 1000  # rows among which enough poses are looked for before all rows are
-OWN_FRAME = ("fitted-per-run", "measured")  # each run is a set-up of the tracker, with a frame of its own
+AT_FIRST = 1000  # rows among which enough poses are counted before all rows are
+OWN_FRAME = ("fitted-per-run", "measured")  # policies under which each run has a tracker frame of its own
 
 
 def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units_said: bool = False) -> Check:
@@ -40,13 +40,12 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
 
     Args:
         file: the machine.
-        table: one run or several; each set-up of the tracker is looked at by itself.
-        ordered: whether somebody said that the rows are in travel order.
-        units_said: whether somebody said which units the columns are in: then a small path is a small path.
+        table: one run or several; each set-up of the tracker is checked by itself.
+        ordered: whether the user stated that the rows are in travel order.
+        units_said: whether the user stated the units of the columns: then a small path is not taken for another unit.
 
     Returns:
-        Findings, the sure ones first, and both files with those undone; runs of several files are handed back as they
-        came.
+        Findings, the sure ones first, and both files with those undone; a table of several files is returned unchanged.
     """
     findings: list[Finding] = []
     open_ends: list[str] = []
@@ -72,7 +71,7 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
 
 
 def _unexplained(setup: Setup) -> list[str]:
-    """What nothing explains, and the columns of readings that stand still in it."""
+    """Errors that no mistake explains, in words, with columns of readings that are constant."""
     if not used_rows(setup.table).any():
         return []
     found = unexplained(setup) if isinstance(setup.file.machine, ThreePttSpec) else unexplained_arm(setup)
@@ -80,7 +79,7 @@ def _unexplained(setup: Setup) -> list[str]:
 
 
 def too_little(file: MachineFile, table: Table) -> str:
-    """Why targets, commands and readings cannot be held against each other; '' where they can.
+    """Why targets, commands and readings cannot be compared; '' where they can.
 
     Args:
         file: the machine.
@@ -104,13 +103,21 @@ def too_little(file: MachineFile, table: Table) -> str:
 
 
 def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Finding], Setup]:
-    """The findings of one run, and its files with the sure ones undone one after the other."""
+    """The findings of one set-up, and its files with the sure ones undone one after the other."""
     if not used_rows(setup.table).any():
         return find_base(setup), setup
     findings: list[Finding] = []
     steps = [find_units] if ordered else [find_units, find_disorder]
     if isinstance(setup.file.machine, ThreePttSpec):
-        steps += [find_travel, find_first, find_slip_besides, find_geometry, find_geometry, find_first, find_shuffled]
+        steps += [
+            find_travel,
+            find_shift_unless_geometry,
+            find_slip_besides,
+            find_geometry,
+            find_geometry,
+            find_shift_unless_geometry,
+            find_shuffled,
+        ]
         steps += [find_far_targets]
         steps += [find_reach] if units_said else [find_speck, find_reach]
     else:
@@ -119,7 +126,7 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
     seen: set[tuple[object, Setup]] = set()
     for step in steps:
         if (step, setup) in seen or (step is find_moved and any(item.sure for item in findings)):
-            continue  # nothing was undone since, or what was leaves nothing to a tracker that was moved
+            continue  # nothing was undone since, or another sure finding takes precedence over a moved tracker
         seen.add((step, setup))
         found, after = step(setup)
         findings += found
@@ -131,12 +138,12 @@ def _check_one(setup: Setup, ordered: bool, units_said: bool) -> tuple[list[Find
             found, setup = last(setup)
             findings += found
     if any(item.sure for item in findings):
-        return findings, setup  # what is wrong with the poses may be so with the base reflectors among them
+        return findings, setup  # what is wrong with the poses may be wrong with base reflectors too
     return findings + find_base(setup), setup
 
 
-def find_first(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Readings that slipped, unless a mistake in the geometry explains as much: on small paths both look alike."""
+def find_shift_unless_geometry(setup: Setup) -> tuple[list[Finding], Setup]:
+    """Shifted readings, unless a geometric mistake explains as much: on small paths both look alike."""
     if differ(setup):
         return [], setup
     rows = find_shifted_rows(setup)
@@ -146,10 +153,10 @@ def find_first(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def find_slip_besides(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Readings that slipped and are in another unit, or left-handed, or both: neither shows without the other."""
+    """Shifted readings that are also in another unit, left-handed, or both: neither shows alone."""
     if not is_off(setup) or differ(setup):
         return [], setup
-    likely = read_off(setup)
+    likely = suggested_by_readings(setup)
     for steps in dict.fromkeys((tuple(likely[:1]), tuple(likely[-1:]), (*likely[:1], *likely[-1:]))):
         found, cured = find_slip(undo_all(steps, setup)) if len(set(steps)) == len(steps) > 0 else ([], setup)
         if found and is_steep(found[0]):
@@ -163,10 +170,9 @@ def find_slip_besides(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def _set_ups(file: MachineFile, table: Table) -> list[np.ndarray]:
-    """Rows of each set-up of the tracker, (m,) int: a file, or a run where every run has a frame of its own.
+    """Rows of each set-up of the tracker, (m,) int: of each file, or of each run where every run has its own frame.
 
-    Readings of two set-ups lie beside each other by anything at all; looked at together, the second would be another
-    reflector.
+    Readings of two set-ups differ by an arbitrary rigid motion; together they would look like another reflector.
     """
     own = file.tracker.frame in OWN_FRAME
     if not table.rows:
@@ -184,7 +190,7 @@ def _file_of(part: Table) -> str:
 
 
 def _together(parts: list[Table], places: list[np.ndarray]) -> Table:
-    """Parts of one table in the rows they came from."""
+    """Parts of one table put together in their original rows."""
     if len(parts) == 1:
         return parts[0]
     back = np.argsort(np.concatenate(places), kind="stable")

@@ -1,4 +1,4 @@
-"""Time and feed in another unit than their titles say: by the calendar, by each other, by what machines do."""
+"""Time and feed in another unit than their titles say: by plausible values, and by each other."""
 
 import numpy as np
 
@@ -7,13 +7,13 @@ from ptt.setup.result import Finding
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup, used_rows
 
-LONGEST_STEP, LONGEST_RUN = 600.0, 2.0 * 86400.0  # s: slower runs are rare, slower still and long ones are in ms
-LEAST_MOVES = 10  # fewer show no rule
-EPOCH_MS = 1e11  # s since 1970 are 1.8e9
+LONGEST_STEP, LONGEST_RUN = 600.0, 2.0 * 86400.0  # s: beyond both, time is in milliseconds
+LEAST_MOVES = 10  # fewer moves show no rule
+EPOCH_MS = 1e11  # larger times are milliseconds since 1970; in seconds these are 1.8e9
 
 
 def find_speed(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Time that does not go with path and feed.
+    """Time that contradicts path and feed.
 
     Args:
         setup: both files, the geometry in order.
@@ -25,7 +25,7 @@ def find_speed(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def find_clock(setup: Setup) -> Result | None:
-    """Time stamps that no clock of seconds shows."""
+    """Time stamps that cannot be in seconds."""
     table = setup.table
     if table.time_s is None:
         return None
@@ -52,12 +52,12 @@ def _milliseconds(setup: Setup, words: str, usual: float, sure: bool) -> Result:
 
 
 def _speed(setup: Setup) -> Result | None:
-    """Time against feed and path, the path's own unit being in order."""
-    paces = _pace(setup, np.asarray(used_rows(setup.table)))
+    """Time compared with path over feed, the unit of the path being right."""
+    paces = _time_ratio(setup, np.asarray(used_rows(setup.table)))
     if len(paces) < 5:
         return None
     pace, moved = (float(value) for value in np.median(paces, axis=0))
-    usual, paced = pace * moved, _paced(paces)
+    usual, paced = pace * moved, _is_thousandfold(paces)
     if paced or (pace > 300.0 and usual > LONGEST_STEP):
         words = f"by feed_mm_s each move takes {moved:.2g} s, by time_s {pace:,.0f} times as long"
         return _milliseconds(setup, words, usual, paced)
@@ -70,8 +70,8 @@ def _speed(setup: Setup) -> Result | None:
     return None
 
 
-def _pace(setup: Setup, rows: np.ndarray) -> np.ndarray:
-    """How many times longer each row took than its path does at the feed, and what that would take in s, (m, 2)."""
+def _time_ratio(setup: Setup, rows: np.ndarray) -> np.ndarray:
+    """Ratio of each row's time to its path over the feed, and path over feed in s, (m, 2)."""
     feed, time = setup.table.feed_mm_s, setup.table.time_s
     if feed is None or time is None:
         return np.zeros((0, 2))
@@ -81,8 +81,8 @@ def _pace(setup: Setup, rows: np.ndarray) -> np.ndarray:
     return np.stack([steps[good] * speed[good] / path[good], path[good] / speed[good]], axis=1)
 
 
-def _paced(pace: np.ndarray) -> bool:
-    """Whether every row took a thousand times as long as its path does: waiting does not grow with the path."""
+def _is_thousandfold(pace: np.ndarray) -> bool:
+    """Whether every row took about a thousand times as long as its path; waiting would not grow with the path."""
     if len(pace) < LEAST_MOVES:
         return False
     (low, usual, high), (short, _, long) = np.percentile(pace, [10.0, 50.0, 90.0], axis=0).T

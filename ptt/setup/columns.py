@@ -1,4 +1,4 @@
-"""What the checks of single columns share: what machines bear, a finding of one column, and what undoes it."""
+"""Shared by the checks of single columns: plausible limits of machines, findings, corrections."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from ptt.setup.names import Mistake
 from ptt.setup.result import Finding
 from ptt.setup.setup import Setup, Undo, used_rows
 
-HOTTEST = 100.0  # deg C: beyond it no machine is measured
-HEAVIEST = 100.0  # kg on a machine of up to a metre; larger ones carry with the cube of their size
+HOTTEST = 100.0  # deg C: no machine is measured above
+HEAVIEST = 100.0  # kg on a machine of up to a metre; on larger ones in proportion to the cube of the size
 FASTEST = {"three-ptt": 2000.0, "serial": 15000.0}  # mm/s: ball screws, arms
 Result = tuple[Finding, Undo | None]
 
 
 def heaviest(spec: ThreePttSpec | SerialSpec) -> float:
-    """What a machine of this size carries less than, kg."""
+    """Upper limit of the payload of a machine of this size, kg."""
     if isinstance(spec, ThreePttSpec):
         size = 2.0 * spec.link_length_mm
     else:
@@ -23,17 +23,17 @@ def heaviest(spec: ThreePttSpec | SerialSpec) -> float:
 
 
 def fastest(spec: ThreePttSpec | SerialSpec) -> float:
-    """What no machine of this kind moves faster than, mm/s."""
+    """Upper limit of the speed of a machine of this kind, mm/s."""
     return FASTEST[spec.kind]
 
 
 def known(values: np.ndarray | None) -> np.ndarray:
-    """Values of a column that are there."""
+    """Finite values of a column."""
     return np.zeros(0) if values is None else np.asarray(values, dtype=float)[np.isfinite(values)]
 
 
 def standing_still(setup: Setup) -> list[str]:
-    """A question for each column of readings that is the same in every row; none where a single pose was read."""
+    """A question on each column of readings that is constant; none where all three are, as at a single pose."""
     read = setup.table.measured[used_rows(setup.table)]
     read = read[np.isfinite(read).all(axis=1)]
     still = np.ptp(read, axis=0) == 0.0 if len(read) > 1 else np.ones(3, dtype=bool)
@@ -45,12 +45,12 @@ def standing_still(setup: Setup) -> list[str]:
 
 
 def said(setup: Setup, mistake: Mistake, words: str, fix: str, sure: bool = True) -> Finding:
-    """A finding whose proof is no error of the tool."""
+    """A finding without errors before and after."""
     return Finding(mistake, words, fix, None, None, sure, setup.table.source)
 
 
 def settled(setup: Setup, found: Result | None) -> tuple[list[Finding], Setup]:
-    """What a check found as a list, and the files with it undone where that is sure and can be."""
+    """The result of a check as a list of findings, and the files with it undone where it is sure."""
     if found is None:
         return [], setup
     finding, undo = found

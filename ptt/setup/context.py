@@ -1,4 +1,4 @@
-"""Units of the columns beside the geometry: temperature, payload, time, feed."""
+"""Units of the context columns: temperature, payload, time, feed."""
 
 from collections.abc import Callable
 
@@ -11,11 +11,11 @@ from ptt.setup.setup import Setup
 from ptt.setup.stray import find_stray
 
 KELVIN = (230.0, 350.0)  # K: -43 to 77 deg C
-FAHRENHEIT = (50.0, 140.0)  # 10 to 60 deg C, where no workshop is that warm in deg C
+FAHRENHEIT = (50.0, 140.0)  # 10 to 60 deg C; no workshop is that warm in deg C
 GRAVITY = (9.80665, 9.81, 9.8)
-ROUND = 0.5  # kg: weights that people hang on
-CLOSE = 0.01  # of that: two loads hit round weights by chance once in some thousand runs
-CLOSER = 2e-4  # of that, where there is a single load
+ROUND = 0.5  # kg: test weights are multiples
+CLOSE = 0.01  # share of it: two loads are this near to multiples by chance once in some thousand runs
+CLOSER = 2e-4  # the same for a single load
 
 
 def find_units(setup: Setup) -> tuple[list[Finding], Setup]:

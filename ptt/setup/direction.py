@@ -1,4 +1,4 @@
-"""Directions of arrival with the opposite sign: dir1.. against the moves between the commands."""
+"""Stated directions of arrival (dir1..) with the opposite sign, by the moves between commands and by backlash."""
 
 import numpy as np
 import torch
@@ -11,10 +11,10 @@ from ptt.setup.rows import places
 from ptt.setup.score import build
 from ptt.setup.setup import Setup, drawn, used_rows
 
-LEAST_MOVES = 20  # of a joint whose direction is stated
-BOTH = 0.2  # of them each way at the least: a joint that overtravels to arrive from one side always is stated so
-NEARLY_ALL = 0.9  # of them against the moves: where only some overtravel, the others go with theirs
-SEEN_SIGMAS = 5.0  # by which readings lag behind the stated directions, or run ahead of them
+LEAST_MOVES = 20  # of a joint with a stated direction
+BOTH = 0.2  # least share of moves in each direction: a joint that always arrives from one side overtravels
+NEARLY_ALL = 0.9  # least share of stated directions against the moves: overtravel at some rows explains fewer
+SEEN_SIGMAS = 5.0  # standard errors of the lag behind the stated direction
 
 
 def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -47,7 +47,7 @@ def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
         f"the row before, the first in row {first}"
     )
     fix = f"write {titles} with the other sign (+1: the command increased), or leave them out: the rows show it anyway"
-    # Without play that the readings show, a machine that overtravels in every move is stated alike.
+    # Without backlash in the readings, a machine that overtravels in every move would look the same.
     sure = all(lag[number] < -SEEN_SIGMAS for number in wrong)
     turned = stated.copy()
     turned[:, wrong] *= -1.0
@@ -55,7 +55,7 @@ def find_directions(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def _is_opposite(stated: np.ndarray, against: np.ndarray) -> bool:
-    """Whether directions of the moves of one joint, (m,), are opposite to nearly all of them, both ways."""
+    """Whether stated directions of one joint, (m,), are opposite to nearly all of its moves, in both directions."""
     if len(stated) < LEAST_MOVES or against.mean() < NEARLY_ALL:
         return False
     return bool(BOTH <= (stated > 0.0).mean() <= 1.0 - BOTH)
@@ -70,7 +70,7 @@ def _joint_values(setup: Setup) -> np.ndarray | None:
 
 
 def _moves(setup: Setup, joint: np.ndarray) -> np.ndarray:
-    """How far each joint moved from the row before in its run, (n, k); NaN at the first row and beside unknown ones."""
+    """Move of each joint from the row before in its run, (n, k); NaN at first rows and where either is unknown."""
     moved, run = np.full(joint.shape, np.nan), setup.table.run
     rows = np.flatnonzero(used_rows(setup.table))
     moved[rows[1:]] = np.where((run[rows[1:]] == run[rows[:-1]])[:, None], np.diff(joint[rows], axis=0), np.nan)
@@ -78,9 +78,9 @@ def _moves(setup: Setup, joint: np.ndarray) -> np.ndarray:
 
 
 def _lag(setup: Setup, joint: np.ndarray, number: int) -> float:
-    """By how many standard errors a slider comes short in the stated direction, as play and wind-up have it.
+    """Lag of a slider behind the stated direction in standard errors, as backlash and wind-up cause it.
 
-    Then that is how it came; where it is short in the other one, it did not. Zero where the readings do not tell.
+    Positive: the stated direction is that of arrival; negative: it is the opposite one. Zero: undetermined.
     """
     mechanism = build(drawn(setup)) if setup.table.joint_prefix == "b" else None
     if mechanism is None or setup.table.direction is None:
@@ -103,7 +103,7 @@ def _lag(setup: Setup, joint: np.ndarray, number: int) -> float:
 
 
 def _smooth(joint: np.ndarray) -> np.ndarray:
-    """What errors that do not know the direction look like: a polynomial of second order, (n, c)."""
+    """Polynomial of second order in the joint values, (n, c), for errors that do not depend on direction."""
     spread = np.nanstd(joint, axis=0) + STANDSTILL
     part = (joint - np.nanmean(joint, axis=0)) / spread
     one, other = np.triu_indices(joint.shape[1])

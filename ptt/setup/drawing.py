@@ -1,4 +1,4 @@
-"""Every mistake that a run leaves possible, and those of the machine file, each with what undoes it."""
+"""Hypotheses of mistakes in the machine file, and the list of all that the columns of a run leave possible."""
 
 from collections.abc import Iterator
 from itertools import permutations
@@ -9,13 +9,13 @@ from ptt.machine import ThreePttSpec
 from ptt.setup.candidates import UNITS, mirrors, order_words, slider_orders, slider_units, turned_axes, units
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 
-SHORTEST, LONGEST = 60.0, 1e4  # mm: links of machines that carry a reflector
-UNEVEN = 0.1  # deg
-LONG = 3.0  # lengths of a link: few travels are longer, but those in millimetres beside links in cm or inches
+SHORTEST, LONGEST = 60.0, 1e4  # mm, link lengths of machines that carry a reflector
+UNEVEN = 0.1  # deg by which azimuths differ from 120 deg apart
+LONG = 3.0  # link lengths: a longer travel is in millimetres while the links are in cm or inches
 
 
 def is_no_machine(spec: ThreePttSpec) -> bool:
-    """Whether the links of a drawing are in another unit than millimetres: in that some machine has them."""
+    """Whether the link length is implausible in millimetres and plausible in another unit."""
     return not SHORTEST <= spec.link_length_mm <= LONGEST and any(
         SHORTEST <= factor * spec.link_length_mm <= LONGEST for factor in UNITS.values()
     )
@@ -51,7 +51,7 @@ def mistakes_in(setup: Setup) -> list[Hypothesis]:
 
 
 def drawing_slips(setup: Setup) -> Iterator[Hypothesis]:
-    """Slips in the machine file that need no number to be found."""
+    """Mistakes in the machine file that have no free number."""
     spec = drawn(setup)
     other = "below" if spec.sliders == "above" else "above"
     yield Hypothesis(
@@ -71,7 +71,7 @@ def drawing_slips(setup: Setup) -> Iterator[Hypothesis]:
         yield Hypothesis("diameter-for-radius", words, fix, drawn_with(**half), 0.1 * (len(keys) - 1))
     for unit, factor in UNITS.items():
         if not SHORTEST <= factor * link <= LONGEST or (SHORTEST <= link <= LONGEST and setup.table.command is None):
-            continue  # a machine of that size may well be, where nothing but the reach of targets speaks against it
+            continue  # without commands only the reach of targets would speak against a machine of that size
         lengths: dict[str, object] = {
             "base_radius_mm": factor * base, "platform_radius_mm": factor * platform, "link_length_mm": factor * link
         }  # fmt: skip

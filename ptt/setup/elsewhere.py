@@ -1,4 +1,4 @@
-"""Readings or targets of a whole run that lie elsewhere: by one rigid motion from where commands put the tool."""
+"""Readings or targets of a whole run that are off the commands by one rigid motion."""
 
 from dataclasses import replace
 
@@ -17,14 +17,15 @@ from ptt.setup.score import forward_many
 from ptt.setup.setup import Setup, used_rows
 
 UNHEARD = 5.0  # mm: no ordinary fault moves all readings so far
-HARDLY = 0.5  # share of the targets out of reach, from which it is not they that lie elsewhere
-UPRIGHT = 2.0  # mm sideways, no more than ordinary faults: what is shifted by more upward is shifted upward
+HARDLY = 0.5  # share of moved targets out of reach from which it is not the targets that are off
+UPRIGHT = 2.0  # mm sideways, within ordinary faults: a larger shift in z may then be one of all slider zeros
+FREE_FRAME = 'write frame = "fitted" under [tracker], or register the tracker anew'
 
 
 def find_own_frames(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Targets that commands show to be stated in a frame of their own, which the machine file does not state.
+    """Targets in a frame of their own, by the commands, that the machine file does not state.
 
-    Every command uses them as such, so that nothing is wrong; but nobody may have known.
+    Every command of the program takes them as such, so nothing is wrong; but the user may not know.
 
     Args:
         setup: both files of a 3-PTT, the geometry in order, targets as in the frame that the machine file states.
@@ -52,9 +53,9 @@ def find_own_frames(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def find_aside(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Readings of a trusted frame that all lie aside by one rigid motion: of the targets, the reflector, the frame.
+    """Readings in a trusted frame that are all off by one rigid motion: of targets, reflector or frame.
 
-    A platform only translates, so that a reflector aside and a frame aside are the same.
+    A platform only translates, so an offset of the reflector and one of the frame look the same.
 
     Args:
         setup: both files of a 3-PTT in which nothing else was found.
@@ -86,7 +87,7 @@ def find_aside(setup: Setup) -> tuple[list[Finding], Setup]:
         f"taken off the error falls to {left_over:,.0f} um: the frame is trusted, yet "
         f"{_who(motion, shifted, of_targets)}"
     )
-    fix = 'write frame = "fitted" under [tracker], or register the tracker anew'
+    fix = FREE_FRAME
     if of_targets and stated_frame(setup.file.targets).source == "base":
         fix = f"write {_told(motion)} under [targets] if the targets are stated in that frame; if not, {fix}"
     elif shifted:
@@ -96,7 +97,7 @@ def find_aside(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def _who(motion: RunFrame, shifted: bool, of_targets: bool) -> str:
-    """What may lie elsewhere."""
+    """What may be off, in words."""
     if of_targets:
         return f"targets and readings are in two frames{', or the reflector sits aside' if shifted else ''}"
     if not shifted:
@@ -111,7 +112,7 @@ def _with_fitted_frame(setup: Setup) -> Setup:
 
 
 def _way(frame: RunFrame, target: np.ndarray) -> float:
-    """How far the median target lies from where it is in the base frame, mm."""
+    """Median displacement of targets by a frame, mm."""
     return float(np.median(np.linalg.norm(frame.into_base(target) - target, axis=1)))
 
 

@@ -1,4 +1,4 @@
-"""What ordinary faults of a 3-PTT do to the tool, as a small linear model that no set-up mistake fits into."""
+"""Linear model of ordinary faults of a 3-PTT, bounded so that no set-up mistake fits into it."""
 
 import numpy as np
 import torch
@@ -9,20 +9,20 @@ from ptt.setup.score import build
 from ptt.setup.setup import Setup, drawn
 
 USUAL = {"homing": 0.5, "lead": 0.1, "joint": 0.5, "link": 0.5, "lean": 0.3, "play": 0.1}
-"""mm; lead and lean for each 100 mm of travel."""
-MOST_TIMES = 3.0  # the usual size: what is larger is no ordinary fault
-LOOSE = 0.02  # mm: how closely the faults are made to fit
-TIGHTEN, TRIES = 30.0, 5
+"""Usual sizes, mm; of lead and lean for each 100 mm of travel."""
+MOST_TIMES = 3.0  # usual sizes: a larger fault is no ordinary one
+LOOSE = 0.02  # mm: residual that counts as much as a fault of usual size, in the ridge regression
+TIGHTEN, TRIES = 30.0, 5  # factor by which the ridge grows until all faults are ordinary
 
 
 def fault_columns(setup: Setup, place: np.ndarray) -> np.ndarray | None:
-    """What one usual size of each fault moves the tool by.
+    """Displacement of the tool by each fault of usual size.
 
     Source: s_i . dp = (s_i . rail_i) dq_i + s_i . dc_i + L_i dL_i for each link vector s_i.
 
     Args:
         setup: the drawing.
-        place: (m, 3) mm, where the tool is.
+        place: tool positions, (m, 3) mm.
 
     Returns:
         (m, 3, c) mm, zero where the drawing cannot reach; None where it cannot be built.
@@ -48,7 +48,7 @@ def fault_columns(setup: Setup, place: np.ndarray) -> np.ndarray | None:
 
 
 def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarray, free: bool) -> np.ndarray:
-    """What neither the tracker frame nor ordinary faults explain.
+    """Residual distances after a fit of tracker frame and ordinary faults, by ridge regression.
 
     Args:
         place: (m, 3) mm.

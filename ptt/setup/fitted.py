@@ -1,4 +1,4 @@
-"""Mistakes whose size has to be found: a length of the drawing, the targets' own frame, a slider's own zero."""
+"""Hypotheses with a number that is fitted: a length of the drawing, the targets' own frame, slider zeros."""
 
 from collections.abc import Iterator
 from itertools import product
@@ -16,17 +16,18 @@ from ptt.setup.score import agree_points, build, forward_many
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 
 SEARCHED = ("link_length_mm", "base_radius_mm")  # the platform's radius counts as the base's with the other sign
-SLIP = 3.0  # mm: a length off by less is how machines are built
-WIDEST = 0.4  # of the length
-GRID, ZOOMS = 13, 5  # to within 4e-5 of the length
+SLIP = 3.0  # mm: smaller errors of a length are those of construction
+WIDEST = 0.4  # half width of the search, as a share of the length
+GRID, ZOOMS = 13, 5  # points and refinements: to within 4e-5 of the length
 FEW_ROWS = 48
-FRAME_SLIP = 2.0  # mm that a frame of their own moves the targets by, at least
+FRAME_SLIP = 2.0  # mm: smaller displacements of targets are no frame of their own
 ROUNDS = 6
-SCALE = np.array([0.01, 0.01, 0.01, 1.0, 1.0, 1.0, 0.01, 0.01, 0.01])  # a common zero is a height of the tracker first
+# Scales of three zeros, shifts and turns in a minimum-norm solution: a common zero goes to the tracker's height first.
+SCALE = np.array([0.01, 0.01, 0.01, 1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
 
 
 def fitted_mistakes(setup: Setup) -> Iterator[Hypothesis]:
-    """Mistakes with a number in them, the number found.
+    """Mistakes with a number, which is fitted.
 
     Args:
         setup: both files.
@@ -88,7 +89,7 @@ def _counted(signs: np.ndarray, zero: np.ndarray) -> Undo:
 
 
 def _search(setup: Setup) -> dict[str, float]:
-    """The value of each length at which the columns agree best, by a grid that closes in; all lengths at once."""
+    """The value of each length, changed alone, at which the columns agree best, by a grid that is refined."""
     spec, mechanism = drawn(setup), build(drawn(setup))
     if mechanism is None:
         return {}
@@ -105,7 +106,7 @@ def _search(setup: Setup) -> dict[str, float]:
 
 
 def _left_at(setup: Setup, mechanism: ThreePtt, rows: np.ndarray, grid: list[tuple[str, float]]) -> np.ndarray:
-    """How far the columns disagree at each value of a length, (h,), a sum of logarithms."""
+    """Disagreement of the columns at each value of a length, (h,), as a sum of logarithms of rms errors."""
     spec = drawn(setup)
     shape = (len(grid), len(rows), 3)
     q, target, reading = (
@@ -120,9 +121,9 @@ def _left_at(setup: Setup, mechanism: ThreePtt, rows: np.ndarray, grid: list[tup
 
 
 def _moved(spec: ThreePttSpec, key: str, value: float) -> np.ndarray:
-    """By how much each of the mechanism's slots moves where a length has another value, (15,) mm.
+    """Geometry shift, (15,) mm, that a length of another value makes.
 
-    Leaning rails turn about their slider's home, which moves with the length.
+    Leaning rails turn about their slider's home position, which moves with the length.
     """
     other = {"link_length_mm": spec.link_length_mm, "base_radius_mm": spec.base_radius_mm, key: value}
     spread = [radius - spec.platform_radius_mm for radius in (spec.base_radius_mm, other["base_radius_mm"])]
@@ -138,14 +139,16 @@ def _moved(spec: ThreePttSpec, key: str, value: float) -> np.ndarray:
 
 
 def _zeros_by_readings(setup: Setup) -> Iterator[Hypothesis]:
-    """Each slider's zero from the readings alone; what all have in common is the tracker's height."""
+    """Slider zeros and signs from the readings alone; the common part of the zeros is the tracker's height."""
     mechanism, command = build(drawn(setup)), setup.table.command
     if mechanism is None or command is None:
         return
     rows = np.arange(0, setup.table.rows, max(1, setup.table.rows // FEW_ROWS))
     signs = np.array(list(product((1.0, -1.0), repeat=3)))
     start = np.stack([zeros_from_home(setup, sign * command, sign) for sign in signs])
-    zeros = _follow(mechanism, signs[:, None] * command[rows] + start[:, None], setup.table.measured[rows], setup.free)
+    zeros = _fit_zeros(
+        mechanism, signs[:, None] * command[rows] + start[:, None], setup.table.measured[rows], setup.free
+    )
     for sign, zero in zip(signs, np.round(zeros + start, 3), strict=True):
         down = np.flatnonzero(sign < 0.0).tolist()
         if not np.isfinite(zero).all() or (not down and np.ptp(zero) < BEYOND_HOMING):
@@ -156,14 +159,14 @@ def _zeros_by_readings(setup: Setup) -> Iterator[Hypothesis]:
         yield Hypothesis("slider-sign", words, fix, _counted(sign, zero), 0.2 + 0.1 * len(down) if down else 0.8)
 
 
-def _follow(mechanism: ThreePtt, command: np.ndarray, reading: np.ndarray, free: bool) -> np.ndarray:
-    """Zeros at which the readings fit best, (h, 3) mm, by Gauss-Newton; NaN where the machine does not close.
+def _fit_zeros(mechanism: ThreePtt, command: np.ndarray, reading: np.ndarray, free: bool) -> np.ndarray:
+    """Slider zeros that fit the readings best, (h, 3) mm, by Gauss-Newton; NaN where too few poses can be assembled.
 
     Args:
         mechanism: the machine.
         command: (h, m, 3) mm, one case each.
         reading: (m, 3) mm.
-        free: whether the tracker may stand anywhere.
+        free: whether the tracker frame is unknown.
     """
     zero, count = np.zeros((len(command), 3)), len(reading)
     reading = np.broadcast_to(reading, command.shape)

@@ -1,8 +1,8 @@
-"""Which geometric mistake a run was set up with: all are screened, the leaders judged beside ordinary faults."""
+"""Search for geometric set-up mistakes: all hypotheses are screened, the best judged together with ordinary faults."""
 
 import numpy as np
 
-from ptt.setup.candidates import read_off, slider_formulas
+from ptt.setup.candidates import slider_formulas, suggested_by_readings
 from ptt.setup.columns import said
 from ptt.setup.drawing import mistakes_in
 from ptt.setup.fitted import SEARCHED, SLIP, fitted_mistakes
@@ -13,19 +13,19 @@ from ptt.setup.rigid import align_many
 from ptt.setup.score import FLOOR, agree, forward_many
 from ptt.setup.setup import Hypothesis, Setup, drawn, used_rows
 
-UNHEARD = 5.0  # mm: ordinary faults come to a millimetre or two
-MANY_FAR, SHARE_FAR = 5, 0.05  # readings off by that much, and of all: fewer are gross errors
-EXACT = (0.01, 50.0)  # mm, and the fall: commands are computed, so the right drawing gives the targets to their digits
-FEW_ROWS = 48  # rows screened
-LEADERS = 3
-TIE = np.log(1.5)
-SQUARE, CENTRED = 0.02, 10.0  # rad and mm: a tracker aligned to the base, by how well people do that
+UNHEARD = 5.0  # mm: ordinary faults cause a millimetre or two
+MANY_FAR, SHARE_FAR = 5, 0.05  # readings off by more, number and share: fewer are gross errors
+EXACT = 0.01, 50.0  # mm, ratio of errors: commands are computed, so the right drawing gives targets to their digits
+FEW_ROWS = 48  # rows for screening
+LEADERS = 3  # hypotheses that are judged
+TIE = np.log(1.5)  # difference of log errors up to which two explanations do equally well
+SQUARE, CENTRED = 0.02, 10.0  # rad and mm within which people align a tracker with the base
 APART = (
     "the readings differ from the targets by",
     "the readings differ from the commands by",
     "targets and commands differ by",
 )
-BUILT = 20.0  # mm: a machine may be built so far off its drawing; a fit follows it without a warning
+BUILT = 20.0  # mm: a machine may be built that far off its drawing, and a fit finds it without a warning
 
 
 def find_geometry(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -49,12 +49,12 @@ def find_geometry(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def differ(setup: Setup) -> bool:
-    """Whether targets and commands contradict each other, whatever the readings say."""
+    """Whether targets and commands contradict each other."""
     return bool(np.nan_to_num(agree([thinned(setup, FEW_ROWS)])[0].rms[2]) > BROKEN)
 
 
 def unexplained(setup: Setup) -> list[str]:
-    """One sentence where the columns of a 3-PTT disagree by more than any machine is built off its drawing."""
+    """One sentence where the columns of a 3-PTT disagree by more than errors of construction can explain."""
     left = judge(thinned(setup, MOST_ROWS), ()).agreement.rms if is_off(setup) else np.zeros(0)
     if not np.nan_to_num(left).max(initial=0.0) > UNHEARD:
         return _partly_off(setup)
@@ -66,7 +66,7 @@ def unexplained(setup: Setup) -> list[str]:
 
 
 def _partly_off(setup: Setup) -> list[str]:
-    """One sentence where many readings are off by that much and the others, which hide it, are not."""
+    """One sentence where many readings, but fewer than half, are off by that much, so that a median hides it."""
     wanted = np.isfinite(setup.table.target).all(axis=1, keepdims=True)
     place = np.where(wanted, setup.table.target, forward_many([setup])[0])
     read = used_rows(setup.table)[:, None] & np.isfinite(setup.table.measured)
@@ -83,24 +83,24 @@ def _partly_off(setup: Setup) -> list[str]:
 
 
 def is_off(setup: Setup) -> bool:
-    """Whether the readings are off by more than ordinary faults do."""
+    """Whether the readings are off by more than ordinary faults cause."""
     return bool(np.nan_to_num(agree([thinned(setup, FEW_ROWS)])[0].rms[:2]).max() > BEYOND_FAULTS)
 
 
 def is_steep(finding: Finding) -> bool:
-    """Whether an error falls so far that nothing else is to be asked."""
+    """Whether a correction reduces the error so much that no other explanation needs to be tried."""
     return (finding.before_um or 0.0) > STEEP * (finding.after_um or 0.0)
 
 
 def explains_more(setup: Setup, other: Setup) -> bool:
-    """Whether some mistake in the geometry, proven or not, leaves less than another cure of the same files does."""
+    """Whether some geometric mistake, proven or not, leaves less error than another correction of the same files."""
     plain = judge(thinned(setup, MOST_ROWS), ())
     least = min((item.total for item in _leaders([plain])), default=np.inf)
     return bool(least < min(plain.total - np.log(2.0), judge(thinned(other, MOST_ROWS), (), plain).total))
 
 
 def _turned_round(plain: Judged, setup: Setup) -> tuple[list[Finding], Setup]:
-    """Interchanged radii turn the machine by half a turn: commands alone show it where the frame is the base's."""
+    """Interchanged radii, which turn the machine by half a turn, where the tracker is aligned with the base."""
     turn, shift = plain.agreement.turn, plain.agreement.shift
     half = np.diag([-1.0, -1.0, 1.0])
     if np.isfinite(setup.table.target).any() or np.abs(turn - half).max() > SQUARE or np.abs(shift[:2]).max() > CENTRED:
@@ -118,7 +118,7 @@ def _turned_round(plain: Judged, setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def _exactly(plain: Judged) -> Judged | None:
-    """What makes targets and commands, that differ by little, agree to their digits: the controller has it so."""
+    """The mistake whose correction makes targets and commands, which differ little, agree to their last digits."""
     apart = plain.agreement.rms[2]
     if not apart > EXACT[0]:
         return None
@@ -128,11 +128,11 @@ def _exactly(plain: Judged) -> Judged | None:
 
 
 def _search(plain: Judged) -> tuple[Judged | None, list[Judged]]:
-    """The best one mistake, else the best two, and what does as well; None where nothing is a proof."""
+    """The best single mistake, else the best pair, and what does equally well; None where nothing is proven."""
     singles = _leaders([plain])
     best = _best(plain, singles)
     if best is None and plain.worst > BEYOND_FAULTS:
-        read = [judge(step.undo(plain.setup), (step,), plain) for step in read_off(plain.setup)]
+        read = [judge(step.undo(plain.setup), (step,), plain) for step in suggested_by_readings(plain.setup)]
         singles = _leaders([*read, *singles[:LEADERS]])
         best = _best(plain, singles)
     if best is None:
@@ -141,7 +141,7 @@ def _search(plain: Judged) -> tuple[Judged | None, list[Judged]]:
 
 
 def _leaders(starts: list[Judged]) -> list[Judged]:
-    """The most promising next steps from each start, judged, best first."""
+    """The best next mistakes from each start, judged, best first."""
     judged = _judge_all([(start, mistakes_in(start.setup)) for start in starts])
     if not any(is_proof(item.plain, item) and item.worst < BROKEN and not _is_guessed(item) for item in judged):
         judged += _judge_all([(start, list(fitted_mistakes(start.setup))) for start in starts])
@@ -149,13 +149,13 @@ def _leaders(starts: list[Judged]) -> list[Judged]:
 
 
 def _is_guessed(item: Judged) -> bool:
-    """Whether a slider was turned round and nothing told from where it counts."""
+    """Whether a slider's sign was reversed and its zero is only assumed."""
     told = np.isfinite(item.setup.table.target).any()
     return not told and any(step.mistake == "slider-sign" for step in item.steps)
 
 
 def _judge_all(starts: list[tuple[Judged, list[Hypothesis]]]) -> list[Judged]:
-    """The leaders of a screen on fewer rows, judged."""
+    """The best hypotheses by a screening on few rows, judged on many."""
     cases: list[tuple[Judged, Hypothesis]] = []
     setups: list[Setup] = []
     for start, hypotheses in starts:
@@ -163,7 +163,7 @@ def _judge_all(starts: list[tuple[Judged, list[Hypothesis]]]) -> list[Judged]:
         scaled = any(step.mistake == "unit-scale" for step in start.steps)
         for hypothesis in hypotheses:
             if scaled and hypothesis.mistake == "unit-scale":
-                continue  # a unit of a unit is none, and shrinks what is off until ordinary faults explain it
+                continue  # a second change of units would only shrink errors until ordinary faults explain them
             other = hypothesis.undo(thin)
             if other is not thin:
                 cases.append((start, hypothesis))
@@ -180,11 +180,12 @@ def _judge_all(starts: list[tuple[Judged, list[Hypothesis]]]) -> list[Judged]:
 
 
 def _best(plain: Judged, judged: list[Judged]) -> Judged | None:
-    """The first whose fall is a proof."""
+    """The first whose reduction of the error is a proof."""
     return next((item for item in judged if is_proof(plain, item)), None)
 
 
 def _tell(plain: Judged, best: Judged, ties: list[Judged]) -> list[Finding]:
+    """A finding for each mistake of the best explanation."""
     pair = int(np.nanargmax(plain.agreement.rms / np.maximum(best.agreement.rms, FLOOR)))
     before, after = (1e3 * float(item.agreement.rms[pair]) for item in (plain, best))
     undone = " and ".join(step.undone for step in best.steps)
@@ -199,7 +200,7 @@ def _tell(plain: Judged, best: Judged, ties: list[Judged]) -> list[Finding]:
 
 
 def _is_sure(step: Hypothesis, plain: Judged, best: Judged) -> bool:
-    """A frame of the targets' own is followed by the fit; so is a machine built off its drawing."""
+    """Whether a mistake has to be corrected: a fit copes with targets in their own frame and with small lengths."""
     if step.mistake == "target-frame":
         return False
     if step.mistake != "drawing-length":
@@ -210,7 +211,7 @@ def _is_sure(step: Hypothesis, plain: Judged, best: Judged) -> bool:
 
 
 def _one_of_each(ties: list[Judged]) -> list[str]:
-    """Other things that are the same, the first of every kind."""
+    """Equally good explanations in words, the first of each kind."""
     kinds: dict[tuple[str, ...], str] = {}
     for tie in ties:
         kinds.setdefault(tuple(step.mistake for step in tie.steps), " and ".join(step.undone for step in tie.steps))
