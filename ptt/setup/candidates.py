@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from ptt.run.axes import AXES
-from ptt.setup.rigid import across, medians
+from ptt.setup.rigid import column_medians, rotate_rows
 from ptt.setup.score import build, forward_many
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 
@@ -160,13 +160,13 @@ def _turn(side: Side, matrix: np.ndarray) -> Undo:
     def undo(setup: Setup) -> Setup:
         changes = {}
         if side != "targets":
-            changes["measured"] = across(setup.table.measured, matrix)
+            changes["measured"] = rotate_rows(setup.table.measured, matrix)
             scale = abs(np.linalg.det(matrix)) ** (1.0 / 3.0)
             if setup.table.std is not None:
                 sizes = np.abs(matrix) if abs(scale - 1.0) < 1e-9 else scale * np.eye(3)
-                changes["std"] = across(setup.table.std, sizes)
+                changes["std"] = rotate_rows(setup.table.std, sizes)
         if side != "readings":
-            changes["target"] = across(setup.table.target, matrix)
+            changes["target"] = rotate_rows(setup.table.target, matrix)
         return setup.with_rows(**changes)
 
     return undo
@@ -233,7 +233,7 @@ def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.
     """Zeros that bring sliders of reversed sign to the middle of their travel at home, as in any run, (3,) mm."""
     mechanism = build(drawn(setup))
     home = np.zeros(3) if mechanism is None else mechanism.home().numpy()
-    zero = home - medians(counted)
+    zero = home - column_medians(counted)
     return np.where(signs < 0, zero.mean() if signs.max() < 0 else zero, 0.0)
 
 

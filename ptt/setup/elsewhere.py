@@ -11,7 +11,7 @@ from ptt.setup.judged import BROKEN, MOST_ROWS, judge, thinned
 from ptt.setup.proof import BEYOND_FAULTS, FALL
 from ptt.setup.reach import out_of_reach
 from ptt.setup.result import Finding
-from ptt.setup.rigid import align_many, medians
+from ptt.setup.rigid import align_many, column_medians
 from ptt.setup.rows import LEAST_KNOWN, places
 from ptt.setup.score import forward_many
 from ptt.setup.setup import Setup, used_rows
@@ -75,9 +75,9 @@ def find_aside(setup: Setup) -> tuple[list[Finding], Setup]:
         return [], setup
     turn, shift, left = (part[0] for part in align_many(place[known][None], reading[known][None]))
     apart = reading[known] - place[known]
-    even = np.linalg.norm(apart - medians(apart), axis=1)
+    even = np.linalg.norm(apart - column_medians(apart), axis=1)
     shifted = float(np.median(even)) < max(2.0 * float(np.median(left)), BROKEN)
-    motion = RunFrame("commands", np.eye(3), medians(apart)) if shifted else RunFrame("commands", turn, shift)
+    motion = RunFrame("commands", np.eye(3), column_medians(apart)) if shifted else RunFrame("commands", turn, shift)
     how = f"all shifted by ({_listed(motion.origin, 1)}) mm" if shifted else frame_words(turn, shift)
     cured = setup.with_rows(target=motion.into_base(setup.table.target))
     of_targets = not pair and (out_of_reach(cured) or 0.0) < HARDLY

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 
 from ptt.run.frames import rigid_columns
-from ptt.setup.rigid import TRIM, align_many, medians
+from ptt.setup.rigid import TRIM, align_many, column_medians
 from ptt.setup.score import build
 from ptt.setup.setup import Setup, drawn
 
@@ -37,7 +37,7 @@ def fault_columns(setup: Setup, place: np.ndarray) -> np.ndarray | None:
     inverse = np.zeros_like(vector)
     inverse[known] = np.linalg.inv(vector[known])
     along = (vector * rail).sum(axis=2)
-    travel = (slider - medians(slider)) / 100.0 if known.any() else slider
+    travel = (slider - column_medians(slider)) / 100.0 if known.any() else slider
     sense = np.sign(np.diff(slider, axis=0, prepend=slider[:1]))
     pushes = [along * USUAL["homing"], along * travel * USUAL["lead"], along * sense * USUAL["play"]]
     pushes += [vector[..., axis] * USUAL["joint"] for axis in (0, 1)]
@@ -64,7 +64,7 @@ def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarra
     known = np.isfinite(left).all(axis=1)
     if known.sum() < 4:
         return np.asarray(distance[0])
-    kept = known & (np.nan_to_num(distance[0]) <= TRIM * float(medians(distance.T)[0]) + 1e-9)
+    kept = known & (np.nan_to_num(distance[0]) <= TRIM * float(column_medians(distance.T)[0]) + 1e-9)
     moves = rigid_columns(torch.as_tensor(np.nan_to_num(place)), length=1e3).numpy()  # by 1 mm, by 1 mrad
     matrix, count = np.concatenate([columns, moves] if free else [columns], axis=2), columns.shape[2]
     rows = matrix[kept].reshape(-1, matrix.shape[2])

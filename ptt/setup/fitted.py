@@ -11,7 +11,7 @@ from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.run.frames import rigid_columns
 from ptt.setup.candidates import BEYOND_HOMING, slider_words, zeros_from_home
 from ptt.setup.drawing import drawn_with
-from ptt.setup.rigid import align_many, medians
+from ptt.setup.rigid import align_many, column_medians
 from ptt.setup.score import agree_points, build, forward_many
 from ptt.setup.setup import Hypothesis, Setup, Undo, drawn
 
@@ -51,7 +51,7 @@ def target_frame(setup: Setup) -> Iterator[Hypothesis]:
         return
     turn, shift, _ = align_many(commanded, target)
     moved = (setup.table.target - shift[0]) @ turn[0]
-    if medians(np.linalg.norm(moved - setup.table.target, axis=1)[:, None]) < FRAME_SLIP:
+    if column_medians(np.linalg.norm(moved - setup.table.target, axis=1)[:, None]) < FRAME_SLIP:
         return
     words = f"the targets moved out of a frame of their own, {frame_words(turn[0], shift[0])},"
     fix = "state the targets in the machine's frame, or keep them there and let the frame be fitted"

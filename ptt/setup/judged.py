@@ -1,4 +1,4 @@
-"""What a mistake undone leaves between targets, commands and readings beside ordinary faults; whether that is proof."""
+"""Residuals between targets, commands and readings with a mistake undone and ordinary faults fitted; what is proof."""
 
 from dataclasses import dataclass, replace
 
@@ -11,22 +11,22 @@ from ptt.setup.rigid import rms
 from ptt.setup.score import FLOOR, Agreement, agree, forward_many
 from ptt.setup.setup import Hypothesis, Setup, drawn, used_rows
 
-MOST_ROWS = 120  # rows judged: more say nothing new about a mistake that touches all
-BROKEN = 0.5  # mm left beside ordinary faults: below it there is nothing to explain
-RAW = 0.2
-SPECK, UNLIKELY = 2e-3, 5.0  # of a link: nobody measures a machine within that, and all errors are small there
+MOST_ROWS = 120  # rows judged: more add nothing about a mistake that affects all
+BROKEN = 0.5  # mm after ordinary faults are fitted: below it there is nothing to explain
+RAW = 0.2  # weight, in the score, of the residuals before ordinary faults are fitted: it decides between near ties
+SPECK, UNLIKELY = 2e-3, 5.0  # of a link: nobody measures in so small a volume; the penalty in the score
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A hypothesis and what it leaves.
+    """A hypothesis and its residuals.
 
     Attributes:
         setup: the files with the mistake undone.
-        steps: what was undone, one after the other.
-        agreement: what stays, ordinary faults taken off.
-        plain: what stayed before anything was undone; None where nothing was.
-        raw: the same sum of logarithms with ordinary faults left in, which parts what they hide.
+        steps: the mistakes undone, in order.
+        agreement: residuals after ordinary faults are fitted.
+        plain: the judgement before anything was undone; None where nothing was.
+        raw: sum of logarithms as `total`, before ordinary faults are fitted: they may absorb part of a mistake.
     """
 
     setup: Setup
@@ -37,34 +37,34 @@ class Judged:
 
     @property
     def width(self) -> float:
-        """How far the points lay apart before anything was undone, mm."""
+        """Rms radius of the points before anything was undone, mm."""
         return (self.plain or self).agreement.width
 
     @property
     def worst(self) -> float:
-        """Largest of the pairs, mm, made up for where all lies closer together than before."""
+        """Largest residual of the pairs, mm, scaled up where the points lie closer together than before."""
         return float(np.nan_to_num(self.agreement.beside(self.width)).max())
 
     @property
     def total(self) -> float:
-        """What stays, as a sum of logarithms."""
+        """Sum of the logarithms of the residuals."""
         return self.agreement.total(self.width)
 
     @property
     def score(self) -> float:
-        """Small is good."""
+        """Sum of logarithms and penalties by which hypotheses are ranked; small is good."""
         odd = _oddness(self.agreement.turn)
         odd += UNLIKELY * (self.agreement.width < SPECK * drawn(self.setup).link_length_mm)
         return self.total + RAW * self.raw + sum(step.cost for step in self.steps) + odd
 
 
 def judge(setup: Setup, steps: tuple[Hypothesis, ...], plain: Judged | None = None) -> Judged:
-    """What stays between the columns beside ordinary faults.
+    """Residuals between the columns after ordinary faults are fitted.
 
     Args:
         setup: both files, mistakes undone.
-        steps: what was undone.
-        plain: what stayed before anything was undone.
+        steps: the mistakes undone.
+        plain: the judgement before anything was undone.
 
     Returns:
         The judgement.
@@ -91,7 +91,7 @@ def undo_all(steps: tuple[Hypothesis, ...], setup: Setup) -> Setup:
 
 
 def thinned(setup: Setup, most: int) -> Setup:
-    """So many rows spread over the run, those with a reading first: every second one may have none."""
+    """At most so many rows, evenly spread over those with a reading: every second one may have none."""
     used = used_rows(setup.table)
     read = used & np.isfinite(setup.table.measured).all(axis=1)
     rows = np.flatnonzero(read if read.any() else used)
@@ -101,7 +101,7 @@ def thinned(setup: Setup, most: int) -> Setup:
 
 
 def is_proof(plain: Judged | None, item: Judged) -> bool:
-    """Whether the error falls by far, from beyond what ordinary faults do to what they do."""
+    """Whether the error falls far, from above the level of ordinary faults to that level."""
     speck = SPECK * drawn(item.setup).link_length_mm
     if plain is None or item.agreement.width < speck <= plain.agreement.width:
         return False
@@ -116,18 +116,18 @@ def is_proof(plain: Judged | None, item: Judged) -> bool:
 
 
 def _least(item: Judged) -> float:
-    """How large an error has to be before a mistake is looked for; lengths are seen between targets and commands."""
+    """Smallest error that proves a mistake, mm; a wrong length is seen between targets and commands, without noise."""
     length = any(step.mistake == "drawing-length" for step in item.steps)
     return (BROKEN if length else BEYOND_FAULTS) * _size(item)
 
 
 def _size(item: Judged) -> float:
-    """Small machines have small faults."""
+    """Factor on limits in mm: faults of small machines are smaller."""
     return min(1.0, drawn(item.setup).link_length_mm / 200.0)
 
 
 def _oddness(turn: np.ndarray) -> float:
-    """A tracker stands upright before it stands on its head: parts hypotheses that fit alike."""
+    """Small penalty on tilt and rotation of the tracker: it decides between hypotheses that fit equally well."""
     tilt = np.arccos(np.clip(turn[2, 2], -1.0, 1.0))
     angle = np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0))
     return float(0.04 * tilt + 0.01 * angle)

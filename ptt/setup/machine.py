@@ -1,4 +1,4 @@
-"""What a machine file says, in figures: where its sliders stand at home and what the tool can reach."""
+"""A machine file in figures: slider heights at home and reach of the tool."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,9 +13,9 @@ from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_reach import reach_within_limits
 from ptt.mechanisms.three_ptt import ThreePtt
 
-DIRECTIONS = 72
-STEPS = 200
-EVEN_DEG = (0.0, 120.0, 240.0)  # towers that cannot stand farther apart; what they hardly hold is not for the azimuths
+DIRECTIONS = 72  # every 5 degrees
+STEPS = 200  # of the search for the reach: 0.5 % of a link sideways, 1 % in z
+EVEN_DEG = 0.0, 120.0, 240.0  # the best azimuths: where even they hold the tool badly, azimuths are not the reason
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class MachineSaid:
         name: of the machine.
         home_mm: slider heights at p = 0 (joint values at the home of an arm, rad).
         travel_mm: (2, k) ends of travel.
-        reach_mm: how far the tool gets sideways at z = 0 in every direction, least and greatest z at x = y = 0; of an
-            arm at most from the base's z axis, least and greatest z anywhere.
+        reach_mm: radius at z = 0 that the tool reaches in every direction, least and greatest z at x = y = 0; of an arm
+            the greatest distance from the base's z axis, least and greatest z anywhere.
         remarks: what is odd about it.
     """
 
@@ -100,13 +100,14 @@ def describe_machine(file: MachineFile) -> MachineSaid:
 
 
 def reach_of(mechanism: ThreePtt) -> tuple[float, float, float]:
-    """How far the tool gets.
+    """Reach of the tool, by a search in steps from the centre.
 
     Args:
         mechanism: the machine.
 
     Returns:
-        mm sideways at z = 0 in every direction, least and greatest z on the axis; NaN where p = 0 is out of travel.
+        Radius, mm, reached in every direction at z = 0, least and greatest z on the axis; NaN where p = 0 is out of
+        travel.
     """
     scale = float(mechanism.link.max())
     angle = np.linspace(0.0, 2.0 * np.pi, DIRECTIONS, endpoint=False)
@@ -141,11 +142,11 @@ def _remarks(spec: ThreePttSpec, home: np.ndarray, ends: np.ndarray) -> list[str
         found.append(f"home lies outside the travel{hint}")
     if spec.platform_radius_mm > spec.base_radius_mm:
         found.append("the platform is wider than the base: are the two radii interchanged?")
-    return found + _hardly_held(spec)
+    return found + _weak_hold_remarks(spec)
 
 
-def _hardly_held(spec: ThreePttSpec) -> list[str]:
-    """A remark on a drawing whose links hardly hold the tool at home: it reaches far there, and every error grows."""
+def _weak_hold_remarks(spec: ThreePttSpec) -> list[str]:
+    """A remark on a drawing that is close to a singularity at home, where every error of a slider is amplified."""
     hold = _hold(spec)
     if not hold < NEAR_RATIO:
         return []

@@ -1,4 +1,4 @@
-"""A tracker that was set up anew in the middle of a file whose rows share its frame, once or twice."""
+"""Search for rows from which on the tracker stood elsewhere (once or twice in a file with one tracker frame)."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,17 +12,17 @@ from ptt.run.table import Table
 from ptt.setup.arm import BROKEN
 from ptt.setup.arm_fit import arm_spec
 from ptt.setup.joint_slip import is_slip_of_joint
+from ptt.setup.posed_readings import FAR, PosedReadings, distances, posed_readings, sample_rows
 from ptt.setup.proof import BEYOND_FAULTS, FALL
 from ptt.setup.result import Finding
 from ptt.setup.rigid import align_many, rms_of_parts
-from ptt.setup.seen import FAR, Seen, distances, see, spread
 from ptt.setup.setup import Setup
 
 MOVED = 20.0  # mm: homing and links that all change by up to 4 mm from file to file move readings by 10 mm
-MOVED_ARM = 10.0  # mm: a joint that slips by as much bends the readings
-MOST_MOVES = 2
-NEAR = 0.25  # of what a move comes to: rows that are off by less were read from one place
-MOST_OF = 0.75  # of the rows that were read from elsewhere: some are near by chance
+MOVED_ARM = 10.0  # mm: a joint that slips by as much distorts the readings, so that no rigid motion fits
+MOST_MOVES = 2  # each needs rows enough for a frame of its own
+NEAR = 0.25  # of the smallest move that is looked for: rows with a smaller residual belong to one tracker frame
+MOST_OF = 0.75  # of the rows of a stretch after a move: some happen to fit the old frame
 OWN_FRAMES = 'write frame = "fitted-per-run" under [tracker] in the machine file'
 
 
@@ -33,41 +33,41 @@ def find_moved(setup: Setup) -> tuple[list[Finding], Setup]:
         setup: the machine with one file.
 
     Returns:
-        At most one finding, and both files with a run and a frame of its own for what comes after.
+        At most one finding, and both files with the rows after each move as a run with its own tracker frame.
     """
     if setup.file.tracker.frame != "fitted":
         return [], setup
-    seen, near = see(setup), NEAR * bounds(setup)[0]
-    if len(seen) < 2 * seen.least:
+    posed, near = posed_readings(setup), NEAR * bounds(setup)[0]
+    if len(posed) < 2 * posed.least:
         return [], setup
-    whole, found = np.zeros(len(seen), dtype=int), None
-    together = distances(seen.of_reflector(whole), seen.reading, whole)
-    if not _many_beside(together > near, seen.least):
+    whole, found = np.zeros(len(posed), dtype=int), None
+    together = distances(posed.reflector(whole), posed.reading, whole)
+    if not _has_dense_stretch(together > near, posed.least):
         return [], setup
-    for part in _partings(seen):
-        apart = distances(seen.of_reflector(part), seen.reading, part)
+    for part in _partitions(posed):
+        apart = distances(posed.reflector(part), posed.reading, part)
         before, after = rms_of_parts(together, part), rms_of_parts(apart, part)
-        if _is_proof(setup, seen, part, before, after):
-            found = _firsts(part), 1e3 * before, 1e3 * after
-            if (apart > near).sum() < seen.least:
+        if _is_proof(setup, posed, part, before, after):
+            found = _starts_of_parts(part), 1e3 * before, 1e3 * after
+            if (apart > near).sum() < posed.least:
                 break  # no rows are left that were read from a third place
-    return ([], setup) if found is None else _told(setup, seen.rows, *found)
+    return ([], setup) if found is None else _told(setup, posed.rows, *found)
 
 
-def _many_beside(far: np.ndarray, least: int) -> bool:
-    """Whether most of so many rows beside each other are off, (m,) bool: gross errors stand by themselves."""
+def _has_dense_stretch(far: np.ndarray, least: int) -> bool:
+    """Whether some stretch of `least` consecutive rows is mostly off, (m,) bool: gross errors are isolated."""
     return bool(np.convolve(far, np.ones(least)).max(initial=0.0) >= MOST_OF * least)
 
 
-def _is_proof(setup: Setup, seen: Seen, part: np.ndarray, before: float, after: float) -> bool:
-    """Whether frames of their own, and nothing less, make an error fall to what is usual."""
+def _is_proof(setup: Setup, posed: PosedReadings, part: np.ndarray, before: float, after: float) -> bool:
+    """Whether a frame for each part, and nothing simpler, reduces the error to that of ordinary faults."""
     least, most = bounds(setup)
     fell = before >= max(least, FALL ** part.max() * after) and after <= most
-    return bool(fell and _each_counts(seen, part, after) and not _is_of_joints(setup, seen, part))
+    return bool(fell and _each_counts(posed, part, after) and not _is_of_joints(setup, posed, part))
 
 
 def bounds(setup: Setup) -> tuple[float, float]:
-    """What one frame leaves at least where the tracker was moved, and frames of their own at most, mm."""
+    """Least rms of one frame where the tracker was moved, and greatest rms of a frame for each part, mm."""
     if isinstance(setup.file.machine, ThreePttSpec):
         return MOVED, BEYOND_FAULTS
     return MOVED_ARM, BROKEN * Serial.from_spec(arm_spec(setup)).reach_mm
@@ -87,49 +87,52 @@ def _told(
     each = "another run each" if len(within) > 1 else "another run"
     fix = f"give the rows from {apart} {each} in the column run, and {OWN_FRAMES}" if len(within) else OWN_FRAMES
     found = Finding("wrong-reflector", words, fix, before_um, after_um, True, table.source)
-    cured = setup.with_rows(**_runs_of_their_own(table, within)) if len(within) else setup
+    cured = setup.with_rows(**_columns_with_new_runs(table, within)) if len(within) else setup
     return [found], replace(cured, file=with_own_frames(setup.file))
 
 
-def _partings(seen: Seen) -> Iterator[np.ndarray]:
-    """Rows parted where another frame suits them best, (m,) int: in two, in three."""
-    part, place = np.zeros(len(seen), dtype=int), seen.of_reflector_anyhow()
+def _partitions(posed: PosedReadings) -> Iterator[np.ndarray]:
+    """Part of each row, (m,) int, with rows divided into two, then three parts at the best change points."""
+    part, place = np.zeros(len(posed), dtype=int), posed.reflector_of_best_stretch()
     for _ in range(MOST_MOVES):
-        distance = distances(place, seen.reading, part)
-        long = [each for each in range(part.max() + 1) if (part == each).sum() >= 2 * seen.least]
+        distance = distances(place, posed.reading, part)
+        long = [each for each in range(part.max() + 1) if (part == each).sum() >= 2 * posed.least]
         if not long:
             return
         off = max(long, key=lambda each: float(np.minimum(distance[part == each], FAR).sum()))
-        part = part + (np.arange(len(part)) >= _first_of_another(seen, place, part == off))
-        yield _once_more(seen, place, part)
+        part = part + (np.arange(len(part)) >= _change_row(posed, place, part == off))
+        yield _refined(posed, place, part)
 
 
-def _once_more(seen: Seen, place: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """The same, each of several sought beside the others, and by where the reflector sits once all hold together."""
-    part = _parted_anew(seen, place, part) if part.max() > 1 else part
-    if seen.turn is None or rms_of_parts(distances(place, seen.reading, part), part) > FAR:
+def _refined(posed: PosedReadings, place: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Parts with each change point searched anew, given the others, then with this partition's reflector offset."""
+    part = _repartitioned(posed, place, part) if part.max() > 1 else part
+    if posed.turn is None or rms_of_parts(distances(place, posed.reading, part), part) > FAR:
         return part
-    return _parted_anew(seen, seen.of_reflector(part), part)
+    return _repartitioned(posed, posed.reflector(part), part)
 
 
-def _parted_anew(seen: Seen, place: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """Where another frame suits rows best, of two parts beside each other at a time."""
+def _repartitioned(posed: PosedReadings, place: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Parts with the change point between each two neighbours searched anew."""
     for each in range(part.max(), 0, -1):
         both = (part == each) | (part == each - 1)
-        first = _first_of_another(seen, place, both)
+        first = _change_row(posed, place, both)
         part = np.where(both, each - 1 + (np.arange(len(part)) >= first), part)
     return part
 
 
-def _first_of_another(seen: Seen, place: np.ndarray, rows: np.ndarray) -> int:
-    """Of some rows, (m,) bool, the one from which on another frame suits them best."""
+def _change_row(posed: PosedReadings, place: np.ndarray, rows: np.ndarray) -> int:
+    """Index of the best change point among some rows, (m,) bool."""
     some = np.flatnonzero(rows)
-    return int(some[_moved_from(place[some], seen.reading[some], seen.least)])
+    return int(some[_change_point(place[some], posed.reading[some], posed.least)])
 
 
-def _moved_from(place: np.ndarray, reading: np.ndarray, least: int) -> int:
-    """The row from which on another frame suits readings best, first among some rows, then among all, (m, 3) mm."""
-    some = spread(len(place))
+def _change_point(place: np.ndarray, reading: np.ndarray, least: int) -> int:
+    """Row from which on a second tracker frame fits best: first among sampled rows, then among all, (m, 3) mm.
+
+    Distances are capped at FAR, so that gross errors do not decide.
+    """
+    some = sample_rows(len(place))
     cuts = some[least : len(some) - least + 1]
     before = some < cuts[:, None]
     points, cost = np.broadcast_to(place[some], (len(cuts), len(some), 3)), np.zeros(len(cuts))
@@ -146,35 +149,41 @@ def _moved_from(place: np.ndarray, reading: np.ndarray, least: int) -> int:
     return int(first + np.argmin(change))
 
 
-def _left(seen: Seen, part: np.ndarray) -> float:
-    """What stays with a frame for each part, mm rms."""
-    return rms_of_parts(distances(seen.of_reflector(part), seen.reading, part), part)
+def _rms_of_parts(posed: PosedReadings, part: np.ndarray) -> float:
+    """Rms residual with a frame for each part, mm."""
+    return rms_of_parts(distances(posed.reflector(part), posed.reading, part), part)
 
 
-def _firsts(part: np.ndarray) -> np.ndarray:
-    """Where parts begin, but for the first."""
+def _starts_of_parts(part: np.ndarray) -> np.ndarray:
+    """First row of each part except part 0."""
     return np.flatnonzero(np.diff(part)) + 1
 
 
-def _each_counts(seen: Seen, part: np.ndarray, after: float) -> bool:
-    """Whether no part does as well in the frame of the one before."""
-    return all(_left(seen, part - (part >= each)) > FALL * after for each in range(1, part.max() + 1) if part.max() > 1)
+def _each_counts(posed: PosedReadings, part: np.ndarray, after: float) -> bool:
+    """Whether each of several parts needs its own frame: merged with the one before, the error is much larger."""
+    return all(
+        _rms_of_parts(posed, part - (part >= each)) > FALL * after
+        for each in range(1, part.max() + 1)
+        if part.max() > 1
+    )
 
 
-def _is_of_joints(setup: Setup, seen: Seen, part: np.ndarray) -> bool:
-    """Whether a joint of an arm that slipped leaves as little at some of the rows."""
+def _is_of_joints(setup: Setup, posed: PosedReadings, part: np.ndarray) -> bool:
+    """Whether a slipped joint of an arm explains one of the changes as well."""
     if not isinstance(setup.file.machine, SerialSpec):
         return False
     spec = setup.file.machine
     beside = [(part == each) | (part == each - 1) for each in range(1, part.max() + 1)]
     return any(
-        is_slip_of_joint(spec, seen.take(rows), part[rows] == part[rows].max(), _left(seen.take(rows), part[rows]))
+        is_slip_of_joint(
+            spec, posed.take(rows), part[rows] == part[rows].max(), _rms_of_parts(posed.take(rows), part[rows])
+        )
         for rows in beside
     )
 
 
-def _runs_of_their_own(table: Table, firsts: np.ndarray) -> dict[str, Any]:
-    """Columns of a table whose rows from some on are no longer of the run of those before."""
+def _columns_with_new_runs(table: Table, firsts: np.ndarray) -> dict[str, Any]:
+    """Run columns of a table in which a new run begins at each of the given rows."""
     run, labels, digests = table.run.copy(), list(table.run_label), list(table.run_sha256)
     named = list(table.run_label)
     for first in firsts:
@@ -187,5 +196,5 @@ def _runs_of_their_own(table: Table, firsts: np.ndarray) -> dict[str, Any]:
 
 
 def with_own_frames(file: MachineFile) -> MachineFile:
-    """A machine file with a frame of the tracker for each run."""
+    """A machine file with a tracker frame for each run."""
     return replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted-per-run"}))

@@ -1,4 +1,4 @@
-"""Noise as stated against what repeats of a pose scatter by, or against all that readings are off by."""
+"""Stated noise compared with the scatter of repeated poses, or with the whole residual where no pose was repeated."""
 
 from dataclasses import replace
 
@@ -12,17 +12,17 @@ from ptt.setup.rigid import align_many
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup, Undo
 
-STATED_TOO_LARGE, SCATTER_TOO_LARGE = 20.0, 10.0
+STATED_TOO_LARGE, SCATTER_TOO_LARGE = 20.0, 10.0  # ratios of stated noise to scatter, and of scatter to stated noise
 LARGE = 0.2  # mm: no noise below is called implausibly large
-BEYOND_ALL = 5.0  # times all that readings are off by, faults included: an accuracy stated at three sigma is within
+BEYOND_ALL = 5.0  # times the whole residual, faults included: an accuracy stated at three sigma stays below
 ROWS = 30  # readings that a rigid motion cannot follow
-FEWEST = 10  # repeats, below which they say nothing of the scatter
-SAME = 2e-3  # mm: places that round to neighbouring micrometres are one
-MEDIAN_3D = 1.538  # of the length of a vector of three coordinates with sigma 1
+FEWEST = 10  # repeats for an estimate of the scatter
+SAME = 2e-3  # mm: positions that round to neighbouring micrometres are one pose
+MEDIAN_3D = 1.538  # median length of a vector of three normal coordinates with sigma 1 (chi, 3 degrees of freedom)
 
 
 def find_noise(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Noise as stated against what repeats scatter by.
+    """Stated noise that contradicts the scatter of repeats.
 
     Args:
         setup: both files.
@@ -34,7 +34,7 @@ def find_noise(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def _noise(setup: Setup) -> Result | None:
-    """Stated noise against what repeats of a pose in a row scatter by; without repeats against the whole error."""
+    """Stated noise against the scatter of repeats of a pose; without repeats against the whole residual."""
     stated, source = _stated(setup)
     found = repeat_scatter(setup)
     if stated is None:
@@ -62,7 +62,7 @@ def _noise(setup: Setup) -> Result | None:
 
 
 def _beyond_all(setup: Setup, stated: float, source: str) -> Result | None:
-    """Stated noise against all that the readings are off by, where no pose was repeated."""
+    """Stated noise against the whole residual of the readings, where no pose was repeated."""
     place, reading = places(setup), setup.table.measured
     known = np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1)
     if known.sum() < ROWS or stated <= LARGE:
@@ -103,15 +103,15 @@ def _restated(source: str, factor: float) -> Undo:
 
 
 def repeat_scatter(setup: Setup, still: bool = False) -> tuple[float, int] | None:
-    """Scatter of one coordinate over readings of a pose that was reached in the same way, mm.
+    """Scatter of one coordinate, mm, over readings of a pose that was approached from the same direction.
 
     Args:
         setup: both files.
-        still: only readings between which nothing moved: what scatters there is the tracker.
+        still: only consecutive readings between which nothing moved: their scatter is the tracker's.
 
     Returns:
-        Scatter, by the median so that what changed between visits counts little, and how many repeats; None where
-        there are fewer than `FEWEST`.
+        Scatter, by the median so that changes between visits count little, and number of repeats; None where there
+        are fewer than `FEWEST`.
     """
     place, reading = places(setup), setup.table.measured
     if still:
@@ -131,7 +131,7 @@ def repeat_scatter(setup: Setup, still: bool = False) -> tuple[float, int] | Non
 
 
 def _scatter(apart: np.ndarray) -> tuple[float, int] | None:
-    """Standard deviation of one reading by differences between two."""
+    """Standard deviation of one reading from differences (n, 3) of two, and their number."""
     if len(apart) < FEWEST:
         return None
     return float(median_sigma(apart) / np.sqrt(2.0)) + 1e-9, len(apart)

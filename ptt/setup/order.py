@@ -1,4 +1,4 @@
-"""Rows that are not in travel order: time that runs back, rows sorted by the letters of names or by a coordinate."""
+"""Rows that are not in travel order: time that runs back, rows sorted alphabetically by name or by a coordinate."""
 
 import re
 
@@ -10,10 +10,10 @@ from ptt.setup.result import Finding
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup
 
-DAY = 86400.0
+DAY = 86400.0  # s: a clock without a date jumps back by a day at midnight
 LEAST_NAMES = 11  # from ten on, the order of letters differs from that of numbers
-POSES = 30  # one after the other along an axis, which no chance does
-LEAP = 0.15  # of the range of the other axes between poses: half of what poses in any order leap by at the median
+POSES = 30  # poses that advance monotonically along an axis: impossible by chance
+LEAP = 0.15  # of the range of another axis, median jump between poses: half of that of a random order
 
 
 def find_disorder(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -65,7 +65,7 @@ def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:
 
 
 def _by_place(setup: Setup) -> tuple[list[Finding], Setup] | None:
-    """Rows that rise along one axis while the tool leaps along the others: nobody drives like that, tables are so."""
+    """Rows monotonic along one axis that jump along the others: sorted tables look like that, paths do not."""
     if setup.table.time_s is not None:
         return None
     place = places(setup)

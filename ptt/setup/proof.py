@@ -1,5 +1,5 @@
-"""What proves a mistake in the set-up: how far an error has to fall once it is undone, and to where."""
+"""Limits for proof of a set-up mistake: by which ratio an error has to fall once it is undone, and to which level."""
 
-FALL = 5.0  # times less error by one mistake that is undone: a fault of the machine beside it leaves a fifth at least
-STEEP = 20.0  # by several, or by one that much else could be: what stays then is noise and play alone
-BEYOND_FAULTS = 2.0  # mm, twice the largest ordinary fault: a machine that is understood errs by less
+FALL = 5.0  # ratio for one mistake: faults of the machine, which remain, are a fifth of its error at most
+STEEP = 20.0  # ratio for several mistakes, or for one that is easily confused: only noise and backlash may remain
+BEYOND_FAULTS = 2.0  # mm, twice the largest ordinary fault: the error of a correctly set-up machine is smaller

@@ -1,4 +1,4 @@
-"""What targets tell by themselves: whether the machine, as drawn, can get there."""
+"""Set-up mistakes that targets or commands show without readings: out of reach, out of travel, or in one spot."""
 
 import numpy as np
 import torch
@@ -11,16 +11,16 @@ from ptt.setup.result import Finding, ties_in_words
 from ptt.setup.score import agree, build
 from ptt.setup.setup import Setup, drawn, used_rows
 
-LEAST_ROWS = 5
-NEARLY_ALL, NEARLY_NONE = 0.9, 0.05
-SPECK = 2e-3  # of a link
-WORKED = 0.02  # of a link: targets that spread over less are no run of a machine
-AGREED = 0.02  # of the spread: what ordinary faults leave
+LEAST_ROWS = 5  # for a share of rows to mean anything
+NEARLY_ALL, NEARLY_NONE = 0.9, 0.05  # shares of rows; a few may be wrong for reasons of their own
+SPECK = 2e-3  # of a link: nobody works in so small a volume
+WORKED = 0.02  # of a link: the least extent of targets of a real run
+AGREED = 0.02  # of the extent: the residual of ordinary faults
 MARGIN = 0.05  # of the travel: ends are often stated roughly
 
 
 def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
-    """A drawing or a unit by which hardly a target can be reached, where one mistake undone lets all be reached.
+    """A mistake in the drawing, or in a unit, that puts most targets out of reach, and all in reach once undone.
 
     Args:
         setup: both files of a 3-PTT.
@@ -56,7 +56,7 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def _spread(setup: Setup) -> float:
-    """How far the targets spread, of a link."""
+    """Extent of the targets (diagonal of their box) as a multiple of the link length."""
     target = setup.table.target[used_rows(setup.table)]
     target = target[np.isfinite(target).all(axis=1)]
     return float(np.linalg.norm(np.ptp(target, axis=0))) / drawn(setup).link_length_mm
@@ -65,7 +65,7 @@ def _spread(setup: Setup) -> float:
 def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
     """Slider heights that hardly ever lie within the travel, where another unit brings all of them into it.
 
-    Where every length of a run is in one wrong unit, targets, commands and readings agree all the same.
+    Where every length of a run is in one wrong unit, targets, commands and readings still agree with each other.
 
     Args:
         setup: both files of a 3-PTT.
@@ -86,7 +86,7 @@ def find_travel(setup: Setup) -> tuple[list[Finding], Setup]:
         return [], setup
     left, hypothesis, cured, outside = min(inside, key=lambda item: item[0])
     if left > max(2.0 * _relative(setup), AGREED):
-        return [], setup  # the columns agree as they are, and would not by that
+        return [], setup  # the columns agree as they are, and would not in another unit
     words = (
         f"{before:.0%} of the slider heights lie outside the travel; with {hypothesis.undone}, "
         f"{_all_but(outside)} are within it"
@@ -100,12 +100,12 @@ def _all_but(share: float) -> str:
 
 
 def _width(setup: Setup) -> float:
-    """How far the sliders move, mm."""
+    """Largest range of a slider's commands, mm."""
     return float(np.nan_to_num(np.ptp(np.nan_to_num(np.asarray(setup.table.command)), axis=0)).max())
 
 
 def _relative(setup: Setup) -> float:
-    """What stays between the columns, of how far they spread."""
+    """Largest residual between the columns, relative to the rms radius of the points."""
     agreement = agree([setup])[0]
     return agreement.worst / max(agreement.width, 1e-9)
 
@@ -122,7 +122,7 @@ def _out_of_travel(setup: Setup) -> float | None:
 
 
 def find_speck(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Targets that differ and yet all lie within a speck: metres in columns of millimetres.
+    """Targets that differ and yet lie within a tiny volume: metres in columns of millimetres.
 
     Args:
         setup: both files of a 3-PTT.
@@ -162,7 +162,7 @@ def out_of_reach(setup: Setup) -> float | None:
 
 
 def _outside(mechanism: ThreePtt, slider: np.ndarray) -> float:
-    """Share of slider heights, (m, 3) mm, that lie outside the travel; those that no slider has are NaN and do."""
+    """Share of slider heights, (m, 3) mm, outside the travel; NaN (target out of reach) counts as outside."""
     low, high = mechanism.limits().numpy()
     rim = MARGIN * (high - low)
     return float(1.0 - ((slider >= low - rim) & (slider <= high + rim)).all(axis=1).mean())

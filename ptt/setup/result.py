@@ -1,4 +1,4 @@
-"""What a check of the set-up hands back: findings, each one sentence with its proof and one cure."""
+"""Results of a set-up check: findings, each with one sentence of proof and one fix."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 MISTAKES: tuple[Mistake, ...] = get_args(Mistake)
-SHOWN_TIES = 3  # that anybody reads
+SHOWN_TIES = 3  # alternatives named in a sentence: a longer list is not read
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Finding(Record):
         fix: one cure.
         before_um: root mean square error as the files are, um; None where another figure is the proof.
         after_um: the same with the mistake undone.
-        sure: whether nothing but the mistake explains the data; such a finding stops a diagnosis.
+        sure: whether only this mistake explains the data; such a finding stops a diagnosis.
         source: the run it was found in; '' for the machine file.
     """
 
@@ -43,12 +43,12 @@ class Finding(Record):
     source: str = ""
 
     def __str__(self) -> str:
-        """Two lines: what it is, what to do."""
+        """Two lines: the mistake with its proof, and the fix."""
         return f"{'' if self.sure else 'perhaps '}{self.mistake}: {self.words}\n  {self.fix}"
 
 
 def ties_in_words(others: Sequence[str]) -> str:
-    """What would explain the data as well as a finding: the end of its sentence, '' where nothing would."""
+    """Alternatives that explain the data equally well, as the end of a finding's sentence; '' where there are none."""
     if not others:
         return ""
     more = len(others) - SHOWN_TIES
@@ -58,15 +58,15 @@ def ties_in_words(others: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Check(InNotebook):
-    """Findings about one run and its machine, and both with what was found undone.
+    """Findings about one run and its machine, and both files with the sure ones undone.
 
     Attributes:
         findings: the sure ones first.
-        file: the machine, cured.
-        table: the run, cured; None where only a machine was checked.
-        rows: rows looked at.
+        file: the corrected machine.
+        table: the corrected run; None where only a machine was checked.
+        rows: number of rows checked.
         too_little: why the geometry could not be judged, '' where it could.
-        unexplained: what no fault of a machine does, and no mistake that is known explains; '' where there is none.
+        unexplained: errors too large for faults of a machine that no known mistake explains; '' where there are none.
     """
 
     findings: tuple[Finding, ...]
@@ -103,13 +103,13 @@ class Check(InNotebook):
 
     @property
     def _held(self) -> str:
-        """What was looked at: without readings only what was sent."""
+        """What was checked, in words."""
         read = self.table is None or bool(np.isfinite(self.table.measured).all(axis=1).any())
         return "the set-up" if read else "targets and commands; there are no readings"
 
 
 def setup_verdict(check: Check) -> dict[str, Any]:
-    """What `ptt diagnose --json` says where the set-up has to be mended first.
+    """The output of `ptt diagnose --json` where set-up mistakes stop the diagnosis.
 
     Args:
         check: with sure findings.
@@ -121,5 +121,7 @@ def setup_verdict(check: Check) -> dict[str, Any]:
         key: [] for key in ("suggested", "candidates", "not_testable", "depends_on", "measure_next")
     }
     setup = [finding.to_dict() for finding in check.findings]
-    nothing["verdict_probability"] = dict.fromkeys(("missing", "nothing-missing", "unknown"), 0.0)  # none was weighed
+    nothing["verdict_probability"] = dict.fromkeys(
+        ("missing", "nothing-missing", "unknown"), 0.0
+    )  # no verdict was computed
     return {"verdict": "setup", "setup": setup, **nothing, "rows": check.rows, "noise_um": None, "words": str(check)}

@@ -1,10 +1,10 @@
-"""Many rigid motions at once: how far readings stay from places, wherever the tracker stands."""
+"""Rigid alignment of many point sets at once, robust against gross errors."""
 
 import numpy as np
 
-TRIM = 6.0  # times the median distance: rows beyond it are gross errors and pull nothing
-ROUNDS = 3
-TINY = 1e-9  # mm
+TRIM = 6.0  # times the median distance: rows beyond it are gross errors and are left out
+ROUNDS = 3  # of alignment and trimming; more rarely change which rows are left out
+TINY = 1e-9  # mm: where half the points fit exactly the median is zero
 
 
 def align_many(place: np.ndarray, reading: np.ndarray, free: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -15,7 +15,7 @@ def align_many(place: np.ndarray, reading: np.ndarray, free: bool = True) -> tup
     Args:
         place: (h, n, 3) mm, NaN where unknown.
         reading: (h, n, 3) mm, NaN where unknown.
-        free: whether the readings may lie in another frame than the places.
+        free: whether the tracker frame is fitted; otherwise it is the base frame.
 
     Returns:
         R (h, 3, 3) and t (h, 3) mm with reading = R place + t, and (h, n) mm distances, NaN where unknown.
@@ -36,13 +36,13 @@ def align_many(place: np.ndarray, reading: np.ndarray, free: bool = True) -> tup
 
 
 def middle(distance: np.ndarray) -> np.ndarray:
-    """Median of the known distances of each case, (h,) mm; 0 where none is known."""
+    """Lower median of the known distances (h, n) of each case, (h,) mm; 0 where none is known."""
     count = np.isfinite(distance).sum(axis=1)
     ordered = np.sort(distance, axis=1)  # NaN goes last
     return np.where(count > 0, ordered[np.arange(len(distance)), np.maximum(count - 1, 0) // 2], 0.0)
 
 
-def medians(points: np.ndarray) -> np.ndarray:
+def column_medians(points: np.ndarray) -> np.ndarray:
     """Median of the known values of each column: (n, k) -> (k,); NaN where none is known."""
     ordered, count = np.sort(points, axis=0), np.isfinite(points).sum(axis=0)  # NaN goes last
     if not len(points):
@@ -57,8 +57,8 @@ def rms(distance: np.ndarray, lost: np.ndarray, size: float | np.ndarray) -> np.
 
     Args:
         distance: (h, n) mm, NaN where unknown.
-        lost: (h, n) bool, rows whose place should be known and is not: they count as wrong by the machine's size.
-        size: mm, one or (h, 1).
+        lost: (h, n) bool, rows whose place cannot be computed (a command that does not close).
+        size: mm, one or (h, 1): the distance that a lost row counts with.
 
     Returns:
         (h,) mm; NaN where no row is known.
@@ -70,7 +70,7 @@ def rms(distance: np.ndarray, lost: np.ndarray, size: float | np.ndarray) -> np.
 
 
 def rms_of_parts(distance: np.ndarray, part: np.ndarray) -> float:
-    """Root mean square distance, mm, gross errors of each part left out beside its own: none is gross as a whole.
+    """Root mean square distance, mm, without gross errors, which are judged within each part: a part has its own level.
 
     Args:
         distance: (m,) mm.
@@ -84,11 +84,12 @@ def rms_of_parts(distance: np.ndarray, part: np.ndarray) -> float:
 
 
 def _near(distance: np.ndarray) -> np.ndarray:
-    """Which distances (h, n) are no gross errors among those beside them, (h, n) bool."""
+    """Distances (h, n) that are no gross errors within their case, (h, n) bool."""
     return np.asarray(distance <= TRIM * middle(distance)[:, None] + TINY)
 
 
 def _motion(a: np.ndarray, b: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least-squares R (h, 3, 3) and t (h, 3) with b = R a + t over the kept points (h, n, 3)."""
     weight = (kept / np.maximum(kept.sum(axis=1), 1)[:, None])[:, None]
     middle_a, middle_b = weight @ a, weight @ b
     product = ((b - middle_b).transpose(0, 2, 1) * weight) @ (a - middle_a)
@@ -98,8 +99,8 @@ def _motion(a: np.ndarray, b: np.ndarray, kept: np.ndarray) -> tuple[np.ndarray,
     return turn, (middle_b - middle_a @ turn.transpose(0, 2, 1))[:, 0]
 
 
-def across(values: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Rows turned by a matrix, (n, 3); an empty coordinate empties only those that it has a part in.
+def rotate_rows(values: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Rows multiplied by a matrix, (n, 3); an empty (NaN) coordinate makes only those empty that depend on it.
 
     Args:
         values: (n, 3), NaN where empty.

@@ -1,4 +1,4 @@
-"""Mistakes that touch some rows: readings that slipped by a row, a block on another reflector."""
+"""Mistakes that affect some rows: readings shifted by a row, a block of rows read on another reflector."""
 
 from dataclasses import replace
 
@@ -12,30 +12,30 @@ from ptt.setup.rigid import TRIM, align_many, rms_of_parts
 from ptt.setup.score import forward_many
 from ptt.setup.setup import Setup
 
-SLIPS = (1, -1, 2, -2)
-LEAST_KNOWN = 8  # rows, with target and reading
-LEAST_ROWS = 3  # a block of fewer rows is gross errors
-ALIKELY = 1.5  # where every row moves on by the same, a missed reading is a shift of all that follow
-MOST_SLIPS, HELPS = 3, 0.9  # of the mean distance: what each further slip has to leave at most
+SLIPS = (1, -1, 2, -2)  # rows; positive: readings come later than their targets
+LEAST_KNOWN = 8  # rows with target and reading that a frame needs
+LEAST_ROWS = 3  # fewer rows in a block are gross errors
+ALIKELY = 1.5  # ratio up to which a slip is preferred to a block: on equal steps a missed reading looks like a shift
+MOST_SLIPS, HELPS = 3, 0.9  # number, and ratio by which each further one has to reduce the mean distance
 BLOCK_SHIFT = 5.0  # mm: reflector nests are centimetres apart, knocks and slips are smaller
-MOST_REFLECTORS = 2  # others: lines of a raster that each are off by their own are no other reflectors
-SEEN_GAP = (0.05, 1.0)  # of a step, and mm: where no row is off by either, no reading stands beside another row
-BOTH = 0.8  # of the rows: where every second one has a reading, few have one before and after a slip
-MOST_OFF = 0.6  # of the rows: where more are off, none of them is a block
+MOST_REFLECTORS = 2  # more different shifts, one for each line of a raster, have another cause
+SEEN_GAP = (0.05, 1.0)  # of a step, and mm: where no row is off by the smaller, no reading is in another row
+BOTH = 0.8  # share of rows with a reading before and after a slip from which only those are compared
+MOST_OFF = 0.6  # of the rows: where more are off, the frame of the others is not reliable
 AT_ONCE = 200_000  # rows of all starts that are aligned together: 100 MB
-TURNED = 2.0  # times what a frame of its own would leave: a block that a shift leaves more of is turned as well
-ALIKE = 0.2  # of the shift: a reflector is off by the same everywhere, a slider that slipped is not
+TURNED = 2.0  # ratio of residuals of a shift and of a frame of its own from which a block is rotated too
+ALIKE = 0.2  # scatter of a shift relative to it: another reflector shifts all rows equally, a slipped slider does not
 
 
 def places(setup: Setup) -> np.ndarray:
-    """Where the tool should be, (n, 3) mm: by the commands where there are some that close, else the targets."""
+    """Where the tool should be, (n, 3) mm: by forward kinematics of the commands where possible, else the target."""
     sent = forward_many([setup])[0] if setup.table.joint_prefix == "b" else None
     target = setup.table.target
     return target if sent is None else np.where(np.isfinite(sent).all(axis=1)[:, None], sent, target)
 
 
 def find_shifted_rows(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Readings that slipped by a row, or a block on another reflector, whichever leaves less.
+    """Shifted readings or a block on another reflector, whichever has the smaller residual.
 
     Args:
         setup: both files.
@@ -51,14 +51,14 @@ def find_shifted_rows(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def _mean_distance(place: np.ndarray, reading: np.ndarray, free: bool) -> float:
-    """Mean distance from the places, mm, gross errors counted as they are."""
+    """Mean distance from the places, mm, gross errors included."""
     distance = align_many(place[None], reading[None], free)[2][0]
     known = np.isfinite(distance)
     return float(distance[known].mean()) if known.any() else 0.0
 
 
 def find_slip(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Readings that stand one or two rows beside their targets, from the first or from some row on.
+    """Readings one or two rows away from their targets, from the first or from some row on.
 
     Args:
         setup: both files.
@@ -127,7 +127,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
     known = np.flatnonzero(np.isfinite(place).all(axis=1) & np.isfinite(reading).all(axis=1))
     if len(known) < LEAST_KNOWN:
         return [], setup
-    left, turn = _most_fitting(place[known], reading[known], setup.free)
+    left, turn = _majority_frame(place[known], reading[known], setup.free)
     findings, shifts = list[Finding](), list[np.ndarray]()
     before = float(np.sqrt(np.mean(left**2) * 3.0))
     part = np.zeros(len(known), dtype=int)
@@ -142,19 +142,7 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
         rows, part[block] = known[block], len(findings) + 1
         reading[rows] -= turn @ shift
         left[block] -= shift
-        first, last = setup.table.line[rows[0]], setup.table.line[rows[-1]]
-        at, off = (", ".join(f"{value:.{digits}f}" for value in turn @ shift) for digits in (1, 3))
-        words = (
-            f"readings of rows {first} to {last} are {size:.1f} mm away from the rest, "
-            f"all by the same ({at}) mm: another reflector"
-        )
-        fix = f"subtract ({off}) mm from x_meas, y_meas, z_meas of rows {first} to {last}, or empty those cells"
-        if _is_whole_runs(setup.table.run, rows, known):
-            fix = (
-                'if the tracker was set up anew for a run, write frame = "fitted-per-run" under [tracker] in the '
-                f"machine file; otherwise {fix}"
-            )
-        findings.append(said(setup, "wrong-reflector", words, fix))
+        findings.append(_tell_block(setup, turn, shift, rows, known))
     if not 0 < len(shifts) <= MOST_REFLECTORS:
         return [], setup
     after = rms_of_parts(np.linalg.norm(left, axis=1), part)
@@ -167,8 +155,25 @@ def find_block(setup: Setup) -> tuple[list[Finding], Setup]:
     return told, setup.with_rows(measured=reading)
 
 
+def _tell_block(setup: Setup, turn: np.ndarray, shift: np.ndarray, rows: np.ndarray, known: np.ndarray) -> Finding:
+    """The finding of one block: indices of its rows and of all that are known, shift (3,) mm in the base frame."""
+    first, last = setup.table.line[rows[0]], setup.table.line[rows[-1]]
+    at, off = (", ".join(f"{value:.{digits}f}" for value in turn @ shift) for digits in (1, 3))
+    words = (
+        f"readings of rows {first} to {last} are {np.linalg.norm(shift):.1f} mm away from the rest, "
+        f"all by the same ({at}) mm: another reflector"
+    )
+    fix = f"subtract ({off}) mm from x_meas, y_meas, z_meas of rows {first} to {last}, or empty those cells"
+    if _is_whole_runs(setup.table.run, rows, known):
+        fix = (
+            'if the tracker was set up anew for a run, write frame = "fitted-per-run" under [tracker] in the '
+            f"machine file; otherwise {fix}"
+        )
+    return said(setup, "wrong-reflector", words, fix)
+
+
 def _left_by_turns(place: np.ndarray, left: np.ndarray, part: np.ndarray) -> float:
-    """What would stay, mm, were the rows from some row on a set-up of the tracker by themselves, turned as well."""
+    """Residual, mm rms, with a tracker frame of their own for rows from the only change on; infinite if impossible."""
     edges = np.flatnonzero(np.diff(part))
     if len(edges) != 1 or min(edges[0] + 1, len(part) - edges[0] - 1) < LEAST_KNOWN:
         return np.inf
@@ -180,13 +185,13 @@ def _left_by_turns(place: np.ndarray, left: np.ndarray, part: np.ndarray) -> flo
 
 
 def _is_whole_runs(run: np.ndarray, rows: np.ndarray, known: np.ndarray) -> bool:
-    """Whether some rows of those that count, not all, are all that a run or several have."""
+    """Whether rows are exactly those of one or several runs, but not all known rows."""
     inside = np.isin(run[known], run[rows])
     return bool(inside.sum() == len(rows) < len(known))
 
 
 def _slip_is_possible(place: np.ndarray, reading: np.ndarray, free: bool) -> bool:
-    """Whether at least a few rows are off by much of what the tool moves from row to row."""
+    """Whether at least a few rows have a residual comparable to the step from row to row."""
     step = np.linalg.norm(np.diff(place, axis=0), axis=1)
     _, _, distance = align_many(place[None], reading[None], free)
     usual = float(np.nanmedian(step[step > 0.0])) if (step > 0.0).any() else np.inf
@@ -194,7 +199,7 @@ def _slip_is_possible(place: np.ndarray, reading: np.ndarray, free: bool) -> boo
 
 
 def _best_slip(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[float, int, int]:
-    """Cost, slip and first row at which readings that slipped by so many rows fit best, from several starts each."""
+    """Cost, slip and first row of the shift that fits best, from several initial frames for each slip."""
     count = len(place)
     third = max(LEAST_KNOWN // 2, count // 3)
     head, tail = np.arange(count) < third, np.arange(count) >= count - third
@@ -209,16 +214,19 @@ def _best_slip(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[floa
     spread = np.broadcast_to(place, values.shape)
     for _ in range(3):
         turn, shift, _ = align_many(spread, values, free)
-        cost, first = _change(place, reading, all_shifted, turn, shift, np.maximum(0, -slips))
+        cost, first = _best_change_rows(place, reading, all_shifted, turn, shift, np.maximum(0, -slips))
         values = np.stack([slipped(reading, slip, at) for slip, at in zip(slips, first, strict=True)])
     best = int(np.argmin(cost))
     return float(cost[best]), int(slips[best]), int(first[best])
 
 
-def _change(
+def _best_change_rows(
     place: np.ndarray, reading: np.ndarray, shifted: np.ndarray, turn: np.ndarray, shift: np.ndarray, lost: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sum of distances (h,) and the row (h,) from which on shifted readings fit better, which loses `lost` rows."""
+    """Least sum of distances (h,) mm, and row (h,) from which on shifted readings fit better.
+
+    `lost` (h,) is the number of rows after the change that a shift leaves without reading.
+    """
     expected = place @ turn.transpose(0, 2, 1) + shift[:, None]
     plain, moved = (np.nan_to_num(np.linalg.norm(points - expected, axis=2)) for points in (reading, shifted))
     count, nothing = len(place), np.zeros((len(turn), 1))
@@ -230,7 +238,7 @@ def _change(
 
 
 def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: np.ndarray) -> tuple[float, float]:
-    """Error before and after, mm, ordinary faults taken off where the drawing is known; the same rows in both."""
+    """Rms error before and after, mm, ordinary faults fitted where possible; over the same rows if enough have both."""
     columns = fault_columns(setup, place) if setup.table.joint_prefix == "b" else None
     distances = []
     for values in (reading, moved):
@@ -249,11 +257,11 @@ def _beside_faults(setup: Setup, place: np.ndarray, reading: np.ndarray, moved: 
     return before, after
 
 
-def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
-    """What stays in the frame that suits most rows, (n, 3) mm in the base frame, and its rotation."""
+def _majority_frame(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (n, 3) mm, in the base frame, of the tracker frame that fits most rows, and its rotation (3, 3)."""
     starts = stretches(len(place), LEAST_KNOWN // 2)
     best = _best_start(place, reading, starts[:1], free)
-    if best[0] == len(place):  # all rows in one frame: no other suits more
+    if best[0] == len(place):  # all rows in one frame: no other fits more
         return best[1], best[2]
     for kept in np.array_split(starts[1:], min(len(starts) - 1, -(-starts.size // AT_ONCE))):
         other = _best_start(place, reading, kept, free)
@@ -262,7 +270,7 @@ def _most_fitting(place: np.ndarray, reading: np.ndarray, free: bool) -> tuple[n
 
 
 def stretches(count: int, least: int) -> np.ndarray:
-    """All rows, and each quarter of them or so many, the next one half of that further on, (h, count) bool."""
+    """Masks (h, count) bool: all rows, then half-overlapping stretches of a quarter of them, `least` rows or more."""
     row, long = np.arange(count), max(least, count // 4)
     edges = range(0, count - long + 1, max(1, long // 2))
     return np.stack([row >= 0, *((row >= at) & (row < at + long) for at in edges)])
@@ -271,7 +279,7 @@ def stretches(count: int, least: int) -> np.ndarray:
 def _best_start(
     place: np.ndarray, reading: np.ndarray, kept: np.ndarray, free: bool
 ) -> tuple[int, np.ndarray, np.ndarray]:
-    """Of starts from some rows (h, n), the one whose frame suits most: how many, what stays, and its rotation."""
+    """Number of rows that fit, residuals and rotation of the best frame of h, started from the rows `kept` (h, n)."""
     spread = np.broadcast_to(place, (*kept.shape, 3))
     for again in (True, True, False):
         turn, shift, _ = align_many(spread, np.where(kept[..., None], reading, np.nan), free)
@@ -285,7 +293,7 @@ def _best_start(
 
 
 def _bad_blocks(left: np.ndarray) -> list[np.ndarray]:
-    """Stretches of rows that are off, as index arrays; none where most rows are."""
+    """Consecutive rows with large residuals, as index arrays; none where most rows are off."""
     off = np.linalg.norm(left, axis=1) > BLOCK_SHIFT / 2.0
     if off.mean() > MOST_OFF:
         return []

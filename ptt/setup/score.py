@@ -14,20 +14,20 @@ from ptt.setup.rigid import align_many, middle, rms
 from ptt.setup.setup import Setup
 
 LEAST_ROWS = 5  # with fewer a rigid motion alone explains nearly everything
-LOST = 100.0  # mm that a command which does not close is wrong by, at least: links in metres are short
-FLOOR = 0.05  # mm: agreement beyond this is no further proof
+LOST = 100.0  # mm, least error assigned to a command that does not close: the link length may be given in metres
+FLOOR = 0.05  # mm: an error below it is no further proof
 
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """What stays between the three columns of a run.
+    """Residuals between targets, commands and readings of a run.
 
     Attributes:
         rms: (3,) mm, readings against targets, readings against commands, targets against commands; NaN for a pair
             that the run does not have.
-        turn: (3, 3) rotation of the tracker frame against the drawing.
-        shift: (3,) mm.
-        width: how far the closest of the three lie apart, mm: an error shrinks with it and is none the smaller.
+        turn: (3, 3) rotation from the base frame to the tracker frame.
+        shift: (3,) mm, the base frame's origin in the tracker frame.
+        width: least rms radius of the three point sets, mm; errors shrink with it without becoming less wrong.
     """
 
     rms: np.ndarray
@@ -36,11 +36,11 @@ class Agreement:
     width: float
 
     def beside(self, width: float) -> np.ndarray:
-        """The errors (3,), mm, made up for where all lies closer together than before."""
+        """The errors (3,), mm, scaled up where the points lie closer together than `width`, mm."""
         return self.rms * max(1.0, width / max(self.width, 1e-12))
 
     def total(self, width: float) -> float:
-        """Sum of logarithms: a fall by one of it is an error smaller by the factor e in one pair."""
+        """Sum of the logarithms of the errors: one less is an error of one pair smaller by the factor e."""
         return float(np.nansum(np.log(np.maximum(self.beside(width), FLOOR))))
 
     @property
@@ -62,7 +62,7 @@ def agree(setups: Sequence[Setup]) -> list[Agreement]:
         return []
     target = np.stack([setup.table.target for setup in setups])
     reading = np.stack([setup.table.measured for setup in setups])
-    sent = np.array([_sent(setup) for setup in setups])
+    sent = np.array([_rows_with_command(setup) for setup in setups])
     size = max(LOST, *(setup.file.machine.link_length_mm for setup in setups))  # type: ignore[union-attr]
     sizes = np.full((len(setups), 1), size)
     return agree_points(target, forward_many(setups), reading, sent, sizes, setups[0].free)
@@ -71,15 +71,15 @@ def agree(setups: Sequence[Setup]) -> list[Agreement]:
 def agree_points(
     target: np.ndarray, commanded: np.ndarray, reading: np.ndarray, sent: np.ndarray, sizes: np.ndarray, free: bool
 ) -> list[Agreement]:
-    """The same of points.
+    """How well points of targets, commands and readings agree, in each of h cases.
 
     Args:
         target: (h, m, 3) mm.
         commanded: (h, m, 3) mm, where the commands put the tool, NaN where they do not close.
         reading: (h, m, 3) mm.
         sent: (h, m) bool, rows with a command.
-        sizes: (h, 1) mm, how wrong a row is whose command does not close.
-        free: whether the tracker may stand anywhere.
+        sizes: (h, 1) mm, the error assigned to a row whose command does not close.
+        free: whether the tracker frame is fitted.
 
     Returns:
         One agreement for each.
@@ -93,15 +93,15 @@ def agree_points(
             turn_now, shift_now, distance = align_many(place, reading, free)
             turn, shift = (turn_now, shift_now) if first else (turn, shift)
         lost = certain & read & ~np.isfinite(place).all(axis=2)
-        columns.append(_enough(rms(distance, lost, sizes), distance, lost))
-    columns.append(_between(target, commanded, sent, sizes))
-    width = np.nanmin(np.stack([_spread(points) for points in (target, commanded, reading)]), axis=0)
+        columns.append(_nan_if_few(rms(distance, lost, sizes), distance, lost))
+    columns.append(_commands_off_targets(target, commanded, sent, sizes))
+    width = np.nanmin(np.stack([_rms_radius(points) for points in (target, commanded, reading)]), axis=0)
     table = np.stack(columns, axis=1)
     return [Agreement(table[i], turn[i], shift[i], float(width[i])) for i in range(len(table))]
 
 
-def _spread(points: np.ndarray) -> np.ndarray:
-    """How far the points of each case lie apart, (h,) mm, infinite where there are none."""
+def _rms_radius(points: np.ndarray) -> np.ndarray:
+    """Rms distance of the points of each case from their centre, (h,) mm, infinite where there are none."""
     known = np.isfinite(points).all(axis=2)
     count = np.maximum(known.sum(axis=1), 1)
     filled = np.where(known[..., None], points, 0.0)
@@ -111,7 +111,7 @@ def _spread(points: np.ndarray) -> np.ndarray:
 
 
 def forward_many(setups: Sequence[Setup]) -> np.ndarray:
-    """Where each hypothesis' commands put the tool, (h, m, 3) mm, NaN where there are none or it does not close."""
+    """Forward kinematics of each hypothesis' commands, (h, m, 3) mm, NaN without command or solution."""
     rows = setups[0].table.rows
     place = np.full((len(setups), rows, 3), np.nan)
     groups: dict[ThreePttSpec, list[int]] = {}
@@ -137,21 +137,22 @@ def build(spec: ThreePttSpec) -> ThreePtt | None:
         return None
 
 
-def _sent(setup: Setup) -> np.ndarray:
+def _rows_with_command(setup: Setup) -> np.ndarray:
     """Rows with a command, (m,) bool."""
     command = setup.table.command
     return np.zeros(setup.table.rows, dtype=bool) if command is None else np.isfinite(command).all(axis=1)
 
 
-def _between(target: np.ndarray, commanded: np.ndarray, sent: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Targets against commands; a constant shift is none of it, heights may count from another zero."""
+def _commands_off_targets(target: np.ndarray, commanded: np.ndarray, sent: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Rms of targets against commands without their median difference, since heights may count from another zero."""
     apart = target - commanded
     known = np.isfinite(apart).all(axis=2)
     apart = np.where(known[..., None], apart, np.nan)
     apart = apart - np.stack([middle(apart[..., axis]) for axis in range(3)], axis=1)[:, None]
     lost = sent & np.isfinite(target).all(axis=2) & ~known
-    return _enough(rms(np.linalg.norm(apart, axis=2), lost, sizes), np.linalg.norm(apart, axis=2), lost)
+    return _nan_if_few(rms(np.linalg.norm(apart, axis=2), lost, sizes), np.linalg.norm(apart, axis=2), lost)
 
 
-def _enough(values: np.ndarray, distance: np.ndarray, lost: np.ndarray) -> np.ndarray:
+def _nan_if_few(values: np.ndarray, distance: np.ndarray, lost: np.ndarray) -> np.ndarray:
+    """Values (h,), NaN where too few rows of `distance` and `lost` (h, m) count."""
     return np.where((np.isfinite(distance) | lost).sum(axis=1) >= LEAST_ROWS, values, np.nan)

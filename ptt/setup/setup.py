@@ -1,4 +1,4 @@
-"""A machine file and a run as a person handed them over, and what may be changed in either to undo a mistake."""
+"""A machine file and a run as the user gave them, and changes of either that undo a mistake."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from ptt.setup.names import Mistake
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """Both files.
+    """Both files: the machine and one run.
 
     Attributes:
         file: the machine.
@@ -26,20 +26,20 @@ class Setup:
 
     @property
     def free(self) -> bool:
-        """Whether the tracker may stand anywhere."""
+        """Whether the tracker frame is fitted."""
         return self.file.tracker.frame != "trusted"
 
     def with_rows(self, **changes: Any) -> "Setup":
-        """The same with some columns of the run replaced."""
+        """A set-up with some columns of the run replaced."""
         return replace(self, table=self.table.replace(**changes))
 
     def with_drawing(self, **changes: Any) -> "Setup":
-        """The same with some keys of the drawing replaced; `written` puts them into the file's text."""
+        """A set-up with some keys of the drawing replaced; `written` puts them into the file's text."""
         return replace(self, file=replace(self.file, machine=self.file.machine.model_copy(update=changes)))
 
 
 def written(file: MachineFile, drawn: MachineFile) -> MachineFile:
-    """A machine file whose text says what its drawing was changed to, a person's comments kept.
+    """A machine file whose TOML text has the changes of its drawing, comments kept.
 
     Args:
         file: with a changed drawing and the old text.
@@ -59,7 +59,7 @@ def written(file: MachineFile, drawn: MachineFile) -> MachineFile:
 
 
 def _update(node: Any, before: dict[str, Any], after: dict[str, Any]) -> None:
-    """Write what differs into a TOML table, table by table."""
+    """Write the values that differ into a TOML table, recursively in arrays of tables."""
     for key, value in after.items():
         if value == before.get(key):
             continue
@@ -85,10 +85,10 @@ class Hypothesis:
 
     Attributes:
         mistake: its name.
-        undone: what is done to undo it, to stand after 'with': 'z negated'.
-        fix: what a person should do.
-        undo: the same for the program.
-        cost: how much less likely it is than a plain mistake, in units of the logarithm of the error's fall.
+        undone: the undoing in words, to follow 'with': 'z negated'.
+        fix: what the user should do.
+        undo: function that undoes it.
+        cost: penalty of an unlikely mistake, in units of the logarithm of the error ratio.
     """
 
     mistake: Mistake
@@ -99,5 +99,5 @@ class Hypothesis:
 
 
 def used_rows(table: Table) -> np.ndarray:
-    """Rows that poses were measured or commanded in, (n,) bool."""
+    """Rows of poses, not of base reflectors, (n,) bool."""
     return np.asarray(table.role != "base")

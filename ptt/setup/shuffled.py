@@ -1,4 +1,4 @@
-"""Readings in another order than the poses they belong to: matched by where they lie, not by their row."""
+"""Readings in another order than the poses they belong to: matched by position, not by row."""
 
 from itertools import permutations, product
 
@@ -10,14 +10,14 @@ from ptt.setup.rigid import align_many
 from ptt.setup.rows import places
 from ptt.setup.setup import Setup, used_rows
 
-LEAST_ROWS, LEAST_POSES = 12, 6  # fewer match anything
-MOST_ROWS = 600  # the pairing costs their cube
-ROUNDS = 25  # a matching settles within a dozen
-APART = 5.0  # times what is left that poses have to lie apart for a match to mean anything
-MOVED = 0.2  # of the rows that belong elsewhere: a few are gross errors, or a reading that was missed
+LEAST_ROWS, LEAST_POSES = 12, 6  # fewer points can be matched by chance
+MOST_ROWS = 600  # the assignment costs the cube
+ROUNDS = 25  # the iteration converges within a dozen
+APART = 5.0  # times the residual: least distance between poses for a match to mean anything
+MOVED = 0.2  # least share of rows that change place: a few are gross errors, or a reading that was missed
 FAR = 2.0  # times the median distance beyond which a reading is not paired yet
 SAME = 1e-3  # mm: matches that differ by less are equally good
-UPRIGHT = 0.2  # rad: trackers stand upright, so a match that turns z over is taken only where no other fits
+UPRIGHT = 0.2  # rad: trackers stand upright, so a match with a larger tilt is taken only where no other fits
 
 
 def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -27,7 +27,7 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
         setup: both files.
 
     Returns:
-        At most one finding, and the files with every reading beside its pose.
+        At most one finding, and the files with every reading in the row of its pose.
     """
     used = used_rows(setup.table)
     read = np.flatnonzero(used & np.isfinite(setup.table.measured).all(axis=1))
@@ -44,7 +44,7 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
     if (back := _reversed(setup, before)) is not None:
         return back
     a, b = place[poses], setup.table.measured[read]
-    matches = [_settle(a, b, turn, setup.free) for turn in _starts(a, b, setup.free)]
+    matches = [_match_from(a, b, turn, setup.free) for turn in _starts(a, b, setup.free)]
     after, order, turn = min(matches, key=lambda match: (match[0] > BEYOND_FAULTS, _tilt(match[2]) > UPRIGHT, match[0]))
     if after > min(BEYOND_FAULTS, before / FALL) or _crowded(a, after):
         return [], setup
@@ -52,14 +52,14 @@ def find_shuffled(setup: Setup) -> tuple[list[Finding], Setup]:
     if moved.mean() < MOVED:
         return [], setup
     if setup.free:  # a lattice of poses has no principal axes, and lies on itself after quarter turns
-        matches += [_settle(a, b, turn @ quarter, True) for quarter in _lays(1.0)]
+        matches += [_match_from(a, b, turn @ quarter, True) for quarter in _axis_rotations(1.0)]
     alone = not any(other[0] < 2.0 * after + SAME and _apart(other[2], turn) for other in matches)
     finding = _tell(setup, before, after, int(moved.sum()), len(read), alone)
     return [finding], _sorted(setup, read, poses[order]) if alone else setup
 
 
 def _reversed(setup: Setup, before: float) -> tuple[list[Finding], Setup] | None:
-    """Readings from the last to the first: so plain an order that nothing has to be matched."""
+    """Readings in reverse order: checked first, for it needs no matching."""
     place, used = places(setup), np.flatnonzero(used_rows(setup.table))
     reading, std = setup.table.measured.copy(), setup.table.std
     reading[used] = reading[used[::-1]]
@@ -81,22 +81,22 @@ def _reversed(setup: Setup, before: float) -> tuple[list[Finding], Setup] | None
 
 
 def _starts(a: np.ndarray, b: np.ndarray, free: bool) -> list[np.ndarray]:
-    """Rotations from which a matching is tried: none, and every way to lay principal axes on each other."""
+    """Initial rotations for a matching: identity, and all that align the principal axes of both point sets."""
     if not free:
         return [np.eye(3)]
     own, other = (np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2] for points in (a, b))
     handed = float(np.linalg.det(other.T @ own))
-    return [np.eye(3), *(other.T @ lay @ own for lay in _lays(handed))]
+    return [np.eye(3), *(other.T @ lay @ own for lay in _axis_rotations(handed))]
 
 
-def _lays(handed: float) -> list[np.ndarray]:
-    """The 24 ways to lay axes on axes of the same handedness, or of the other, (3, 3) each."""
+def _axis_rotations(handed: float) -> list[np.ndarray]:
+    """The 24 signed permutation matrices (3, 3) whose determinant has the sign of `handed`."""
     lays = [np.diag(signs)[:, order] for order in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)]
     return [lay for lay in lays if np.linalg.det(lay) * handed > 0.0]
 
 
-def _settle(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple[float, np.ndarray, np.ndarray]:
-    """Iterated closest points, then one pose for each reading: what is left (mm), pose of each reading, rotation.
+def _match_from(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple[float, np.ndarray, np.ndarray]:
+    """Iterated closest points, then an optimal one-to-one assignment: rms (mm), pose index of each reading, rotation.
 
     Source: Besl and McKay, IEEE PAMI 14(2), 1992.
     """
@@ -122,22 +122,24 @@ def _settle(a: np.ndarray, b: np.ndarray, turn: np.ndarray, free: bool) -> tuple
 
 
 def _root_mean_square(distance: np.ndarray) -> float:
+    """Of distances (m,), mm, without gross errors."""
     near = distance[distance <= 6.0 * np.median(distance) + 1e-9]
     return float(np.sqrt(np.mean(near**2)))
 
 
 def _tilt(turn: np.ndarray) -> float:
+    """Angle of the rotated z axis with z, rad."""
     return float(np.arccos(np.clip(turn[2, 2], -1.0, 1.0)))
 
 
 def _apart(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two rotations are different answers; of two, the upright one is believed."""
+    """Whether two rotations are rival solutions; an upright and a tilted one are not: the upright one is preferred."""
     same = np.trace(one @ other.T) > 1.0 + 2.0 * np.cos(0.1)
     return not same and (_tilt(one) < UPRIGHT) == (_tilt(other) < UPRIGHT)
 
 
 def _crowded(a: np.ndarray, left: float) -> bool:
-    """Whether poses, repeats taken as one, lie so close together that any order would match."""
+    """Whether distinct poses are so close together that any order would match."""
     unique = np.unique(np.round(a, 3), axis=0)
     if len(unique) < LEAST_POSES:
         return True
@@ -159,7 +161,7 @@ def _tell(setup: Setup, before: float, after: float, moved: int, rows: int, alon
 
 
 def _sorted(setup: Setup, read: np.ndarray, row: np.ndarray) -> Setup:
-    """Every reading beside its pose; the rows stay in the order of the poses, which is how the machine drove."""
+    """Every reading moved to the row of its pose; poses keep their order, which is the travel order."""
 
     def moved(values: np.ndarray) -> np.ndarray:
         other = values.copy()

@@ -1,4 +1,4 @@
-"""Readings that are held in one frame of the tracker although it stood elsewhere for a file."""
+"""Files that share a tracker frame although the tracker was set up anew between them."""
 
 from collections.abc import Sequence
 
@@ -7,18 +7,18 @@ import numpy as np
 from ptt.machine import MachineFile, SerialSpec
 from ptt.setup.joint_slip import is_slip_of_joint
 from ptt.setup.moved import OWN_FRAMES, bounds, with_own_frames
+from ptt.setup.posed_readings import PosedReadings, distances, joined, posed_readings
 from ptt.setup.proof import FALL
 from ptt.setup.result import Finding
 from ptt.setup.rigid import rms_of_parts
-from ptt.setup.seen import Seen, distances, joined, see
 from ptt.setup.setup import Setup
 
 
 def find_stations(setups: Sequence[Setup]) -> tuple[list[Finding], MachineFile]:
     """A tracker that was set up anew between files that share its frame.
 
-    Faults that differ from file to file move readings by millimetres and bend them; a station moves all by more and
-    bends nothing, so that frames of their own leave a small part of the error.
+    Faults that differ from file to file shift readings by millimetres and distort them; a new station is a larger,
+    purely rigid motion, so that a frame for each file removes nearly all of the error.
 
     Args:
         setups: the machine with each of its files, mistakes undone.
@@ -27,14 +27,14 @@ def find_stations(setups: Sequence[Setup]) -> tuple[list[Finding], MachineFile]:
         At most one finding, and the machine file with a frame for each run where there is one.
     """
     file = setups[-1].file
-    read = [(setup.table.source, see(setup).thinned()) for setup in setups if file.tracker.frame == "fitted"]
+    read = [(setup.table.source, posed_readings(setup).thinned()) for setup in setups if file.tracker.frame == "fitted"]
     read = [one for one in read if len(one[1]) >= one[1].least]
     if len(read) < 2:
         return [], file
-    seen, part = joined([one[1] for one in read])
+    posed, part = joined([one[1] for one in read])
     least, most = bounds(setups[0])
-    before, after = (_rms_of_each(seen, each, part) for each in (np.zeros_like(part), part))
-    if before.max() < max(least, FALL * after.max()) or after.max() > most or _is_of_a_joint(file, seen, part):
+    before, after = (_rms_of_each(posed, each, part) for each in (np.zeros_like(part), part))
+    if before.max() < max(least, FALL * after.max()) or after.max() > most or _is_of_a_joint(file, posed, part):
         return [], file
     first, other = read[0][0], read[1 + int(np.argmax(before[1:]))][0]
     words = (
@@ -46,19 +46,19 @@ def find_stations(setups: Sequence[Setup]) -> tuple[list[Finding], MachineFile]:
     return [found], with_own_frames(file)
 
 
-def _rms_of_each(seen: Seen, frame: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """What stays in each part, mm rms without its gross errors, with frames for some rows each, (m,) int."""
-    distance = distances(seen.of_reflector(frame), seen.reading, frame)
+def _rms_of_each(posed: PosedReadings, frame: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """Rms residual of each part, mm, without gross errors, with one tracker frame for each value of `frame` (m,)."""
+    distance = distances(posed.reflector(frame), posed.reading, frame)
     return np.array([rms_of_parts(distance[part == each], part[part == each]) for each in np.unique(part)])
 
 
-def _is_of_a_joint(file: MachineFile, seen: Seen, part: np.ndarray) -> bool:
-    """Whether a joint of an arm that counts otherwise in a file than in the first explains as much."""
+def _is_of_a_joint(file: MachineFile, posed: PosedReadings, part: np.ndarray) -> bool:
+    """Whether another zero of one joint of an arm explains the difference of a file from the first as well."""
     if not isinstance(file.machine, SerialSpec):
         return False
     for each in range(1, part.max() + 1):
         rows = (part == 0) | (part == each)
-        two, later = seen.take(rows), part[rows] == each
+        two, later = posed.take(rows), part[rows] == each
         if is_slip_of_joint(file.machine, two, later, float(_rms_of_each(two, part[rows], part[rows]).max())):
             return True
     return False

@@ -1,4 +1,4 @@
-"""Single values that cannot be, in rows whose neighbours are sound: a slip of the pen, a sensor that dropped out."""
+"""Isolated impossible values: typing errors, a sensor that dropped out."""
 
 from collections.abc import Iterator
 
@@ -11,13 +11,15 @@ from ptt.setup.score import forward_many
 from ptt.setup.setup import Setup, used_rows
 
 MOST_STRAY = 0.05  # of the rows: where more are off, the column is in another unit
-APART = 0.5  # of the limit that lies between a stray value and all others: what grows to beyond it is no slip
-OFF, BEYOND = 20.0, 100.0  # mm, and times the median: what a target is off its commands by, no correction is as large
+APART = (
+    0.5  # of the limit: least gap between a stray value and all others; values that grow steadily are no typing error
+)
+OFF, BEYOND = 20.0, 100.0  # mm, and times the median: distance of target and command that no correction causes
 SHOWN_ROWS = 5
 
 
 def find_stray(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Temperatures, payloads and feeds of some rows that no machine sees, those of all others being sound.
+    """Impossible temperatures, payloads and feeds in a few rows, with plausible ones in all others.
 
     Args:
         setup: both files.
@@ -47,13 +49,13 @@ def find_stray(setup: Setup) -> tuple[list[Finding], Setup]:
 
 
 def find_far_targets(setup: Setup) -> tuple[list[Finding], Setup]:
-    """Targets of some rows that lie far from where their commands put the tool, those of all others beside it.
+    """Targets of a few rows far from where their commands put the tool, with all others close.
 
     Args:
         setup: both files of a 3-PTT, the geometry in order.
 
     Returns:
-        At most one finding, and the files with the targets of those rows where their commands are.
+        At most one finding, and the files with those targets replaced by the positions of their commands.
     """
     assert isinstance(setup.file.machine, ThreePttSpec)
     place, target = forward_many([setup])[0], setup.table.target
@@ -82,7 +84,7 @@ def _beyond(values: np.ndarray, limit: float) -> np.ndarray:
 
 
 def _few(known: np.ndarray) -> int:
-    """How many of the known rows are few; none where there are too few to hold one against."""
+    """Largest number of stray rows among the known ones; 0 where too few are known to compare with."""
     return int(np.ceil(MOST_STRAY * known.sum())) if known.sum() >= 1.0 / MOST_STRAY else 0
 
 

@@ -1,4 +1,4 @@
-"""A machine file that cannot be built because a diameter was given for a radius: read all the same, to be checked."""
+"""Reading a machine file that cannot be built because a diameter was given for a radius, so that it can be checked."""
 
 import tomllib
 from dataclasses import replace
@@ -15,13 +15,13 @@ RADII = ("base_radius_mm", "platform_radius_mm")
 
 
 def read_unbuilt(path: Path) -> MachineFile | None:
-    """A machine file whose links do not reach, as it stands, where half of a radius or both would let them.
+    """A machine file whose links are too short as it stands, and long enough with one or both radii halved.
 
     Args:
         path: of the file.
 
     Returns:
-        The machine as it was drawn, which no mechanism can be built of; None where something else is wrong.
+        The machine as drawn, of which no mechanism can be built; None where something else is wrong.
     """
     try:
         text = read_text(path, MachineError)
