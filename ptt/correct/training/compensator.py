@@ -26,14 +26,14 @@ from ptt.model.model import Model
 from ptt.version import __version__
 
 NETWORK = "rbf.safetensors"
-OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})  # older folders have the network's digest beside it too
-FromPlaces = Callable[[np.ndarray], np.ndarray]  # of wanted positions, (n, 3) mm
-TRIES = 3  # readings of a folder that may be exchanged while it is read
+OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})  # older folders have a file with its digest too
+OfPositions = Callable[[np.ndarray], np.ndarray]  # of wanted positions, (n, 3) mm
+TRIES = 3  # attempts at reading a folder, which another process may replace meanwhile
 
 
 @dataclass(frozen=True)
 class Compensator:
-    """A model, and what a network adds to it.
+    """A model and the network that corrects its residual.
 
     Attributes:
         model: the physics.
@@ -47,7 +47,7 @@ class Compensator:
 
     @property
     def error(self) -> NetworkError | None:
-        """What the network leaves of held-out rows, and what is left without it; None where none learned anything."""
+        """Held-out error with and without the network; None without a network, or if it learned no axis."""
         held = self.notes.get("heldout_rms_um", {})
         learned = any(self.notes.get("rbf", {}).get("learned", ()))
         if self.network is None or not learned or not {"physics", "rbf"} <= set(held):
@@ -56,19 +56,19 @@ class Compensator:
 
     @property
     def space(self) -> Space:
-        """What the network's inputs are."""
+        """The network's inputs: tool positions or joint commands."""
         return "joints" if self.notes.get("rbf", {}).get("inputs") == "joints" else "tool"
 
-    def network_parts(self, posture: np.ndarray | None = None) -> tuple[FromPlaces | None, FromPlaces | None]:
-        """What the network adds, as `ptt.correct.compensate.compensate` takes it.
+    def network_parts(self, posture: np.ndarray | None = None) -> tuple[OfPositions | None, OfPositions | None]:
+        """Correction and domain of the network, arguments of `ptt.correct.compensate.compensate`.
 
         Args:
-            posture: (n, k) rad, nominal joint commands of the rows that will be asked for; only a network over joints
-                needs them.
+            posture: (n, k) rad, nominal joint commands of the rows to be corrected; needed only by a network of joint
+                inputs.
 
         Returns:
-            Wanted position -> position to ask the model for; wanted position -> whether the network knows it. None
-            without a network.
+            Wanted position -> position to ask the model for; wanted position -> whether it is in the training domain.
+            None without a network.
         """
         network = self.network
         if network is None:
@@ -77,7 +77,7 @@ class Compensator:
         return correction_of(network, at), lambda wanted: network.inside(wanted if at is None else at)
 
     def in_base(self) -> "Compensator":
-        """The same for targets in the base frame, whatever frame the targets of its runs were stated in."""
+        """A compensator for targets in the base frame, whatever frame the targets of its runs were stated in."""
         file = replace(self.model.file, targets=TargetsSpec(frame="base"))
         return replace(self, model=replace(self.model, file=file))
 
@@ -131,7 +131,7 @@ def require_folder(folder: str | Path) -> None:
 
 
 def compensator_of(training: Training, inputs: Sequence[str]) -> Compensator:
-    """What was trained, as it would be read from the folder it is written to.
+    """The compensator of a training, as it would be read from the folder it is written to.
 
     Args:
         training: what was trained.

@@ -1,4 +1,4 @@
-"""How much error a model and its network take away on rows they had not seen: computed, not measured."""
+"""Predicted error of held-out rows with and without model and network: computed, not measured."""
 
 from typing import Literal
 
@@ -35,7 +35,7 @@ def evaluate_heldout(
         progress: told what is done, how much of how much.
 
     Returns:
-        Before: the bare drawing's error on those rows; after: what model and network leave of it.
+        Before: the bare drawing's error on those rows; after: the error with model and network.
 
     Raises:
         PosesError: all readings are of one pose.

@@ -1,4 +1,4 @@
-"""The machine file of whatever stands after --model, where neither physics nor network are wanted."""
+"""The machine file of a model, given as machine file or compensator folder, without loading torch."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Held-out errors of physics and network: neither fit nor choice of settings has seen the rows that are judged."""
+"""Nested hold-out of physics and network: neither fit nor choice of settings uses the rows that are judged."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -28,8 +28,8 @@ class HeldOut:
         protocol: which rows those are.
         given: residual of the model with the parameters it came with, (n, 3) mm.
         physics: residual of the refitted model, (n, 3) mm.
-        whole: what the network leaves of it, (n, 3) mm; of several, the one that the other rows chose.
-        by_space: the same of the networks over each kind of inputs.
+        whole: residual with the network, (n, 3) mm; of several networks, the one that the other rows choose.
+        by_space: residual with the network of each kind of inputs, (n, 3) mm.
         rows: the rows that count, (n,) bool.
     """
 
@@ -49,16 +49,16 @@ class HeldOut:
         }
 
     def kept(self) -> np.ndarray:
-        """Axes that the network made better, (3,) bool."""
+        """Axes on which the network reduces the error, (3,) bool."""
         left, given = np.square(self.whole[self.rows]).sum(axis=0), np.square(self.physics[self.rows]).sum(axis=0)
         return np.asarray(left < given)
 
     def without(self, axes: np.ndarray) -> "HeldOut":
-        """The same of a network that leaves some axes alone, (3,) bool."""
+        """Errors of a network that does not correct some axes, (3,) bool."""
         return replace(self, whole=np.where(axes, self.physics, self.whole))
 
     def spaces_um(self) -> dict[str, float]:
-        """Total of each network, um."""
+        """Total rms of the network of each kind of inputs, um."""
         return {space: rms(residual, self.rows)["total"] for space, residual in self.by_space.items()}
 
 
@@ -72,15 +72,15 @@ def hold_out(
 ) -> HeldOut:
     """Errors of rows that were hidden from physics and network.
 
-    Number of nodes, width, straight line and each axis' penalty are chosen again on the rows that are left, in inner
-    blocks of them, and so are the inputs: rows that helped to choose would make the error look smaller.
+    Number of nodes, width, linear part, each axis' penalty and the inputs are chosen again by cross-validation within
+    the rows that are left: rows that took part in the choice would make the error look smaller.
 
     Args:
         model: effects to be refitted without the hidden rows.
         problem: the readings.
         protocol: which rows are hidden.
-        networks: trained on all rows, by the kind of their inputs; they tell which axes are learned. None for physics
-            alone.
+        networks: trained on all rows, by the kind of their inputs; they tell which axes are learned. Empty for
+            physics alone.
         settings: candidates and rules of the network.
         progress: told what is done, how much of how much.
 
@@ -91,7 +91,7 @@ def hold_out(
     given = keep_physics(model, problem)
     physics, rows = np.full((problem.table.rows, 3), np.nan), sound(problem, given)
     if not networks and model.terms and problem.table.rows > LONG:
-        physics = _one_step_away(model, problem, protocol)
+        physics = _one_step_residual(model, problem, protocol)
         return HeldOut(protocol, given.residual, physics, physics, {}, rows & np.isfinite(physics).all(axis=1))
     by_space: dict[Space, np.ndarray] = {space: physics.copy() for space in networks}
     whole = physics.copy()
@@ -117,11 +117,11 @@ def hold_out(
     return HeldOut(protocol, given.residual, physics, whole, by_space, scored)
 
 
-def _one_step_away(model: Model, problem: Problem, protocol: Protocol) -> np.ndarray:
+def _one_step_residual(model: Model, problem: Problem, protocol: Protocol) -> np.ndarray:
     """Residual of the hidden rows of a long run, (n, 3) mm; NaN elsewhere.
 
-    Beside so many rows the fit without a part lies within one step of Gauss-Newton of the fit of all, and a refit for
-    each part costs as much as all the others.
+    With so many rows the fit without one part is within one Gauss-Newton step of the fit of all rows, and each refit
+    would cost as much as the fit of all.
     """
     whole = fit_physics(model, problem, lean=True).fitted
     assert whole is not None
@@ -130,11 +130,11 @@ def _one_step_away(model: Model, problem: Problem, protocol: Protocol) -> np.nda
 
 
 def better_space(networks: Mapping[Space, RbfTraining]) -> Space:
-    """Inputs whose network says least error for rows that it held out of its own choice."""
+    """Inputs whose network has the least cross-validation error."""
     return min(networks, key=lambda space: float(np.square(networks[space].heldout_rms).sum()))
 
 
 def _groups(protocol: Protocol, rest: Problem) -> np.ndarray:
-    """Rows held out together in the inner choice: poses, where hardly a block is left to choose on."""
+    """Groups for the inner choice: blocks, or poses where only one block is left."""
     left = np.unique(protocol.groups[rest.used])
     return protocol.groups if len(left) > 1 else pose_groups(rest.table)

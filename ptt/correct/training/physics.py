@@ -1,4 +1,4 @@
-"""The physics of a training: effects fitted or kept, in a frame that the machine's errors cannot bend."""
+"""The physics of a training: effects fitted, or kept as given, and their residual."""
 
 from dataclasses import dataclass, replace
 
@@ -15,15 +15,15 @@ from ptt.run.problem import Problem
 
 @dataclass(frozen=True)
 class Physics:
-    """A model with its parameters, and what it leaves.
+    """A model with its parameters, and its residual.
 
     Attributes:
         model: the model with fitted parameters.
         residual: measured less predicted in the base frame, (n, 3) mm; NaN where not observed.
         outliers: rows left out as gross errors, (n,) bool.
         noise: the noise floor that weighted the fit.
-        status: 'converged', 'nothing to fit', or what kept it from converging.
-        fitted: the fit itself; None where nothing of the machine was fitted.
+        status: 'converged', 'nothing to fit', or why the fit did not converge.
+        fitted: the fit itself; None where no effect was fitted.
     """
 
     model: Model
@@ -52,7 +52,7 @@ def fit_physics(model: Model, problem: Problem, *, lean: bool = False) -> Physic
 
 
 def keep_physics(model: Model, problem: Problem) -> Physics:
-    """The residual of a model as it is; only a tracker frame that is not known is fitted.
+    """The residual of a model with its given parameters; only unknown tracker frames and mounts are fitted.
 
     Args:
         model: the model; effects without values are left aside.

@@ -30,7 +30,7 @@ class Protocol:
 
 
 def block_protocol(problem: Problem) -> Protocol:
-    """Whole parts of the path, held out in turn: what a new place on such a path can expect."""
+    """Contiguous parts of the path, held out in turn: the error to expect at new positions of such a path."""
     groups = blocks(problem.table)
     names = np.unique(groups[groups >= 0])
     folds = tuple(np.isin(groups, part) for part in np.array_split(names, min(FOLDS, len(names))))

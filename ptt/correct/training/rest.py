@@ -1,4 +1,4 @@
-"""The rest: what physics leaves, as the network learns it and gives it back."""
+"""The residual of the physics: training set of the network, and the correction by a trained network."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,8 +15,8 @@ from ptt.run.problem import Problem
 
 Space = Literal["tool", "joints"]  # what the network's inputs are: tool positions, or an arm's joint commands
 
-POSES = 2000  # k-means and the held-out choice gain nothing from more
-BESIDE = 1.0  # mm: the size of the errors, hence of the way from a target to what is asked for instead
+POSES = 2000  # k-means and the choice of settings gain nothing from more
+ASIDE = 1.0  # mm: the size of errors, hence the distance from a target to the corrected position
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,8 @@ class TrainingSet:
     """What a network is trained on.
 
     Attributes:
-        inputs: (m, 3) mm, poses and places beside them; (m, k) rad over an arm's joints.
-        steps: (m, 3) mm, from the place to what the model is to be asked for.
+        inputs: (m, 3) mm, poses and positions displaced from them; (m, k) rad for joint inputs of an arm.
+        steps: (m, 3) mm, from the wanted position to the one that the model is asked for.
         groups: (m,) int, rows held out together.
         places: (u, 3) mm or (u, k) rad, the poses themselves.
     """
@@ -37,7 +37,7 @@ class TrainingSet:
 
 
 def spaces_of(problem: Problem) -> tuple[Space, ...]:
-    """Inputs that a network may have: an arm reaches a place in many postures, so its joint commands may tell more."""
+    """Possible inputs of a network: an arm reaches a position in several postures, told apart by joint commands."""
     told = problem.table.command is not None and bool(np.isfinite(problem.table.command).all())
     return ("tool", "joints") if problem.file.machine.kind == "serial" and told else ("tool",)
 
@@ -50,12 +50,12 @@ def inputs_of(problem: Problem, space: Space) -> np.ndarray:
 def training_set_of(
     problem: Problem, fitted: Physics, rows: np.ndarray, groups: np.ndarray, space: Space = "tool"
 ) -> TrainingSet:
-    """What the network learns: P_m(p) -> P_m(p - dp), as the step from p, the mean over all visits of a pose.
+    """Training set for the step from a wanted position p to p - dp, dp the mean residual over all visits of a pose.
 
-    Each pose is learned at its target and again a little beside it. A path is a line in space, and beside a line
-    nothing holds a network that fits it to the last digit, while the commands ask for places beside it, off by the
-    very error that they correct. (Training with displaced inputs: Bishop, Neural Computation 7, 1995.) Joint commands
-    are asked at the nominal ones themselves, so over joints nothing is displaced.
+    Each pose is learned at its target and at displaced copies. Poses along a path lie on a curve, and off the curve an
+    exact interpolation is undetermined; yet commands evaluate the network off it, by the error that they correct.
+    (Training with displaced inputs: Bishop, Neural Computation 7, 1995.) A network of joint inputs is evaluated at
+    the nominal joint commands themselves, so there nothing is displaced.
 
     Args:
         problem: the readings.
@@ -73,7 +73,7 @@ def training_set_of(
     steps = np.column_stack([np.bincount(code, column) for column in -fitted.residual[rows].T]) / count
     kept = _thin(len(first))
     places, steps, groups = inputs_of(problem, space)[rows][first][kept], steps[kept], groups[rows][first][kept]
-    aside = _beside(places) if space == "tool" else np.zeros((1, places.shape[1]))
+    aside = _displacements(places) if space == "tool" else np.zeros((1, places.shape[1]))
     copies = len(aside)
     inputs = (places[None] + aside[:, None]).reshape(-1, places.shape[1])
     return TrainingSet(inputs, np.tile(steps, (copies, 1)), np.tile(groups, copies), places)
@@ -87,7 +87,7 @@ def learn_rest(
     settings: RbfSettings | None = None,
     space: Space = "tool",
 ) -> RbfTraining:
-    """Train the network on what the physics leaves.
+    """Train the network on the residual of the physics.
 
     Args:
         problem: the readings.
@@ -110,7 +110,7 @@ def learn_rest(
         raise TooFewError(
             f"the network cannot be trained: {error}", where=problem.table.source, fix="measure more poses"
         ) from error
-    return replace(trained, network=_over(trained.network, rest.places))
+    return replace(trained, network=_with_domain_of(trained.network, rest.places))
 
 
 def correction_of(network: GaussianRbf, posture: np.ndarray | None = None) -> Callable[[np.ndarray], np.ndarray]:
@@ -128,24 +128,24 @@ def correction_of(network: GaussianRbf, posture: np.ndarray | None = None) -> Ca
 
 
 def step_of(network: GaussianRbf, place: np.ndarray) -> np.ndarray:
-    """The network's step, (m, 3) mm, at its inputs (m, 3) mm or (m, k) rad; none outside its training domain."""
+    """The network's step, (m, 3) mm, at its inputs (m, 3) mm or (m, k) rad; zero outside its training domain."""
     return np.where(network.inside(place)[:, None], network.predict(place), 0.0)
 
 
-def _beside(places: np.ndarray) -> np.ndarray:
-    """Displacements at which each of the places (m, 3) mm is learned, (c, 3) mm, none among them."""
+def _displacements(places: np.ndarray) -> np.ndarray:
+    """Displacements at which each of the places (m, 3) mm is learned, (c, 3) mm, the first zero."""
     none = np.zeros((1, 3))
-    if len(places) < LEAST_PLACES:  # copies must not pass for poses where there are too few
+    if len(places) < LEAST_PLACES:  # copies must not make too few poses look like enough
         return none
     from scipy.spatial import cKDTree
 
     nearest = cKDTree(places).query(places, k=2)[0][:, 1]
-    way = min(BESIDE, 0.5 * float(np.median(nearest)))
+    way = min(ASIDE, 0.5 * float(np.median(nearest)))
     return np.concatenate([none, way * np.eye(3), -way * np.eye(3)])
 
 
-def _over(network: GaussianRbf, places: np.ndarray) -> GaussianRbf:
-    """The same network, its domain that of the poses themselves."""
+def _with_domain_of(network: GaussianRbf, places: np.ndarray) -> GaussianRbf:
+    """A network with the training domain measured from the poses alone, without displaced copies."""
     domain = measure_domain((places - network.input_mean.numpy()) / network.input_scale.numpy())
     tensors = {name: tensor.numpy() for name, tensor in network.state_dict().items()}
     box = np.stack([domain.low, domain.high])

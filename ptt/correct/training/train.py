@@ -1,4 +1,4 @@
-"""Training: fit the physics, let a Gaussian RBF network learn what is left, and say how well both hold out."""
+"""Training: fit the physics, train a Gaussian RBF network on the residual, and estimate the held-out error of both."""
 
 from dataclasses import dataclass, field, replace
 
@@ -20,18 +20,18 @@ from ptt.run.problem import Problem
 
 @dataclass(frozen=True)
 class Training:
-    """Physics and network, fitted on all rows, with errors on rows that neither had seen.
+    """Physics and network, fitted on all rows, with held-out errors.
 
     Attributes:
         physics: the fitted effects.
-        rbf: the network that learns the rest and how it was chosen.
+        rbf: the network of the residual and how it was chosen.
         rms_um: error with the model as given, with the physics, and with the network, all on training rows.
-        heldout_um: the same on held-out rows, which had no part in any choice but one: an axis that the network did not
-            better on them is left to physics.
-        rbf_share: share of the held-out variance after the physics that the network took away.
+        heldout_um: the same on held-out rows, which took part in one choice only: axes on which the network did not
+            reduce their error are left to physics.
+        rbf_share: share of the held-out variance after the physics that the network removes.
         protocol: which rows were held out.
-        space: what the network's inputs are; of an arm's tool positions and joints, what its own held-out rows favour.
-        spaces_um: held-out error in total with a network over each of them, um.
+        space: the network's inputs; for an arm, tool positions or joints by cross-validation.
+        spaces_um: total held-out error with a network of each kind of inputs, um.
     """
 
     physics: Physics
@@ -52,7 +52,7 @@ def train(
     protocol: Protocol | None = None,
     progress: Progress | None = None,
 ) -> Training:
-    """Fit a model's effects and train the network on what is left.
+    """Fit a model's effects and train the network on the residual.
 
     Args:
         model: effects, none for the bare drawing.
@@ -73,7 +73,7 @@ def train(
     spaces = spaces_of(problem)
     steps = 1 + len(spaces) + len(protocol.folds)
     tell("fit", 0, steps)
-    fitted = _as_sure(fit_physics(model, problem), problem, free)
+    fitted = _with_full_covariance(fit_physics(model, problem), problem, free)
     rows = sound(problem, fitted)
     networks: dict[Space, RbfTraining] = {}
     for number, space in enumerate(spaces):
@@ -85,7 +85,7 @@ def train(
 
     held = hold_out(model, problem, protocol, networks, settings, told)
     space = better_space(networks)
-    # What the whole procedure did not better on rows that it had not seen is not sent to a machine.
+    # An axis whose held-out error the network does not reduce is not corrected by it.
     kept = held.kept()
     network, held = muted(networks[space], kept), held.without(~kept)
     figures = held.rms_um()
@@ -105,8 +105,8 @@ def train(
     )
 
 
-def _as_sure(physics: Physics, held: Problem, free: Problem) -> Physics:
-    """Physics fitted beside held frames, as sure as base reflectors and what the model does not have make it."""
+def _with_full_covariance(physics: Physics, held: Problem, free: Problem) -> Physics:
+    """The physics with the uncertainty of held frames and of errors outside the model added to its covariance."""
     if physics.fitted is None:
         return physics
     fitted = with_turns(beside_unnamed(with_frame_doubt(physics.fitted, free), held), held)
