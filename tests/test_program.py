@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from told_models import compensator
 
 from ptt.commands.main import run
-from ptt.correct.program.cut import beside
+from ptt.correct.program.cut import distance_from_segment
 from ptt.correct.program.program import correct_program
 from ptt.correct.training.compensator import Compensator
 from ptt.errors import InputError
@@ -103,8 +103,8 @@ def test_arcs_stay_within_the_chord(arc: str, chord: float) -> None:
 def test_the_distance_from_a_stretch_is_that_from_its_end_for_what_lies_beyond() -> None:
     points = np.array([[5.0, 3.0, 0.0], [14.0, 3.0, 0.0], [-3.0, 0.0, 4.0]])
     begin, end = np.zeros(3), np.array([10.0, 0.0, 0.0])
-    np.testing.assert_allclose(beside(points, begin, end), [3.0, 5.0, 5.0])
-    np.testing.assert_allclose(beside(points[2:], begin, begin), [5.0])  # a stretch of no length
+    np.testing.assert_allclose(distance_from_segment(points, begin, end), [3.0, 5.0, 5.0])
+    np.testing.assert_allclose(distance_from_segment(points[2:], begin, begin), [5.0])  # a stretch of no length
 
 
 def test_arcs_are_cut_no_finer_than_needed() -> None:

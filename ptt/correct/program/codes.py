@@ -1,4 +1,4 @@
-"""What the codes of a program do to its moves: which are known, which are refused, which have axis words of their own.
+"""G- and M-codes: which are known, which are refused, which use axis words for something else than a target.
 
 G-codes and M-codes here are those of RS274/NGC and LinuxCNC, and what Marlin and RepRapFirmware add to them.
 """
@@ -27,18 +27,18 @@ MODES: dict[int, tuple[str, object]] = {
     **{code: ("system", code) for code in SYSTEMS},
 }
 EXTRUDER_RELATIVE = {820: False, 830: True}  # M82, M83
-PROBES = (290, 320)  # of printers; with a place they are something else on other controllers
-HOME = (280, 300, *PROBES)  # where these end nobody can say
-OWN_AXES = (40, *HOME, 920)  # codes that use axis words for something else than a move to a place
+PROBES = (290, 320)  # of printers; with axis words they are other codes on other controllers
+HOME = (280, 300, *PROBES)  # the position after these is unknown
+OWN_AXES = (40, *HOME, 920)  # codes whose axis words are not a target
 LENGTHS = (430, 431, 432, 490)
-# What changes nothing but how moves are run or counted; a code that is not there may do anything, and is refused.
+# Codes that do not move the tool or redefine positions in a way unknown here; any code in no list is refused.
 HARMLESS = (
     80, 90, 170, 180, 190, *MM, 400, *LENGTHS, 530, *SYSTEMS, 610, 611, 640, 800, 900, 901, 910, 911, 940, 960, 970,
     980, 990,
 )  # fmt: skip
-# The same without axis words, which would mean something else beside them: what a preamble ends, and places kept.
+# Harmless only without axis words: cancel codes of a preamble, and stored positions.
 ALONE = (110, 131, 150, 220, 230, 250, 281, 301, 401, 500, 501, 620, 670, 690, 921)
-RETRACT = 100  # without a place or an offset: a printer draws its filament back
+RETRACT = 100  # G10 without axis words or L: a printer's retraction; else it sets offsets
 REFUSED = {
     50: "a spline", 51: "a spline", 52: "a spline", 53: "a spline",
     70: "diameters for X", RETRACT: "a change of offsets", 160: "polar coordinates",
@@ -50,9 +50,9 @@ REFUSED = {
     **{code: "a canned cycle" for code in range(810, 900, 10)},
 }  # fmt: skip
 CALLS = (970, 980, 990)  # M97, M98, M99
-# M-codes beside which axis words are a move: those of RS274, and clamps. Further ones have axis words of their own.
+# M-codes that do not use axis words, which are then a move: those of RS274, and clamps.
 BESIDE_MOVES = (*range(0, 17), 19, 30, *range(48, 54), *range(60, 67))
-# Of motors, speeds, limits and outputs: where the tool goes stays.
+# Settings of motors, speeds, limits and outputs, which do not change positions.
 SETTINGS = (
     17, 18, 67, 68, 84, 125, 201, 202, 203, 204, 205, 208, 211, 350,
     425, 566, 569, 584, 593, 600, 851, 906, 907, 911, 913, 914, 915, 916, 917,
@@ -61,7 +61,7 @@ MOVES_ORIGIN = (92, 206, 218, 290, 428, 579, 665, 666, 669)  # counts per mm, of
 
 
 def refuse(block: ProgramBlock, codes: list[int], source: str) -> None:
-    """Refuse a block whose moves, or what moves after it, nobody but the controller can tell.
+    """Refuse a block whose effect on moves only the controller knows.
 
     Args:
         block: the line.
@@ -94,7 +94,7 @@ def refuse(block: ProgramBlock, codes: list[int], source: str) -> None:
 
 
 def _refuse_settings(block: ProgramBlock, codes: list[int], where: str) -> None:
-    """Refuse M-codes that move what the program's places are counted from, or whose axis words nobody knows."""
+    """Refuse M-codes that change the origin or scale of positions, or whose axis words are not known."""
     letters = {word.letter for word in block.words} & set(TOOL_AXES + FURTHER_AXES)
     for number in own_words(block):
         asks = number != 428 and not any(word.letter not in "NM" for word in block.words)  # alone it only reports
@@ -110,6 +110,6 @@ def _refuse_settings(block: ProgramBlock, codes: list[int], where: str) -> None:
 
 
 def own_words(block: ProgramBlock) -> list[int]:
-    """Numbers of a block's M-codes that have axis words of their own."""
+    """Numbers of a block's M-codes that may use axis words themselves."""
     numbers = [word.code // 10 for word in block.words if word.letter == "M"]
     return [number for number in numbers if number not in BESIDE_MOVES]

@@ -1,7 +1,6 @@
-"""A program's moves as places close together, and as few of them as keep the path.
+"""Sampling of a program's moves, and thinning of the corrected path to as few points as the tolerance allows.
 
-Places are looked at so closely that what lies between is straight; after correction those are left out without which
-the path stays within the tolerance.
+Moves are sampled so densely that the corrected path between samples is straight.
 """
 
 from dataclasses import dataclass
@@ -14,21 +13,21 @@ from ptt.mechanisms.protocol import Mechanism
 
 Array = np.ndarray
 
-CLOSEST, PER_TURN = 1.0, 12  # mm between places that are looked at, and how many of them a turn of a screw gets
-SAG = 0.125  # share of the tolerance that an arc may sag between places that are looked at
-KEPT = 0.75  # share of the tolerance that is used up by leaving places out
-TIE = 1e-7  # mm: nearer than that, places are equally far
-STARTED = 0.25  # of the tolerance: a place this far behind a corner, so that play is taken up there and not on the way
+SAMPLING, PER_TURN = 1.0, 12  # mm between samples, and least samples per turn of a screw (periodic errors)
+SAG = 0.125  # share of the tolerance that an arc may sag between samples
+KEPT = 0.75  # share of the tolerance that thinning uses
+TIE = 1e-7  # mm: distances that differ by less are equal
+STARTED = 0.25  # of the tolerance: a sample this far behind a corner, so that backlash is taken up at the corner
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """What is looked at, n places in the order of travel.
+    """Samples of a program, n positions in travel order.
 
     Attributes:
         place: (n, 3) mm, in the base frame.
-        share: (n,) of its move's way.
-        move: (n,) int, the move each belongs to; a move's end is its last.
+        share: (n,), travelled fraction of its move.
+        move: (n,) int, the move each belongs to; a move's end is its last sample.
         feed: (n,) mm/s, 0 where the program says none.
     """
 
@@ -59,10 +58,10 @@ class ProgramFrame:
         return np.asarray((place - self.origin) @ self.turn)
 
 
-def look_along(
+def sample_moves(
     moves: list[Move], frame: ProgramFrame, mechanism: Mechanism, tolerance: float, lead: float | None
 ) -> Places:
-    """Lay places along every move: its start and end, evenly between, and where a slider turns.
+    """Sample every move: just behind its start, evenly, at its end, and where a slider reverses.
 
     Args:
         moves: of the program.
@@ -72,40 +71,40 @@ def look_along(
         lead: of the screws, mm, where that is known.
 
     Returns:
-        The places. Of a move from an unknown place only the end is looked at.
+        The samples; of a move from an unknown position only the end.
     """
-    step = CLOSEST if lead is None else min(CLOSEST, lead / PER_TURN)
+    step = SAMPLING if lead is None else min(SAMPLING, lead / PER_TURN)
     shares = [_shares(move, step, tolerance) for move in moves]
     count = np.array([len(each) for each in shares], dtype=int)
     index, share = np.repeat(np.arange(len(moves)), count), np.concatenate([*shares, np.zeros(0)])
     points = [move.points(each) for move, each in zip(moves, shares, strict=True)]
     place = frame.into_base(np.concatenate([*points, np.zeros((0, 3))]))
-    turns = _turns(place, index, share, mechanism)
+    turns = _reversals(place, index, share, mechanism)
     if len(turns):
-        index, share, place = _with_turns(moves, frame, index, share, place, turns)
+        index, share, place = _with_reversals(moves, frame, index, share, place, turns)
     feed = np.nan_to_num(np.array([move.feed for move in moves]))[index] if moves else np.zeros(0)
     return Places(place, share, index, feed)
 
 
 def thin_out(path: Array, tolerance: float) -> Array:
-    """Leave out what a straight line stands for.
+    """Thin a path to the points that a polyline needs within a tolerance.
 
     Source: Douglas and Peucker, The Canadian Cartographer 10, 1973.
 
     Args:
         path: (n, 3) mm.
-        tolerance: mm, by which a place that is left out may lie beside the line.
+        tolerance: mm, largest distance of an omitted point from the line.
 
     Returns:
-        Indices of those that are kept, ascending; the first and the last are.
+        Indices of the points kept, ascending, first and last included.
     """
     keep, open_ = {0, len(path) - 1}, [(0, len(path) - 1)]
     while open_:
         first, last = open_.pop()
         if last - first < 2:
             continue
-        off = beside(path[first + 1 : last], path[first], path[last])
-        worst = int(np.argmax(off >= off.max() - TIE))  # the first: rounding decides between none
+        off = distance_from_segment(path[first + 1 : last], path[first], path[last])
+        worst = int(np.argmax(off >= off.max() - TIE))  # the first of equals, so that rounding decides nothing
         if off[worst] > KEPT * tolerance:
             middle = first + 1 + worst
             keep.add(middle)
@@ -124,8 +123,8 @@ def _shares(move: Move, step: float, tolerance: float) -> Array:
     return np.concatenate([[start], even]) if start < 0.5 * even[0] else even
 
 
-def _turns(place: Array, index: Array, share: Array, mechanism: Mechanism) -> list[tuple[int, float]]:
-    """Places in the middle of moves near which a slider turns: the row before, and the share of the way there."""
+def _reversals(place: Array, index: Array, share: Array, mechanism: Mechanism) -> list[tuple[int, float]]:
+    """Reversals of sliders within moves: row before, and fraction of the move by a parabola through 3 samples."""
     if len(place) < 3:
         return []
     q = mechanism.inverse(torch.as_tensor(place)).numpy()
@@ -140,7 +139,7 @@ def _turns(place: Array, index: Array, share: Array, mechanism: Mechanism) -> li
     return found
 
 
-def _with_turns(
+def _with_reversals(
     moves: list[Move], frame: ProgramFrame, index: Array, share: Array, place: Array, turns: list[tuple[int, float]]
 ) -> tuple[Array, Array, Array]:
     rows = np.array([row for row, _ in turns])
@@ -151,7 +150,7 @@ def _with_turns(
     return index, share, np.concatenate([place, frame.into_base(more)])[order]
 
 
-def beside(points: Array, begin: Array, end: Array) -> Array:
+def distance_from_segment(points: Array, begin: Array, end: Array) -> Array:
     """Distance of points from the stretch between two others.
 
     Args:

@@ -1,4 +1,4 @@
-"""What a program's words do, block by block: modal state in, moves out.
+"""Interpreter of a program: modal state and moves, block by block.
 
 Source: RS274/NGC 3.4 to 3.8 and LinuxCNC's G-code reference for the order in which a block's words act.
 """
@@ -33,11 +33,11 @@ ARC = "IJKRP"
 
 @dataclass(frozen=True)
 class ModalState:
-    """What lasts from block to block.
+    """Modal state: what lasts from block to block.
 
     Attributes:
-        place: (3,) mm, where the program's tool is.
-        known: (3,) bool, axes whose place the program has stated.
+        place: (3,) mm, programmed position of the tool.
+        known: (3,) bool, axes whose position the program has stated.
         motion: ten times the number of the G-code of moves; NO_MOTION where none is in force.
         absolute: G90, else G91.
         centre_absolute: G90.1, else G91.1.
@@ -45,7 +45,7 @@ class ModalState:
         plane: 17, 18 or 19.
         feed: mm/s, NaN until stated.
         system: work coordinate system, ten times its G-code.
-        carried: places of further axes.
+        carried: positions of further axes, letter -> value.
         extruder_relative: M83.
     """
 
@@ -82,20 +82,20 @@ class Read:
 def read_moves(
     blocks: list[ProgramBlock], start: Array, home: Array | None, source: str, *, stated: bool = False
 ) -> Read:
-    """Follow a program.
+    """Interpret a program.
 
     Args:
         blocks: its lines.
         start: (3,) mm, where the tool is before the first move, in the program's coordinates.
-        home: (3,) mm, the machine's zero in the program's coordinates; None where these are turned against it.
+        home: (3,) mm, the machine's zero in the program's coordinates; None where these are rotated against it.
         source: file name for messages.
-        stated: whether somebody said so, for all axes.
+        stated: whether the user gave `start`, so that all axes are known.
 
     Returns:
         The moves.
 
     Raises:
-        InputError: a line whose moves cannot be told, by its number.
+        InputError: a line whose moves cannot be determined, by its number.
     """
     state = ModalState(np.asarray(start, dtype=float), known=np.full(3, stated))
     moves: list[Move] = []
@@ -135,7 +135,7 @@ def _set_modes(state: ModalState, block: ProgramBlock, codes: list[int], source:
 
 
 def _own_axes(state: ModalState, block: ProgramBlock, code: int, start: Array, source: str) -> ModalState:
-    """A block whose axis words say no place to move to."""
+    """The state after a block whose axis words are not a target."""
     if code in HOME:
         return replace(state, place=np.asarray(start, dtype=float), known=np.zeros(3, dtype=bool))
     if code == 920:
@@ -205,7 +205,7 @@ def _arc(state: ModalState, block: ProgramBlock, end: Array, where: tuple[str, i
 
 
 def _carried(state: ModalState, stated: dict[str, float]) -> dict[str, tuple[float, float, bool]]:
-    """Further axes, in the program's own numbers: they are only shared out over pieces."""
+    """Start, end and whether relative of each further axis, in the program's units: interpolated, not corrected."""
     found = {}
     for letter, value in stated.items():
         relative = not state.absolute

@@ -1,8 +1,8 @@
 """Straight lines and arcs as a program states them, and points along them.
 
-Source: RS274/NGC 3.5.1 to 3.5.3: an arc turns about an axis square to its plane, anticlockwise seen from that axis'
-positive end for G3, and moves evenly along it; LinuxCNC's P is the number of turns begun. A centre that is not quite as
-far from the end as from the start gives a spiral whose radius changes evenly.
+Source: RS274/NGC 3.5.1 to 3.5.3: an arc turns about the normal of its plane, anticlockwise seen from the normal's
+positive end for G3, and moves uniformly along it (helix); LinuxCNC's P is the number of turns begun. A centre that is
+not exactly as far from the end as from the start gives a spiral whose radius changes linearly.
 """
 
 import math
@@ -15,15 +15,15 @@ from ptt.errors import InputError
 
 Array = np.ndarray
 
-PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}  # first and second axis of the plane, and the one square to it
+PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}  # first and second axis of the plane, and its normal
 CENTRES = "IJK"
-UNEVEN, UNEVEN_SHARE = 0.05, 0.001  # mm, and of the radius: LinuxCNC's limits for an arc that is none
-NONE_MM = 1e-9  # a centre nearer than this makes no arc
+UNEVEN, UNEVEN_SHARE = 0.05, 0.001  # mm, and of the radius: LinuxCNC's limits of the difference of both radii
+NONE_MM = 1e-9  # points closer together coincide
 
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """The bend of a move.
+    """Circular part of a move.
 
     Attributes:
         axes: first and second axis of its plane.
@@ -51,12 +51,12 @@ class Move:
         end: (3,) mm.
         known: (3,) bool, axes whose place the program has stated by the end of the move.
         begun: whether all of them were stated before the move.
-        arc: its bend; None for a straight line.
+        arc: its circular part; None for a straight line.
         feed: mm/s; NaN where the program has not said, and for G0.
-        absolute: whether the program states places (G90), not ways (G91).
+        absolute: whether the program states positions (G90), not increments (G91).
         unit: mm per unit of the program.
         machine: whether it is in machine coordinates (G53).
-        carried: letter of a further axis -> its start and end, and whether its ways are stated.
+        carried: letter of a further axis -> its start and end, and whether the program states increments.
     """
 
     block: int
@@ -74,17 +74,17 @@ class Move:
 
     @property
     def length(self) -> float:
-        """Way of the tool, mm."""
+        """Path length, mm."""
         if self.arc is None:
             return float(np.linalg.norm(self.end - self.start))
         along = float(np.delete(self.end - self.start, self.arc.axes)[0])
         return math.hypot(abs(self.arc.sweep) * 0.5 * sum(self.arc.radius), along)
 
     def points(self, share: Array) -> Array:
-        """Places on the way.
+        """Positions along the move.
 
         Args:
-            share: (m,) of the way, 0 to 1.
+            share: (m,), travelled fraction, 0 to 1.
 
         Returns:
             (m, 3) mm.
@@ -112,7 +112,7 @@ def find_arc(
     centre_absolute: bool,
     where: tuple[str, int],
 ) -> Arc:
-    """Find the bend that the words of a block state.
+    """The arc that the words of a block state.
 
     Args:
         start: (3,) mm.
@@ -121,7 +121,7 @@ def find_arc(
         clockwise: whether it is G2.
         words: I, J, K, R, P of the block.
         unit: mm per unit of the program.
-        centre_absolute: whether I, J, K are places (G90.1).
+        centre_absolute: whether I, J, K are positions (G90.1), not offsets from the start.
         where: file and line for messages.
 
     Returns:
@@ -154,7 +154,7 @@ def find_arc(
 
 
 def _centre_by_radius(a: Array, b: Array, radius: float, clockwise: bool, where: tuple[str, int]) -> Array:
-    """Centre of the arc of a given radius; a negative one takes the longer way."""
+    """Centre (2,) of the arc of a given radius; a negative radius means the longer arc."""
     way = b - a
     half = 0.5 * float(np.linalg.norm(way))
     if half < NONE_MM:

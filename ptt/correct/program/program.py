@@ -1,4 +1,4 @@
-"""A Cartesian program corrected: what a controller with nominal kinematics is told to make the tool go right."""
+"""Correction of a Cartesian G-code program for a controller that computes the nominal kinematics."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,7 +10,7 @@ import torch
 from ptt.correct.commands import Commands, sent_rows
 from ptt.correct.compensate import LIMIT_MM, compensate
 from ptt.correct.context import beyond_context, beyond_lines, missing_context
-from ptt.correct.program.cut import Places, ProgramFrame, beside, look_along, thin_out
+from ptt.correct.program.cut import Places, ProgramFrame, distance_from_segment, sample_moves, thin_out
 from ptt.correct.program.modal import Read, read_moves
 from ptt.correct.program.moves import Move
 from ptt.correct.program.words import at_line, read_blocks
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 
-CHORD_UM = 5.0
-SHOWN_LINES = 5  # that a refusal names
+CHORD_UM = 5.0  # default of --chord-um
+SHOWN_LINES = 5  # named in a refusal
 OUTSIDE = "outside the network's training domain"
 
 
@@ -40,14 +40,14 @@ class Corrected(Record):
 
     Attributes:
         text: the program.
-        lines: of the program as it was.
-        moves: in it.
-        pieces: of moves as written.
-        looked_at: places that were worked out.
-        chord_um: tolerance.
-        deviation_um: largest distance of a place that was left out from the path as written.
-        shift_um: largest static correction.
-        reversal: who compensates it, in words.
+        lines: number of lines of the original program.
+        moves: number of its moves.
+        pieces: number of straight segments written.
+        looked_at: number of positions at which the correction was computed.
+        chord_um: tolerance of the written path, um.
+        deviation_um: largest distance of the written path from a position that was left out, um.
+        shift_um: largest static correction, um.
+        reversal: who compensates reversal errors, in words.
         notes: what a user should know.
     """
 
@@ -78,13 +78,13 @@ def correct_program(
     limit: float = LIMIT_MM,
     context: "Mapping[str, float] | None" = None,
 ) -> Corrected:
-    """Correct a program: places are those that the drawing's kinematics make the corrected slider heights of.
+    """Correct a program: its positions are replaced by forward kinematics (drawing) of the corrected slider heights.
 
     Args:
         compensator: model, and network where there is one.
         text: the program.
         source: its name for messages.
-        chord_um: by how much the path as written may lie beside the corrected one, um.
+        chord_um: largest distance of the written path from the corrected one, um.
         offset: (3,) mm, where the program's zero lies in the base frame (its work offset and tool length); None takes
             the frame that the machine file states for targets.
         start: (3,) mm, where the tool is before the first move, in the program's coordinates; None takes p = 0 for
@@ -109,7 +109,7 @@ def correct_program(
     turned = not np.array_equal(frame.turn, np.eye(3))
     read = read_moves(read_blocks(text, source), start, None if turned else here, source, stated=stated)
     mechanism = build_mechanism(spec)
-    places = look_along(read.moves, frame, mechanism, 1e-3 * chord_um, spec.screw_lead_mm)
+    places = sample_moves(read.moves, frame, mechanism, 1e-3 * chord_um, spec.screw_lead_mm)
     if not len(places.move):
         raise InputError("holds no move", where=source, fix="is it a G-code program?")
     commands, lacking = _command(compensator, places, limit, source, context or {})
@@ -131,7 +131,7 @@ def correct_program(
 
 
 def _unstarted(compensator: "Compensator") -> tuple[str, ...]:
-    """A word where the way from which the joints come to the first move matters, and nobody says where it begins."""
+    """A note where the direction from which joints come to the first move matters and the start is not stated."""
     if not any(term.effect.reverses and term.effect.stage != "metrology" for term in compensator.model.terms):
         return ()
     return (
@@ -154,7 +154,7 @@ def _frame(compensator: "Compensator", offset: Array | None) -> ProgramFrame:
 def _command(
     compensator: "Compensator", places: Places, limit: float, source: str, context: "Mapping[str, float]"
 ) -> tuple[Commands, list[str]]:
-    """Corrected slider heights of all places, in the order of travel, and what the model asks for and nobody says."""
+    """Corrected slider heights of all places, in travel order, and notes on context that is missing or out of range."""
     model = compensator.in_base().model
     correction, inside = compensator.network_parts()
     moving = any("speed" in term.effect.requires for term in model.terms)
@@ -192,18 +192,18 @@ def _refuse(read: Read, places: Places, commands: Commands, source: str) -> None
 
 
 def _pieces(moves: list[Move], places: Places, path: Array, tolerance: float) -> tuple[list[list[Piece]], float]:
-    """Pieces of each move, and by how much the path that they make lies beside what was left out, mm."""
+    """Segments of each move, and the largest distance of their path from a position that was left out, mm."""
     ends = np.concatenate([[0], np.cumsum(np.bincount(places.move, minlength=len(moves)))])
     pieces, worst = [], 0.0
     for number, move in enumerate(moves):
         first, last = int(ends[number]), int(ends[number + 1])
         rows = np.arange(first - 1 if move.begun and first else first, last)
         kept = thin_out(path[rows], tolerance)
-        worst = max(worst, _left_beside(path[rows], kept))
+        worst = max(worst, _largest_deviation(path[rows], kept))
         pieces.append([Piece(path[row], float(places.share[row])) for row in rows[kept] if row >= first])
     return pieces, worst
 
 
-def _left_beside(path: Array, kept: Array) -> float:
-    gaps = [beside(path[a + 1 : b], path[a], path[b]).max() for a, b in pairwise(kept) if b > a + 1]
+def _largest_deviation(path: Array, kept: Array) -> float:
+    gaps = [distance_from_segment(path[a + 1 : b], path[a], path[b]).max() for a, b in pairwise(kept) if b > a + 1]
     return float(max(gaps, default=0.0))

@@ -14,7 +14,7 @@ TOKEN = re.compile(
     r"|(?P<letter>[A-Za-z$])\s*(?P<number>[-+]?\s*(?:\d[\d ]*\.?[\d ]*|\.[\d ]+))?"
 )
 ALONE = "is evaluated only by the controller"
-GREATEST = 1e9  # mm, or of whatever a letter counts: beyond it nothing is a place, and sums overflow
+GREATEST = 1e9  # in the letter's unit: larger numbers are no position of a machine
 FOREIGN = {
     "#": ("a parameter", ALONE),
     "[": ("an expression", ALONE),
@@ -25,7 +25,7 @@ FOREIGN = {
     "(": ("a comment without end", "is not closed"),
 }
 WORDS = re.compile(r"(\s*[A-Za-z]\s*[-+]?\s*[\d.]+)+\s*([(;].*)?")
-TEXT = (23, 32, 117, 118)  # M-codes behind which the rest of the line is a file's name or a message
+TEXT = (23, 32, 117, 118)  # M-codes followed by a file name or a message up to the end of the line
 EXPAND = "let the post-processor or the controller's interpreter write the program out, and correct that"
 
 
@@ -93,7 +93,7 @@ class ProgramBlock:
 
 
 def at_line(source: str, line: int) -> str:
-    """Where a line stands, for messages."""
+    """File and line, for messages."""
     return f"{source} line {line}"
 
 
@@ -110,12 +110,12 @@ def read_blocks(text: str, source: str) -> list[ProgramBlock]:
     Raises:
         InputError: a line that holds anything but words and comments.
     """
-    lines = re.split(r"\r\n|\r|\n", text)  # not what else counts as a line's end in a comment
+    lines = re.split(r"\r\n|\r|\n", text)  # not splitlines(), whose other separators may be in a comment
     return [_read(number, line, source) for number, line in enumerate(lines if lines[-1] else lines[:-1], 1)]
 
 
 def _is_text(parts: list[Word | str], word: Word, rest: str) -> bool:
-    """Whether what follows a word is a file's name or a message: behind such an M-code at the line's head, no words."""
+    """Whether the rest of a line is a file name or a message: after such an M-code at its head, if it is not words."""
     first = all(isinstance(part, Word) and part.letter == "N" for part in parts[:-1])
     return first and word.letter == "M" and word.code // 10 in TEXT and bool(rest.strip()) and not WORDS.fullmatch(rest)
 
@@ -126,7 +126,7 @@ def _read(number: int, line: str, source: str) -> ProgramBlock:
     while place < len(line):
         found = TOKEN.match(line, place)
         if found is None:
-            told = line[place:].lstrip("+- ")[:1]  # a sign before a parameter is not what is foreign
+            told = line[place:].lstrip("+- ")[:1]  # the first character behind signs names what cannot be read
             what, why = FOREIGN.get(told, (f"'{line[place]}'", "is not G-code"))
             where = f"{at_line(source, number)}, column {place + 1}"
             raise InputError(f"{what} {why}", where=where, fix=EXPAND if why == ALONE else "correct the line")

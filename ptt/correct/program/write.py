@@ -1,4 +1,4 @@
-"""Blocks with corrected places: everything else of a line stays as it was."""
+"""Writing blocks with corrected positions; all else of a line stays as it was."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -12,18 +12,18 @@ from ptt.correct.program.words import ProgramBlock, Word
 
 Array = np.ndarray
 
-DIGITS = {1.0: 5, 25.4: 6}  # 0.01 um and 0.025 um
-FURTHER_DIGITS = 5
+DIGITS = {1.0: 5, 25.4: 6}  # decimals by unit (mm, inch): 0.01 um and 0.025 um
+FURTHER_DIGITS = 5  # of axes beside X, Y, Z
 STOPS = (0, 10, 20, 300, 600)  # M0, M1, M2, M30, M60 act after the move of their block
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A stretch of a corrected move.
+    """A straight segment of a corrected move.
 
     Attributes:
         place: (3,) mm, where it ends, in the program's coordinates.
-        share: of the move's way that is done by then.
+        share: fraction of the move completed there.
     """
 
     place: Array
@@ -32,13 +32,13 @@ class Piece:
 
 @dataclass
 class Writer:
-    """Where the controller is by the lines that are written.
+    """The controller's state by the lines written so far.
 
     Attributes:
         place: (3,) mm, as printed, in the program's coordinates.
         home: (3,) mm, the machine's zero in them, for G53.
-        motion: kind of moves that is in force in what is written.
-        carried: places of further axes as printed.
+        motion: modal motion in force, ten times its G-code.
+        carried: positions of further axes as printed.
     """
 
     place: Array
@@ -47,12 +47,12 @@ class Writer:
     carried: dict[str, float] = field(default_factory=dict)
 
     def lines(self, block: ProgramBlock, move: Move, pieces: list[Piece]) -> list[str]:
-        """Lines that stand for a block with a move.
+        """Lines that replace a block with a move.
 
         Args:
             block: the line.
             move: its move.
-            pieces: of it, at least one.
+            pieces: its segments, at least one.
 
         Returns:
             The lines.
@@ -78,7 +78,7 @@ class Writer:
         return [line for line in lines if line]
 
     def keep(self, block: ProgramBlock, state: ModalState) -> str:
-        """A block without a move, as it was; what it changes is taken note of."""
+        """Text of a block without a move, unchanged; the state follows what it changes."""
         codes = [word.code for word in block.words if word.letter == "G"]
         if any(code in MOTIONS or code == 800 for code in codes):
             self.motion = state.motion
