@@ -1,4 +1,4 @@
-"""Compensation tables of single axes: what to add to an axis by where it is, and by the way it goes."""
+"""Compensation tables of single axes: correction by position and direction of travel."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ from ptt.run.viewing import build_view, joint_limits
 
 Array = np.ndarray
 
-FINE = 4097  # points at which an axis is looked at before its table is cut
-COARSEST, FINEST = 64, 2048  # intervals of a table; smooth curves alone bend by 0.05 um within the coarsest
-SEEN_ERROR = 1e-4  # mm or rad: a table that interpolates to a tenth of a micrometre needs no more entries
-ROUNDS = 4  # a drive's error changes by a hundredth of what the axis moves, at most: each round gains two digits
-WAVES = 5  # knots inside the travel of what is smooth: what geometry asks of an axis has no more bends than that
+FINE = 4097  # samples of an axis' errors, from which tables are interpolated
+COARSEST, FINEST = 64, 2048  # intervals of a table; smooth curves alone need no more than the coarsest (0.05 um)
+INTERPOLATION = 1e-4  # mm or rad: interpolation error below which a table needs no more entries
+ROUNDS = 4  # of fixed-point iteration: the slope of a drive's error is at most 1 %, so each round gains two digits
+WAVES = 5  # inner knots of the smooth curve: corrections of geometry are no wavier than that
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,8 @@ class AxisTables:
 
     Attributes:
         at: positions of the entries, (K, k) mm or rad.
-        forward: what to add on the way up, (K, k).
-        reverse: what to add on the way down, (K, k).
+        forward: correction when moving up, (K, k).
+        reverse: correction when moving down, (K, k).
     """
 
     at: Array
@@ -36,7 +36,7 @@ class AxisTables:
     reverse: Array
 
     def added(self, q: Array, direction: Array) -> Array:
-        """What a controller adds, straight between entries, as at the ends beyond them.
+        """The correction of the controller: linear between entries, constant beyond the ends.
 
         Args:
             q: (n, k) mm or rad.
@@ -45,18 +45,18 @@ class AxisTables:
         Returns:
             (n, k).
         """
-        up, down = (_straight(q, self.at, values) for values in (self.forward, self.reverse))
+        up, down = (_interpolate(q, self.at, values) for values in (self.forward, self.reverse))
         return np.asarray(np.where(direction > 0, up, down))
 
 
 @dataclass(frozen=True, eq=False)
-class Drives:
-    """What the steady drive effects do to each axis by where it is sent.
+class DriveErrors:
+    """Shift of each axis by the steady drive effects, as a function of its command.
 
     Attributes:
         at: (F, k) mm or rad, evenly over the travel.
-        shift: (F, k), by how much each axis goes farther than it is sent.
-        of: the same by each effect, by its key.
+        shift: (F, k) mm or rad, actual less commanded position.
+        of: share of each effect, by its key.
     """
 
     at: Array
@@ -64,33 +64,33 @@ class Drives:
     of: dict[str, Array]
 
     def at_rows(self, q: Array) -> Array:
-        """The shift of axes that are sent to q (n, k), (n, k)."""
-        return _straight(q, self.at, self.shift)
+        """The shift at commands q (n, k), (n, k)."""
+        return _interpolate(q, self.at, self.shift)
 
 
-def read_drives(sample: WorkspaceSample) -> Drives:
-    """Look at what the steady drive effects do along each axis, all axes going through their travel side by side.
+def drive_errors(sample: WorkspaceSample) -> DriveErrors:
+    """Sample the steady drive effects along each axis; all axes go through their travel together.
 
     Args:
         sample: for the model, at its first place's payload, temperature and speed.
 
     Returns:
-        What they do; nothing where the drawing cannot be there.
+        The shifts; zero for an effect that cannot be evaluated at all samples, since not all of them can be assembled.
     """
     model = sample.compensator.model
     limits = joint_limits(model.file).numpy()
     at = np.linspace(limits[:, 0], limits[:, 1], FINE)
     terms = [item for item in split_terms(model)[0] if item[0].stage == "drive"]
     of = _shifts(sample, terms, at)
-    return Drives(at, sum(of.values(), np.zeros_like(at)), of)
+    return DriveErrors(at, sum(of.values(), np.zeros_like(at)), of)
 
 
-def table_entries(drives: Drives, step: float | None, most: int) -> Array:
-    """Where the entries of a table lie: as close as asked, or as close as the drives' errors need.
+def table_entries(drives: DriveErrors, step: float | None, most: int) -> Array:
+    """Positions of a table's entries: as close as asked, or as close as the drive errors need.
 
     Args:
         drives: along each axis.
-        step: distance of entries, mm or rad; None for as coarse as interpolates to a tenth of a micrometre.
+        step: distance of entries, mm or rad; None for the coarsest that keeps the interpolation error below 0.1 um.
         most: entries that the controller holds.
 
     Returns:
@@ -101,16 +101,16 @@ def table_entries(drives: Drives, step: float | None, most: int) -> Array:
         count = int(np.ceil(float((high - low).max()) / step - 1e-9))
         return np.linspace(low, high, min(max(count, 1), most - 1) + 1)
     count = COARSEST
-    while count < FINEST and _lost(drives, np.linspace(low, high, count + 1)) > SEEN_ERROR:
+    while count < FINEST and _interpolation_error(drives, np.linspace(low, high, count + 1)) > INTERPOLATION:
         count *= 2
     return np.linspace(low, high, min(count, most - 1) + 1)
 
 
-def smooth_basis(q: Array, drives: Drives) -> tuple[Array, Callable[[Array], Array]]:
-    """Smooth curves over each axis' own travel.
+def smooth_basis(q: Array, drives: DriveErrors) -> tuple[Array, Callable[[Array], Array]]:
+    """Cubic B-splines over each axis' own travel.
 
     Args:
-        q: (n, k) where rows stand.
+        q: (n, k), positions of the rows.
         drives: along each axis, for its travel.
 
     Returns:
@@ -135,7 +135,7 @@ def smooth_basis(q: Array, drives: Drives) -> tuple[Array, Callable[[Array], Arr
 
 
 def by_direction(sample: WorkspaceSample) -> Array:
-    """Half of what commands differ by between the two ways of each axis.
+    """Half the difference of commands between both directions of each axis.
 
     Args:
         sample: places and commands.
@@ -146,27 +146,27 @@ def by_direction(sample: WorkspaceSample) -> Array:
     return np.asarray((sample.commands.reversal * sample.direction).mean(axis=0))
 
 
-def cut_tables(drives: Drives, at: Array, smooth: Array, half: Array) -> AxisTables:
-    """Tables that bring each axis to smooth curves, whatever its drive does.
+def cut_tables(drives: DriveErrors, at: Array, smooth: Array, half: Array) -> AxisTables:
+    """Tables that bring each axis to a smooth curve by inverting its drive error.
 
     Args:
-        drives: what they do.
+        drives: their errors.
         at: (K, k), entries.
-        smooth: (F, k), on the drives' grid, how far beyond an entry the axis is to come.
-        half: (k,), what to add on the way up and take off on the way down.
+        smooth: (F, k), on the drives' grid, the wanted actual position less the entry.
+        half: (k,), added when moving up and subtracted when moving down.
 
     Returns:
         The tables.
     """
-    wanted = _straight(at, drives.at, smooth)
+    wanted = _interpolate(at, drives.at, smooth)
     value = wanted
     for _ in range(ROUNDS):
         value = wanted - drives.at_rows(at + value)
     return AxisTables(at, value + half, value - half)
 
 
-def tabled(sample: WorkspaceSample, drives: Drives, at: Array) -> Callable[[Effect], Array]:
-    """How far each axis is moved by an effect as far as a table of these entries can say it, (n, k)."""
+def tabled(sample: WorkspaceSample, drives: DriveErrors, at: Array) -> Callable[[Effect], Array]:
+    """Shift of each axis by an effect as a table with these entries represents it, (n, k)."""
 
     def shift(effect: Effect) -> Array:
         if effect.key not in drives.of:
@@ -186,16 +186,16 @@ def _shifts(sample: WorkspaceSample, terms: list, at: Array) -> dict[str, Array]
     return {key: np.where(np.isfinite(value).all(), value, 0.0) for key, value in shifts.items()}
 
 
-def _lost(drives: Drives, at: Array) -> float:
-    """Largest error of straight lines between entries."""
+def _interpolation_error(drives: DriveErrors, at: Array) -> float:
+    """Largest error of linear interpolation between entries."""
     return float(np.abs(_tabled(drives, drives.shift, at, drives.at) - drives.shift).max())
 
 
-def _tabled(drives: Drives, values: Array, at: Array, q: Array) -> Array:
-    """Curves (F, k) taken at entries (K, k) and drawn straight between them, at q (n, k)."""
-    return _straight(q, at, _straight(at, drives.at, values))
+def _tabled(drives: DriveErrors, values: Array, at: Array, q: Array) -> Array:
+    """Curves (F, k) sampled at entries (K, k) and interpolated linearly at q (n, k)."""
+    return _interpolate(q, at, _interpolate(at, drives.at, values))
 
 
-def _straight(q: Array, at: Array, values: Array) -> Array:
-    """Values (m, k) at places (m, k) of each axis, drawn straight between them, at q (n, k); as at the ends beyond."""
+def _interpolate(q: Array, at: Array, values: Array) -> Array:
+    """Linear interpolation at q (n, k) of values (m, k) at positions (m, k) of each axis; constant beyond the ends."""
     return np.column_stack([np.interp(q[:, i], at[:, i], values[:, i]) for i in range(q.shape[1])])

@@ -1,4 +1,4 @@
-"""The delta that printer firmware knows: upright towers around a centre at one radius, a rod each, an end stop each."""
+"""The linear delta of printer firmware: upright towers on one circle, with individual rods and end stops; its fit."""
 
 from dataclasses import dataclass, replace
 
@@ -17,13 +17,13 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Delta:
-    """What firmware computes slider heights from.
+    """Parameters of a firmware's inverse kinematics.
 
     Attributes:
-        radius: horizontal distance that the rods bridge over the middle, mm.
+        radius: horizontal distance between both ends of a rod with the tool at the centre, mm.
         azimuth: of each tower, (3,) deg, anticlockwise from x.
         rod: length of each rod, (3,) mm.
-        shift: height of each slider less that of its rod's upper end by the firmware, (3,) mm.
+        shift: slider height less height of the rod's upper end, (3,) mm.
         tilt: rise of the bed along x and y that is added to z, (2,) mm per mm.
     """
 
@@ -53,7 +53,7 @@ class Delta:
 
     @property
     def stops(self) -> Array:
-        """Height of the rods' upper ends over the tool in the middle, (3,) mm."""
+        """Height of the rods' upper ends above the tool at the centre, (3,) mm."""
         return np.asarray(np.sqrt(self.rod**2 - self.radius**2))
 
 
@@ -75,17 +75,17 @@ def drawn_delta(spec: ThreePttSpec) -> Delta:
 
 
 def fit_delta(sample: WorkspaceSample, *, tilted: bool = False) -> tuple[Delta, Array]:
-    """Find the delta whose commands miss least over the workspace.
+    """Fit the delta with the least error of the tool over the workspace.
 
-    Least squares of the tool's miss: what the commands lack of the model's, carried to the tool by the Jacobian. What
-    reversal adds is left aside; no delta knows of it.
+    Least squares of the difference between its commands and the model's, mapped to the tool by the Jacobian. Reversal
+    is left out, since no delta has it.
 
     Args:
         sample: places and the model's commands there.
         tilted: whether the firmware has a tilt of the bed.
 
     Returns:
-        The delta, and how the tool moves with each of its parameters, (n, 3, P).
+        The delta, and the derivative of the tool by each of its parameters, (n, 3, P).
     """
     spec = require_upright(sample)
     start = drawn_delta(spec)
@@ -127,7 +127,7 @@ def upper_ends(sample: WorkspaceSample) -> Array:
 
 
 def require_upright(sample: WorkspaceSample) -> ThreePttSpec:
-    """The drawing, refused where no delta of printer firmware can stand for it.
+    """The drawing of the machine; refused where firmware has no such delta.
 
     Args:
         sample: of the machine.
@@ -151,7 +151,7 @@ def require_upright(sample: WorkspaceSample) -> ThreePttSpec:
 
 
 def require_anticlockwise(delta: Delta, firmware: str, source: str) -> None:
-    """Refuse sliders that go round clockwise where the firmware's forward kinematics would put the tool above them.
+    """Refuse towers numbered clockwise: the firmware's forward kinematics would then find the solution above them.
 
     Args:
         delta: fitted.

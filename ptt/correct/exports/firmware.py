@@ -1,4 +1,4 @@
-"""What the exports for printer firmware share: fit a delta, print it, judge what was printed."""
+"""Common part of the exports for printer firmware: fit a delta, write it, judge the written figures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 SHAPE = "all towers stand upright at one radius, and their sliders have no tables"
-WORSE = 1.0  # um: less than this is no reason to refuse a format that says a little less than the drawing
-GAIN = 1.2  # times what the whole model leaves, and
-LEAST_UM = 1.0  # beyond it, that are worth another way
+WORSE = 1.0  # um: a format that is worse than the drawing by less is not refused
+GAIN, LEAST_UM = 1.2, 1.0  # ratio to the error of the whole model, and excess in um, from which that is recommended
 NOTHING_TO_GAIN = "this file is no better than the drawing; there is nothing to gain by loading it"
 MEASURE = "then home, measure again and see `ptt evaluate BEFORE.csv AFTER.csv`"
 
@@ -30,16 +29,16 @@ Printed = Callable[[Delta, WorkspaceSample], tuple[list[str], Delta]]
 
 @dataclass(frozen=True)
 class Firmware:
-    """One firmware.
+    """A firmware and its limits.
 
     Attributes:
         name: of the firmware.
         comment: what begins a comment.
-        lines: delta -> the lines of the file, and the delta that they stand for, figures rounded.
-        load: what to do with the file.
-        scale: how to set right that a slider goes too far by the factors that follow.
+        lines: delta -> the lines of the file, and the delta with the figures rounded as written.
+        load: how to load the file.
+        scale: how to correct the travel per step of each slider, to precede the factors.
         tilted: whether it has a tilt of the bed.
-        anticlockwise: whether its towers must go round anticlockwise.
+        anticlockwise: whether its towers must be numbered anticlockwise.
     """
 
     name: str
@@ -86,7 +85,7 @@ def write_delta(compensator: "Compensator", out: Path, options: Options, firmwar
 
 
 def _hints(sample: WorkspaceSample, firmware: Firmware) -> dict[str, str]:
-    """What the firmware's own settings can do about an effect that its delta has no place for."""
+    """Advice for effects that the delta cannot hold but another setting of the firmware can."""
     scale = [term.theta for term in sample.compensator.model.terms if term.effect.name == "lead-scale"]
     if not scale:
         return {}
@@ -96,17 +95,17 @@ def _hints(sample: WorkspaceSample, firmware: Firmware) -> dict[str, str]:
 
 
 def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False, shape: float = 0.0) -> tuple[str, ...]:
-    """What to do with a file: load it, or something else instead of it.
+    """Advice on a file: load it, or a better alternative.
 
     Args:
         load: how it is loaded.
-        left: what it leaves.
-        arm: whether it is a serial arm's, whose programs do not say in which posture it stands and are not corrected.
-        shape: what the format leaves of the drawing alone, um: a controller that computes another machine cannot have
-            its programs corrected either.
+        left: its remaining error.
+        arm: whether it is a serial arm's, whose programs do not state the posture and are not corrected.
+        shape: error of the format for the machine as drawn, um: if not zero, the controller does not compute the
+            drawing, and corrected programs do not suit it either.
 
     Returns:
-        One line each; at least one, and where there are two, the second is instead of the first.
+        One line each; at least one, and a second is an alternative to the first.
     """
     better = left.format >= max(GAIN * left.model, left.model + LEAST_UM)
     programs = "" if arm else "correct each program with `ptt program`, or "
@@ -124,7 +123,7 @@ def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False, shape: float = 
 
 
 def judged(left: ErrorLeft, holds: tuple[str, ...], cannot: list[str]) -> list[str]:
-    """What the head of a file says of the error, one line each."""
+    """Lines of a file's head about its error."""
     return [
         f"error over the workspace, rms: drawing {left.drawing:.1f} um, this file {left.format:.1f} um,"
         f" whole model {left.model:.1f} um",
@@ -134,7 +133,7 @@ def judged(left: ErrorLeft, holds: tuple[str, ...], cannot: list[str]) -> list[s
 
 
 def refuse_worse(left: ErrorLeft, name: str, source: str) -> None:
-    """Refuse a format that would miss by more than the drawing does.
+    """Refuse a format with a larger error than the unchanged drawing.
 
     Args:
         left: what it leaves.
@@ -154,5 +153,5 @@ def refuse_worse(left: ErrorLeft, name: str, source: str) -> None:
 
 
 def reach_of(sample: WorkspaceSample) -> tuple[float, float]:
-    """Largest distance of the places from the middle, and their least height, whole mm outwards."""
+    """Largest distance of the targets from the z axis, rounded up, and their least z, rounded down, mm."""
     return float(np.ceil(np.hypot(*sample.targets[:, :2].T).max())), float(np.floor(sample.targets[:, 2].min()))

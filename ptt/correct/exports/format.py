@@ -1,4 +1,4 @@
-"""What every export takes and gives back: options in; what was written, what it holds, what error it leaves."""
+"""Interface of every export: options in; files written, effects held and remaining error out."""
 
 import datetime
 import math
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 THREE_PTT, SERIAL = "three-ptt", "serial"
-MORE = 0.95  # share of the drawing's error from which on a file corrects next to nothing
+MORE = 0.95  # share of the drawing's error from which a file counts as correcting nothing
 
 
 @dataclass(frozen=True)
 class CannotHold:
-    """An effect of the model that a format has no place for.
+    """An effect of the model that a format cannot represent.
 
     Attributes:
         effect: its key.
@@ -33,12 +33,12 @@ class CannotHold:
 
 @dataclass(frozen=True)
 class ErrorLeft:
-    """What the machine would still miss over its workspace, root mean square of the miss in um, x, y, z together.
+    """Remaining error of the tool over the workspace, root mean square length in um.
 
     Attributes:
         drawing: with commands by the drawing alone.
-        format: with the commands that a controller makes of the export.
-        model: with the whole model: what its own solution leaves, and what the fit left uncertain.
+        format: with the commands of a controller that uses the export.
+        model: with commands by the whole model: its uncertainty and the residual of its solution.
     """
 
     drawing: float
@@ -47,26 +47,26 @@ class ErrorLeft:
 
     @classmethod
     def told(cls, figures: Mapping[str, float | None]) -> Self:
-        """What `to_dict` of an export told of it; a figure that is unknown there is NaN here."""
+        """From the figures of `to_dict` of an export; unknown ones are NaN."""
         return cls(**{key: math.nan if value is None else value for key, value in figures.items()})
 
     @property
     def corrects(self) -> bool:
-        """Whether the export puts more than next to nothing of the drawing's error right."""
+        """Whether the export corrects a noticeable part of the drawing's error."""
         return self.format < MORE * self.drawing
 
 
 def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft, *, network: bool = False) -> str:
-    """What a file holds of its model, in words.
+    """The part of the model that a file holds, in words.
 
     Args:
         holds: keys of the effects that are in it.
         cannot: keys of the others.
-        left: what it leaves.
+        left: its remaining error.
         network: whether a network is in it.
 
     Returns:
-        Their names; where it holds none of them whole, what it says then.
+        Their names, or a phrase where it holds none completely.
     """
     if holds or network:
         return ", ".join([*holds, *(["the network"] if network else [])])
@@ -81,14 +81,14 @@ def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft, *, n
 
 @dataclass(frozen=True)
 class Written(Record):
-    """What came of an export.
+    """Result of an export.
 
     Attributes:
         written: files, in the order of writing.
         holds: keys of the effects that are in them.
         cannot_hold: the others that commands of `ptt predict` compensate, and why.
-        error_um: what is left.
-        notes: what a user should know beside that, one line each.
+        error_um: remaining error.
+        notes: further notes for the user, one line each.
         network: whether the model's network is in them.
     """
 
@@ -102,7 +102,7 @@ class Written(Record):
 
 @dataclass(frozen=True)
 class Options:
-    """What the user said beside the format.
+    """Options of an export.
 
     Attributes:
         model_path: machine file or compensator folder that the model came from; None where it came from neither.
@@ -119,20 +119,20 @@ class Options:
     progress: Progress = unwatched
 
 
-# What every format does: the model with its network, where to, what the user said -> what was written, what it leaves.
+# Signature of every format's `write`: model with network, output path, options -> result.
 Write = Callable[["Compensator", Path, Options], Written]
 
 
 @dataclass(frozen=True)
 class Format:
-    """One way to hand a model to a controller.
+    """An export format.
 
     Attributes:
         name: after --to.
         module: where its `write` is.
         mechanisms: which machines it is for.
         about: one line.
-        stepped: whether --step says anything to it.
+        stepped: whether --step applies to it.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""An ONNX graph written as arithmetic: every operation on a value is one node."""
+"""Building an ONNX graph by operators: every operation on a node makes one node."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Graph:
-    """Nodes and constants of a graph in the making."""
+    """Nodes and constants of a graph under construction."""
 
     def __init__(self) -> None:
         import onnx.helper
@@ -30,14 +30,14 @@ class Graph:
         return Node(self, name)
 
     def value(self, item: Any) -> "Node":
-        """A value as it is; anything else as a constant."""
+        """A node as it is; anything else as a constant."""
         return item if isinstance(item, Node) else self.constant(item)
 
 
 class Node:
-    """The outcome of a node, or an input."""
+    """The output of a node, or an input of the graph."""
 
-    __array_ufunc__ = None  # arrays leave operations with a value to the value
+    __array_ufunc__ = None  # numpy arrays leave binary operations to this class
 
     def __init__(self, graph: Graph, name: str) -> None:
         self.graph, self.name = graph, name

@@ -1,6 +1,6 @@
-"""A serial arm as arithmetic on graph values: its chain, its effects, and the move that puts the tool right.
+"""A serial arm as nodes of an ONNX graph: its chain, its effects, and the iteration for corrected joint values.
 
-A vector is three values (n, 1) or numbers; numbers stay numbers as long as nothing of the row is in them.
+A vector is three values, each a node (n, 1) or a plain number; constants stay numbers until a node enters.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ptt.correct.exports.graph import Graph, Node
-from ptt.correct.exports.graph_vectors import FLAT, Vector, add, cross, dot, move_along, multiply, subtract, turned
+from ptt.correct.exports.graph_vectors import ONE, Vector, add, cross, dot, move_along, multiply, subtract, turned
 from ptt.effects import Effect
 from ptt.effects.layout import sizes
 from ptt.machine import SerialSpec
@@ -19,8 +19,8 @@ from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.statics import GRAVITY, gravity_of
 from ptt.mechanisms.workspace import translation_rank
 
-ROUNDS = 7  # each leaves a hundredth or less: rounding after five or six
-FAINT = 1e-12  # of the square of its length, that keeps an arm whose tool stays in a plane from dividing by nothing
+ROUNDS = 7  # of Newton: each leaves a hundredth of the error or less, so five or six reach rounding
+FAINT = 1e-12  # damping, of the squared length of an arm whose tool moves in a plane: J J^T is singular there
 
 
 @dataclass(frozen=True)
@@ -42,19 +42,19 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class ArmRows:
-    """Rows as effects see them.
+class GraphArm:
+    """Nodes that effects of an arm need at a command, n rows.
 
     Attributes:
         graph: the graph.
         arm: the drawing.
-        spec: its file.
+        spec: its [machine] section.
         q: commands, k of (n, 1) rad.
-        axes: frames whose z are the joints' axes.
-        ends: frames that the links carry.
-        lever: dp/dq of each joint, k vectors, mm/rad.
+        axes: k frames whose z are the joint axes.
+        ends: k frames at the ends of the links.
+        lever: Jacobian columns dp/dq of the joints, k vectors, mm/rad.
         payload: (n, 1) kg.
-        warmth: (n, 1) K.
+        warmth: temperature less reference temperature, (n, 1) K.
     """
 
     graph: Graph
@@ -68,14 +68,16 @@ class ArmRows:
     warmth: Node
 
 
-def drawn_links(arm: Serial, errors: np.ndarray | None) -> list[list[Any]]:
-    """a, alpha, d, turn and beta of each link, with errors (k, 5) where there are some."""
+def link_parameters(arm: Serial, errors: np.ndarray | None) -> list[list[Any]]:
+    """Denavit-Hartenberg a, alpha, d, theta offset and beta of each link (mm, rad), plus errors (k, 5) where given."""
     drawn = np.column_stack([arm.a_mm, arm.alpha_rad, arm.d_mm, arm.offset_rad, np.zeros(arm.joints)])
     return (drawn if errors is None else drawn + errors).tolist()
 
 
-def walk(arm: Serial, links: Sequence[Sequence[Any]], q: Sequence[Node]) -> tuple[list[Frame], list[Frame]]:
-    """Follow the chain: frames whose z are the axes, and those at the links' ends."""
+def frames_along_chain(
+    arm: Serial, links: Sequence[Sequence[Any]], q: Sequence[Node]
+) -> tuple[list[Frame], list[Frame]]:
+    """Forward kinematics along the chain: frames whose z are the joint axes, and frames at the links' ends."""
     unit: Sequence[Vector] = np.eye(3).tolist()
     here, axes, ends = Frame(unit[0], unit[1], unit[2], [0.0, 0.0, 0.0]), list[Frame](), list[Frame]()
     for (a, alpha, d, turn, beta), value in zip(links, q, strict=True):
@@ -92,6 +94,7 @@ def walk(arm: Serial, links: Sequence[Sequence[Any]], q: Sequence[Node]) -> tupl
 
 
 def _screw_x(here: Frame, a: Any, alpha: float, beta: float) -> Frame:
+    """A frame moved by a along x, rotated by alpha about x, then by beta about y."""
     y, z = turned(here.y, here.z, float(np.cos(alpha)), float(np.sin(alpha)))
     origin = move_along(here.origin, here.x, a)
     z, x = turned(z, here.x, float(np.cos(beta)), float(np.sin(beta)))
@@ -99,11 +102,11 @@ def _screw_x(here: Frame, a: Any, alpha: float, beta: float) -> Frame:
 
 
 def _cosine(angle: Node) -> Node:
-    # Not every runtime has a cosine of doubles.
-    return angle.graph.node("Sin", angle + FLAT * (0.5 * np.pi))
+    # As a sine: not every runtime has a cosine of doubles.
+    return angle.graph.node("Sin", angle + ONE * (0.5 * np.pi))
 
 
-def settle(
+def inverse_nodes(
     graph: Graph, arm: Serial, spec: SerialSpec, effects: Sequence[tuple[Effect, np.ndarray]], nominal: Node,
     payload: Node, warmth: Node,
 ) -> Node:  # fmt: skip
@@ -116,37 +119,37 @@ def settle(
         effects: those that are held, with their parameters.
         nominal: joint values of the targets by the drawing, (n, k) rad.
         payload: (n, 1) kg.
-        warmth: (n, 1) K.
+        warmth: temperature less reference temperature, (n, 1) K.
 
     Returns:
         The values.
     """
-    drawn, q = drawn_links(arm, None), [nominal.take(joint) for joint in range(arm.joints)]
+    drawn, q = link_parameters(arm, None), [nominal.take(joint) for joint in range(arm.joints)]
     errors = [_errors(arm, theta) for effect, theta in effects if effect.name == "dh-offsets"]
-    links = drawn_links(arm, sum(errors, np.zeros((arm.joints, 5))))
-    goal = walk(arm, drawn, q)[1][-1].point(arm.tool_mm)
+    links = link_parameters(arm, sum(errors, np.zeros((arm.joints, 5))))
+    goal = frames_along_chain(arm, drawn, q)[1][-1].point(arm.tool_mm)
     damping = FAINT * arm.length_mm**2 if translation_rank(arm) < 3 else 0.0
     for _ in range(ROUNDS if effects else 0):
-        axes, ends = walk(arm, drawn, q)
+        axes, ends = frames_along_chain(arm, drawn, q)
         tip = ends[-1].point(arm.tool_mm)
         lever = [cross(axis.z, [subtract(t, o) for t, o in zip(tip, axis.origin, strict=True)]) for axis in axes]
-        seen = ArmRows(graph, arm, spec, q, axes, ends, lever, payload, warmth)
+        state = GraphArm(graph, arm, spec, q, axes, ends, lever, payload, warmth)
         moved = list(q)
         for effect, theta in effects:
             if effect.name in DRIVES:
-                shifts = DRIVES[effect.name].add(seen, theta, effect)
+                shifts = DRIVES[effect.name].add(state, theta, effect)
                 moved = [add(value, shift) for value, shift in zip(moved, shifts, strict=True)]
-        there = walk(arm, links, moved)[1][-1].point(arm.tool_mm)
+        there = frames_along_chain(arm, links, moved)[1][-1].point(arm.tool_mm)
         for effect, theta in effects:
             if effect.name == "frame-growth":
-                there = [add(a, b) for a, b in zip(there, _grown(seen, moved, theta), strict=True)]
-        step = _least_move(lever, [subtract(a, b) for a, b in zip(goal, there, strict=True)], damping)
+                there = [add(a, b) for a, b in zip(there, _grown(state, moved, theta), strict=True)]
+        step = _damped_least_norm_step(lever, [subtract(a, b) for a, b in zip(goal, there, strict=True)], damping)
         q = [add(value, part) for value, part in zip(q, step, strict=True)]
     return graph.node("Concat", *q, axis=1)
 
 
-def _least_move(lever: Sequence[Vector], step: Vector, damping: float) -> list[Any]:
-    """J^T (J J^T + damping)^-1 step, by the minors of that matrix."""
+def _damped_least_norm_step(lever: Sequence[Vector], step: Vector, damping: float) -> list[Any]:
+    """Damped least-norm joint step J^T (J J^T + damping I)^-1 step; the 3 x 3 matrix is inverted by its cofactors."""
     square = [
         [reduce(add, [multiply(each[row], each[column]) for each in lever]) for column in range(3)] for row in range(3)
     ]
@@ -163,15 +166,15 @@ def _errors(arm: Serial, theta: np.ndarray) -> np.ndarray:
     return errors
 
 
-def _offset(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
+def _offset(s: GraphArm, t: np.ndarray, effect: Effect) -> list[Any]:
     return t[: s.arm.joints].tolist()
 
 
-def _scale(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
+def _scale(s: GraphArm, t: np.ndarray, effect: Effect) -> list[Any]:
     return [multiply(float(share), value) for share, value in zip(t, s.q, strict=True)]
 
 
-def _turn(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
+def _turn(s: GraphArm, t: np.ndarray, effect: Effect) -> list[Any]:
     k, found = s.arm.joints, []
     for joint, value in enumerate(s.q):
         phase = multiply(float(2.0 * np.pi / t[2 * k]), value)
@@ -181,7 +184,7 @@ def _turn(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     return found
 
 
-def _error_map(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
+def _error_map(s: GraphArm, t: np.ndarray, effect: Effect) -> list[Any]:
     cut = np.split(t, np.cumsum(sizes(effect, s.arm.joints))[:-1])
     cosine, sine = (
         np.concatenate([part.reshape(s.arm.joints, -1) for part in cut[start::2]], axis=1) for start in (0, 1)
@@ -193,8 +196,8 @@ def _error_map(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     return found
 
 
-def _yield(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
-    """Torque of the payload at the tool, and of the links that the drawing weighs, by virtual work."""
+def _yield(s: GraphArm, t: np.ndarray, effect: Effect) -> list[Any]:
+    """Joint yield under the torque of the payload at the tool and of links with a stated mass, by virtual work, rad."""
     down = [float(value) for value in gravity_of(s.spec)]
     torque = [multiply(s.payload, multiply(GRAVITY, dot(each, down))) for each in s.lever]
     for index, joint in enumerate(s.spec.joint):
@@ -208,7 +211,7 @@ def _yield(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     return [multiply(float(share), value) for share, value in zip(t, torque, strict=True)]
 
 
-def _sag(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
+def _sag(s: GraphArm, t: np.ndarray, effect: Effect) -> list[Any]:
     down, k = [float(value) for value in gravity_of(s.spec)], s.arm.joints
     pairs, number, found = k * (k + 1) // 2, 0, []
     for joint in range(k):
@@ -222,7 +225,7 @@ def _sag(s: ArmRows, t: np.ndarray, effect: Effect) -> list[Any]:
     return found
 
 
-def _grown(s: ArmRows, moved: Sequence[Node], t: np.ndarray) -> Vector:
+def _grown(s: GraphArm, moved: Sequence[Node], t: np.ndarray) -> Vector:
     grown = [
         [
             multiply(add(multiply(float(t[0]), s.warmth), 1.0), a),
@@ -231,27 +234,30 @@ def _grown(s: ArmRows, moved: Sequence[Node], t: np.ndarray) -> Vector:
             turn,
             beta,
         ]
-        for a, alpha, d, turn, beta in drawn_links(s.arm, None)
+        for a, alpha, d, turn, beta in link_parameters(s.arm, None)
     ]
-    still, there = (walk(s.arm, each, moved)[1][-1].point(s.arm.tool_mm) for each in (drawn_links(s.arm, None), grown))
+    still, there = (
+        frames_along_chain(s.arm, each, moved)[1][-1].point(s.arm.tool_mm)
+        for each in (link_parameters(s.arm, None), grown)
+    )
     return [subtract(a, b) for a, b in zip(there, still, strict=True)]
 
 
 @dataclass(frozen=True)
-class Known:
-    """How an effect of the drives moves the joints, and what it asks for beside their values."""
+class GraphDrive:
+    """Nodes of an effect's joint shifts, and the context it needs."""
 
-    add: Callable[[ArmRows, np.ndarray, Effect], list[Any]]
+    add: Callable[[GraphArm, np.ndarray, Effect], list[Any]]
     context: tuple[str, ...] = ()
 
 
-DRIVES: dict[str, Known] = {
-    "homing-offset": Known(_offset),
-    "homing-slip": Known(_offset),
-    "lead-scale": Known(_scale),
-    "once-per-rev": Known(_turn),
-    "joint-error-map": Known(_error_map),
-    "axis-compliance": Known(_yield, ("payload",)),
-    "self-weight": Known(_sag),
+DRIVES: dict[str, GraphDrive] = {
+    "homing-offset": GraphDrive(_offset),
+    "homing-slip": GraphDrive(_offset),
+    "lead-scale": GraphDrive(_scale),
+    "once-per-rev": GraphDrive(_turn),
+    "joint-error-map": GraphDrive(_error_map),
+    "axis-compliance": GraphDrive(_yield, ("payload",)),
+    "self-weight": GraphDrive(_sag),
 }
 CONTEXT = {name: known.context for name, known in DRIVES.items()} | {"dh-offsets": (), "frame-growth": ("temperature",)}

@@ -1,4 +1,4 @@
-"""Rows of a 3-PTT as effects on a graph see them: columns are legs, a vector is three such values."""
+"""Legs of a 3-PTT as nodes of an ONNX graph: columns are legs, a vector is three such nodes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,23 +19,23 @@ def _none() -> list[Any]:
 
 
 @dataclass
-class LegRows:
-    """Rows as effects see them, and what effects have added so far.
+class GraphLegs:
+    """Nodes that effects of a 3-PTT need at a command, n rows, and the shifts that effects have added so far.
 
     Attributes:
         graph: the graph.
         file: the machine.
         mechanism: the drawing.
         q: command, (n, 3) mm.
-        a: what the drives put out, (n, 3) mm.
-        p: the drawing's tool at the command, three (n, 1) mm; None where nobody asks.
+        a: actual slider heights, command with drive errors, (n, 3) mm.
+        p: the drawing's tool at the command, three (n, 1) mm; None where no effect needs it.
         payload: (n, 1) kg.
-        warmth: (n, 1) K.
+        warmth: temperature less reference temperature, (n, 1) K.
         drive: shift of the drives, (n, 3) mm.
         centre: shift of the joint centres, three (n, 3) mm.
         length: shift of the link lengths, (n, 3) mm.
         platform: shift of the tool on the platform, three (n, 1) mm.
-        tool: shift of structure, three (n, 1) mm.
+        tool: shift of the tool in space, three (n, 1) mm.
     """
 
     graph: Graph
@@ -79,7 +79,7 @@ class LegRows:
         return [self.p[x] - foot[None, :, x] - self.q * rail[None, :, x] for x in range(3)]
 
     def weight(self) -> Node:
-        """Of platform and payload, (n, 1) N."""
+        """Weight of platform and payload, (n, 1) N."""
         spec = self.file.machine
         assert spec.kind == "three-ptt"
         return (self.payload + np.array([[spec.platform_mass_kg]])) * np.array([[GRAVITY]])
@@ -104,7 +104,7 @@ class LegRows:
                      for old, new in zip(self.tool, shift, strict=True)]  # fmt: skip
 
 
-def spread(p: Node) -> Vector:
+def split_columns(p: Node) -> Vector:
     """(n, 3) as three (n, 1)."""
     return [p.take(axis) for axis in range(3)]
 
@@ -119,8 +119,8 @@ def dot(u: Vector, v: Vector) -> Any:
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-def meet(graph: Graph, mechanism: ThreePtt, q: Node, grown: tuple[Vector, Any] | None) -> Vector:
-    """Tool of joint values, three (n, 1) mm; `grown` shifts centres and link lengths."""
+def intersect_spheres(graph: Graph, mechanism: ThreePtt, q: Node, grown: tuple[Vector, Any] | None) -> Vector:
+    """Forward kinematics: intersection of three spheres, three (n, 1) mm; `grown` shifts centres and link lengths."""
     foot, rail, link = mechanism.foot.numpy(), mechanism.rail.numpy(), mechanism.link.numpy()
     centre = [q * rail[None, :, x] + foot[None, :, x] for x in range(3)]
     length: Any = graph.value(link[None])

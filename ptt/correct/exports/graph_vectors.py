@@ -1,4 +1,4 @@
-"""Arithmetic of graph values and plain numbers together: what a number settles by itself is no node of the graph."""
+"""Vector arithmetic on mixed nodes and plain numbers; operations that are trivial or between numbers make no node."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,8 +8,8 @@ import numpy as np
 from ptt.correct.exports.graph import Node
 
 Vector = Sequence[Any]
-FLAT = np.array([[1.0]])
-NEARLY = 1e-3  # onnxruntime leaves out a factor that is one but for a hundred-thousandth
+ONE = np.array([[1.0]])  # makes a number a (1, 1) constant
+NEARLY = 1e-3  # onnxruntime drops a factor that differs from one by a hundred-thousandth: add the difference instead
 
 
 def multiply(a: Any, b: Any) -> Any:
@@ -21,8 +21,8 @@ def multiply(a: Any, b: Any) -> Any:
         if number in (0.0, 1.0):
             return value if number else 0.0
         if abs(number - 1.0) < NEARLY:
-            return value + value * (FLAT * (number - 1.0))
-        return value * (FLAT * number)
+            return value + value * (ONE * (number - 1.0))
+        return value * (ONE * number)
     return a * b
 
 
@@ -33,7 +33,7 @@ def add(a: Any, b: Any) -> Any:
     number, value = (a, b) if isinstance(b, Node) else (b, a)
     if isinstance(number, Node):
         return a + b
-    return value if number == 0.0 else value + FLAT * number
+    return value if number == 0.0 else value + ONE * number
 
 
 def subtract(a: Any, b: Any) -> Any:
@@ -52,7 +52,7 @@ def dot(u: Vector, v: Vector) -> Any:
 
 
 def turned(u: Vector, v: Vector, cosine: Any, sine: Any) -> tuple[Vector, Vector]:
-    """Two axes after a turn from the first toward the second."""
+    """Two axes rotated in their plane, from the first toward the second."""
     pairs = list(zip(u, v, strict=True))
     one = [add(multiply(cosine, a), multiply(sine, b)) for a, b in pairs]
     return one, [subtract(multiply(cosine, b), multiply(sine, a)) for a, b in pairs]

@@ -1,4 +1,4 @@
-"""The head of every exported file: of which model it is, on which runs that was fitted, when it was written."""
+"""The head of every exported file: its model, the runs it was fitted to, and the date."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +24,7 @@ def head_lines(compensator: "Compensator", options: Options) -> list[str]:
     file = compensator.model.file
     lines = [f"{file.machine.name} ({file.machine.kind}), exported by ptt {__version__} on {options.date.isoformat()}"]
     lines += [f"model {path.name}, SHA-256 {sha256(path)}" for path in _files(options.model_path)]
-    for step in reversed([step for step in file.history if "kind" in step]):  # the others are a person's own
+    for step in reversed([step for step in file.history if "kind" in step]):  # steps without a kind are the user's own
         runs = [item for item in step.get("files", ()) if item.get("sha256")]
         lines += [f"run {Path(str(item.get('file', 'run'))).name}, SHA-256 {item['sha256']}" for item in runs]
         if runs:
@@ -33,7 +33,7 @@ def head_lines(compensator: "Compensator", options: Options) -> list[str]:
 
 
 def _files(path: Path | None) -> list[Path]:
-    """The files that a model is kept in."""
+    """The files that a model consists of."""
     if path is None:
         return []
     if path.is_dir():
@@ -42,6 +42,6 @@ def _files(path: Path | None) -> list[Path]:
 
 
 def _plain(text: str) -> str:
-    """Printable ASCII that ends no comment."""
+    """Printable ASCII without anything that could end a comment."""
     plain = "".join(c if " " <= c <= "~" else "?" for c in text)
     return plain.replace("*/", "* /").replace("/*", "/ *").replace(")", "]").replace("(", "[").replace("\\", "/")

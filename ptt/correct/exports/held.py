@@ -1,4 +1,4 @@
-"""How much of each effect a format takes: what is left of its error when the format's parameters do their best."""
+"""How much of each effect a format holds: its error less the best approximation by the format's parameters."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,9 +10,9 @@ from ptt.effects import Effect
 from ptt.model.chain import predict
 from ptt.run.viewing import build_view
 
-HELD = 0.05  # share of an effect's error that may be left of what counts as held: a tenth of a tracker's noise or less
+HELD = 0.05  # residual share of an effect's error up to which it counts as held
 NOTHING = 1e-6  # um: less is rounding
-LOAD_KG = 1.0  # tried where no payload is stated: what it does to an effect's share does not depend on its size
+LOAD_KG = 1.0  # assumed where no payload is stated, to find effects that act under a payload alone
 UNSTATED = "the format has no payload, and none is given here; --run RUN.csv evaluates it at the loads of a run"
 SHOWN_UM = 0.05  # less is printed as 0.0
 ALMOST_ALL = 0.95  # share of an effect's error that counts as all of it
@@ -38,15 +38,15 @@ def cannot_hold(
 ) -> dict[str, str]:
     """Find the effects that a format cannot hold, and say why.
 
-    The tool's shift by each effect alone is projected on what the format's parameters can do, to first order.
+    The tool's shift by each effect alone is projected onto the column space of the format's parameters (first order).
 
     Args:
         sample: places and model.
-        tangent: (n, 3, P), how the tool moves with each parameter of the format.
+        tangent: (n, 3, P), derivative of the tool by each parameter of the format.
         shape: what the format has no place for, as a reason.
         known: contexts that the format knows, of `CONTEXTS`.
         hints: name of an effect -> what else a user can do about it.
-        tabled: by how much an effect moves each joint as far as tables along the joints say it, (n, k).
+        tabled: shift of each joint by an effect as tables along the joints represent it, (n, k).
 
     Returns:
         Key -> why.
@@ -75,14 +75,14 @@ def cannot_hold(
     return why
 
 
-def without_payload(sample: WorkspaceSample) -> dict[str, float]:
-    """How much of each effect is there without a payload.
+def share_without_payload(sample: WorkspaceSample) -> dict[str, float]:
+    """Share of each effect that acts without a payload.
 
     Args:
         sample: places and model; where no payload is stated, a payload of 1 kg is tried.
 
     Returns:
-        Key -> share of its shift under payload, 1 where the payload is no matter to it.
+        Key -> share of its shift under payload; 1 for an effect that does not depend on payload.
     """
     model = sample.compensator.model
     stated = sample.table.payload_kg
@@ -103,19 +103,19 @@ def _stated(sample: WorkspaceSample) -> bool:
 
 
 def _unloaded(sample: WorkspaceSample) -> set[str]:
-    """Effects that act under a payload alone, where none is stated: nothing of them is there to be held."""
-    return set() if _stated(sample) else {key for key, share in without_payload(sample).items() if share < HELD}
+    """Effects that act only under a payload, where none is stated, so that they cannot be judged."""
+    return set() if _stated(sample) else {key for key, share in share_without_payload(sample).items() if share < HELD}
 
 
 def network_note(sample: WorkspaceSample) -> tuple[str, ...]:
-    """What a format that holds physics alone says of a network."""
+    """Note of a format without network where the model has one."""
     if sample.compensator.network is None:
         return ()
     return ("the network's part is included only as far as the format's parameters can reproduce it",)
 
 
 def _untold(effect: Effect, sample: WorkspaceSample) -> bool:
-    """Whether an effect asks for a context that a run could tell and the places do not have."""
+    """Whether an effect needs a context that a run would state and the sample does not."""
     return any(getattr(sample.table, TOLD[context]) is None for context in effect.requires if context in TOLD)
 
 
@@ -154,5 +154,6 @@ def rms_um(shift: np.ndarray) -> float:
 
 
 def _scaled(columns: np.ndarray) -> np.ndarray:
+    """Non-zero columns scaled to unit length, so that units of parameters do not matter."""
     size = np.linalg.norm(columns, axis=0)
     return columns[:, size > 0.0] / size[size > 0.0]

@@ -1,4 +1,4 @@
-"""What an export leaves: over the workspace, by how much the model says that commands miss."""
+"""Remaining error of an export over the workspace, predicted by the model."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 POSES = 600  # a root mean square of a smooth field is then known to a few percent
-EVEN = 1e-6  # deg
+EVEN = 1e-6  # deg, rounding of even azimuths
 COMPENSATED = "left to the controller, which compensates it already"
 
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceSample:
-    """Places all over the workspace that the model can be sent to, each joint arriving from one side or the other.
+    """Reachable positions all over the workspace, each joint arriving from a random side.
 
     Attributes:
         compensator: what is exported.
         table: the places as targets in the base frame, with payload, temperature and speed.
-        targets: (n, 3) mm, the same.
+        targets: (n, 3) mm, those of `table`.
         nominal: (n, k) mm or rad, joint values by the drawing.
-        direction: (n, k), +1 or -1, how each joint arrives; drawn by lot, so that it says nothing about the place.
-        static: (n, k) mm or rad, the whole model's commands without the reversal part: what a format is fitted to.
+        direction: (n, k), +1 or -1, direction in which each joint arrives; random, hence independent of the position.
+        static: (n, k) mm or rad, the whole model's commands without the reversal part; formats are fitted to these.
         commands: the whole model's commands.
     """
 
@@ -53,7 +53,7 @@ class WorkspaceSample:
 
 
 def sample_workspace(compensator: "Compensator", options: Options, poses: int = POSES) -> WorkspaceSample:
-    """Spread targets over a machine's workspace and work out the whole model's commands there.
+    """Draw targets in a machine's workspace and compute the whole model's commands there.
 
     Args:
         compensator: the model, and a network where there is one.
@@ -94,7 +94,7 @@ def sample_workspace(compensator: "Compensator", options: Options, poses: int = 
 def left_of_drawing(
     sample: WorkspaceSample, options: Options, sliders: Callable[[WorkspaceSample], np.ndarray]
 ) -> float:
-    """What a format leaves of a machine that is just as drawn: a drawing that leans or is uneven has no place in some.
+    """Error of a format for a machine exactly as drawn: some formats cannot represent leaning or uneven towers.
 
     Args:
         sample: of the machine, a 3-PTT.
@@ -102,7 +102,7 @@ def left_of_drawing(
         sliders: what the format sends, fitted to a sample, for its places, (n, 3) mm.
 
     Returns:
-        Root mean square over the workspace, um; 0 of upright towers at even azimuths, which any delta is.
+        Root mean square over the workspace, um; 0 for upright towers at even azimuths, which every format represents.
     """
     compensator = sample.compensator
     spec = compensator.model.file.machine
@@ -115,17 +115,16 @@ def left_of_drawing(
 
 
 def error_left(sample: WorkspaceSample, q: np.ndarray) -> ErrorLeft:
-    """By how much the tool misses where a controller sends certain commands, judged by the model itself.
+    """Error of the tool at given commands, predicted by the model itself.
 
-    The tool goes where drive, geometry and structure of the model say, reversal along the travel included unless the
-    controller compensates it; what the network knows of is part of the target. A miss that is not known because the
-    fit left parameters uncertain (their covariance carried to the tool, and what the network leaves of held-out rows)
-    is added to all three figures: root of the mean of miss^2 + sigma^2. A model without a covariance adds nothing, so
-    its own figure is then only what its solution leaves, which is near zero.
+    The tool position includes drives, geometry and structure of the model, and reversal unless the controller
+    compensates it; the network's correction is part of the target. The uncertainty of the fitted parameters (their
+    covariance propagated to the tool) and the network's held-out error are added to all three figures: root of the
+    mean of miss^2 + sigma^2. For a model without a covariance the figure of the whole model is therefore near zero.
 
     Args:
         sample: the places.
-        q: (n, k) mm or rad, what is sent there; NaN rows are left out.
+        q: (n, k) mm or rad, commands; NaN rows are left out.
 
     Returns:
         The figures.
@@ -135,11 +134,11 @@ def error_left(sample: WorkspaceSample, q: np.ndarray) -> ErrorLeft:
 
 
 def holdings(sample: WorkspaceSample, cannot: dict[str, str]) -> tuple[tuple[str, ...], tuple[CannotHold, ...]]:
-    """Divide the effects of a model into those that a format holds and those that it cannot hold.
+    """Partition the effects of a model into those that a format holds and those that it cannot hold.
 
     Args:
         sample: for the model.
-        cannot: key -> why, of effects that the format has no place for; others than the model's are passed over.
+        cannot: key -> why, of effects that the format cannot hold; keys that the model does not have are ignored.
 
     Returns:
         Keys, and the others with the reason; what the controller compensates already is among the latter.
@@ -161,7 +160,7 @@ def _rms_um(sample: WorkspaceSample, q: np.ndarray, sigma: np.ndarray) -> float:
 
 
 def _tool(sample: WorkspaceSample, q: np.ndarray) -> np.ndarray:
-    """Where the model puts the tool, (n, 3) mm; the network left aside."""
+    """Tool positions by the model without network, (n, 3) mm."""
     model = sample.compensator.model
     steady, reversing, _ = split_terms(model)
     terms: EffectTerms = [*steady, *reversing]
@@ -169,18 +168,18 @@ def _tool(sample: WorkspaceSample, q: np.ndarray) -> np.ndarray:
 
 
 def _asked(sample: WorkspaceSample) -> np.ndarray:
-    """What physics is asked for so that network and physics together reach the targets, (n, 3) mm."""
+    """Positions that the physics has to reach so that physics and network together reach the targets, (n, 3) mm."""
     correction, _ = sample.compensator.network_parts(sample.nominal)
     return sample.targets if correction is None else correction(sample.targets)
 
 
 def without(compensator: "Compensator", keys: Iterable[str]) -> "Compensator":
-    """The same without some effects of its model, by their keys."""
+    """A compensator without some effects of its model, by their keys."""
     return replace(compensator, model=reduce(Model.without, keys, compensator.model))
 
 
 def solve(compensator: "Compensator", table: Table, posture: np.ndarray, progress: Progress = unwatched) -> Commands:
-    """Commands of targets by physics and network; nothing is looked for beside those that cannot be sent.
+    """Commands of targets by physics and network, without a search for the nearest reachable point of unreachable ones.
 
     Args:
         compensator: with or without a network.
@@ -204,7 +203,7 @@ def solve(compensator: "Compensator", table: Table, posture: np.ndarray, progres
 
 
 def _context(run: Table | None, rows: int) -> dict[str, np.ndarray]:
-    """Payload, temperature and speed of a run's poses, over and over."""
+    """Payload, temperature and speed of a run's poses, repeated cyclically."""
     if run is None:
         return {}
     poses = take_rows(run, run.role == "pose")

@@ -15,10 +15,10 @@ from scipy.optimize import least_squares
 
 from ptt.correct.exports.axis_tables import (
     AxisTables,
-    Drives,
+    DriveErrors,
     by_direction,
     cut_tables,
-    read_drives,
+    drive_errors,
     smooth_basis,
     table_entries,
     tabled,
@@ -49,14 +49,14 @@ BACKLASH = "LinuxCNC ignores BACKLASH where a joint has a COMP_FILE: what it com
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What is written.
+    """Parameters of lineardeltakins and the compensation tables.
 
     Attributes:
         radius: R, mm.
         rod: L, mm.
-        turn: deg, by which the controller's x and y are turned against the base frame.
+        turn: deg, rotation of the controller's x and y against the base frame.
         height: mm, slider height less joint position.
-        tables: by joint position.
+        tables: compensation by joint position.
     """
 
     radius: float
@@ -104,28 +104,28 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     return Written(written, holds, cannot, left, (*notes, *network_note(sample)))
 
 
-def fit_tables(sample: WorkspaceSample, step: float | None) -> tuple[Fit, Array, Drives]:
-    """Find R, L and tables that together miss least over the workspace.
+def fit_tables(sample: WorkspaceSample, step: float | None) -> tuple[Fit, Array, DriveErrors]:
+    """Fit R, L and tables for the least error of the tool over the workspace.
 
-    Tables are what the drives ask along each slider plus smooth curves; for every R and L the best curves follow by
-    linear least squares.
+    Tables are the inverse of the drive errors along each slider plus smooth curves; for given R and L the best curves
+    follow from linear least squares (variable projection).
 
     Args:
         sample: places and commands.
         step: distance of table entries, mm; None for as close as needed.
 
     Returns:
-        The fit, how the tool moves with its smooth parameters (n, 3, P), and the drives along each slider.
+        The fit, the derivative of the tool by its smooth parameters (n, 3, P), and the drive errors along each slider.
     """
     spec = require_upright(sample)
-    start, drives = drawn_delta(spec), read_drives(sample)
+    start, drives = drawn_delta(spec), drive_errors(sample)
     require_anticlockwise(start, "LinuxCNC's lineardeltakins", sample.compensator.model.file.source)
     turn, height = _turn(start), spec.joint_height_mm
     jacobian = tool_by_slider(sample)
     basis, along = smooth_basis(sample.nominal, drives)
     columns = np.einsum("ncl,nlp->ncp", jacobian, basis).reshape(-1, basis.shape[2])
     inverse = np.linalg.pinv(columns)
-    come = sample.static + drives.at_rows(sample.static)  # where the sliders are to come
+    come = sample.static + drives.at_rows(sample.static)  # wanted actual slider heights
 
     def lacks(values: Array) -> Array:
         joints = _joints(start.radius + values[0], start.rod[0] + values[1], turn, sample.targets) + height
@@ -143,7 +143,7 @@ def fit_tables(sample: WorkspaceSample, step: float | None) -> tuple[Fit, Array,
     tables = cut_tables(drives, at + height, along(inverse @ lacks(found)), by_direction(sample))
     tables = AxisTables(at, np.round(tables.forward, DIGITS), np.round(tables.reverse, DIGITS))
     slope = np.stack([(lacks(found + each) - lacks(found - each)) / 2e-3 for each in 1e-3 * np.eye(2)], axis=-1)
-    ways = (jacobian * sample.direction[:, None, :]).reshape(-1, 3)  # a table's difference between the two ways
+    ways = (jacobian * sample.direction[:, None, :]).reshape(-1, 3)  # the difference of a table between both directions
     tangent = np.concatenate([columns, slope, ways], axis=1)
     return Fit(radius, rod, turn, height, tables), tangent.reshape(len(jacobian), 3, -1), drives
 

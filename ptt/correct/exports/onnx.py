@@ -9,9 +9,9 @@ from nets import GaussianRbf
 from ptt.correct.exports.c.effects import AHEAD, OWN, parts_of
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.graph import Graph, Node
-from ptt.correct.exports.graph_arm import CONTEXT, settle
+from ptt.correct.exports.graph_arm import CONTEXT, inverse_nodes
 from ptt.correct.exports.graph_effects import EFFECTS
-from ptt.correct.exports.graph_legs import LegRows, Vector, meet, spread
+from ptt.correct.exports.graph_legs import GraphLegs, Vector, intersect_spheres, split_columns
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.left import error_left, holdings, sample_workspace, solve, without
 from ptt.correct.exports.whole import write_all
@@ -27,8 +27,8 @@ from ptt.run.target_frame import target_frames
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
-ROUNDS = 7  # each shortens what is left a thousandfold, three hundredfold on a bad machine: rounding after five
-OPSET, IR = 17, 8  # of 2022: every runtime since reads them
+ROUNDS = 7  # each reduces the error a thousandfold, three hundredfold on a bad machine, so five reach rounding
+OPSET, IR = 17, 8  # of 2022: every runtime since then supports them
 SIDE = "it depends on the path, which rows of a batch do not have: the caller adds it"
 
 
@@ -38,7 +38,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     Inputs: p (n, 3) mm; where effects ask for them payload_kg (n, 1) and temp_c (n, 1). Outputs: b (n, 3) mm, and with
     a network inside (n, 1), whether a row lies in its domain. Of an arm q_nominal (n, k) rad goes in, its targets by
     the drawing, and q (n, k) rad comes out. A row out of reach is NaN; travel, singularities and the size of a
-    correction are not looked at.
+    correction are not checked.
 
     Args:
         compensator: physics, and a network where there is one.
@@ -98,14 +98,14 @@ def build_graph(compensator: "Compensator", head: list[str]) -> Any:
     if compensator.network is not None:
         step, inside = _network(graph, compensator.network, place)
         asked = place + graph.node("Where", inside, step, np.zeros((1, 3)))
-    b = _settle(graph, file, steady, asked, *_context(graph, file, uses))
+    b = _fixed_point(graph, file, steady, asked, *_context(graph, file, uses))
     inputs = [("p", 3), *_context_inputs(uses)]
     outputs = [("b", b, 3, 11)] + ([("inside", inside, 1, 9)] if inside is not None else [])  # 11 double, 9 bool
     return _model(graph, inputs, outputs, head)
 
 
 def _arm_graph(compensator: "Compensator", head: list[str]) -> Any:
-    """The same of an arm: nominal joint values in, corrected ones out."""
+    """The graph of an arm's model: nominal joint values in, corrected ones out."""
     graph, file = Graph(), compensator.model.file
     arm = build_mechanism(file.machine)
     assert isinstance(arm, Serial) and isinstance(file.machine, SerialSpec)
@@ -113,7 +113,7 @@ def _arm_graph(compensator: "Compensator", head: list[str]) -> Any:
     uses = {need for effect, _ in steady for need in CONTEXT[effect.name]}
     payload, warmth = _context(graph, file, uses)
     effects = [(effect, theta.numpy()) for effect, theta in steady]
-    q = settle(graph, arm, file.machine, effects, Node(graph, "q_nominal"), payload, warmth)
+    q = inverse_nodes(graph, arm, file.machine, effects, Node(graph, "q_nominal"), payload, warmth)
     inputs = [("q_nominal", arm.joints), *_context_inputs(uses)]
     return _model(graph, inputs, [("q", q, arm.joints, 11)], head)
 
@@ -184,36 +184,38 @@ def _half(domain: Any) -> np.ndarray:
     return np.asarray(0.5 * (domain.high - domain.low) + domain.room)
 
 
-def _settle(graph: Graph, file: MachineFile, steady: Any, asked: Node, payload: Node, warmth: Node) -> Node:
-    """The closed inverse with the errors of the round before, round after round, (n, 3) mm."""
+def _fixed_point(graph: Graph, file: MachineFile, steady: Any, asked: Node, payload: Node, warmth: Node) -> Node:
+    """Commands by fixed-point iteration of the closed-form inverse with the errors of the previous round, (n, 3) mm."""
     mechanism = build_mechanism(file.machine)
     assert isinstance(mechanism, ThreePtt)
-    q = settled = _raise(mechanism, spread(asked), None)
+    q = settled = _inverse(mechanism, split_columns(asked), None)
     if not steady:
         return q
     drawn = any(EFFECTS[effect.name].drawn for effect, _ in steady)
     for _ in range(ROUNDS):
-        p = meet(graph, mechanism, q, None) if drawn else None
-        seen = LegRows(graph, file, mechanism, q, settled, p, payload, warmth)
+        p = intersect_spheres(graph, mechanism, q, None) if drawn else None
+        legs = GraphLegs(graph, file, mechanism, q, settled, p, payload, warmth)
         for effect, theta in steady:
-            EFFECTS[effect.name].add(seen, theta.numpy(), effect)
+            EFFECTS[effect.name].add(legs, theta.numpy(), effect)
         goal = [
-            axis - shift if shift is not None else axis for axis, shift in zip(spread(asked), seen.tool, strict=True)
+            axis - shift if shift is not None else axis
+            for axis, shift in zip(split_columns(asked), legs.tool, strict=True)
         ]
-        settled = _raise(mechanism, goal, seen)
-        q = settled - seen.drive if seen.drive is not None else settled
+        settled = _inverse(mechanism, goal, legs)
+        q = settled - legs.drive if legs.drive is not None else settled
     return q
 
 
-def _raise(mechanism: ThreePtt, p: Vector, seen: LegRows | None) -> Node:
+def _inverse(mechanism: ThreePtt, p: Vector, legs: GraphLegs | None) -> Node:
+    """Closed-form inverse with the shifts of centres, platform and link lengths, (n, 3) mm."""
     foot, rail, link = mechanism.foot.numpy(), mechanism.rail.numpy(), mechanism.link.numpy()
     reach: list[Any] = [p[axis] - foot[None, :, axis] for axis in range(3)]
     length: Any = link[None]
-    if seen is not None:
+    if legs is not None:
         for axis in range(3):
-            for shift in (seen.centre[axis], seen.platform[axis]):
+            for shift in (legs.centre[axis], legs.platform[axis]):
                 reach[axis] = reach[axis] if shift is None else reach[axis] - shift
-        length = length if seen.length is None else seen.length + length
+        length = length if legs.length is None else legs.length + length
     along = sum((reach[axis] * rail[None, :, axis] for axis in range(1, 3)), reach[0] * rail[None, :, 0])
     square = reach[0] * reach[0] + reach[1] * reach[1] + reach[2] * reach[2]
     drop = (along * along - square + length * length).sqrt()

@@ -1,9 +1,9 @@
 """SINUMERIK: encoder compensation of each axis, $AA_ENC_COMP, behind the kinematics that the controller has already.
 
 Source: SINUMERIK 840D sl, Function Manual Extended Functions, K3 Compensations, 'Leadscrew error and measuring system
-error compensation': a table of values at even steps from MIN to MAX, straight between them, those of the ends beyond; a
+error compensation': a table of values at even steps from MIN to MAX, linear between them, constant beyond the ends; a
 value is added to the actual position, so a positive one moves the axis in the negative direction. One table for both
-ways.
+directions.
 """
 
 from pathlib import Path
@@ -15,10 +15,10 @@ import torch
 from ptt.correct.exports.axis_tables import (
     FINEST,
     AxisTables,
-    Drives,
+    DriveErrors,
     by_direction,
     cut_tables,
-    read_drives,
+    drive_errors,
     smooth_basis,
     table_entries,
     tabled,
@@ -52,7 +52,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     arm = compensator.model.file.machine.kind == "serial"
     unit = np.degrees(1.0) if arm else 1.0
     step = None if options.step is None else options.step / unit
-    drives = read_drives(sample)
+    drives = drive_errors(sample)
     smooth, tangent = _curves(sample, drives)
     at = table_entries(drives, step, FINEST + 1)
     tables = _rounded(cut_tables(drives, at, smooth, np.zeros(at.shape[1])), unit)
@@ -70,11 +70,11 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     return Written(written, holds, cannot, left, (*notes, *network_note(sample)))
 
 
-def _curves(sample: WorkspaceSample, drives: Drives) -> tuple[Array, Array]:
-    """How far beyond its own position each axis is to come, as smooth curves, and how the tool moves with them.
+def _curves(sample: WorkspaceSample, drives: DriveErrors) -> tuple[Array, Array]:
+    """Smooth part of each axis' correction (F, k), and the derivative of the tool by its coefficients (n, 3, P).
 
-    On sliders the curves are those that let the tool miss least; the joints of an arm, which can make up for one
-    another, each follow what is asked of them.
+    For sliders the curves minimise the error of the tool. Joints of an arm can compensate each other, so there each
+    curve is fitted to its joint's own correction.
     """
     jacobian = tool_by_slider(sample)
     count = jacobian.shape[2]
@@ -88,8 +88,8 @@ def _curves(sample: WorkspaceSample, drives: Drives) -> tuple[Array, Array]:
     return along(found), np.einsum("ncl,nlp->ncp", jacobian, basis)
 
 
-def _asked_of_joints(sample: WorkspaceSample, drives: Drives) -> Array:
-    """Least moves of an arm's joints that put right what is left once every drive is, (n, k) rad."""
+def _asked_of_joints(sample: WorkspaceSample, drives: DriveErrors) -> Array:
+    """Least-norm joint corrections of an arm for the error that remains once drive errors are corrected, (n, k) rad."""
     model = sample.compensator.model
     undone = sample.nominal - drives.at_rows(sample.nominal)
     view = build_view(model.file, sample.table.replace(command=undone))
@@ -98,7 +98,7 @@ def _asked_of_joints(sample: WorkspaceSample, drives: Drives) -> Array:
 
 
 def _rounded(tables: AxisTables, unit: float) -> AxisTables:
-    """As printed, in the units of the program again."""
+    """Tables rounded as printed, in mm or rad."""
     at, add = (np.round(each * unit, DIGITS) / unit for each in (tables.at, tables.forward))
     return AxisTables(at, add, add)
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.held import HELD, rms_um, said_left, without_payload
+from ptt.correct.exports.held import HELD, rms_um, said_left, share_without_payload
 from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, sample_workspace, solve, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
 CELLS = 20  # along the longest side, where no step is given
-MOST_POINTS = 500_000  # twice as many places are solved in a minute or so; a controller holds far fewer
+MOST_POINTS = 500_000  # a minute of computing; a controller holds far fewer
 WHY = {
     "payload": "a table holds for one load, this one for none",
     "temperature": "a table holds for one temperature, this one for the reference",
@@ -75,7 +75,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
         for key, (whole, left) in between.items()
         if left > HELD * whole
     }
-    loaded = {key: WHY["payload"] for key, share in without_payload(sample).items() if share < 1.0 - HELD}
+    loaded = {key: WHY["payload"] for key, share in share_without_payload(sample).items() if share < 1.0 - HELD}
     holds, lost = holdings(sample, fine | loaded | cannot)
     network = compensator.network is not None
     return Written(written, holds, lost, error_left(sample, q), tuple(head[-3:]), network)
@@ -95,9 +95,9 @@ def _cannot(compensator: "Compensator") -> dict[str, str]:
 def _between(
     still: "Compensator", axes: Sequence[np.ndarray], places: np.ndarray, sample: WorkspaceSample
 ) -> dict[str, tuple[float, float]]:
-    """How far each effect alone moves the tool over the workspace, and how much of it lies between the places, um rms.
+    """Shift of the tool by each effect alone over the workspace, and its interpolation error in the grid, um rms.
 
-    Waves that are shorter than two steps of the grid come out as others, and would be worse than none.
+    Periods shorter than two steps of the grid are aliased, which would be worse than no correction.
     """
     file, found = still.model.file, dict[str, tuple[float, float]]()
     reached = build_mechanism(file.machine).inverse(torch.as_tensor(places)).isfinite().all(dim=1).numpy()
@@ -111,7 +111,7 @@ def _between(
 
 
 def _axes(sample: WorkspaceSample, step: float | None) -> list[np.ndarray]:
-    """Places along x, y and z: whole steps about the origin that reach over the workspace."""
+    """Grid positions along x, y and z: multiples of the step that enclose the workspace."""
     low, high = sample.targets.min(axis=0), sample.targets.max(axis=0)
     width = float((high - low).max()) / CELLS if step is None else step
     count = _count(low, high, width)
@@ -128,12 +128,12 @@ def _axes(sample: WorkspaceSample, step: float | None) -> list[np.ndarray]:
 
 
 def _count(low: np.ndarray, high: np.ndarray, width: float) -> int:
-    """How many places a step makes."""
+    """Number of grid points of a step."""
     return int(np.prod(np.ceil(high / width) - np.floor(low / width) + 1.0))
 
 
 def _finest(low: np.ndarray, high: np.ndarray) -> float:
-    """The first step of two digits that is taken, mm."""
+    """The smallest step of two significant digits that gives no more than MOST_POINTS, mm."""
     guess = float(np.cbrt(np.prod(high - low) / MOST_POINTS))
     digit = 10.0 ** (np.floor(np.log10(guess)) - 1.0)
     steps = (float(f"{digit * tens:.2g}") for tens in itertools.count(int(guess / digit)))
@@ -141,7 +141,7 @@ def _finest(low: np.ndarray, high: np.ndarray) -> float:
 
 
 def _corrections(still: "Compensator", places: np.ndarray, progress: Progress) -> np.ndarray:
-    """Command less the drawing's, (n, 3) mm; NaN where nothing can be sent."""
+    """Corrected command less that of the drawing, (n, 3) mm; NaN where none can be sent."""
     commands = solve(still, make_table(places), places, progress)  # a network is over places here
     nominal = build_mechanism(still.model.file.machine).inverse(torch.as_tensor(places)).numpy()
     return np.asarray(np.where(commands.sent[:, None], commands.q - nominal, np.nan))
@@ -156,7 +156,7 @@ def _interpolate(axes: Sequence[np.ndarray], shift: np.ndarray, places: np.ndarr
 def _interpolation(
     still: "Compensator", axes: Sequence[np.ndarray], shift: np.ndarray, there: np.ndarray, progress: Progress
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How far interpolated and exact corrections are apart amid whole cells, and amid those at the edge, um."""
+    """Error of interpolated corrections at the centres of whole cells, and of cells at the edge, um."""
     middles = [0.5 * (axis[1:] + axis[:-1]) for axis in axes]
     places = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 3)
     off = _interpolate(axes, shift, places)

@@ -1,4 +1,4 @@
-"""Several files that appear together or not at all."""
+"""Atomic writing of several files."""
 
 import os
 from collections.abc import Mapping
@@ -12,9 +12,9 @@ from ptt.folders import recover_folder, write_folder
 def write_all(texts: Mapping[Path, str | bytes]) -> tuple[Path, ...]:
     """Write files that belong together.
 
-    A folder that is new, or holds nothing but them, is exchanged as one: whoever is killed on the way leaves the old
-    files or the new ones. Among other files, which stay as they are, they are put beside their names and renamed once
-    all of them are on disk. A link is followed; what processes that died left beside is removed.
+    A folder that is new, or holds nothing but them, is exchanged as one: an interrupted process leaves either the old
+    or the new files. Among other files, which stay, they are written to temporary names and renamed once all of them
+    are on disk. A link is followed; temporary files of processes that died are removed.
 
     Args:
         texts: where to -> content, text as UTF-8; missing folders are made.
@@ -40,7 +40,7 @@ def write_all(texts: Mapping[Path, str | bytes]) -> tuple[Path, ...]:
 
 
 def _alone(data: Mapping[Path, bytes]) -> bool:
-    """Whether several files are all that their folder holds or will; a folder that we work in is left in place."""
+    """Whether several files are the only content of their folder; the current folder is never exchanged."""
     folders = {path.parent for path in data}
     if len(data) < 2 or len(folders) > 1:
         return False
