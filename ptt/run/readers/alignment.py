@@ -1,26 +1,26 @@
-"""Readings of targets that are listed more than once under one name: which belongs to which, by the order of both."""
+"""Sequence alignment of readings and targets whose names repeat (longest common subsequence)."""
 
 import numpy as np
 
 from ptt.errors import TableError
 
-CYCLES = 1.2  # readings a target beyond which the list may have been run again, and not only some taken twice
+CYCLES = 1.2  # readings per target from which the list may have been repeated, not only some readings
 MOST_CELLS = 100_000_000  # readings times targets: 200 MB
 
 
 def align_names(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray]:
-    """The target of each reading, where all ways to keep both in order and pair the most of them agree on it.
+    """The target of each reading, where all longest alignments that keep both orders agree on it.
 
-    A reading that was missed, or taken twice, shifts none of those behind it.
+    A missed or repeated reading therefore does not shift those after it.
 
     Args:
         names: (n,) int, name of each reading in their order, -1 for one that is not listed.
         wanted: (m,) int, name of each target in their order.
-        place: (m,) int, equal for targets side by side that are one place: which of them is meant makes no difference.
+        place: (m,) int, equal for consecutive targets at one position: which of them is meant makes no difference.
         where: file, for messages.
 
     Returns:
-        (n,) int, -1 where there is no target; and whether it is open which one it is, (n,) bool.
+        (n,) int, -1 where there is no target; and whether it is ambiguous, (n,) bool.
 
     Raises:
         TableError: too many to compare.
@@ -37,7 +37,7 @@ def align_names(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, where:
 
 
 def _aligned(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, cycles: int) -> tuple[np.ndarray, np.ndarray]:
-    """The same of a list that was run so many times."""
+    """Alignment with a list that was repeated `cycles` times."""
     first, last = _ends(names, np.tile(wanted, cycles))
     stretch = (place + np.arange(cycles)[:, None] * (place.max() + 1)).ravel()
     found = first <= last
@@ -53,9 +53,9 @@ def _aligned(names: np.ndarray, wanted: np.ndarray, place: np.ndarray, cycles: i
 def _ends(names: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First and last target of each reading, (n,) int, over all longest common subsequences; last before first if none.
 
-    A run that was broken off has no reading of the last targets: those beyond the least that hold the longest are left.
+    An interrupted run has no reading of the last targets: only the fewest that give the full length are used.
 
-    Source: Hirschberg, Comm. ACM 18 (1975) 341: a pair is in one where what fits before and behind it adds up.
+    Source: Hirschberg, Comm. ACM 18 (1975) 341: a pair is in one if the lengths before and after it add up.
     """
     whole = np.zeros(len(wanted) + 1, dtype=np.int16 if len(wanted) < 2**15 else np.int32)
     for name in names:
@@ -77,7 +77,7 @@ def _ends(names: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _longer(length: np.ndarray, same: np.ndarray) -> np.ndarray:
-    """Lengths of the longest common subsequences with the first j targets, (m + 1,), one more reading taken in."""
+    """Lengths of the longest common subsequences with the first j targets, (m + 1,), after one more reading."""
     grown = length.copy()
     grown[1:] = np.maximum(length[1:], length[:-1] + same)
     return np.asarray(np.maximum.accumulate(grown))

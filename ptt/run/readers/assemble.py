@@ -1,4 +1,4 @@
-"""From the columns of a file to the arrays of a table: what must be there, what may, and which values are allowed."""
+"""From the columns of a file to the arrays of a table, with checks of columns and values."""
 
 import re
 from collections.abc import Mapping as Dictionary
@@ -22,7 +22,7 @@ from ptt.run.readers.required import (
     title_of,
 )
 
-UNIT = 0.01  # by which the length of a quaternion may miss 1: two or three decimals leave that
+UNIT = 0.01  # tolerance of a quaternion's length, for values rounded to two or three decimals
 ROLES = ("pose", "base", "datum")
 
 
@@ -99,7 +99,7 @@ def _nan(n: int, width: int) -> np.ndarray:
 
 
 def _block(export: Export, names: list[str]) -> np.ndarray | None:
-    """(n, len(names)), None where no column is there; a part of them is an error."""
+    """Columns (n, len(names)); None where none is there, an error where only some are."""
     missing = [name for name in names if name not in export.columns]
     if len(missing) == len(names):
         return None
@@ -109,7 +109,7 @@ def _block(export: Export, names: list[str]) -> np.ndarray | None:
 
 
 def _filled(export: Export, names: list[str], none: np.ndarray | None) -> np.ndarray | None:
-    """(n, len(names)), NaN for columns that are not there; `none` where not a single one is."""
+    """Columns (n, len(names)), NaN for absent ones; `none` where all are absent."""
     if not any(name in export.columns for name in names):
         return none
     return np.column_stack([export.columns.get(name, np.full(export.n, np.nan)) for name in names])
@@ -142,7 +142,7 @@ def _roles(export: Export) -> np.ndarray:
 
 
 def _runs(export: Export, is_base: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Codes in order of first appearance; a base reflector that names no run is of the run that it was read in."""
+    """Run codes in order of first appearance, and labels; a base reflector without run gets the run around it."""
     if "run" not in export.columns:
         return np.zeros(export.n, dtype=np.int64), ("",)
     run = export.columns["run"]
@@ -153,7 +153,7 @@ def _runs(export: Export, is_base: np.ndarray) -> tuple[np.ndarray, tuple[str, .
 
 
 def _require_labels(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> None:
-    """Refuse rows that do not say of which run they are where others do: they would be a run between the runs."""
+    """Refuse rows without a run where others have one: they would form a run of their own."""
     empty = np.flatnonzero((np.array(labels) == "")[run])
     if len(labels) > 1 and empty.size:
         raise TableError(
@@ -164,7 +164,7 @@ def _require_labels(export: Export, run: np.ndarray, labels: tuple[str, ...]) ->
 
 
 def _taking_turns(run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
-    """A word on a run that goes on after rows of another: from where the first row after them came is not known."""
+    """A note on a run that resumes after rows of another: the travel to its next row is unknown."""
     starts = np.flatnonzero(np.diff(run, prepend=-1))
     again = starts[starts > np.unique(run, return_index=True)[1][run[starts]]] if len(run) else starts
     if not len(again):
@@ -178,7 +178,7 @@ def _of_a_run(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> list[
 
 
 def _between_runs(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> list[str]:
-    """A word on base reflectors that name no run and were read after one and before another."""
+    """A note on base reflectors without run that were read between two runs."""
     named = export.columns.get("run", np.zeros(export.n, dtype=str)) != ""
     following = run[::-1][rows_beside(named[::-1])][::-1]
     rows = np.flatnonzero(~named & (following != run))
@@ -189,7 +189,7 @@ def _between_runs(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> l
 
 
 def _half_read(export: Export) -> list[str]:
-    """A warning on rows with a part of a reading: an axis that is empty leaves the others of no use."""
+    """A warning on rows with incomplete readings, which are not used."""
     empty = np.isnan(np.column_stack([export.columns[f"{axis}_meas"] for axis in "xyz"]))
     rows = np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1))
     if not len(rows):
@@ -223,7 +223,7 @@ def _directions(export: Export, joints: int) -> np.ndarray | None:
 def _stds(export: Export) -> np.ndarray | None:
     names = [f"{axis}_std" for axis in "xyz"]
     block = _filled(export, names, None)
-    # Less than a hundredth of an atom is no scatter, and its square vanishes.
+    # Below 1e-9 mm it is no scatter of a reading, and its square may vanish.
     wrong = np.argwhere((block < 0.0) | ((block > 0.0) & (block < 1e-9))) if block is not None else np.empty(0)
     if block is not None and wrong.size:
         row, column = (int(index) for index in wrong[0])
@@ -236,7 +236,7 @@ def _stds(export: Export) -> np.ndarray | None:
 
 
 def _without_scatter(export: Export, std: np.ndarray | None) -> list[str]:
-    """A warning on standard deviations of zero: no reading is exact, so nothing is known there."""
+    """A warning on standard deviations of zero: no reading is exact, so they are treated as unknown."""
     rows, axes = (np.empty(0, dtype=int),) * 2 if std is None else np.nonzero(std == 0.0)
     if not len(rows):
         return []
@@ -246,7 +246,7 @@ def _without_scatter(export: Export, std: np.ndarray | None) -> list[str]:
 
 
 def _quaternions(export: Export, of: str) -> np.ndarray | None:
-    """Orientations as they are written, (n, 4): their length, 1 but for rounding, is taken off where they are used."""
+    """Quaternions as written, (n, 4), of unit length but for rounding; they are normalised where they are used."""
     names = [f"q{axis}_{of}" for axis in "xyzw"]
     block = _block(export, names)
     length = np.ones(1) if block is None else np.linalg.norm(block, axis=1)
@@ -263,7 +263,7 @@ def _quaternions(export: Export, of: str) -> np.ndarray | None:
 
 
 def _unheld(export: Export, joints: int, prefix: str) -> dict[str, np.ndarray]:
-    """Columns of joints that this machine does not have, as text: they mean nothing here, and are not lost."""
+    """Columns of joints that this machine does not have, as text, so that they are kept."""
     other = "q" if prefix == "b" else "b"
     found = {name: re.fullmatch(rf"{other}[1-9]\d*_cmd|(?:dir|tau)([1-9]\d*)", name) for name in export.columns}
     names = [name for name, match in found.items() if match and not (match[1] and int(match[1]) <= joints)]

@@ -1,4 +1,4 @@
-"""The clock of a file whose date stands in a column of its own, or is counted in days as a spreadsheet does."""
+"""The clock of a file with the date in a column of its own, or with spreadsheet day numbers."""
 
 import re
 from collections.abc import Mapping as Dictionary
@@ -12,7 +12,7 @@ from ptt.run.readers.titles import normalise
 from ptt.run.readers.words import DATES, TIMES
 
 FIRST_DAY, LAST_DAY = 36_500.0, 73_000.0  # of a spreadsheet: the end of 1999 and of 2099
-FASTEST = {"mm": 5e3, "rad": 1e2}  # a second, from reading to reading: what machine stops at both, and is faster?
+FASTEST = {"mm": 5e3, "rad": 1e2}  # mm/s, rad/s: no machine is faster from reading to reading with stops at both
 AND = ("and", "und", "et", "of")
 
 
@@ -34,7 +34,7 @@ def with_date_for_time(
         decimal: sign.
 
     Returns:
-        The columns; and one that holds the days of the times of day in the clock's, None where there is none.
+        The columns; and the column with the dates of the clock's times of day, None where there is none.
     """
     dates = [column for column in columns if not column.quantity and names_a_date(column.title)]
     dates = [column for column in dates if column.title not in mapping.columns]
@@ -74,7 +74,7 @@ def counts_days(title: str, seconds: np.ndarray, columns: Dictionary[str, np.nda
         columns: quantity -> (n,) of the other columns.
 
     Returns:
-        Whether they are such days, by the title or because no machine goes from place to place in as few seconds.
+        Whether they are day numbers, by the title or because the machine would be impossibly fast if they were seconds.
     """
     known = seconds[~np.isnan(seconds)]
     if not known.size or known.min() < FIRST_DAY or known.max() > LAST_DAY or not (known % 1.0).any():

@@ -32,14 +32,14 @@ GREATEST = {
     "speed": 1e12,  # mm/s: light has 3e11
     "number": 1e12,  # N, N m, counts
 }
-"""Per dimension: what no machine and no mistake of units goes beyond, in the standard unit. Below, sums stay finite."""
+"""Per dimension: bound, in the standard unit, beyond every machine and every mistake of units; sums stay finite."""
 
 LEAST_VALUES = {"temp": -273.15, "payload": -0.01, "feed": 0.0}
-"""Per quantity: what it cannot be less than; -999 is a mark of other programs, and an empty scale may read some grams
-below zero. A load that was tared away is a part of the payload: every effect of a load begins with none."""
+"""Per quantity: least possible value. -999 is a missing-value mark of other programs; an empty scale may read
+some grams below zero. A tared load has to be stated as payload: load effects are zero at zero payload."""
 
 UNSTATED_IS_ASKED = ("angle", "speed")
-"""Dimensions whose unit must be written: rad and deg, mm/s and mm/min are equally common in the field."""
+"""Dimensions whose unit must be stated: rad and deg, mm/s and mm/min are equally common."""
 
 _QUANTITIES = (
     (re.compile(r"[xyz]_(cmd|meas|std)|b[1-9]\d*_cmd"), "length", True),
@@ -55,13 +55,13 @@ _QUANTITIES = (
 
 @dataclass(frozen=True)
 class Meaning:
-    """What a column holds.
+    """Meaning of a column.
 
     Attributes:
         quantity: name without unit, for instance `x_meas`.
         unit: a key of `UNITS[dimension]`; None where the file does not say.
         note: how the unit is known, where it is not written.
-        likely: whether the title alone does not make it sure: it gives way to any other column (`Motor 1 [mm]`).
+        likely: whether the title alone is no proof, so that any other column takes precedence (`Motor 1 [mm]`).
     """
 
     quantity: str
@@ -77,7 +77,7 @@ class Column:
     Attributes:
         index: place in the row, from 0.
         title: as in the file, or 'column 1' where there are no titles.
-        quantity: what it holds, '' for a column that is kept aside.
+        quantity: what it holds, '' for a column that is kept as text.
         unit: a key of `UNITS`.
         note: how that is known, where the title does not say it all.
     """
@@ -105,7 +105,7 @@ def greatest(quantity: str) -> float:
 
 
 def least(quantity: str) -> float:
-    """What a quantity cannot be less than, in its standard unit."""
+    """Least possible value of a quantity, in its standard unit."""
     return max(LEAST_VALUES.get(quantity, -np.inf), -greatest(quantity))
 
 
@@ -128,7 +128,7 @@ def canonical(title: str) -> Meaning | None:
 
 
 def begun(title: str) -> tuple[str, str] | None:
-    """A title that begins as one of the file format and goes on with no unit of it: `payload_st`, `feed_ft_min`.
+    """Split a title that begins with a known quantity and ends with an unknown unit: `payload_st`, `feed_ft_min`.
 
     Args:
         title: as in the file.
@@ -146,13 +146,13 @@ def begun(title: str) -> tuple[str, str] | None:
 
 
 def of_axis(meaning: Meaning) -> Meaning:
-    """An axis in a unit of length is a slider, whatever it is called: `Axis 1 [mm]` is `b1_cmd`, no angle.
+    """An axis in a unit of length is a slider, whatever its name: `Axis 1 [mm]` is `b1_cmd`, not an angle.
 
     Args:
         meaning: of a column.
 
     Returns:
-        The same of the slider, or as it is.
+        The meaning for a slider, or unchanged.
     """
     turns = re.fullmatch(r"q[1-9]\d*_(cmd|bare)", meaning.quantity)
     slides = turns and meaning.unit in UNITS["length"]

@@ -5,7 +5,7 @@ import re
 from ptt.errors import TableError
 from ptt.run.readers.mapping import Ask, Mapping, answer
 
-ZEROS = 0.02  # share of the bytes: digits and commas of UTF-16 have a zero each, and no text of one byte has any
+ZEROS = 0.02  # share of zero bytes: in UTF-16 every ASCII character has one, in single-byte text there is none
 
 
 def decode(data: bytes, source: str, mapping: Mapping, ask: Ask | None) -> tuple[str, str]:
@@ -23,7 +23,7 @@ def decode(data: bytes, source: str, mapping: Mapping, ask: Ask | None) -> tuple
 
 
 def _refuse_signs(text: str, source: str) -> None:
-    """Refuse what no text has."""
+    """Refuse control characters that no text has."""
     if sign := re.search(r"[\x00-\x08]", text):
         row = text.count("\n", 0, sign.start()) + 1
         what = f"not a text file: a character of code {ord(sign[0])}"

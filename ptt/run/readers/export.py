@@ -50,7 +50,7 @@ class Export:
         columns: quantity -> (n,) float64 in the program's unit (NaN = empty), or str for name, role and run.
         extra: title -> (n,) str, columns that are no quantity, as written.
         line: (n,) int, line numbers in the file.
-        understood: what was made of the file.
+        understood: how the file was interpreted.
     """
 
     source: str
@@ -134,7 +134,7 @@ class ReadColumn:
     """A column of a file, read.
 
     Attributes:
-        column: what it is; without a quantity where its values are kept aside as they are written.
+        column: its meaning; without a quantity where its values are kept as text.
         values: (n,) in the program's unit, or str.
         dates: order of day and month in its stamps, where that was needed.
         notes: what is to be said of it.
@@ -168,7 +168,7 @@ def _read_column(raw: RawText, column: Column, content: np.ndarray, request: Req
 def _with_days(
     read: list[ReadColumn], days: Column | None, raw: RawText, cells: dict[int, np.ndarray], request: Request
 ) -> list[ReadColumn]:
-    """The columns with a clock that goes on from day to day, by the dates beside it or as a spreadsheet counts."""
+    """The columns with a continuous clock, by a column of dates or by spreadsheet day numbers."""
     place = next((place for place, one in enumerate(read) if one.column.quantity == "time"), None)
     if place is None:
         return read

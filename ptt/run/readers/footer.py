@@ -1,4 +1,4 @@
-"""Rows below the readings that are none: statistics of the columns, a word at the end."""
+"""Rows below the readings that are none: statistics of the columns, closing remarks."""
 
 import re
 
@@ -12,7 +12,7 @@ from ptt.run.readers.words import EXTREMES, STATISTICS
 def refuse_footer(raw: RawText, width: int) -> None:
     """Refuse rows at the end that are named like statistics, or that hold no number and are of another width.
 
-    A mean that is taken for a reading moves the fit. A point may be called 'max': that alone is no footer.
+    A mean taken for a reading would bias the fit. A point may be called 'max': that alone is no footer.
 
     Args:
         raw: the lines.

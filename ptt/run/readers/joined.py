@@ -1,4 +1,4 @@
-"""Several runs behind one another: arrays joined, runs of different files kept apart."""
+"""Concatenation of several runs; runs of different files stay separate."""
 
 from collections.abc import Mapping as Dictionary
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Which column of a file holds what: from titles, from the order in files without titles, from saved answers."""
+"""Meaning of a file's columns: from titles, from their order in files without titles, from saved answers."""
 
 import re
 from collections import Counter
@@ -13,7 +13,7 @@ from ptt.run.readers.titles import DRIVER_NOTE, is_polar, meaning_of
 from ptt.run.readers.units import unit_beside, with_begun, with_unit
 
 GOALS = ("x_cmd", "y_cmd", "z_cmd")
-_PREDICTED = re.compile(r"reversal1|in_domain|shift_um|sigma_um|q\d+_cmd_rad")  # beside which q1 is in rad as well
+_PREDICTED = re.compile(r"reversal1|in_domain|shift_um|sigma_um|q\d+_cmd_rad")  # of `ptt predict`: q1 is in rad too
 
 
 def understand(
@@ -34,7 +34,7 @@ def understand(
         purpose: 'run', 'targets', 'sliders' or 'beside'; decides what a bare x, y, z or b1 is.
         where: file, for messages.
         mapping: answers that override the titles.
-        ask: who answers the rest.
+        ask: answers open questions.
         joints: number k of joints of the machine; None where it is not known.
         letter: 'b' or 'q' of its joints.
 
@@ -47,7 +47,7 @@ def understand(
     meanings = [_mapped(title, meaning, mapping, where, ask) for title, meaning in zip(titles, meanings, strict=True)]
     meanings = settle_likely(meanings, joints, letter)
     radians = purpose == "sliders" or any(map(_PREDICTED.fullmatch, titles))
-    if purpose == "beside":  # readings were taken at what was sent, b1, and not at the drawing's own b1_cmd
+    if purpose == "beside":  # the readings belong to the commands sent, b1, not to the drawing's b1_cmd
         purpose = "sliders"
     meanings = with_begun(titles, meanings, mapping, where, ask)
     meanings = _settle_bare(meanings, purpose, where, ask, radians)
@@ -89,7 +89,7 @@ def refuse_polar(where: str, evidence: str) -> None:
 
 
 def meanings_by_order(raw: RawText) -> list[Meaning | None]:
-    """What the columns of a file without titles hold, where only one reading is possible: x y z, or id x y z.
+    """Meanings of the columns of a file without titles where they are unambiguous: x y z, or id x y z.
 
     Raises:
         TableError: any other number of columns.
@@ -128,7 +128,7 @@ def _mapped(title: str, meaning: Meaning | None, mapping: Mapping, where: str, a
 def _settle_bare(
     meanings: list[Meaning | None], purpose: str, where: str, ask: Ask | None, radians: bool
 ) -> list[Meaning | None]:
-    """Bare x, y, z and b1 or q1 take the role that the purpose and the other columns leave."""
+    """Bare x, y, z and b1 or q1 get the role (command or reading) implied by the purpose and the other columns."""
     have = {meaning.quantity for meaning in meanings if meaning}
     role = "meas" if purpose == "run" else "cmd"
     if purpose == "run" and "x_meas" in have:
@@ -166,7 +166,7 @@ def _settled(meaning: Meaning | None, have: set[str], role: str, sent: bool, ang
 def _settle_double(
     titles: tuple[str, ...], meanings: list[Meaning | None], where: str, ask: Ask | None
 ) -> list[Meaning | None]:
-    """One column per quantity: the one named as the file format prescribes, else the one that is chosen."""
+    """One column per quantity: the one with the file format's own name, else the user's choice."""
     counts = Counter(meaning.quantity for meaning in meanings if meaning)
     settled = list(meanings)
     for quantity in [quantity for quantity, count in counts.items() if count > 1]:

@@ -1,4 +1,4 @@
-"""Columns that nobody read and that may be the commands: where a run has none, a person is asked about them."""
+"""Unrecognised columns that may be the commands: the user is asked about them where a run has none."""
 
 import json
 import re
@@ -17,10 +17,10 @@ from ptt.run.readers.titles import meaning_of, stated_unit
 Ends = Sequence[tuple[float, float]]
 """Least and greatest command of each joint, mm or rad; infinite where there is none."""
 
-BEYOND = 0.25  # of its travel: how far beyond it a command may lie, for a drawing may state too little
-LEAST_STROKE = 0.01  # of its travel: what moves less is no command of a run
-LEAST_MOVE = {"b": 1.0, "q": 0.01}  # mm, rad: the same where no travel is known
-TURN = 2.0 * np.pi  # rad: what goes beyond it is degrees
+BEYOND = 0.25  # of the travel: commands may exceed it by so much, for a drawing may state too little
+LEAST_STROKE = 0.01  # of the travel: a column with a smaller range is no command of a run
+LEAST_MOVE = {"b": 1.0, "q": 0.01}  # mm, rad: least range where no travel is known
+TURN = 2.0 * np.pi  # rad: larger values are degrees
 NONE = "none of them"
 
 
@@ -30,7 +30,7 @@ def has_commands(export: Export | None) -> bool:
 
 
 def with_likely(path: str | Path, export: Export, request: Request, ends: Ends | None) -> Export:
-    """A file with the columns that a person says are its commands.
+    """A file with the columns that the user names as its commands.
 
     Without commands those of the drawing are taken to have been sent; columns in another spelling would be dropped, and
     whatever the machine was told to correct would be taken for its errors.
@@ -100,7 +100,7 @@ def _could_be_sent(export: Export, title: str, letter: str) -> bool:
 
 
 def _moves(export: Export, titles: list[str], letter: str, ends: Ends | None) -> bool:
-    """Whether numbers lie about the travel of the joints and go along some of it."""
+    """Whether numbers lie within the travel of the joints, roughly, and cover some of it."""
     columns = [_numbers(export, title, letter) for title in titles]
     if not all(values is not None and values.size for values in columns):
         return False

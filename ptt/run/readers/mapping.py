@@ -1,6 +1,6 @@
 r"""Answers about a file's columns and units, kept in a TOML file so that they are given once.
 
-Every key may be left out; what is absent is worked out from the file, and asked where that is ambiguous::
+Every key is optional; what is absent is inferred from the file, or asked where that is ambiguous::
 
     encoding = "gbk"         # any Python codec name
     delimiter = ";"          # "," ";" "|" "\t" or "space"
@@ -33,7 +33,7 @@ from ptt.errors import TableError
 from ptt.files import read_text, write_text
 
 Ask = Callable[[str, Sequence[str]], str]
-"""Asks a person: (question, choices) -> one of the choices."""
+"""Asks the user: (question, choices) -> one of the choices."""
 
 IGNORE = "ignore"
 ALLOWED = {
@@ -76,12 +76,12 @@ MAP = "--map FILE.toml, "
 
 @dataclass(frozen=True)
 class Understood:
-    """What was made of a file, for a person to check.
+    """How a file was interpreted, for the user to check.
 
     Attributes:
         lines: one finding a line: encoding, delimiter, column -> meaning and unit, pairing, warnings.
         ignored: titles of the columns that were not used.
-        mapping: the same as answers that can be saved and reused.
+        mapping: the interpretation as answers that can be saved and reused.
     """
 
     lines: tuple[str, ...] = ()
@@ -152,7 +152,7 @@ def answers_on_targets(mapping: Mapping, titles: Collection[str]) -> Mapping:
         titles: of the file of the readings.
 
     Returns:
-        The answers; what is called a reading is none of the targets.
+        The answers, without those that call a column a reading.
     """
     own = mapping.targets or Mapping()
     read = {title for title, quantity in mapping.columns.items() if quantity.partition("_")[2][:4] in ("meas", "std")}
@@ -164,7 +164,7 @@ def answers_on_targets(mapping: Mapping, titles: Collection[str]) -> Mapping:
 
 
 def of_targets(error: TableError) -> TableError:
-    """The same error on the file of the targets, whose answers stand below [targets]."""
+    """An error worded for the file of the targets, whose answers are under [targets]."""
     before, found, key = error.fix.partition(MAP)
     if not found:
         return error
@@ -173,7 +173,7 @@ def of_targets(error: TableError) -> TableError:
 
 
 def without_absent(understood: Understood, titles: Collection[str]) -> Understood:
-    """What was made of a file, without a complaint that it lacks these titles: they belong to another one."""
+    """An interpretation without the remark that these titles are absent: they belong to another file."""
     lines = []
     for line in understood.lines:
         if line.startswith(ABSENT):
@@ -184,7 +184,7 @@ def without_absent(understood: Understood, titles: Collection[str]) -> Understoo
 
 
 def answer(question: str, choices: Sequence[str], ask: Ask | None, where: str, key: str) -> str:
-    """Ask what the file leaves open; without anybody to ask, an error that says how to answer.
+    """Ask what the file leaves open; if nobody can be asked, an error says how to answer.
 
     Args:
         question: what is open.

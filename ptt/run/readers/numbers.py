@@ -1,4 +1,4 @@
-"""Cells to numbers, with an error that names file, row and column for the first cell that is none."""
+"""Conversion of cells to numbers; the first cell that is none is an error with file, row and column."""
 
 import io
 import re
@@ -15,7 +15,7 @@ from ptt.run.readers.stamps import is_stamp
 from ptt.run.readers.text import RawText
 from ptt.run.readers.titles import UNIT_OF_WORD, normalise, stated_unit
 
-ROWS = 50_000  # lines that are read at once: 100 MB of text in all its forms
+ROWS = 50_000  # lines parsed at once, which takes about 100 MB
 # pandas 3 reads floats exactly by default and warns about the option; before that the option is needed
 _EXACT: dict[str, Any] = {"float_precision": "round_trip"} if int(pd.__version__.split(".")[0]) < 3 else {}
 
@@ -41,7 +41,7 @@ def read_cells(raw: RawText, columns: list[Column]) -> dict[int, np.ndarray]:
 
 
 def _read_part(raw: RawText, columns: list[Column]) -> dict[int, np.ndarray]:
-    """The same of some of its lines: text takes ten times the memory of the numbers that it holds."""
+    """Columns of some lines of a file: text takes ten times the memory of its numbers, so a file is read in parts."""
     numeric = [column.index for column in columns if _is_numeric(column)]
     texts = [column.index for column in columns if column.index not in numeric]
     options: dict[str, Any] = {
@@ -64,7 +64,7 @@ def _read_part(raw: RawText, columns: list[Column]) -> dict[int, np.ndarray]:
 
 
 def _stripped(cells: pd.Series) -> np.ndarray:
-    """Texts without blanks about them; most columns of texts say the same few again and again."""
+    """Texts without surrounding blanks, each distinct one stripped once."""
     codes, known = pd.factorize(cells, use_na_sentinel=False)
     return np.array([str(text).strip() for text in known], dtype=str)[codes]
 
@@ -112,7 +112,7 @@ def _from_texts(cells: pd.Series, raw: RawText, column: Column) -> np.ndarray:
 
 
 def refuse_beyond(raw: RawText, column: Column, values: np.ndarray) -> None:
-    """Refuse numbers that no machine can mean, before anything is computed from them.
+    """Refuse impossible numbers before anything is computed from them.
 
     Args:
         raw: the lines.
@@ -149,7 +149,7 @@ def _refuse(raw: RawText, column: Column, row: int) -> None:
 
 
 def _way_out(raw: RawText, column: Column, value: str) -> str:
-    """What to do about a cell that is no number; one of a command or target is refused as well where it is empty."""
+    """Advice on a cell that is no number; commands and targets must not be empty either."""
     if raw.header and value == raw.header[column.index]:
         return "this looks like the row of titles once more: remove it"
     if "," in value and value.replace(",", "", 1).strip("+-").isdigit():

@@ -13,13 +13,13 @@ ORDERS = (AS_ROWS, BY_TIME)
 
 
 class OrderError(TableError):
-    """Time goes back, and nobody said what is to be done about it."""
+    """Time goes back, and the user has not said how to handle it."""
 
 
 def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -> tuple[Export, list[str]]:
     """Rows in the order in which the machine went through them.
 
-    Backlash, drift and warmth are read off the order; rows sorted by name or by place would turn one into another.
+    Backlash, drift and warming are identified from the order; rows sorted by name or position would confuse them.
     Every run has its own clock.
 
     Args:
@@ -28,7 +28,7 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
         refuse: whether time that goes back is refused where nobody said an order; else the rows stay as they stand.
 
     Returns:
-        The columns, and what was done, in words.
+        The columns, and remarks on what was done.
 
     Raises:
         OrderError: time goes back within a run and nobody said what to do.

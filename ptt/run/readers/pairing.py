@@ -1,4 +1,4 @@
-"""An export that holds readings only, joined with the file of the targets it was measured at."""
+"""Pairing of an export that holds readings only with the file of its targets."""
 
 import re
 from collections import Counter
@@ -13,10 +13,10 @@ from ptt.run.readers.mapping import Understood, answer
 
 NAME, NUMBER, ORDER = "name", "number", "order"
 _SHOWN = 8
-_MOST_OPEN = 0.1  # of the readings: where more may be left out, the files are not of one order
-_MOST_BACK = 0.3  # of the steps that go back in the list: one that is run again goes back once, one out of order half
+_MOST_OPEN = 0.1  # share of ambiguous readings above which the files are taken to be in different orders
+_MOST_BACK = 0.3  # share of steps back in the list: a repeated list has one per repeat, a random order half
 _LOAD = ("payload", "feed")
-_SET = (*_LOAD, "temp")  # what a target tells of a pose that was not read; its clock is not the tracker's
+_SET = (*_LOAD, "temp")  # columns of targets that fill poses without reading; their time is not the tracker's
 
 
 def pair_targets(export: Export, targets: Export, request: Request) -> Export:
@@ -109,7 +109,7 @@ def _counts_targets(names: np.ndarray, n: int) -> bool:
 
 
 def _by_name(export: Export, targets: Export) -> tuple[np.ndarray, np.ndarray, str]:
-    """Readings to targets of their name: to the only one, k-th to k-th, or where a reading is missing, in order."""
+    """Pair by name: with the only target of that name, k-th with k-th, or by alignment where a reading is missing."""
     wanted = targets.columns["name"].tolist()
     names = np.array(_comparable(export.columns["name"].tolist(), wanted), dtype=object)
     target_of = _targets_of(names.tolist(), wanted, export, targets)
@@ -161,17 +161,17 @@ def _by_clock(export: Export) -> np.ndarray:
 
 
 def _visited_again(target_of: np.ndarray, targets: Export) -> np.ndarray:
-    """Readings of places that are visited again, of which only the order tells which visit they are of, (m,) int."""
+    """Indices of readings of positions visited more than once, whose visit only the order tells, (m,) int."""
     listed, rows = targets.columns["name"], np.flatnonzero(target_of >= 0)
     visits = Counter(name for name, _ in set(zip(listed.tolist(), _places(targets).tolist(), strict=True)))
     return rows[np.array([visits[name] > 1 for name in listed[target_of[rows]].tolist()], dtype=bool)]
 
 
 def _mixes_visits(target_of: np.ndarray, targets: Export) -> bool:
-    """Whether readings in another order than the targets are of places that are visited again.
+    """Whether readings are in another order than the targets and positions are visited more than once (ambiguous).
 
-    A list that is run again goes back to its first target, or to the first that was read; one out of order goes back
-    with every second step.
+    A repeated list goes back to its first target, or to the first that was read; a random order goes back at every
+    second step.
 
     Args:
         target_of: target of each reading in some order, (n,) int; -1 where there is none.
@@ -195,7 +195,7 @@ def _disordered(target_of: np.ndarray, export: Export, targets: Export) -> Table
 
 
 def _places(targets: Export) -> np.ndarray:
-    """Number of the stretch of targets of one name, place and load that each is in, (m,) int."""
+    """Index of each target's group of consecutive targets with equal name, position and load, (m,) int."""
     columns = [values for title, values in targets.columns.items() if title.endswith("_cmd") or title in _LOAD]
     keys = np.column_stack([np.unique(targets.columns["name"], return_inverse=True)[1], *columns])
     return np.cumsum(np.append(True, (np.diff(np.nan_to_num(keys), axis=0) != 0.0).any(axis=1))) - 1

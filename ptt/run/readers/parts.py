@@ -1,4 +1,4 @@
-"""A long file some lines at a time, each part understood as the first one was: memory does not grow with the file."""
+"""Reading a long file in parts, all interpreted like the first: memory does not grow with the file."""
 
 import re
 from codecs import BOM_UTF8
@@ -19,7 +19,7 @@ _NO_TEXT = re.compile(r"[\x00-\x08]")
 
 
 class NotInParts(Exception):
-    """A file of which only the whole tells how it is to be read."""
+    """A file that can be interpreted only as a whole."""
 
 
 def read_parts(path: str | Path, request: Request) -> Iterator[tuple[Export, Request]]:

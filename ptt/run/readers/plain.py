@@ -1,4 +1,4 @@
-"""A plain CSV of titles and texts, as logs of scales and axes are: every row whole, every number bounded."""
+"""Reader of a plain CSV, as of logs of scales and axes: complete rows, bounded numbers."""
 
 import csv
 from pathlib import Path

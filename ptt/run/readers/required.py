@@ -1,4 +1,4 @@
-"""What a table must have: columns, cells, numbers that a machine can mean; refused by file, row and column."""
+"""Requirements on a table: columns, cells and possible numbers; errors name file, row and column."""
 
 import re
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from ptt.errors import TableError, shown
 from ptt.run.readers.columns import dimension_of, file_title, greatest, least
 from ptt.run.readers.export import Export
 
-SHOWN_TITLES = 12  # that a message lists
+SHOWN_TITLES = 12  # listed in a message
 SETTABLE = {
     "payload_kg": "payload",
     "temp_c": "temp",
@@ -23,7 +23,7 @@ CONTEXT = {"time_s": "time", "payload_kg": "payload", "temp_c": "temp", "feed_mm
 
 
 def require_number(name: str, value: float) -> None:
-    """Refuse a value that is set for all rows and that no machine can mean.
+    """Refuse an impossible value that is set for all rows.
 
     Args:
         name: as in 'payload_kg'.
@@ -43,7 +43,7 @@ def require_number(name: str, value: float) -> None:
 def require_columns(
     export: Export, target: np.ndarray | None, command: np.ndarray | None, prefix: str, joints: int, purpose: str
 ) -> None:
-    """Commands to send, readings of a run, and targets or commands have to be there; arguments as `table_fields`."""
+    """Require commands to send, readings of a run, and targets or commands; arguments as `table_fields`."""
     if purpose == "sliders" and command is None:
         refuse_missing(export, [f"{prefix}{i + 1}" for i in range(joints)], "they are the commands to send")
     if purpose == "run":
@@ -60,7 +60,7 @@ def require_columns(
 
 
 def refuse_scale_log(export: Export) -> None:
-    """Say which command reads the log of a linear scale.
+    """Refuse the log of a linear scale, naming the command that reads it.
 
     Args:
         export: what was read as a run.
@@ -105,7 +105,7 @@ def refuse_other_machine(commands: Sequence[str], prefix: str, joints: int, sour
 
 
 def refuse_missing(export: Export, names: list[str], why: str) -> None:
-    """Say which columns are missing, why they are wanted, and which titles were not understood."""
+    """Raise an error with the missing columns, why they are needed, and the titles that were not understood."""
     ignored = export.understood.ignored
     more = ", ..." if len(ignored) > SHOWN_TITLES else ""
     kept = f"; columns not understood: {', '.join(map(shown, ignored[:SHOWN_TITLES]))}{more}" if ignored else ""
@@ -156,7 +156,7 @@ def title_of(export: Export, quantity: str) -> str:
 
 
 def joints_told(*exports: Export) -> tuple[int, str]:
-    """How many joints the columns are of, and their letter, where no machine file says so: sliders or an arm's."""
+    """Number of joints and their letter ('b' or 'q') as the columns imply, where no machine file states them."""
     angles = max((foreign_to(export, "b") for export in exports), key=len)
     return (len(angles), "q") if angles else (3, "b")
 

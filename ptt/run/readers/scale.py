@@ -1,14 +1,14 @@
-"""Hints that positions are in another unit than mm, from how far they spread."""
+"""Hints that positions are in another unit than mm, from their extent."""
 
 import numpy as np
 
-_FACTORS = {"metres": (1000.0, 0.25), "inches": (25.4, 0.05)}
+_FACTORS = {"metres": (1000.0, 0.25), "inches": (25.4, 0.05)}  # mm per unit, and tolerance of the ratio
 _SUFFIX = {"metres": "m", "inches": "in", "micrometres": "um"}
-LARGEST_IN_METRES = 5.0
+LARGEST_IN_METRES = 5.0  # extent of a machine, m: a larger figure is not metres, the other one is micrometres
 
 
 def scale_hint(target: np.ndarray, measured: np.ndarray, size_mm: float | None = None) -> str | None:
-    """What the positions look like, judged by readings against targets, and by the size of the machine.
+    """A suspicion on units from the extents of readings and targets, and the size of the machine.
 
     Args:
         target: (n, 3) mm, NaN where none.

@@ -1,4 +1,4 @@
-"""What cuts a line into cells and a number into digits: delimiter, decimal sign, sign of thousands."""
+"""Delimiter, decimal sign and thousands separator: inference from sample lines."""
 
 import csv
 import re
@@ -24,7 +24,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
 def find_thousands(lines: Sequence[str], delimiter: str) -> tuple[str, str]:
-    """Sign that groups thousands and, where the same numbers tell it, the decimal sign; '' for what is not known."""
+    """Thousands separator and, where the same numbers show it, the decimal sign; '' for what is not known."""
     cells = [cell for line in lines for cell in split_line(line, delimiter)]
     for sign, pattern in _GROUPED.items():
         found = [cell for cell in cells if pattern.fullmatch(cell)]
@@ -52,7 +52,7 @@ def is_number(cell: str, delimiter: str) -> bool:
 
 
 def find_delimiter(lines: Sequence[str]) -> str:
-    """The delimiter under which the most cells read as numbers; among equals the one that cuts most cells."""
+    """The delimiter with which most cells are numbers; among equals the one with most cells."""
 
     def score(delimiter: str) -> tuple[int, int]:
         rows = [split_line(line, delimiter) for line in lines]

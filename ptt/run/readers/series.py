@@ -1,4 +1,4 @@
-"""Columns that count the joints in their titles, and are their commands only where nothing else is."""
+"""Columns whose titles number the joints; they are commands only where no other columns are."""
 
 import re
 from collections import Counter
@@ -30,7 +30,7 @@ def counted_from_zero(titles: tuple[str, ...], meanings: list[Meaning | None]) -
 
 
 def settle_likely(meanings: list[Meaning | None], joints: int | None, letter: str) -> list[Meaning | None]:
-    """What titles make likely counts where no other column says it; commands where each joint has one.
+    """Accept likely meanings where no other column has them; commands only where each joint has one.
 
     Args:
         meanings: what each column holds.
@@ -38,7 +38,7 @@ def settle_likely(meanings: list[Meaning | None], joints: int | None, letter: st
         letter: 'b' or 'q' of its joints.
 
     Returns:
-        The meanings; what is likely is sure now, or None.
+        The meanings; each likely one is accepted (no longer likely) or None.
     """
     sure = {meaning.quantity.replace("_bare", "_cmd") for meaning in meanings if meaning and not meaning.likely}
     likely = [meaning for meaning in meanings if meaning and meaning.likely]

@@ -19,7 +19,7 @@ from ptt.run.readers.titles import meaning_of
 COMMENT_MARKS = ("#", "//", "%")
 
 LONGEST = 100_000  # characters of a line: a row of a thousand columns of a hundred characters
-SAMPLE = 400  # lines from the start, and about as many of the rest, that tell signs and delimiter
+SAMPLE = 400  # lines from the start, and as many of the rest, from which signs and delimiter are inferred
 PREAMBLE = 12  # lines that an export may have above its titles
 _EXCEL_HINT = re.compile(r"sep=.\s*")
 _ASIDE = {mark[0] for mark in (*COMMENT_MARKS, "sep=")}
@@ -27,7 +27,7 @@ _ASIDE = {mark[0] for mark in (*COMMENT_MARKS, "sep=")}
 
 @dataclass(frozen=True)
 class RawText:
-    """A file cut into lines, not yet into numbers.
+    """A file as lines, not yet parsed into numbers.
 
     Attributes:
         source: file name for messages.
@@ -57,7 +57,7 @@ class RawText:
 
 
 def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> RawText:
-    """Read a file and find out how it is written.
+    """Read a file and infer its encoding, delimiter and decimal sign.
 
     Args:
         path: the file.
@@ -75,7 +75,7 @@ def read_text(path: str | Path, mapping: Mapping, ask: Ask | None = None) -> Raw
 
 
 def raw_text(text: str, encoding: str, source: str, mapping: Mapping, ask: Ask | None = None) -> RawText:
-    """Find out how a text is written.
+    """Infer delimiter, decimal sign, preamble and titles of a text.
 
     Args:
         text: what is in a file.
@@ -114,7 +114,7 @@ def raw_text(text: str, encoding: str, source: str, mapping: Mapping, ask: Ask |
 
 
 def _refuse_long(body: Sequence[str], line: np.ndarray, source: str) -> None:
-    """Bound the length of a line, so that what is looked for in it takes a bounded time."""
+    """Bound the length of a line, so that searches in it take bounded time."""
     for text, number in zip(body, line, strict=True):
         if len(text) > LONGEST:
             what = f"a line of {len(text)} characters, more than {LONGEST}"
@@ -133,7 +133,7 @@ def _refuse_quotes(body: Sequence[str], line: np.ndarray, delimiter: str, source
 
 
 def _preamble(body: Sequence[str], delimiter: str) -> int:
-    """How many lines of text stand above the row of titles: a project, a date, an operator."""
+    """Number of lines above the row of titles, such as project, date and operator."""
     for place, line in enumerate(body[: PREAMBLE + 1]):
         cells = split_line(line, delimiter)
         if sum(is_number(cell, delimiter) for cell in cells) > 2:

@@ -1,4 +1,4 @@
-"""What is told of a file that was read, and kept as answers for the next one of its kind."""
+"""Report of how a file was interpreted, and the answers that can be saved for files of its kind."""
 
 from ptt.run.readers.columns import Column, canonical, standard_unit
 from ptt.run.readers.mapping import ABSENT, IGNORE, NOT_USED, Mapping, Understood
@@ -9,7 +9,7 @@ from ptt.run.readers.text import RawText
 def understood_of(
     raw: RawText, columns: list[Column], notes: list[str], dates: str | None, given: Mapping
 ) -> Understood:
-    """What was made of a file, in words and as answers.
+    """Interpretation of a file, in words and as answers.
 
     Args:
         raw: its lines.
