@@ -19,7 +19,7 @@ from ptt.correct.exports.reprapfirmware import SCALE, TOWERS, corrections, words
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
-DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
+DIGITS = 5  # the firmware's single precision resolves 0.00003 mm at 300 mm
 LOAD = "send both lines, save them with M500 and keep everything else (M92, the steps per mm); G33 would undo them"
 
 

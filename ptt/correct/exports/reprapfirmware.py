@@ -18,7 +18,7 @@ from ptt.correct.exports.left import WorkspaceSample
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
-DIGITS = 5  # single precision tells 0.00003 mm of 300 mm apart
+DIGITS = 5  # the firmware's single precision resolves 0.00003 mm at 300 mm
 LOAD = (
     "replace M665 and M666 in config.g by these lines and keep everything else (M92, the steps per mm); auto"
     " calibration (G32) or an older config-override.g would undo them"
@@ -33,7 +33,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
 
 
 def corrections(azimuth: np.ndarray) -> np.ndarray:
-    """Tower angles less those of the firmware, (3,) deg between -180 and 180."""
+    """Tower angles less the nominal ones of the firmware, (3,) deg between -180 and 180."""
     return np.asarray((azimuth - TOWERS + 180.0) % 360.0 - 180.0)
 
 
@@ -56,6 +56,6 @@ def _lines(delta: Delta, sample: WorkspaceSample) -> tuple[list[str], Delta]:
 
 
 def words_of(letters: str, values: np.ndarray, digits: int) -> str:
-    """Values as words of a line, each behind its letter; what rounds to zero has no sign."""
+    """Values as words of a G-code line, each after its letter, without negative zero."""
     rounded_off = [round(float(value), digits) + 0.0 for value in values]
     return " ".join(f"{letter}{value:.{digits}f}" for letter, value in zip(letters, rounded_off, strict=True))

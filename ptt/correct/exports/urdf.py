@@ -1,8 +1,8 @@
 """URDF: the calibrated arm as a chain of joint origins, refitted.
 
 Source: URDF, joint element: child = parent * origin(xyz, rpy) * Rot(axis, q), rpy about the fixed axes x, y, z, metres
-and radians. A screw about z commutes with the joint's own turn, so origin_i = X_i-1 Z_i(0) for standard and X_i Z_i(0)
-for modified Denavit-Hartenberg parameters; what is left behind the last joint is the tool.
+and radians. A screw along z commutes with the joint's own rotation, so origin_i = X_i-1 Z_i(0) for standard and
+X_i Z_i(0) for modified Denavit-Hartenberg parameters; the rest after the last joint is the tool.
 """
 
 import re
@@ -37,10 +37,10 @@ Array = np.ndarray
 
 SHAPE = "a chain of rigid links has no place for it"
 UNKNOWN = "effort and velocity of the joints are not known and written as 0"
-ROUNDS = 10
-USUAL_MM, USUAL_RAD = 1.0, 1e-3  # errors of links; what no position tells stays as drawn
-HYPHENS = re.compile("-(?=-)")  # two in a row end no comment of XML, but make it malformed
-FAINT = 1e-7  # mm: a chain that leaves less is the model
+ROUNDS = 10  # of Gauss-Newton and of the inverse; both converge within a few
+USUAL_MM, USUAL_RAD = 1.0, 1e-3  # sigma of link errors (prior): undetermined ones stay as drawn
+HYPHENS = re.compile("-(?=-)")  # XML comments must not contain two in a row
+FAINT = 1e-7  # mm, least residual that weights the prior: a chain can represent the model exactly
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:
@@ -57,17 +57,17 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
 
 
 def fit_links(sample: WorkspaceSample, arm: Serial) -> tuple[Array, Array]:
-    """Find the link parameters with which rigid links come nearest to the model.
+    """Fit the link parameters for which a rigid chain is closest to the model.
 
-    Least squares of the tool's miss, links of usual errors preferred by as much as the miss that rigid links leave:
-    what the places hardly tell would else run away after what no rigid link does.
+    Least squares of the tool's error with a prior of usual link errors, weighted by the residual of the chain: nearly
+    undetermined parameters would otherwise diverge in fitting what no rigid link can represent.
 
     Args:
         sample: places and commands.
         arm: the drawing.
 
     Returns:
-        EffectTerms of the arm's slots (G,), mm and rad, and how the tool moves with them, (n, 3, G).
+        Shifts of the arm's geometry slots (G,), mm and rad, and the derivative of the tool by them, (n, 3, G).
     """
     model = sample.compensator.model
     steady = split_terms(model)[0]
@@ -113,7 +113,7 @@ def origins(arm: Serial, geometry: Array) -> list[Array]:
 
 
 def _inverse(arm: Serial, geometry: Array, sample: WorkspaceSample) -> Array:
-    """Joint values at which the chain puts the tool on the places, in the posture that they have, (n, k) rad."""
+    """Inverse kinematics of the chain for the targets, by Newton from the nominal posture, (n, k) rad."""
     shift, place = torch.as_tensor(geometry)[None], torch.as_tensor(sample.targets)
     q = torch.as_tensor(sample.nominal)
     for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""Effects of a model as calls of fixed C functions, their parameters as tables."""
+"""Translation of a model's effects into calls of fixed C functions with tables of parameters."""
 
 import re
 from collections.abc import Sequence
@@ -36,14 +36,14 @@ class Parts:
 
     Attributes:
         tables: parameters.
-        functions: the fixed functions that are called.
+        functions: text of the fixed functions that are called.
         calls: stage -> lines that call them.
-        needs: what of the drawing they ask for: 'drawing', 'force'.
-        gap: (k,) play of each joint.
-        waits: whether a reversal waits until it is taken up.
+        needs: what they need: 'drawing' (Jacobian and pose), 'force', or 'use NAME' for a function.
+        gap: (k,) backlash of each joint, mm or rad.
+        waits: whether a reversal has an effect only once the backlash is taken up (play operator).
         windup: (2, k) height and length of each joint's wind-up; None without.
-        chain: (k, 5) errors of an arm's links; None without.
-        cannot: key -> why.
+        chain: (k, 5) Denavit-Hartenberg errors of an arm's links; None without.
+        cannot: key of an effect without C code -> why.
     """
 
     tables: str = ""
@@ -58,7 +58,7 @@ class Parts:
 
     @property
     def reverses(self) -> bool:
-        """Whether anything remembers the travel."""
+        """Whether the code has path-dependent effects."""
         return self.gap is not None or self.windup is not None
 
 
@@ -68,8 +68,8 @@ class Fragment:
 
     Attributes:
         text: C.
-        needs: what of the drawing it asks for.
-        uses: other fragments.
+        needs: what it needs, as in `Parts`.
+        uses: names of other fragments that it calls.
     """
 
     text: str
@@ -106,7 +106,7 @@ def fragments(kind: str) -> dict[str, Fragment]:
 
 
 def parts_of(model: Model) -> Parts:
-    """Turn the effects that commands put right into tables and calls.
+    """Translate the effects that commands correct into tables and calls.
 
     Args:
         model: effects with their parameters.
@@ -119,7 +119,7 @@ def parts_of(model: Model) -> Parts:
     for index, (effect, theta) in enumerate(steady):
         parts = _steady(parts, effect, theta.numpy(), model.file, index)
     for effect, theta in reversing:
-        parts = _turning(parts, effect, theta.numpy(), model.file)
+        parts = _reversing(parts, effect, theta.numpy(), model.file)
     return replace(parts, functions=_functions(parts, model.file.machine.kind))
 
 
@@ -143,7 +143,7 @@ def _steady(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile, 
 
 
 def _arguments(effect: Effect, theta: np.ndarray, joints: int, name: str) -> tuple[str, str]:
-    """What a function is called with, and the tables of it."""
+    """Arguments of an effect's function, and its tables as C text."""
     note = _plain(effect.key)
     cut = np.split(theta, np.cumsum(sizes(effect, joints))[:-1])
     if effect.name == "screw-error-map":
@@ -169,7 +169,7 @@ def _arguments(effect: Effect, theta: np.ndarray, joints: int, name: str) -> tup
     return name, table(name, theta, note=note)
 
 
-def _turning(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile) -> Parts:
+def _reversing(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile) -> Parts:
     if file.machine.moves == "straight" and file.machine.kind == "serial":
         why = STRAIGHT
     elif file.machine.moves == "smooth":
@@ -185,7 +185,7 @@ def _turning(parts: Parts, effect: Effect, theta: np.ndarray, file: MachineFile)
 
 
 def _slots(file: MachineFile) -> np.ndarray:
-    """Which errors of its links an arm has: the Hayati angle between parallel axes only, (k, 5)."""
+    """Mask (k, 5) of an arm's link errors: the Hayati angle exists between parallel axes only."""
     from ptt.mechanisms import build_mechanism
     from ptt.mechanisms.serial import Serial
 
@@ -197,7 +197,7 @@ def _slots(file: MachineFile) -> np.ndarray:
 
 
 def _functions(parts: Parts, kind: str) -> str:
-    """The functions that are called, what they use before them."""
+    """Text of the functions that are called, each after those that it uses."""
     known = fragments(kind)
     wanted: list[str] = []
 
@@ -223,7 +223,7 @@ def _plain(text: str) -> str:
 
 
 def stage_functions(calls: dict[str, list[str]], stages: Sequence[str]) -> str:
-    """The stages as functions.
+    """C functions of the stages.
 
     Args:
         calls: stage -> lines.

@@ -27,7 +27,7 @@ from ptt.run.travel import TRANSIT_STEPS
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
-NODES = 4  # of a network, worked out beside each other
+NODES = 4  # of a network, computed together (the count is padded to a multiple)
 ARM_NOTE = """ An arm
  * takes the posture that is nearest the middle of its limits, as `ptt predict` does; ptt_correct keeps a posture."""
 ARM_FUNCTIONS = """

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def tree_order(points: np.ndarray) -> np.ndarray:
-    """Order in which the middle of every stretch parts it: what is before it lies below along the depth's axis.
+    """Order in which the middle of every range is the median along its depth's axis, smaller values before it.
 
     Args:
         points: (d, m).

@@ -33,12 +33,12 @@ from ptt.run.viewing import build_view
 if TYPE_CHECKING:
     from ptt.correct.training.compensator import Compensator
 
-CORNERS = 6  # places of the workspace that the self-test's path goes through
+CORNERS = 6  # positions of the workspace that the self-test's path connects
 BETWEEN = 12  # rows from one to the next
-WARM = 7.0  # K above the reference, and
-LOAD = 1.5  # kg on the tool, so that what follows them is tested too
-ROUNDS = 40  # each shortens what is left by how evenly the network corrects
-RADIANS = 1e-9  # of a joint to spare, whose values the tool does not tell; the tool itself is compared too
+WARM = 7.0  # K above the reference temperature, and
+LOAD = 1.5  # kg on the tool, so that thermal and load effects are tested too
+ROUNDS = 40  # of fixed-point iteration, whose rate is the slope of the network's correction
+TOLERANCE = 1e-9  # mm or rad, of commands in the self-test; an arm's tool position is compared as well
 
 
 def write(compensator: "Compensator", out: Path, options: Options) -> Written:
@@ -73,7 +73,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
 
 
 def _selftest(file: MachineFile, held: "Compensator", sample: WorkspaceSample, head: str) -> str:
-    """A path through the workspace with reversals, its commands and where the model puts the tool.
+    """Self-test: a path through the workspace with reversals, its commands and the tool positions by the model.
 
     Args:
         file: the machine, with the frame that targets are stated in.
@@ -95,7 +95,7 @@ def _selftest(file: MachineFile, held: "Compensator", sample: WorkspaceSample, h
     values = {
         "ROWS": str(len(q)), "PLACES": str(len(sent)), "TABLES": tables, "UNIT": "rad" if arm else "mm",
         "CONTEXT": f"{number(LOAD)}, {number(file.machine.reference_temp_c + WARM)}, 0.0, 0.0",
-        "TOLERANCE": number(RADIANS if arm else 1e-9), "ARM": str(int(arm)),
+        "TOLERANCE": number(TOLERANCE), "ARM": str(int(arm)),
         "CALL": "ptt_correct(nominal[i]" if arm else "ptt_command(target[i]",
         "PATHS": str(int(not arm)),
     }  # fmt: skip
@@ -106,7 +106,7 @@ def _selftest(file: MachineFile, held: "Compensator", sample: WorkspaceSample, h
 
 
 def _path(held: "Compensator", sample: WorkspaceSample) -> Table:
-    """Rows from place to place, joint by joint in proportion; those that cannot be sent are left out."""
+    """Path with linear interpolation of joints between random positions; rows that cannot be sent are left out."""
     corners = sample.nominal[np.linspace(0, len(sample.nominal) - 1, CORNERS).round().astype(int)]
     part = np.arange(BETWEEN)[:, None] / BETWEEN
     joints = np.concatenate([begin + part * (end - begin) for begin, end in pairwise(corners)])
@@ -120,7 +120,7 @@ def _path(held: "Compensator", sample: WorkspaceSample) -> Table:
 
 
 def tool_place(held: "Compensator", q: np.ndarray, like: Table) -> np.ndarray:
-    """Where the model puts the tool, reversal left aside: p + step(p) is where physics puts it.
+    """Tool position p by the model without reversal, from p + step(p) = position by the physics.
 
     Args:
         held: the model.
