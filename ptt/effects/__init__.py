@@ -54,5 +54,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """What is exported, and the classes of the library."""
+    """Names of the module, including the classes of the library, which are imported on demand."""
     return sorted([*__all__, *classes()])

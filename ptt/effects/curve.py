@@ -99,7 +99,7 @@ class Curve(Effect):
 
     @classmethod
     def _place(cls) -> tuple[str, int]:
-        """What it shifts ('slider', 'joint', 'rail', 'link', 'axis', 'tool', 'set-up'), and its number from 0."""
+        """Object shifted ('slider', 'joint', 'rail', 'link', 'axis', 'tool', 'set-up'), and its number from 0."""
         found = PLACE.fullmatch(cls.acts_on)
         if found is None:
             joint = JOINT.fullmatch(cls.on)

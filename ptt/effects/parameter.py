@@ -68,7 +68,7 @@ class Parameter:
 
     @property
     def apart(self) -> bool:
-        """Whether it has a value for each joint, all of which a search starts from one common value."""
+        """Whether it has a value for each joint; a search starts all of them from one common value."""
         return self.role == "searched" and self.per_joint
 
     def size(self, joints: int) -> int:

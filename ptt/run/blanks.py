@@ -1,18 +1,18 @@
-"""Empty cells of what a reading was taken under: clock and warmth go on between two values, loads and feeds do not."""
+"""Empty cells of context columns: time and temperature are interpolated, loads and feeds are not."""
 
 import numpy as np
 
 from ptt.run.beside import rows_beside
 from ptt.run.table import Table
 
-STEADY = ("payload_kg", "feed_mm_s")  # set by somebody: between two values anything may have been
+STEADY = ("payload_kg", "feed_mm_s")  # set by the user, hence unknown between two different values
 CONTEXT = ("time_s", "temp_c", *STEADY)
 
 
 def fill_blanks(table: Table) -> tuple[Table, list[str]]:
-    """Fill what goes on between two values of a run; leave readings aside under a load or feed that nobody wrote down.
+    """Interpolate time and temperature of a run; leave out readings under a load or feed that is not stated.
 
-    One empty cell of a hundred would otherwise keep all that depends on its column from being looked at.
+    A single empty cell would otherwise exclude all effects that depend on its column.
 
     Args:
         table: n rows in travel order.
@@ -32,7 +32,7 @@ def fill_blanks(table: Table) -> tuple[Table, list[str]]:
 
 
 def fill_between(table: Table) -> tuple[Table, list[str]]:
-    """Fill the clock and the warmth of a run where cells are empty, from the values beside them.
+    """Interpolate empty cells of a run's time and temperature.
 
     Args:
         table: n rows in travel order.
@@ -46,7 +46,7 @@ def fill_between(table: Table) -> tuple[Table, list[str]]:
         values = getattr(table, name)
         if values is None or np.isnan(values).all():
             continue
-        filled = _between(values, along, _moved(table))
+        filled = _interpolated(values, along, _run_of_motion(table))
         count = int(((table.role != "base") & np.isnan(values) & ~np.isnan(filled)).sum())
         lines += [f"{name} is empty in {_rows(count)}: interpolated, {how}"] if count else []
         table = table.replace(**{name: filled})
@@ -66,15 +66,15 @@ def without_empty(table: Table) -> Table:
 
 
 def has_blanks(table: Table) -> bool:
-    """Whether a clock, a warmth or a load has empty cells; at a row without a feed a target is taken at rest."""
+    """Whether time, temperature or payload has empty cells; a target without a feed is taken at rest."""
     values = (getattr(table, name) for name in ("time_s", "temp_c", "payload_kg"))
     return any(each is not None and bool(np.isnan(each).any()) for each in values)
 
 
 def _as_before(table: Table, name: str, values: np.ndarray) -> tuple[Table, list[str]]:
-    """A table whose rows with a blank are as the row before, their readings left aside unless all rows are alike."""
+    """A table with blanks filled by the row before; their readings are left out unless all known values are equal."""
     known = np.isfinite(values)
-    filled = _held(values, known, _moved(table))
+    filled = _held(values, known, _run_of_motion(table))
     blank = (table.role != "base") & ~known & np.isfinite(filled) & table.observed
     table = table.replace(**{name: filled})
     if not blank.any():
@@ -86,7 +86,7 @@ def _as_before(table: Table, name: str, values: np.ndarray) -> tuple[Table, list
 
 
 def _loads_as_before(table: Table) -> tuple[Table, list[str]]:
-    """The same of the loads of the joints, which differ from pose to pose: while a reflector is read none changes."""
+    """A table with blanks of joint loads filled by the row before, and their readings left out: loads vary by pose."""
     if table.torque is None:
         return table, []
     told = np.isfinite(table.torque)
@@ -94,13 +94,13 @@ def _loads_as_before(table: Table) -> tuple[Table, list[str]]:
     if known.all() or not told.any():
         return table, []
     blank = (table.role != "base") & ~known & table.observed
-    table = table.replace(torque=_held(table.torque, known, _moved(table)))
+    table = table.replace(torque=_held(table.torque, known, _run_of_motion(table)))
     where = f"loads of joints (tau1, ...) are empty in {_rows(int(blank.sum()))} with a reading"
     return _aside(table, blank), [f"{where}: left aside"] if blank.any() else []
 
 
 def _held(values: np.ndarray, known: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """Values (n, ...) as in the row before of the run that is known, (n,) bool; at its beginning as in the first."""
+    """Values (n, ...) with each run's unknown rows filled by its last known row, at its beginning by its first."""
     filled = values.copy()
     for code in np.unique(run[~known]):
         rows = np.flatnonzero(run == code)
@@ -110,8 +110,8 @@ def _held(values: np.ndarray, known: np.ndarray, run: np.ndarray) -> np.ndarray:
     return filled
 
 
-def _moved(table: Table) -> np.ndarray:
-    """Run of each row, (n,): base reflectors that are a run by themselves were read while the one before stood."""
+def _run_of_motion(table: Table) -> np.ndarray:
+    """Run of each row, (n,); a run of base reflectors alone belongs to the one before: the machine stood."""
     pose = np.isin(table.run, table.run[table.role != "base"])
     return np.asarray(table.run[rows_beside(pose)])
 
@@ -121,7 +121,7 @@ def _aside(table: Table, rows: np.ndarray) -> Table:
 
 
 def _unknown(table: Table, name: str) -> list[str]:
-    """A word on runs without any value of what others have."""
+    """A note on a run without any value of a column that others have."""
     values = getattr(table, name)
     if values is None or not (missing := np.isnan(values)).any() or missing.all():
         return []
@@ -133,8 +133,8 @@ def _rows(count: int) -> str:
     return f"{count} row{'' if count == 1 else 's'}"
 
 
-def _between(values: np.ndarray, along: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """Values (n,) with blanks on the line between the nearest known ones of their run; a run without any as it is."""
+def _interpolated(values: np.ndarray, along: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Values (n,) with blanks interpolated linearly within their run; unchanged in a run without any value."""
     filled = values.copy()
     for code in np.unique(run[np.isnan(values)]):
         rows = np.flatnonzero(run == code)

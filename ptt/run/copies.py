@@ -1,4 +1,4 @@
-"""Copies: rows of a file that was pasted behind itself, or that was named twice."""
+"""Copied rows: a file pasted after itself, or named twice."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ SAID = (
 )  # fmt: skip
 """Columns of numbers of all that was commanded, read and recorded."""
 
-PASTED = 12  # rows that no tracker reads a second time to the last digit, each in its turn
+PASTED = 12  # rows that repeat in sequence to the last digit, impossible for real readings
 
 
 TAKEN = "taken as repeats, but copies say nothing about the scatter of readings"
@@ -23,7 +23,7 @@ ONCE = f"{TAKEN}; all rows come again, so that they count once"
 
 
 def taken_as(lines: Sequence[str]) -> str:
-    """What becomes of rows that are copies of others, in words.
+    """How copied rows are treated, in words.
 
     Args:
         lines: of a file, each as it is written.
@@ -32,10 +32,10 @@ def taken_as(lines: Sequence[str]) -> str:
 
 
 def pasted_rows(table: "Table") -> np.ndarray:
-    """Rows that say, each in its turn, what those before say to the last digit.
+    """Rows of a table that repeats itself as a whole, to the last digit, after the first period.
 
-    A pose that a coarse display reads alike is a repeat, but all rows of a file once more are copies, which tell
-    nothing new. Of which run they are is no difference.
+    Equal readings of one pose may be repeats on a coarse display, but a repetition of all rows is a copy without new
+    information, whatever its run.
 
     Args:
         table: n rows.
@@ -51,13 +51,13 @@ def pasted_rows(table: "Table") -> np.ndarray:
 
 
 def period(lines: np.ndarray) -> int:
-    """How many rows come before all of them come again.
+    """Period of a sequence that repeats as a whole.
 
     Args:
-        lines: what each says, (n,) int.
+        lines: hash of each row, (n,) int.
 
     Returns:
-        That many; n where they do not, or are few.
+        Number of rows of one period; n where there is none, or one shorter than PASTED.
     """
     rows = len(lines)
     if not (lines[1:] == lines[:1]).any():  # what comes again begins with its first row

@@ -1,4 +1,4 @@
-"""Work on many parts, as many at once as there are cores."""
+"""Parallel map over processes, one per core."""
 
 import os
 import sys
@@ -18,8 +18,8 @@ def map_cores(work: Callable[[Item], Part], items: Sequence[Item]) -> Iterator[P
     """Do the work on every item.
 
     Args:
-        work: from an item to what is wanted of it.
-        items: m; workers see them, and what the work holds, without a copy.
+        work: function of an item.
+        items: m items; forked workers share them, and the data of `work`, without a copy.
 
     Yields:
         The results, in order.

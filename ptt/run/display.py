@@ -4,7 +4,7 @@ import numpy as np
 
 from ptt.run.table import Table
 
-COARSEST = 1.0  # K: thermometers resolve a degree or better; larger steps were set by somebody
+COARSEST = 1.0  # K: thermometers resolve a degree or better; larger steps were entered by hand
 HELD = 0.5  # least share of neighbouring rows with equal values from which values count as a display's
 BY_ONE = 0.5  # least share of changes by one step; the others come after pauses
 ALIKE = 1e-6  # share of a step by which numbers may be off a whole number of steps

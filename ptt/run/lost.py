@@ -1,4 +1,4 @@
-"""Readings of a tracker that has lost its beam: it goes on writing zeros, or the last place it saw."""
+"""Readings of a tracker that has lost its beam and repeats zeros or its last position."""
 
 from dataclasses import replace
 
@@ -7,13 +7,13 @@ import pandas as pd
 
 from ptt.run.table import Table
 
-SEVERAL = 3  # rows of one reading from which it is no reading; fewer are gross errors as others are
-# Further than any machine misses by: a frame whose origin is home reads zeros there, again and again at that one pose.
+SEVERAL = 3  # rows with one reading from which it is taken for a lost beam; fewer are left to outlier tests
+# Larger than any machine's error: poses further apart cannot have one reading. Equal zeros at one pose are valid.
 APART_MM, APART_RAD = 5.0, 0.05
 
 
 def without_lost(table: Table) -> Table:
-    """Leave readings aside that are the same on all three axes, to the last digit, while the machine went elsewhere.
+    """Leave out readings equal on all three axes, to the last digit, at poses far apart.
 
     Noise alone keeps a tracker from reading one place twice to the last digit; where digits are few, rows of one pose
     may agree, but rows of poses apart do not. Zeros, which stand for no reading in many exports, need no rule of their
@@ -58,6 +58,6 @@ def _lost(table: Table) -> np.ndarray:
 
 
 def _reach(places: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Diagonal (n,) of the box about the places (n, k) of each row's group, zero where none is known."""
+    """Diagonal (n,) of the bounding box of the places (n, k) of each row's group, zero where none is known."""
     together = pd.DataFrame(places).groupby(group)
     return np.asarray(np.linalg.norm((together.transform("max") - together.transform("min")).fillna(0.0), axis=1))

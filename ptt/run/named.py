@@ -1,10 +1,10 @@
-"""Rows named for a person, as they stand in their file."""
+"""Rows by their lines in the file, for messages."""
 
 import numpy as np
 
 from ptt.run.table import Table
 
-MOST_ROWS = 5  # that anybody looks up
+MOST_ROWS = 5  # listed in a message
 
 
 def named_rows(table: Table, rows: np.ndarray) -> str:

@@ -1,4 +1,4 @@
-"""Between which loads, temperatures and speeds a run was read: what a model fitted on it has seen."""
+"""Ranges of load, temperature and speed of a run, which bound the validity of a model fitted to it."""
 
 from collections.abc import Mapping
 
@@ -11,11 +11,11 @@ Ranges = Mapping[str, tuple[float, float]]
 
 COLUMNS = ("payload_kg", "temp_c", "feed_mm_s")
 QUANTITIES = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
-LEAST_BEYOND = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # that is worth a word
+LEAST_BEYOND = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # smallest excess over a range that is mentioned
 
 
 def ranges_of(problem: Problem) -> dict[str, list[float]]:
-    """The range of every context that a run's readings have, as a history keeps it.
+    """The range of every context of a run's readings, as stored in a machine file's history.
 
     Args:
         problem: the run.
@@ -38,15 +38,15 @@ def ranges_of_steps(file: MachineFile) -> tuple[Ranges | None, ...]:
         file: the model's.
 
     Returns:
-        Column -> lowest and highest value, for each step, oldest first; None where a step does not tell. What a person
-        wrote into the history is no step.
+        Column -> lowest and highest value, for each step, oldest first; None where a step has none. The user's own
+        entries of the history are skipped.
     """
     told = [step.get("ranges") for step in file.history if "kind" in step]
     return tuple(ranges if isinstance(ranges, Mapping) else None for ranges in told)
 
 
 def ranges_of_model(file: MachineFile) -> Ranges | None:
-    """The ranges of the run that a model's values are of, the last; None where nothing tells them.
+    """The ranges of the last run that a model was fitted to; None where unknown.
 
     Args:
         file: the model's.

@@ -1,4 +1,4 @@
-"""Rows of a table at which its machine cannot stand, refused by file, row and columns."""
+"""Errors for rows at poses that the machine cannot have, with file, row and columns."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def require_targets(table: Table, lost: np.ndarray) -> None:
 
 
 def require_closed(table: Table, lost: np.ndarray) -> None:
-    """Refuse joint commands at which the links do not meet.
+    """Refuse joint commands at which the mechanism cannot be assembled.
 
     Args:
         table: n rows with commands.
@@ -39,11 +39,11 @@ def require_closed(table: Table, lost: np.ndarray) -> None:
 
 
 def require_held(table: Table, lost: np.ndarray, machine: str) -> None:
-    """Refuse poses at which the drawing's links do not hold the tool: no place follows from their joint values.
+    """Refuse poses at a direct singularity of the drawing: joint values do not determine the tool position there.
 
     Args:
         table: n rows.
-        lost: rows whose target is reached by joint values from which it does not follow, (n,) bool.
+        lost: rows whose target does not follow from its own joint values, (n,) bool.
         machine: name of the machine file.
 
     Raises:

@@ -41,13 +41,13 @@ def read_table(
 
     Args:
         path: the file.
-        joints: number k of joints of the machine; None where no machine is known, and the columns tell.
+        joints: number k of joints of the machine; None to infer it from the columns.
         joint_prefix: 'b' (sliders, mm) or 'q' (joint angles, rad).
         also: further runs; runs of different files stay different runs, and none may be there twice.
         targets: file with the targets or commands of an export that holds readings only.
         set_values: column -> one value for all rows, for instance {'payload_kg': 2}; and under 'order' what to do where
             time goes back: 'time' sorts each run by its clock, 'rows' keeps the rows as they stand.
-        mapping: saved answers on columns and units; a path that does not exist yet is written with what was understood.
+        mapping: saved answers on columns and units; a path that does not exist is written with the interpretation.
         purpose: 'run' (readings needed), 'targets' (poses wanted) or 'sliders' (commands to send: b1..bk or q1..qk).
         ask: who answers what is ambiguous: (question, choices) -> choice; None makes that an error.
         judge_scale: whether readings that look like another unit than the targets are refused; `ptt.setup` names more.
@@ -55,10 +55,10 @@ def read_table(
         ends: least and greatest command of each joint, mm or rad: which columns that are not understood may hold them.
 
     Returns:
-        The table; `table.understood` says what was made of the files.
+        The table; `table.understood` says how the files were interpreted.
 
     Raises:
-        TableError: whatever cannot be read, with file, row, column and a way out.
+        TableError: anything that cannot be read, with file, row, column and a fix.
     """
     answers = _answers(mapping)
     request = Request(purpose, answers, ask, joints, joint_prefix)
@@ -70,7 +70,7 @@ def read_table(
 
 
 def require_pose(table: Table) -> None:
-    """Refuse rows that are all of base reflectors: none tells of the machine.
+    """Refuse a table with base reflectors only, which has no information on the machine.
 
     Args:
         table: of all files that are read together.
@@ -85,7 +85,7 @@ def require_pose(table: Table) -> None:
 
 
 def _kept(table: Table, mapping: Mapping | str | Path | None) -> Table:
-    """A table whose understanding was written where a file for it was named that was not there, and says so."""
+    """Write a table's interpretation to the mapping file if that does not exist, with a remark on it."""
     if not isinstance(mapping, str | Path) or Path(mapping).exists():
         return table
     save_mapping(table.understood.mapping, mapping)
@@ -94,7 +94,7 @@ def _kept(table: Table, mapping: Mapping | str | Path | None) -> Table:
 
 
 def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
-    """The tables, with a warning at each that appears twice: copies count as repeats, and tell nothing more."""
+    """The tables, with a warning on each that appears twice: copies count as repeats without new information."""
     told = list[Table]()
     for table in tables:
         twin = next((one for one in told if table.run_sha256 == one.run_sha256 or same_rows(one, table)), None)
@@ -107,7 +107,7 @@ def _with_copies_told(tables: Sequence[Table]) -> list[Table]:
 
 
 def same_rows(one: Table, other: Table) -> bool:
-    """Whether two runs are one to the last digit of all that was commanded, read and recorded."""
+    """Whether two runs are equal to the last digit in all that was commanded, read and recorded."""
     pairs = [(getattr(one, name), getattr(other, name)) for name in SAID]
     return (
         one.rows == other.rows
@@ -178,7 +178,7 @@ def _read_targets(path: str | Path, request: Request) -> Export:
 
 
 def _without_complaints(export: Export, poses: Export, mapping: Mapping) -> tuple[Export, Export]:
-    """Both files, without a word on answers that are of the other one."""
+    """Both files, without remarks on answers that belong to the other one."""
     own = mapping.targets or Mapping()
     others = {*mapping.columns, *mapping.units} - {*own.columns, *own.units}
     of_readings = without_absent(export.understood, poses.understood.mapping.columns)
@@ -201,7 +201,7 @@ def read_targets_in_parts(
         The rows in order. Run codes are those of a part.
 
     Raises:
-        NotInParts: the file says something about itself that only the whole tells.
+        NotInParts: the file can be interpreted only as a whole.
     """
     answers, digest = _answers(mapping), sha256(path)
     for export, request in read_parts(path, Request("targets", answers, ask, joints, joint_prefix)):

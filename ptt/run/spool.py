@@ -1,4 +1,4 @@
-"""Tables on disk: the rows of a long list are there when they are asked for, and not all at once."""
+"""A long list of targets on disk, loaded in parts on demand."""
 
 import pickle
 from collections.abc import Sequence
@@ -15,14 +15,14 @@ KEPT = 3  # parts that stay in memory after they were asked for
 
 
 class Spool:
-    """Tables of one list, one behind the other, in files of their own.
+    """A list of rows stored as consecutive tables, a file each.
 
     Attributes:
         rows: number of rows.
         labels: of all runs in order of appearance.
-        lines: what was understood of the first part, and warnings on the others.
-        feed: whether the feed tells speeds anywhere.
-        commands: whether a row has joint commands.
+        lines: interpretation of the first part, and warnings on the others.
+        feed: whether any part has speeds by its feed.
+        commands: whether any part has joint commands.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -37,7 +37,7 @@ class Spool:
         self.commands = False
 
     def add(self, table: Table) -> None:
-        """Put a part behind those that are there."""
+        """Append a part."""
         self.labels = tuple(dict.fromkeys((*self.labels, *table.run_label)))
         codes = np.array([self.labels.index(label) for label in table.run_label], dtype=np.int64)
         lines = table.understood.lines
@@ -53,7 +53,7 @@ class Spool:
         self.rows += table.rows
 
     def understood(self) -> tuple[str, ...]:
-        """What was understood of the whole, a line each."""
+        """Interpretation of the whole list, a line each."""
         first, *others = self.lines
         return first.replace(f": {self._first_rows} rows", f": {self.rows} rows", 1), *others
 
@@ -68,11 +68,11 @@ class Spool:
         return _joined(pieces, self.labels)
 
     def sample(self, rows: int, stretch: int) -> Table:
-        """Stretches spread evenly over all rows, the first and the last among them.
+        """Evenly spaced stretches of rows, first and last rows included.
 
         Args:
-            rows: how many in all.
-            stretch: of each.
+            rows: number of rows in all.
+            stretch: number of rows of each stretch.
         """
         if self.rows <= rows:
             return self.take(0, self.rows)

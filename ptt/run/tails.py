@@ -13,12 +13,12 @@ def chi2_sf(x: Values, freedom: Values) -> np.ndarray:
 
 
 def chi2_isf(chance: Values, freedom: Values) -> np.ndarray:
-    """What chi-squared exceeds with this chance."""
+    """Upper quantile: value that chi-squared exceeds with this chance."""
     return np.asarray(special.chdtri(freedom, chance))
 
 
 def chi2_ppf(share: Values, freedom: Values) -> np.ndarray:
-    """What chi-squared stays below with this chance."""
+    """Quantile: value that chi-squared stays below with this chance."""
     return np.asarray(2.0 * special.gammaincinv(np.asarray(freedom) / 2.0, share))
 
 
@@ -28,10 +28,10 @@ def chi2_median(freedom: float) -> float:
 
 
 def median_sigma(deviation: np.ndarray, axis: int | None = None) -> np.ndarray:
-    """Standard deviation of normal deviates by the median of their sizes, which gross errors hardly move.
+    """Robust standard deviation of normal deviates by the median of their absolute values.
 
     Args:
-        deviation: from their middle, of any shape.
+        deviation: from their centre, of any shape.
         axis: to take the median along; None for all of them.
 
     Returns:
@@ -56,7 +56,7 @@ def f_ppf(share: Values, above: Values, below: Values) -> np.ndarray:
 
 
 def t_ppf(share: float, freedom: float) -> float:
-    """What Student's t of so many degrees of freedom, endless ones too, stays below with this chance."""
+    """Quantile of Student's t; infinite degrees of freedom give the normal one."""
     return float(special.ndtri(share) if np.isinf(freedom) else special.stdtrit(freedom, share))
 
 
@@ -66,5 +66,5 @@ def normal_sf(x: float) -> float:
 
 
 def poisson_sf(count: float, expected: float) -> float:
-    """Chance that more than so many happen where so many are expected."""
+    """Chance that a Poisson count with this mean exceeds `count`."""
     return 1.0 if count < 0 else float(special.pdtrc(np.floor(count), expected))

@@ -1,4 +1,4 @@
-"""What a joint's hysteresis still remembers of its travel: what one chunk of a run hands on to the next."""
+"""Memory of hysteresis: the waypoints of a joint's travel that one chunk of a run passes on to the next."""
 
 from dataclasses import dataclass
 
@@ -7,12 +7,12 @@ import torch
 from torch import Tensor
 
 REACH = 1000.0  # mm of travel after which Dahl friction has forgotten all before: 31 times the longest length tried
-REACH_RAD = 10.0
+REACH_RAD = 10.0  # the same for joint angles, rad
 
 
 @dataclass(frozen=True)
 class Entry:
-    """Waypoints before a row that leave every hysteresis effect in the state that the whole travel leaves it in.
+    """Waypoints before a row that bring every hysteresis effect into the same state as the whole travel.
 
     Play of any gap remembers those extremes of the travel that no later move went beyond (wiping-out property:
     Visintin, Differential Models of Hysteresis, 1994, III.2); Dahl friction remembers the latest turning points. Both

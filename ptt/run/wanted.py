@@ -1,4 +1,4 @@
-"""Where a list of targets wants the tool in rows that do not say so: by their joint commands, or where it stands."""
+"""Targets of rows without any: by forward kinematics of joint commands, or of the row before."""
 
 import numpy as np
 import torch
@@ -12,9 +12,9 @@ from ptt.run.viewing import standing_rows
 
 
 def with_places(file: MachineFile, table: Table) -> Table:
-    """Targets of sliders' commands: where the drawing puts the tool at these, stated as the other targets are.
+    """Fill targets by the drawing's forward kinematics of slider commands, in the frame of the other targets.
 
-    An arm's commands are its posture, and stay what tells its targets.
+    An arm's rows keep their commands as posture.
 
     Args:
         file: the machine.
@@ -24,7 +24,7 @@ def with_places(file: MachineFile, table: Table) -> Table:
         The table with a target in each row that has one or a command.
 
     Raises:
-        WorkspaceError: commands at which the links do not meet, by line.
+        WorkspaceError: commands at which the mechanism cannot be assembled, by line.
     """
     if file.machine.kind != "three-ptt" or table.command is None:
         return table
@@ -41,12 +41,12 @@ def with_places(file: MachineFile, table: Table) -> Table:
 
 
 def placed_rows(given: Table, table: Table) -> int:
-    """How many rows of some targets got theirs from the drawing."""
+    """Number of rows whose target came from the drawing."""
     return int((np.isfinite(table.target) & ~np.isfinite(given.target)).all(axis=1).sum())
 
 
 def standing(table: Table) -> Table:
-    """The same rows with what base reflectors' rows do not say: the machine stands as in the row before meanwhile.
+    """A table whose rows of base reflectors have the pose, load and feed of the row before, where the machine stands.
 
     Args:
         table: n rows; those of base reflectors have no target.

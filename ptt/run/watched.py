@@ -1,4 +1,4 @@
-"""Columns that mean nothing to the program, and that a person wants watched: an error may depend on them."""
+"""Columns of the user's own on which an error may depend (--context)."""
 
 import math
 import re
@@ -16,7 +16,7 @@ OWN = re.compile(r"[bq]\d+|direction\d+|speed\d*|velocity|payload|(memory of )?t
 
 
 def watch(table: Table, titles: Sequence[str]) -> Table:
-    """Take columns of the user's own for something that the error may depend on.
+    """Mark columns of the user's own as something that the error may depend on.
 
     Args:
         table: n rows, read.

@@ -1,4 +1,4 @@
-"""Columns of the file format, and their text a block of rows at a time: a long file never lies in memory whole."""
+"""Writing a table as CSV, block by block, so that a long file is never in memory as a whole."""
 
 import csv
 import io
@@ -24,11 +24,11 @@ Columns = Dictionary[str, np.ndarray]  # title -> (n,)
 
 
 def columns_of(table: "Table", whole: bool = False) -> dict[str, np.ndarray]:
-    """Columns of a table as its file has them, in units and order of the format.
+    """Columns of a table in the units and order of the file format.
 
     Args:
         table: n rows.
-        whole: whether those without content are there as well.
+        whole: whether empty columns are included.
 
     Returns:
         Title -> (n,), most of them views of the table.
@@ -56,7 +56,7 @@ def columns_of(table: "Table", whole: bool = False) -> dict[str, np.ndarray]:
 
 
 def columns_as_read(table: "Table") -> dict[str, np.ndarray]:
-    """Columns in the order of the file that they were read from, none of them lost; what that had not follows them.
+    """Columns in the order of the file that they were read from, all included, then columns that it did not have.
 
     Args:
         table: n rows.

@@ -37,7 +37,7 @@ def find_reach(setup: Setup) -> tuple[list[Finding], Setup]:
     for hypothesis in tried:
         cured = hypothesis.undo(setup)
         after = out_of_reach(cured)
-        # Targets far away would lie in reach a thousand times smaller, too: all in one speck, where nobody works.
+        # Distant targets scaled down a thousandfold are in reach as well, but in a volume too small for a real run.
         if after is not None and after <= NEARLY_NONE and before - after > 0.5 and _spread(cured) > WORKED:
             found.append((hypothesis, after))
     if not found:

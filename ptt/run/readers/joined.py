@@ -88,7 +88,7 @@ def _label(source: str, run: str) -> str:
 
 
 def _distinct(labels: list[str]) -> list[str]:
-    """The same file given twice stays two runs, in a written file too."""
+    """Labels made distinct, so that a file given twice stays two runs, also when written."""
     seen: dict[str, int] = {}
     distinct = []
     for label in labels:

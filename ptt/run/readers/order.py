@@ -58,7 +58,7 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
 
 
 def refuse_order(order: object) -> None:
-    """Refuse an order that is none of `ORDERS`; None, where nobody said any, is one."""
+    """Refuse an order that is none of `ORDERS`; None (not stated) is accepted."""
     if order not in (None, *ORDERS):
         raise TableError(
             f"no order '{shown(order)}'", where="--set order", fix=f"write order={' or order='.join(ORDERS)}"

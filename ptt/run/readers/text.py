@@ -52,7 +52,7 @@ class RawText:
     thousands: str = ""
 
     def part(self, first: int, stop: int) -> "RawText":
-        """Some of its data lines, with their numbers."""
+        """A part of the data lines, with their numbers."""
         return replace(self, body=self.body[first:stop], line=self.line[first:stop])
 
 
