@@ -84,8 +84,8 @@ def slider_units(setup: Setup) -> Iterator[Hypothesis]:
 
 def scales(setup: Setup) -> Iterator[Hypothesis]:
     """Every unit of the slider heights, alone and with all other lengths of the run."""
-    others = [f"{axis}_{kind}" for kind, points in (("cmd", setup.table.target), ("meas", setup.table.measured))
-              for axis in "x" if np.isfinite(points).any()]  # fmt: skip
+    columns = {"x_cmd": setup.table.target, "x_meas": setup.table.measured}
+    others = [title for title, points in columns.items() if np.isfinite(points).any()]
     for unit, factor in UNITS.items():
         titles = [f"{title}_{SHORT[unit]}, ..." for title in ("b1_cmd", *others)]
         fix = f"rename the columns ({titles[0]})"
@@ -102,7 +102,7 @@ def slider_orders() -> Iterator[Hypothesis]:
             if order == (0, 1, 2) and min(signs) > 0:
                 continue
             if order != (0, 1, 2) and len(set(signs)) > 1:
-                continue  # two mistakes at once, and which slider it was is not told apart
+                continue  # two mistakes at once, of which the data do not tell which slider
             moved, down = order != (0, 1, 2), [leg for leg in range(3) if signs[leg] < 0]
             words = order_words(order) if moved else ""
             words += " and " if moved and down else ""
