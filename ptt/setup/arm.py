@@ -98,7 +98,7 @@ def _tried(setup: Setup, rows: np.ndarray, hypotheses: list[Hypothesis]) -> list
     """Each hypothesis alone and with axes and units of the readings corrected, judged by exact fits, best first."""
     judged = []
     for hypothesis in hypotheses:
-        for more in _read_off(hypothesis.undo(setup), rows):
+        for more in _reading_corrections(hypothesis.undo(setup), rows):
             steps = (hypothesis, *more)
             cured = undo_all(steps, setup)
             judged.append((judge_arm(cured, rows), [step for step in steps if step.undone], cured))
@@ -230,7 +230,7 @@ def _left_by(setup: Setup, rows: np.ndarray, slip: int, first: int) -> float:
     return linear(pose, undone.measured[kept])[0]
 
 
-def _read_off(setup: Setup, rows: np.ndarray) -> list[list[Hypothesis]]:
+def _reading_corrections(setup: Setup, rows: np.ndarray) -> list[list[Hypothesis]]:
     """Corrections by the determinant of the linear fit: its size shows a unit, its sign a left-handed frame."""
     command, reading = setup.table.command[rows], setup.table.measured[rows]  # type: ignore[index]
     (pose,) = pose_many([(arm_spec(setup), command)])

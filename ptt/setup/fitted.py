@@ -19,9 +19,9 @@ SEARCHED = ("link_length_mm", "base_radius_mm")  # the platform's radius counts 
 SLIP = 3.0  # mm: smaller errors of a length are those of construction
 WIDEST = 0.4  # half width of the search, as a share of the length
 GRID, ZOOMS = 13, 5  # points and refinements: to within 4e-5 of the length
-FEW_ROWS = 48
+FEW_ROWS = 48  # rows of the search
 FRAME_SLIP = 2.0  # mm: smaller displacements of targets are no frame of their own
-ROUNDS = 6
+ROUNDS = 6  # of Gauss-Newton
 # Scales of three zeros, shifts and turns in a minimum-norm solution: a common zero goes to the tracker's height first.
 SCALE = np.array([0.01, 0.01, 0.01, 1.0, 1.0, 1.0, 0.01, 0.01, 0.01])
 
