@@ -16,7 +16,7 @@ from ptt.run.frames import rigid_columns
 from ptt.run.view import View
 
 RIGID = "small rigid motion, Rodrigues' formula to first order"
-USUAL_SCALE = 2e-5
+USUAL_SCALE = 2e-5  # relative
 WITHOUT_AIR = 3e-4  # relative error of a tracker that ignores the refractive index of air, 2.7e-4, and a tenth more
 AWAY = 3e3  # mm along each axis: usual distance of the tracker
 SETTLING = (1e3, 3.0, 1.25, 0.5, 0.2, 0.07)  # time constants as shares of the run: a straight line, then slow to fast

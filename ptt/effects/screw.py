@@ -14,7 +14,7 @@ from ptt.effects.curves import covered_range, curve_extremes, renew_curves
 from ptt.effects.layout import family, per_joint
 from ptt.effects.phrases import Phrase, ValuePhrase, figure, said
 from ptt.effects.shapes import SHAPES, WAVES, smooth_shapes, straight_shapes, wave_shapes
-from ptt.effects.structure import METALS
+from ptt.effects.structure import LARGEST_EXPANSION
 from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
 
@@ -253,7 +253,7 @@ class ScrewGrowth(Effect):
     stage: ClassVar[Stage] = "drive"
     mechanisms: ClassVar[tuple[str, ...]] = ("three-ptt",)
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("growth", "1/K", 1.2e-5, "expansion of the screw", True, within=(-0.1, METALS)),
+        Parameter("growth", "1/K", 1.2e-5, "expansion of the screw", True, within=(-0.1, LARGEST_EXPANSION)),
         Parameter("shift", "mm/K", 3e-3, "growth between the fixed end and the height of home", True),
     )
     requires: ClassVar[tuple[str, ...]] = ("temperature",)

@@ -16,7 +16,7 @@ from ptt.run.view import View
 # Largest expansion in units of the usual one, that of steel: zinc has 2.5, and a sensor in the room warms less than
 # the frame. The lower limits below: carbon fibre shrinks by up to a tenth of it, and the effective radius R - r of a
 # machine shrinks where its platform grows more than its base.
-METALS = 4.0
+LARGEST_EXPANSION = 4.0
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,16 @@ class FrameGrowth(Effect):
     name: ClassVar[str] = "frame-growth"
     stage: ClassVar[Stage] = "structure"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("radius", "1/K", 1.2e-5, "expansion of the base radius (serial: of every a)", within=(-1.0, METALS)),
-        Parameter("link", "1/K", 1.2e-5, "expansion of the links (serial: of every d)", within=(-0.1, METALS)),
+        Parameter(
+            "radius",
+            "1/K",
+            1.2e-5,
+            "expansion of the base radius (serial: of every a)",
+            within=(-1.0, LARGEST_EXPANSION),
+        ),
+        Parameter(
+            "link", "1/K", 1.2e-5, "expansion of the links (serial: of every d)", within=(-0.1, LARGEST_EXPANSION)
+        ),
     )
     requires: ClassVar[tuple[str, ...]] = ("temperature",)
     follows_clock: ClassVar[bool] = True

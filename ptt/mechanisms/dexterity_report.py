@@ -15,7 +15,7 @@ from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, workspace_map
 
 GRID = 41  # points along x and along y
-HEIGHTS = 9
+HEIGHTS = 9  # points along z
 MARGINS = ("inverse_mm", "edge_mm", "inverse", "direct", "constraint")
 
 

@@ -19,10 +19,10 @@ from ptt.mechanisms.serial_inverse import middle, sample_joints
 
 Part = Literal["position", "orientation", "pose"]
 SINGULAR = 1e-9  # smallest over largest singular value from which on a configuration counts as singular
-NEWTON_STEPS = 60
+NEWTON_STEPS = 60  # at most
 POWERS = (2.0, 8.0, 32.0)  # norms that stand for the largest singular value, from smooth to near the maximum itself
 SAMPLES = 4096  # joint values of which the best are refined
-LONGEST_STEP_RAD = 0.2
+LONGEST_STEP_RAD = 0.2  # largest change of a joint in one Newton step
 CONVERGED = 1e-7  # ratio of singular values; where two families cross Newton gets to the square root of rounding only
 PERTURBATIONS, PERTURBATION_RAD = 8, 1e-4  # small steps off a singular pose, in random directions
 DECIDES = 0.2  # share of the steepest joint's slope from which a joint belongs to a family

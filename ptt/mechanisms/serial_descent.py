@@ -10,9 +10,9 @@ from torch import Tensor
 
 from ptt.mechanisms.rotations import rotation_vector
 
-TOLERANCE_MM = 1e-9
-ITERATIONS = 60
-LONGEST_STEP_RAD = 0.7
+TOLERANCE_MM = 1e-9  # error of a solution, an orientation's counted by a characteristic length
+ITERATIONS = 60  # at most
+LONGEST_STEP_RAD = 0.7  # largest change of a joint in one iteration
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6  # times the squared characteristic length
 
 

@@ -5,7 +5,7 @@ from torch import Tensor
 
 from ptt.mechanisms.serial_descent import LONGEST_STEP_RAD, TOLERANCE_MM, PoseTask, descend, free_joints, length
 
-STEPS = 60
+STEPS = 60  # at most
 STILL_RAD = 1e-7  # null-space part of the way to `near` below which a row has arrived
 LEAST_GAIN = 1e-4  # share of the full step below which a row is left where it is
 

@@ -9,7 +9,7 @@ from ptt.run.frames import kabsch
 
 LEAST_MM = 1.5  # mm: a knock within a round, or a drawing in whole millimetres, misfits by less
 FAR = 20.0  # stated standard deviations of one coordinate; the larger of both is the limit
-SHOWN_REFLECTORS = 4
+SHOWN_REFLECTORS = 4  # named in a message
 STRETCH = 2e-3  # relative scale error that is allowed for: ten times that of a wrong weather station
 
 

@@ -10,7 +10,7 @@ from ptt.run.same_pose import number_rows, same_places
 if TYPE_CHECKING:
     from ptt.run.table import Table
 
-BLOCKS = 10
+BLOCKS = 10  # of travel, by default
 APIECE = 5  # blocks for each tracker frame, so that the rows not held out still determine it
 MOST_BLOCKS = 40  # of runs in chunks the sums over each are kept side by side
 PLACED = 3  # largest number of joints whose values follow from the tool position

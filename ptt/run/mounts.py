@@ -11,7 +11,7 @@ from ptt.run.frames import align, by_own, rigid_columns
 from ptt.run.table import Table
 from ptt.run.view import View
 
-ROUNDS = 20
+ROUNDS = 20  # Gauss-Newton steps at most
 SETTLED = 1e-6  # mm, size of a step at which the iteration ends
 TRIM = 6.0  # median distances beyond which a row is an outlier
 UNSEEN = 1e-4  # relative singular value below which a direction is not determined and stays

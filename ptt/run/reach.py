@@ -6,7 +6,7 @@ from ptt.errors import PosesError, WorkspaceError, shown
 from ptt.run.readers.columns import file_title
 from ptt.run.table import Table
 
-ROWS_SHOWN = 5
+ROWS_SHOWN = 5  # named in a message
 
 
 def require_targets(table: Table, lost: np.ndarray) -> None:

@@ -13,7 +13,7 @@ from ptt.run.target_frame import in_base
 WORTH_MM = 1.0  # of way, root mean square: less is what any set-up takes, and no machine is built off by more unseen
 MUCH_LESS = 0.1  # of the way to the drawing's places: a tracker elsewhere would not happen to read the targets' own
 SHARED = "several runs"
-SHOWN_FRAMES = 3
+SHOWN_FRAMES = 3  # named in a message
 
 
 def set_up(problem: Problem) -> dict[str, Any]:

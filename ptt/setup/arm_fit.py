@@ -13,7 +13,7 @@ from ptt.setup.rigid import align_many, middle, rms
 from ptt.setup.setup import Setup
 
 SETTLED = 1e-3  # mm, size of a Gauss-Newton step that ends the iteration
-ROUNDS = 8
+ROUNDS = 8  # Gauss-Newton steps at most
 USUAL = (0.5, 1e-3, 0.5, 1e-3, 1e-3)  # mm and rad: usual errors of a, alpha, d, theta and the Hayati angle
 LOOSE = 1e-9  # ridge of the linear fit, relative
 TURN_LENGTH = 100.0  # mm that a turn of one radian counts as

@@ -12,8 +12,8 @@ from ptt.setup.stray import find_stray
 
 KELVIN = (230.0, 350.0)  # K: -43 to 77 deg C
 FAHRENHEIT = (50.0, 140.0)  # 10 to 60 deg C; no workshop is that warm in deg C
-GRAVITY = (9.80665, 9.81, 9.8)
-ROUND = 0.5  # kg: test weights are multiples
+GRAVITY = (9.80665, 9.81, 9.8)  # N/kg, as people round it
+ROUND = 0.5  # kg: test weights are multiples of it
 CLOSE = 0.01  # share of it: two loads are this near to multiples by chance once in some thousand runs
 CLOSER = 2e-4  # the same for a single load
 

@@ -15,7 +15,7 @@ APART = (
     0.5  # of the limit: least gap between a stray value and all others; values that grow steadily are no typing error
 )
 OFF, BEYOND = 20.0, 100.0  # mm, and times the median: distance of target and command that no correction causes
-SHOWN_ROWS = 5
+SHOWN_ROWS = 5  # named in a message
 
 
 def find_stray(setup: Setup) -> tuple[list[Finding], Setup]:

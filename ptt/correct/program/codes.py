@@ -9,9 +9,9 @@ from ptt.errors import InputError
 TOOL_AXES, FURTHER_AXES = "XYZ", "ABCUVWE"
 # Codes are ten times their numbers, as G59.1 needs a tenth; M-codes that `own_words` looks at are plain numbers.
 MM = {200: 25.4, 210: 1.0}
-MOTIONS = (0, 10, 20, 30)
+MOTIONS = (0, 10, 20, 30)  # G0 to G3
 NO_MOTION = -1
-SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)
+SYSTEMS = (540, 550, 560, 570, 580, 590, 591, 592, 593)  # G54 to G59.3, work coordinate systems
 # What a G-code changes of the modal state (`ptt.correct.program.modal.ModalState`), and to what.
 MODES: dict[int, tuple[str, object]] = {
     **{code: ("motion", code) for code in MOTIONS},
@@ -30,7 +30,7 @@ EXTRUDER_RELATIVE = {820: False, 830: True}  # M82, M83
 PROBES = (290, 320)  # of printers; with axis words they are other codes on other controllers
 HOME = (280, 300, *PROBES)  # the position after these is unknown
 OWN_AXES = (40, *HOME, 920)  # codes whose axis words are not a target
-LENGTHS = (430, 431, 432, 490)
+LENGTHS = (430, 431, 432, 490)  # G43, G43.1, G43.2, G49: tool length offsets
 # Codes that do not move the tool or redefine positions in a way unknown here; any code in no list is refused.
 HARMLESS = (
     80, 90, 170, 180, 190, *MM, 400, *LENGTHS, 530, *SYSTEMS, 610, 611, 640, 800, 900, 901, 910, 911, 940, 960, 970,

@@ -10,7 +10,7 @@ from ptt.run.readers.separators import cell_counts, split_line
 from ptt.run.readers.text import RawText
 from ptt.run.readers.titles import LONGEST_TITLE, UNIT_OF_WORD, is_unit_row, meaning_of, normalise, stated_unit
 
-MOST_TITLES = 2_000
+MOST_TITLES = 2_000  # bounds the time that parsing of titles takes
 
 
 def titles_of(raw: RawText) -> tuple[RawText, tuple[str, ...], list[Meaning | None]]:
