@@ -13,11 +13,14 @@ from ptt.correct.training.physics import fit_physics, sound
 from ptt.correct.training.protocols import PROTOCOLS
 from ptt.correct.training.rest import correction_of, learn_rest
 from ptt.effects.registry import library, make_effect
-from ptt.judge.evaluate import AXES, Evaluation, compare_errors, errors_of, evaluate_pair
+from ptt.judge.evaluate import evaluate_pair
+from ptt.judge.evaluation import Evaluation, compare_errors
+from ptt.judge.run_errors import errors_of
 from ptt.machine import load_machine
 from ptt.model.entries import read_model
 from ptt.model.model import Model
 from ptt.rig import Rig, load_rig, simulate, write_run
+from ptt.run.axes import AXES
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table

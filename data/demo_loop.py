@@ -19,9 +19,9 @@ from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.effects.registry import library, make_effect, parse_key
 from ptt.judge.compare.comparison import Comparison, compare_run
-from ptt.judge.evaluate import errors_of
 from ptt.judge.ladder.climb import climb
 from ptt.judge.ladder.ladder import Ladder
+from ptt.judge.run_errors import errors_of
 from ptt.machine import MachineFile, load_machine, save_machine
 from ptt.model.entries import read_model, write_model
 from ptt.rig import simulate, write_run

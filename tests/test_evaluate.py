@@ -13,8 +13,10 @@ from ptt.commands.main import app
 from ptt.door.evaluating import measured
 from ptt.errors import TableError
 from ptt.judge.before_after import compare_pair
-from ptt.judge.evaluate import Evaluation, compare_errors, errors_of, evaluate_pair
+from ptt.judge.evaluate import evaluate_pair
+from ptt.judge.evaluation import Evaluation, compare_errors
 from ptt.judge.match import match_rows
+from ptt.judge.run_errors import errors_of
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.run.noise import Noise

@@ -19,7 +19,9 @@ from ptt.door.run import Rows, Run
 from ptt.door.words import as_run, read_for
 from ptt.errors import InputError
 from ptt.judge.alike import hints_on
-from ptt.judge.evaluate import GOALS, Datum, Evaluation, compare_errors, evaluate_pair
+from ptt.judge.evaluate import evaluate_pair
+from ptt.judge.evaluation import GOALS, Evaluation, compare_errors
+from ptt.judge.run_errors import Datum
 from ptt.progress import Progress, unwatched
 from ptt.record import plain
 from ptt.run.axes import AXES_TOTAL

@@ -7,8 +7,8 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.judge.compare.comparison import figures
-from ptt.judge.evaluate import LEAST_ROWS, errors_of
 from ptt.judge.match import match_rows
+from ptt.judge.run_errors import LEAST_ROWS, errors_of
 from ptt.machine import MachineFile
 from ptt.run.axes import AXES_TOTAL
 from ptt.run.same_pose import count_places

@@ -10,7 +10,8 @@ from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, learn_rest
 from ptt.errors import PosesError
 from ptt.fitting.solve import hold_to_base
-from ptt.judge.evaluate import Evaluation, refer_z
+from ptt.judge.evaluation import Evaluation
+from ptt.judge.run_errors import refer_z
 from ptt.model.model import Model
 from ptt.progress import Progress
 from ptt.run.problem import Problem

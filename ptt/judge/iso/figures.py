@@ -11,11 +11,11 @@ import torch
 from numpy.typing import NDArray
 
 from ptt.errors import TableError, shown
-from ptt.judge.evaluate import seats_of
 from ptt.judge.gross import gross_rows
 from ptt.judge.iso.axis import AxisFigures, axis_figures
 from ptt.judge.iso.pose import pose_report
 from ptt.judge.iso.pose_figures import PoseReport
+from ptt.judge.run_errors import seats_of
 from ptt.machine import MachineFile
 from ptt.mechanisms.protocol import Mechanism
 from ptt.record import Record

@@ -7,7 +7,7 @@ from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects.registry import Library
 from ptt.judge.before_after import BeforeAfter
 from ptt.judge.compare.comparison import Comparison
-from ptt.judge.evaluate import Evaluation
+from ptt.judge.evaluation import Evaluation
 from ptt.judge.history import HistoryEntry
 from ptt.judge.iso.figures import IsoPoses
 from ptt.judge.ladder.ladder import Ladder

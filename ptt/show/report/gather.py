@@ -17,7 +17,7 @@ from ptt.effects.registry import Library, library
 from ptt.errors import InputError, ModelError
 from ptt.judge.before_after import compare_pair
 from ptt.judge.compare.comparison import compare_run
-from ptt.judge.evaluate import Evaluation
+from ptt.judge.evaluation import Evaluation
 from ptt.judge.history import read_entries, runs_of
 from ptt.judge.iso.figures import IsoPoses, iso_of_poses, with_targets
 from ptt.judge.ladder.climb import climb

@@ -1,0 +1,157 @@
+"""Errors of a run's poses, measured less target, in the frame that the tracker's policy asks for."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ptt.errors import TableError, TooFewError
+from ptt.judge.match import targets_of
+from ptt.machine import MachineFile
+from ptt.run.base_frame import into_base
+from ptt.run.direction import travel_direction
+from ptt.run.frames import align
+from ptt.run.mounts import mount_of_rows, mount_slopes, mounts_beside
+from ptt.run.noise import Noise, given_noise
+from ptt.run.problem import build_problem
+from ptt.run.same_pose import count_places, same_places
+from ptt.run.table import Table
+from ptt.run.travel import run_starts
+
+LEAST_ROWS = 4  # a rigid motion is found from three; with no more it would take every error away
+
+Datum = Literal["absolute", "first"]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Errors of the rows of one run, n rows.
+
+    Attributes:
+        raw: measured less target, frames as they come, (n, 3) mm; NaN where not observed or no pose.
+        aligned: the same after the frame policy, (n, 3) mm.
+        frame: the policy, in words.
+        noise: of one reading, by repeats, std columns or the machine file; None where nothing tells it.
+    """
+
+    raw: np.ndarray
+    aligned: np.ndarray
+    frame: str
+    noise: Noise | None = None
+
+
+def errors_of(
+    table: Table, file: MachineFile | None, frame: str | None = None, rows: np.ndarray | None = None
+) -> Errors:
+    """Errors of a run's poses.
+
+    Args:
+        table: n rows.
+        file: the machine, whose tracker policy counts; None: the best rigid motion.
+        frame: 'trusted', 'fitted', 'fitted-per-run' or 'measured' instead of the machine's.
+        rows: that count, (n,) bool; None for all.
+
+    Returns:
+        The errors; targets that are not given are what the commands ask of the drawing.
+
+    Raises:
+        TableError: too few readings, no targets, base reflectors missing.
+    """
+    policy = frame or (file.tracker.frame if file is not None else "fitted")
+    target = targets_of(table, file)
+    pose = (table.role != "base") & np.isfinite(target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
+    if file is None and not np.isfinite(target).any():
+        fix = "add x_cmd, y_cmd, z_cmd, or name with --model the machine that says where its commands go"
+        raise TableError("no targets", where=table.source, fix=fix)
+    if rows is not None:
+        pose &= rows
+    if not pose.any():
+        raise TableError("no row has both a target and a reading", where=table.source, fix="check columns and roles")
+    raw = np.where(pose[:, None], table.measured - target, np.nan)
+    moved, words = _align(table, file, target, pose, policy)
+    aligned = np.where(pose[:, None], moved - target, np.nan)
+    return Errors(raw, aligned, words, _noise(table, target, moved, file))
+
+
+def refer_z(errors: np.ndarray, target: np.ndarray, usable: np.ndarray, z_datum: Datum) -> np.ndarray:
+    """Errors with z as the datum has it.
+
+    Args:
+        errors: (n, 3) mm.
+        target: (n, 3) mm.
+        usable: rows of which one is the first, (n,) bool.
+        z_datum: 'first' takes the mean z error of the first pose, all its readings together, off all of them.
+
+    Returns:
+        (n, 3) mm.
+    """
+    if z_datum != "first":
+        return errors
+    rows = np.flatnonzero(usable)
+    same = rows[same_places(target[rows]) == 0]
+    return errors - np.array([0.0, 0.0, errors[same, 2].mean()])
+
+
+def _align(
+    table: Table, file: MachineFile | None, target: np.ndarray, pose: np.ndarray, policy: str
+) -> tuple[np.ndarray, str]:
+    if policy == "measured" and file is None:
+        raise TableError("no machine file states the base reflectors", where="--frame measured", fix="add --model")
+    free = policy in ("fitted", "fitted-per-run")
+    frame = table.run if policy == "fitted-per-run" else np.zeros(table.rows, dtype=int)
+    for index in np.unique(frame[pose]) if free else ():
+        if count_places(target[pose & (frame == index)]) < LEAST_ROWS:
+            fix = f"measure at least {LEAST_ROWS} poses, or use --frame trusted"
+            raise TooFewError("too few poses to find the tracker's frame", where=table.source, fix=fix)
+    reading = build_problem(file, table).measured if policy == "measured" and file else table.measured
+    seats = seats_of(table, file, target, reading, pose, frame, free=free)
+    beside = "" if seats is None else ", the reflector's seat on the tool subtracted"
+    seat = np.zeros_like(target) if seats is None else seats
+    if not free:
+        own = "trusted: none" if policy == "trusted" else "measured: base reflectors"
+        return reading - seat, own + beside
+    rotations, shifts = np.tile(np.eye(3), (int(frame.max()) + 1, 1, 1)), np.zeros((int(frame.max()) + 1, 3))
+    for index in np.unique(frame[pose]):
+        here = pose & (frame == index)
+        rotations[index], shifts[index] = align((target + seat)[here], table.measured[here])
+    motion = "best rigid motion of each run" if policy == "fitted-per-run" else "best rigid motion"
+    words = f"{policy}: {motion}{beside}, before and after alike"
+    return into_base(table.measured, frame, rotations, shifts) - seat, words
+
+
+def seats_of(
+    table: Table, file: MachineFile | None, target: np.ndarray, reading: np.ndarray, pose: np.ndarray,
+    frame: np.ndarray, *, free: bool,
+) -> np.ndarray | None:  # fmt: skip
+    """How far an arm's reflector stands from the tool point where nobody knows where on the tool it sits.
+
+    Args:
+        table: n rows.
+        file: the machine; None where nobody tells it.
+        target: (n, 3) mm.
+        reading: (n, 3) mm.
+        pose: rows that count, (n,) bool.
+        frame: (n,) int, tracker frame of each row.
+        free: whether the frames are unknown.
+
+    Returns:
+        (n, 3) mm in the base frame; None where the reflector is at the tool point, by the machine file or by nobody's
+        word.
+    """
+    mount = None if file is None else mount_of_rows(file, table)
+    if file is None or mount is None or (mount < 0).all():
+        return None
+    by_mount = mount_slopes(build_problem(file, table).view)
+    mounts = mounts_beside(target, by_mount, reading, pose, mount, frame, free=free)
+    return np.asarray(np.einsum("nij,nj->ni", by_mount, mounts[mount]))
+
+
+def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: MachineFile | None) -> Noise | None:
+    asked = table.target if table.command is None else table.command
+    direction = travel_direction(asked, run_starts(table.run)).astype(float)
+    if table.direction is not None and table.direction.shape == direction.shape:
+        direction = np.where(np.abs(table.direction) > 0.0, table.direction, direction)
+    sigma = None if file is None else file.tracker.sigma_mm
+    # As in a problem: encoders that report where an arm stands differ from repeat to repeat, and so does its place.
+    scatter = measured - target if table.joint_prefix == "q" else measured
+    return given_noise(table, scatter, direction, sigma)
