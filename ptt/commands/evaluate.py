@@ -63,7 +63,8 @@ def evaluate(
     json: Json = False,
 ) -> None:
     """Show how far the error fell: between two measured runs, BEFORE and AFTER, or with a model on held-out rows."""
-    from ptt.door.evaluating import Evaluated, computed, measured, read_goals, run_rows
+    from ptt.door.evaluated import Evaluated
+    from ptt.door.evaluating import computed, measured, read_goals, run_rows
     from ptt.door.model import load
     from ptt.errors import InputError
 
