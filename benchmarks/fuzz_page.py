@@ -55,10 +55,14 @@ def run_page(words: list[str]) -> int:
 
 
 class _Nobody:
-    """A page that watches no progress."""
+    """A page that watches no progress and never asks to leave off."""
 
     def send(self, _: Any) -> None:
         """Nothing."""
+
+    def poll(self) -> bool:
+        """Whether it asks to leave off."""
+        return False
 
 
 def _content(path: Path) -> bytes:

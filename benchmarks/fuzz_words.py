@@ -6,7 +6,7 @@ import random
 import stat
 from pathlib import Path
 
-from fuzz_mutations import Mutation
+from fuzz_mutation import Mutation
 
 VALUES = (
     "", " ", "nan", "inf", "-1", "0", "1e308", "1e-308", "9" * 400, "abc", "x" * 30_000, "\u202e", "--", "-", ".", "..",

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import fuzz
+from fuzz_mutation import Mutation
 import kill
 import pytest
 
@@ -39,7 +40,7 @@ def test_the_judge_sees_what_is_broken(fuzzer, monkeypatch):
         monkeypatch.setattr(fuzz, "run_words", bad)
         before = fuzz.digests(fuzzer.place)
         ended = fuzz.fork_words(words, fuzzer.place, fuzzer.logs)
-        assert fuzz.judge(ended, fuzz.Mutation(""), words, "", before, fuzzer.place, None)[0] == kind
+        assert fuzz.judge(ended, Mutation(""), words, "", before, fuzzer.place, None)[0] == kind
 
 
 def test_json_is_the_same_however_columns_stand_and_threads_run(tmp_path):
