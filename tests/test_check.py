@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from setup_mistakes import agreement, try_case
+from setup_mistakes_cases import CASES
+from setup_mistakes_runs import draw_run
 
-from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
 from ptt.commands.main import run_alone
 from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.run.reading import read_table

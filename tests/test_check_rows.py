@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from setup_mistakes import agreement, try_case
+from setup_mistakes_cases import CASES
+from setup_mistakes_runs import draw_run
 
 import ptt
-from benchmarks.setup_mistakes import CASES, agreement, draw_run, try_case
 from ptt.errors import WorkspaceError
 from ptt.machine import MachineFile
 from ptt.run.table import Table, take_rows

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from setup_mistakes import try_case
+from setup_mistakes_cases import CASES
+from setup_mistakes_runs import draw_run
 
-from benchmarks.setup_mistakes import CASES, draw_run, try_case
 from ptt.machine import MachineFile
 from ptt.run.table import Table, make_table, take_rows
 from ptt.setup import check_setup

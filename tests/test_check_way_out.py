@@ -9,8 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import tomlkit
+from setup_mistakes import agreement, with_columns
+from setup_mistakes_cases import CASES, Case
+from setup_mistakes_runs import draw_run
 
-from benchmarks.setup_mistakes import CASES, Case, agreement, draw_run, with_columns
 from ptt.machine import MachineFile, load_machine
 from ptt.run.reading import read_table
 from ptt.run.table import Table, write_table

@@ -7,9 +7,9 @@ import sys
 from pathlib import Path
 
 import fuzz
-from fuzz_mutation import Mutation
 import kill
 import pytest
+from fuzz_mutation import Mutation
 
 CASES = 16
 
