@@ -112,6 +112,8 @@ def _in_store(name: str) -> bool:
 
 def _judge_refused(ended: Ended, new: list[str], words: list[str]) -> tuple[str, str]:
     lines = ended.err.strip().splitlines()
+    if words[:2] == ["fleet", "add"] and lines and "the others were" in lines[-1]:  # some of several files were added
+        return "ok", ""
     if len(lines) != 1 or not lines[0].startswith("error: "):
         return "unclear", f"{len(lines)} lines: {ended.err[:200]!r}"
     if len(lines[0]) > LINE:

@@ -34,3 +34,11 @@ def test_a_machine_file_that_no_half_radius_cures_is_refused_as_ever(tmp_path: P
     drawn.write_text((DATA / "machine.toml").read_text().replace(*change))
     refused = invoke("check", DATA / "run.csv", "--model", drawn, "--json")
     assert refused.exit_code == 2 and not refused.stdout
+
+
+@pytest.mark.parametrize("damage", ["a." * 3000 + "b = 1", "kind = " + "[" * 3000 + "]" * 3000], ids=["keys", "lists"])
+def test_a_machine_file_of_a_thousand_levels_is_refused_in_one_line(tmp_path: Path, damage: str) -> None:
+    machine = tmp_path / "machine.toml"
+    machine.write_text(damage + "\n" + (DATA / "machine.toml").read_text())
+    refused = invoke("check", DATA / "run.csv", "--model", machine, "--json")
+    assert refused.exit_code == 2 and "levels" in refused.stderr and len(refused.stderr.splitlines()) == 1

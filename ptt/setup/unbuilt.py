@@ -1,12 +1,12 @@
 """Reading a machine file that cannot be built because a diameter was given for a radius, so that it can be checked."""
 
-import tomllib
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
 import tomlkit
 
+from ptt.documents import parse_toml
 from ptt.errors import InputError, MachineError
 from ptt.files import read_text
 from ptt.machine import MachineFile, ThreePttSpec, parse_machine
@@ -25,8 +25,8 @@ def read_unbuilt(path: Path) -> MachineFile | None:
     """
     try:
         text = read_text(path, MachineError)
-        raw = tomllib.loads(text).get("machine")
-    except (InputError, tomllib.TOMLDecodeError):
+        raw = parse_toml(text, str(path)).get("machine")
+    except InputError:
         return None
     if not isinstance(raw, dict) or not all(isinstance(raw.get(key), int | float) for key in RADII):
         return None
