@@ -1,10 +1,11 @@
-"""An effect written by `ptt effects new --like` for a fault outside the library: how much of the tool's error it takes.
+"""Effects written by `ptt effects new --like` for a fault outside the library: how much of the tool's error they take.
 
     python benchmarks/own_effects.py --count 24 --start 0 [--kinds unseen]
 
-One fault outside the library alone on a foreign machine; the diagnosis is asked, the file written for what it says
-first is loaded as it is, added and fitted, and the virtual machine measured again with the corrected commands, without
-noise. The reduction is of the tool's error, against the drawing. Nothing is written where the verdict is not `unknown`.
+One fault outside the library alone on a foreign machine; the diagnosis is asked, the file written for all that it
+says is followed is loaded as it is, added and fitted, and the virtual machine measured again with the corrected
+commands, without noise. The reduction is of the tool's error, against the drawing. Nothing is written where the verdict
+is not `unknown`.
 """
 
 import argparse
@@ -69,18 +70,20 @@ def _one(case: object) -> tuple[str, float | None]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "own.py"
         try:
-            file.write_text(prefilled("own-effect", first))
+            written = prefilled("own-effect", said["depends_on"])
         except InputError as error:
             return f"{first['residual']} on {first['on']}: {error}", None
-        own = load_effects(file)["own-effect"]()
-    ladder = climb(result.model, problem, [own])
+        file.write_text(written.text)
+        own = [cls() for cls in load_effects(file).values()]
+    ladder = climb(result.model, problem, own)
     tool = remeasure(ladder.model, drawn).to_dict()
     before, after = tool["before"]["total"], (tool["after"] or {"total": np.nan})["total"]
     if before < TOOL_SOUND:
         return f"a fault of the readings, beside [{names}]: tool {before:.1f} -> {after:.1f} um", None
     reduction = 100.0 * (1.0 - after / before) if np.isfinite(after) else -100.0
     where = (
-        f"{first['residual']} on {first['on']} ({first['shape']}; {'right' if right and right['right'] else 'wrong'})"
+        f"{first['residual']} on {first['on']} ({first['shape']}; {'right' if right and right['right'] else 'wrong'}), "
+        f"{len(own)} laws"
     )
     return f"{where} beside [{names}]: tool {before:.1f} -> {after:.1f} um, {reduction:.0f} %", reduction
 

@@ -71,7 +71,7 @@ def test_a_hysteresis_is_told_by_its_slider_and_written_as_a_law(tmp_path: Path)
     curve = first.curve[np.argsort(first.curve[:, 0]), 1]  # signed by the way, it turns from one end to the other
     assert (curve[0] > 0.02 and curve[-1] < -0.03) or (curve[0] < -0.02 and curve[-1] > 0.03)
     path = tmp_path / "own.py"
-    path.write_text(prefilled("own-cause", first.to_dict()))
+    path.write_text(prefilled("own-cause", [first.to_dict()]).text)
     ladder = climb(Model(file), problem, [make_effect(library(path), "own-cause")])
     before, after = (step.heldout_rms_um["total"] for step in (ladder.steps[0], ladder.steps[-1]))
     assert after < 0.4 * before

@@ -68,7 +68,7 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
 )
 def test_every_shape_makes_an_effect_that_keeps_the_contract(tmp_path: Path, entry: dict[str, object]) -> None:
     path = tmp_path / "own.py"
-    path.write_text(prefilled("own-cause", entry))
+    path.write_text(prefilled("own-cause", [entry]).text)
     (cls,) = (cls for name, cls in library(path).items() if name == "own-cause")
     broken = [f"{item.check}: {item.broken}" for item in check_effect(cls(), differentiate) if not item.passed]
     assert not broken
@@ -88,7 +88,7 @@ def test_every_shape_makes_an_effect_that_keeps_the_contract(tmp_path: Path, ent
 )
 def test_what_is_of_the_tool_alone_fits_arms_as_well(tmp_path: Path, entry: dict[str, object], kinds: set[str]) -> None:
     path = tmp_path / "own.py"
-    path.write_text(prefilled("own-cause", entry))
+    path.write_text(prefilled("own-cause", [entry]).text)
     assert set(library(path)["own-cause"].mechanisms) == kinds
 
 
@@ -118,7 +118,7 @@ def test_a_written_effect_acts_where_the_unknown_does(
     assert (first["acts_on"], first["on"]) == (place, follows)
     assert first["share"] > 0.7  # of its variance: its level, which a frame may take as well, is no part of that
     path = tmp_path / "own.py"
-    path.write_text(prefilled("own-cause", first))
+    path.write_text(prefilled("own-cause", [first]).text)
     ladder = climb(Model(MACHINE), problem, [make_effect(library(path), "own-cause")])
     assert ladder.steps[0].heldout_rms_um["total"] > 1.8 * 5.0 * 3**0.5
     assert ladder.steps[-1].heldout_rms_um["total"] < 1.2 * 5.0 * 3**0.5  # of the readings' own scatter
@@ -156,29 +156,44 @@ def test_what_is_no_diagnosis_is_refused(tmp_path: Path) -> None:
         path.write_text(broken)
         assert CliRunner().invoke(app, ["effects", "new", "own-cause", "--like", str(path)]).exit_code == 2
     with pytest.raises(InputError, match="residual"):
-        prefilled("own-cause", {"on": "b2", "shape": "smooth"})
+        prefilled("own-cause", [{"on": "b2", "shape": "smooth"}])
     for hostile in (found('b2"""\nprint()', "smooth"), found("b2", "smooth", residual='x"""\nprint()')):
         with pytest.raises(InputError, match="proper"):
-            prefilled("own-cause", hostile)
+            prefilled("own-cause", [hostile])
     with pytest.raises(InputError, match="acts_on"):
-        prefilled("own-cause", found("b2", "smooth", acts_on="rail 2"))
+        prefilled("own-cause", [found("b2", "smooth", acts_on="rail 2")])
     for nowhere in ("rail 9 outward", "link 7", "slider 5", "joint 2"):
         with pytest.raises(InputError, match="acts_on"):
-            prefilled("own-cause", found("b2", "smooth", acts_on=nowhere))
+            prefilled("own-cause", [found("b2", "smooth", acts_on=nowhere)])
         with pytest.raises(TypeError, match="cannot act"):
             type("Nowhere", (Curve,), {"mechanisms": ("three-ptt",), "on": "b2", "acts_on": nowhere})
     with pytest.raises(InputError, match="acts_on"):
-        prefilled("own-cause", found("q2", "smooth", residual="joint 2", acts_on="rail 1 outward"))
+        prefilled("own-cause", [found("q2", "smooth", residual="joint 2", acts_on="rail 1 outward")])
     with pytest.raises(InputError, match="'on'"):
-        prefilled("own-cause", found("b9", "smooth"))
+        prefilled("own-cause", [found("b9", "smooth")])
     with pytest.raises(InputError, match="shape"):
-        prefilled("own-cause", found("b2", "gradual"))
+        prefilled("own-cause", [found("b2", "gradual")])
     with pytest.raises(InputError, match="place"):
-        prefilled("own-cause", found("b2", "step", place=["high", "low"]))
+        prefilled("own-cause", [found("b2", "step", place=["high", "low"])])
+
+
+def test_each_thing_that_the_error_follows_has_a_law(tmp_path: Path) -> None:
+    step = found("b2", "step", place=[270.0, 274.0], acts_on="rail 2 outward")
+    unread = found("way z", "smooth", residual="z")
+    diagnosis, file = tmp_path / "found.json", tmp_path / "own.py"
+    diagnosis.write_text(json.dumps({"depends_on": [unread, step, found("b3", "smooth"), step]}))
+    words = ["effects", "new", "own-cause", "--like", str(diagnosis), "--out", str(file), "--json"]
+    told = json.loads(CliRunner().invoke(app, words).stdout)
+    assert told["names"] == ["own-cause", "own-cause-2"] and "cannot read 'way z'" in told["left_out"][0]
+    own = library(file)
+    assert [own[name].on for name in told["names"]] == ["b2", "b3"]
+    assert "# left out:" in file.read_text() and file.read_text() == told["text"]
+    with pytest.raises(InputError, match="way z"):
+        prefilled("own-cause", [unread])
 
 
 def test_on_an_arm_it_acts_on_the_joint_in_rad(tmp_path: Path) -> None:
-    text = prefilled("own-cause", found("direction2", "levels", residual="joint 2"))
+    text = prefilled("own-cause", [found("direction2", "levels", residual="joint 2")]).text
     assert 'mechanisms = ("serial",)' in text
     path = tmp_path / "own.py"
     path.write_text(text)
@@ -189,13 +204,13 @@ def test_on_an_arm_it_acts_on_the_joint_in_rad(tmp_path: Path) -> None:
 def test_a_curve_reaches_to_the_ends_of_what_was_visited() -> None:
     """Not to the middles of its outermost bins: what settles is steepest before the first of them."""
     settles = found("time", "smooth", curve={"at": [50.0, 150.0, 250.0, 400.0], "between": [3.0, 480.0]})
-    assert "between = (3, 480)" in prefilled("own-cause", settles)
+    assert "between = (3, 480)" in prefilled("own-cause", [settles]).text
     older = found("time", "smooth", curve={"at": [50.0, 150.0, 250.0, 400.0]})
-    assert "between = (50, 400)" in prefilled("own-cause", older)
+    assert "between = (50, 400)" in prefilled("own-cause", [older]).text
 
 
 def test_temperatures_are_taken_from_the_reference() -> None:
-    assert "between = (2, 2.4)" in prefilled("own-cause", found("temperature", "step", place=[22.0, 22.4]))
+    assert "between = (2, 2.4)" in prefilled("own-cause", [found("temperature", "step", place=[22.0, 22.4])]).text
 
 
 @pytest.mark.parametrize("own", [{"on": "q9", "acts_on": "joint 2"}, {"on": "q1", "acts_on": "joint 9"}])
@@ -215,7 +230,7 @@ def test_what_reverses_elsewhere_than_at_a_joint_is_added_and_measured(tmp_path:
     """A carriage that tips over as its drive pulls it the other way."""
     entry = found("direction2", "levels", residual="y" if acts_on in ("", "y") else "slider 2", acts_on=acts_on or None)
     path = tmp_path / "own.py"
-    path.write_text(prefilled("own-cause", entry))
+    path.write_text(prefilled("own-cause", [entry]).text)
     drawn = draw_rig("none", 5, MACHINE, "volume", rows=80)
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     ladder = climb(Model(MACHINE), problem, [make_effect(library(path), "own-cause")])

@@ -55,7 +55,7 @@ def test_a_law_of_the_set_up_takes_the_readings_and_sends_nothing(tmp_path: Path
     problem = build_problem(file, table)
     first = diagnose(Model(file), problem).depends_on[0]
     path = tmp_path / "own.py"
-    path.write_text(prefilled("own-cause", first.to_dict()))
+    path.write_text(prefilled("own-cause", [first.to_dict()]).text)
     ladder = climb(Model(file), problem, [make_effect(library(path), "own-cause")])
     assert ladder.steps[-1].heldout_rms_um["total"] < 1.4e3 * SIGMA * 3**0.5
     sent = predict([(term.effect, term.theta) for term in ladder.model.terms], problem.view).p

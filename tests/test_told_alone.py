@@ -39,5 +39,5 @@ def test_a_side_that_loses_more_at_one_end_is_written_with_both_variables() -> N
         "residual": "slider 2", "on": "direction2", "shape": "smooth", "with": None, "acts_on": "slider 2",
         "curve": {"at": [-1.0, 1.0]}, "size": {"kind": "varying", "along": "b2", "low": 420.0, "high": 346.0},
     }  # fmt: skip
-    text = prefilled("my-stick", found)
+    text = prefilled("my-stick", [found]).text
     assert 'on, shape = "direction2", "varying"' in text and 'along = "b2"' in text and "(346, 420)" in text

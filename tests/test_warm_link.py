@@ -87,7 +87,7 @@ def test_a_link_that_warms_alone_is_told_and_written(tmp_path: Path, link: int) 
     assert (first.acts_on, first.on) == (f"link {link + 1}", "temperature")
     assert f"as if link {link + 1} changed its length" in found.words
     path = tmp_path / "own.py"
-    path.write_text(prefilled("own-cause", first.to_dict()))
+    path.write_text(prefilled("own-cause", [first.to_dict()]).text)
     ladder = climb(Model(file), problem, [make_effect(library(path), "own-cause")])
     before, after = (step.heldout_rms_um["total"] for step in (ladder.steps[0], ladder.steps[-1]))
     assert after < 0.4 * before

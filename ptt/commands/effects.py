@@ -93,37 +93,40 @@ def _atlas(folder: Path, own: list[Path], json: bool) -> None:
 
 
 def _new(name: str, out: Path | None, like: Path | None, json: bool) -> None:
-    from ptt.effects.prefilled import prefilled
+    from ptt.effects.prefilled import Written, prefilled
     from ptt.effects.template import template
     from ptt.errors import InputError
     from ptt.files import write_text
 
     if out is not None and out.suffix != ".py":
         raise InputError("an effect is a Python file", where=str(out), fix="let its name end in .py")
-    text = template(name) if like is None else prefilled(name, _rest_of(like))
+    written = Written((name,), template(name)) if like is None else prefilled(name, _dependences_of(like))
     if out is not None:
         if out.exists():
             raise InputError("already exists", where=str(out), fix="name another file; nothing was written")
-        write_text(out, text)
-    said = text.rstrip() if out is None else f"wrote {out}; edit it, then: ptt effects check {out}"
-    show({"name": name, "file": out, "text": text}, said, json)
+        write_text(out, written.text)
+    said = written.text.rstrip() if out is None else f"wrote {out}; edit it, then: ptt effects check {out}"
+    if out is not None and written.names[1:]:
+        said += f"\nadd all that it holds: ptt add RUN.csv {' '.join(written.names)} --effects {out} ..."
+    told = {"name": name, "names": list(written.names), "file": out, "text": written.text}
+    show(told | {"left_out": list(written.left_out)}, said, json)
 
 
-def _rest_of(path: Path) -> dict[str, Any]:
-    """The leading dependence of a diagnosis."""
+def _dependences_of(path: Path) -> list[dict[str, Any]]:
+    """All that a diagnosis found the error to depend on, the leading part first."""
     from ptt.documents import parse_json
     from ptt.errors import InputError
     from ptt.files import read_text
 
     whole = parse_json(read_text(path), str(path), fix="give what `ptt diagnose --json` printed")
     found = whole.get("depends_on") if isinstance(whole, dict) else None
-    if not isinstance(found, list) or (found and not isinstance(found[0], dict)):
+    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
         raise InputError("is not a diagnosis", where=str(path), fix="give what `ptt diagnose --json` printed")
     if not found:
         raise InputError(
             "the error it leaves depends on nothing", where=str(path), fix="start from `ptt effects new` alone"
         )
-    return dict(found[0])
+    return found
 
 
 def _check(file: str, json: bool) -> None:

@@ -226,7 +226,7 @@ def _next(result: Diagnosis) -> list[str]:
         more = "a longer run, or another one," if first.on == "time" else poses
         where = (first.acts_on or first.residual).replace("set-up", "the set-up")
         lines.append(f"look for the cause in {where}; {more} would show it better")
-        if is_variable(first.on):
+        if any(is_variable(each.on) for each in result.depends_on):
             lines.append(
                 "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"
             )

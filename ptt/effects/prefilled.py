@@ -1,7 +1,8 @@
-"""Source of a user's own effect for a dependence that a diagnosis found and no effect of the library describes."""
+"""The file of a user's own effects, written for what a diagnosis found that no known effect describes."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ptt.effects.curve import COORDINATES, CURVE_SHAPES, JOINT, OTHERS, PLACE, fits
@@ -12,21 +13,63 @@ REFERENCE_C = 20.0  # reference temperature of a machine file that states none
 _FIX = "give the JSON of `ptt diagnose --json`"
 
 
-def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
-    """Python source of an effect with the variable and the shape that a diagnosis found.
+@dataclass(frozen=True)
+class Written:
+    """Effects written for what a diagnosis found.
+
+    Attributes:
+        names: of the effects, the leading one's first.
+        text: Python source that defines them.
+        left_out: what the error follows that no effect can say, and why; a line each.
+    """
+
+    names: tuple[str, ...]
+    text: str
+    left_out: tuple[str, ...] = ()
+
+
+def prefilled(name: str, dependences: Sequence[Mapping[str, Any]]) -> Written:
+    """Effects with the variables and the shapes that a diagnosis found, one for each thing that the error follows.
 
     Args:
-        name: its name, lower case words joined by hyphens.
-        dependence: an entry of `depends_on` as the diagnosis gives it in JSON.
+        name: of the first, lower case words joined by hyphens; the others are this and a number.
+        dependences: `depends_on` as the diagnosis gives it in JSON, at least one entry.
 
     Returns:
-        Python source of a working effect of about ten lines.
+        Working effects of about ten lines each.
 
     Raises:
-        InputError: the name is taken, or the entry lacks something.
+        InputError: a name is taken, no entry can be written, or one lacks something.
     """
-    require_free_name(name)
-    found = _checked(dependence)
+    laws, left_out = dict[str, str](), list[InputError]()
+    for entry in dependences:
+        own = name if not laws else f"{name}-{len(laws) + 1}"
+        require_free_name(own)
+        try:
+            law = _law(_checked(entry))
+        except UnreadableError as error:
+            left_out.append(error)
+            continue
+        if law not in laws.values():
+            laws[own] = law
+    if not laws:
+        raise left_out[0]
+    classes = [law.format(class_name=class_name(own), name=own) for own, law in laws.items()]
+    head = [
+        '"""What a diagnosis found, its leading part first; use it with --effects FILE.py."""',
+        "",
+        "from ptt.effects import Curve",
+        *(["", *(f"# left out: {why}" for why in left_out)] if left_out else []),
+    ]
+    return Written(tuple(laws), "\n\n\n".join(["\n".join(head), *classes]) + "\n", tuple(map(str, left_out)))
+
+
+class UnreadableError(InputError):
+    """Something follows what no effect can read."""
+
+
+def _law(found: Mapping[str, Any]) -> str:
+    """The class of one entry, its names left open."""
     kinds = _mechanisms(found)
     for key in ("on", "along", "acts_on"):
         if not fits(kinds, found[key]):
@@ -35,15 +78,10 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
     written = str(kinds).replace("'", '"')
     low, high = found["between"]
     lines = [
-        f'"""{_headline(found)}, as a diagnosis found; use it with --effects FILE.py."""',
+        "class {class_name}(Curve):",
+        f'    """{_headline(found)}: say the cause here; a law of your own goes into basis(self, view, shape)."""',
         "",
-        "from ptt.effects import Curve",
-        "",
-        "",
-        f"class {class_name(name)}(Curve):",
-        '    """Say the physical cause here in one line; a law of your own goes into basis(self, view, shape)."""',
-        "",
-        f'    name = "{name}"',
+        '    name = "{name}"',
         f"    mechanisms = {written}",
         f'    on, shape = "{found["on"]}", "{found["shape"]}"',
         f"    between = ({low:.6g}, {high:.6g})",
@@ -51,7 +89,7 @@ def prefilled(name: str, dependence: Mapping[str, Any]) -> str:
         *([f'    along = "{found["along"]}"'] if found["along"] else []),
         *([f'    acts_on = "{found["acts_on"]}"'] if found["acts_on"] else []),
     ]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines)
 
 
 def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
@@ -71,7 +109,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         moves = on.startswith(("way ", "turn ")) or on in ("step", "pause")
         whose = "the tool's moves" if moves else "a column of your own"
         what = f"no proper 'on': an effect cannot read '{shown(on)}'; what follows {whose} is not corrected"
-        raise InputError(what, fix="keep it steady, at the tracker and at work")
+        raise UnreadableError(what, fix="keep it steady, at the tracker and at work")
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
     try:

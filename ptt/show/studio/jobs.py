@@ -11,7 +11,7 @@ from ptt.show.studio.jobs_again import again, vet
 from ptt.show.studio.jobs_effects import card, names, words_of_effect
 from ptt.show.studio.jobs_export import export, formats
 from ptt.show.studio.jobs_files import columns, describe, mend, peek
-from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effect
+from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effects
 from ptt.show.studio.looks import Look
 from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
 from ptt.show.studio.results import SEAL, Changed, Compared, Diagnosed, Predicted, Source, Trained
@@ -45,7 +45,7 @@ __all__ = [
     "reveal",
     "train",
     "vet",
-    "write_effect",
+    "write_effects",
 ]
 
 

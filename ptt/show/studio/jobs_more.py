@@ -1,6 +1,6 @@
 """Jobs of the last step and beside it: standard's figures, dexterity, poses to measure, an effect from an unknown."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -45,15 +45,15 @@ def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, A
     return {"told": told, "csv": out.read_text(encoding="utf-8")}
 
 
-def write_effect(name: str, dependence: Mapping[str, Any], tell: Progress) -> Mapping[str, str]:
-    """As `ptt effects new NAME --like D.json`: an effect for the curve that an unknown follows.
+def write_effects(name: str, dependences: Sequence[Mapping[str, Any]], tell: Progress) -> Mapping[str, Any]:
+    """As `ptt effects new NAME --like D.json`: an effect for each curve that an unknown follows.
 
     Returns:
-        'file' in the folder of effects, and its 'text'.
+        'file' in the folder of effects, its 'text', and the 'names' of the effects.
     """
     from ptt.effects.prefilled import prefilled
 
-    text = prefilled(name, dict(dependence))
+    written = prefilled(name, dependences)
     file = f"{name.replace('-', '_')}.py"
-    keep_effects(Path(), file, text.encode())
-    return {"file": file, "text": text}
+    keep_effects(Path(), file, written.text.encode())
+    return {"file": file, "text": written.text, "names": list(written.names)}

@@ -1,4 +1,4 @@
-"""An unknown: the one curve that it follows, large, and an effect written from it."""
+"""An unknown: the leading curve that it follows, large, and effects written from all that it follows."""
 
 import re
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ class UnknownView:
         """
         self.studio = studio
         self.shown: Diagnosed | None = None
-        self.file = ""
+        self.file, self.names = "", list[str]()
         with ui.element("div").classes("st-box").mark("unknown") as self.box:
             ui.html("The curve that it follows", sanitize=False, tag="h2").classes("st-head")
             self.plot = Picture().classes("w-full").style("height: 340px")
@@ -68,25 +68,25 @@ class UnknownView:
         name = re.sub(r"[^a-z0-9]+", "-", str(self.name.value or "").lower()).strip("-") or "my-effect"
         if diagnosis is None or diagnosis.unknown is None:
             return
-        dependence = {key: value for key, value in diagnosis.unknown.items() if key != "points"}
-        made = await self.studio.work("writing the effect", "write_effect", name, dependence, how="asked")
+        found = diagnosis.data["depends_on"]
+        made = await self.studio.work("writing the effect", "write_effects", name, found, how="asked")
         if made is None:
             return
         self.name.set_value(name)
-        self.file = made["file"]
+        self.file, self.names = made["file"], made["names"]
         self.code.set_text(made["text"])
         self.code.set_visibility(True)
         self.add.set_visibility(True)
         ui.download.content(made["text"], made["file"])
 
     async def _add(self) -> None:
-        """Read the file that was written here as an effect, and add it."""
+        """Read the file that was written here, and add the effects in it."""
         source = self.studio.session.source
         if source is None or not self.file:
             return
         if self.file not in source.effects:
             self.studio.with_source(replace(source, effects=(*source.effects, self.file)))
-        await self.studio.change("add", str(self.name.value))
+        await self.studio.change("add", *self.names)
 
 
 def _seen_as(unknown: Mapping[str, Any]) -> str:
