@@ -1,22 +1,26 @@
 """A user's own effect that starts from what a diagnosis found."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.commands.main import app
+from ptt.dependence.dependence import Dependence, of_run
 from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import Curve
 from ptt.effects.contract import check_effect
 from ptt.effects.prefilled import is_variable, prefilled
 from ptt.effects.registry import library, make_effect, parse_key
+from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.errors import InputError
 from ptt.judge.ladder.climb import climb
 from ptt.model.chain import differentiate
@@ -235,3 +239,31 @@ def test_what_reverses_elsewhere_than_at_a_joint_is_added_and_measured(tmp_path:
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     ladder = climb(Model(MACHINE), problem, [make_effect(library(path), "own-cause")])
     assert ladder.steps[-1].effect == "own-cause"
+
+
+def test_warmth_is_reckoned_from_where_the_drawing_holds() -> None:
+    """An entry says it; one of an older diagnosis stands for 20 C."""
+    for reference, between in ((18.0, "(4, 8)"), (None, "(2, 6)")):
+        entry = found("temperature", "smooth", curve={"at": [22.0, 26.0]}, reference_c=reference)
+        assert f"between = {between}" in prefilled("own-cause", [entry]).text
+
+
+@pytest.mark.parametrize(("on", "along", "reference"), [("temperature", None, 18.0), ("b1", "temperature", 18.0),
+                                                        ("b1", "payload", None)])  # fmt: skip
+def test_a_diagnosis_says_where_the_drawing_holds(on: str, along: str | None, reference: float | None) -> None:
+    file = replace(MACHINE, machine=MACHINE.machine.model_copy(update={"reference_temp_c": 18.0}))
+    drawn = draw_rig("none", 5, MACHINE, "volume", rows=40)
+    problem = build_problem(file, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    item = Dependence("slider 1", on, 0.9, 1e-9, None, "smooth", np.zeros((2, 3)), with_=along)
+    assert of_run(item, problem).to_dict()["reference_c"] == reference
+
+
+def test_a_smooth_law_of_an_older_file_is_the_same_curve() -> None:
+    new, place = type("Own", (Curve,), {"name": "own", "on": "x", "acts_on": "y"}), torch.linspace(0.0, 1.0, 50).double()
+    older = torch.arange(1.0, 9.0, dtype=torch.float64)
+    renewed = new().renew({"size": older}, 3)["size"]
+    shapes = torch.cat([smooth_shapes(place), straight_shapes(place)], dim=1)
+    torch.testing.assert_close(
+        shapes @ renewed, smooth_shapes(place)[:, :6] @ older[:6] + straight_shapes(place) @ older[6:]
+    )
+    assert new().renew({"size": renewed}, 3)["size"] is renewed

@@ -36,11 +36,14 @@ class Dependence(Record):
             'link 2', or 'x', 'y', 'z' of the tool; None where that is open.
         unit: of the variable; '' where it has none, or nobody knows it.
         size: of an unknown, how large it is and which way it goes; None where nobody knows it.
+        reference_c: temperature at which the drawing holds, C, where the variable or the second one is a temperature;
+            else None.
         points: of an unknown, (m, 2) the readings that its curve stands for: the curve's variable, and mm or rad.
     """
 
     keys: ClassVar[str] = (
-        "residual, on, unit, share, p_value, period_mm, shape, place, with: with_, rivals, acts_on, size, words, "
+        "residual, on, unit, share, p_value, period_mm, shape, place, with: with_, reference_c, rivals, "
+        "acts_on, size, words, "
         "curve.at: curve.T.0, curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
     )
 
@@ -57,6 +60,7 @@ class Dependence(Record):
     acts_on: str | None = None
     unit: str = ""
     size: Size | None = None
+    reference_c: float | None = None
     points: np.ndarray | None = None
 
     def to_dict(self) -> dict[str, Any]:
@@ -91,11 +95,14 @@ class Dependence(Record):
         return self.shape
 
 
-def with_unit(item: Dependence, problem: Problem) -> Dependence:
-    """The same with the unit of its variable.
+def of_run(item: Dependence, problem: Problem) -> Dependence:
+    """The same with what the run says of its variable: the unit, and what a law of warmth is reckoned from.
 
     Args:
         item: a dependence.
         problem: the run that it was found on.
     """
-    return replace(item, unit=unit_of(problem, item.on))
+    seconds = (item.with_, None if item.size is None else item.size.along)
+    warm = "temperature" in (item.on, *seconds)
+    reference = problem.file.machine.reference_temp_c if warm else None
+    return replace(item, unit=unit_of(problem, item.on), reference_c=reference)

@@ -8,7 +8,7 @@ from ptt.dependence.causes import position_explains_more, varies_with
 from ptt.dependence.chance import gumbel_tail
 from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views
 from ptt.dependence.curves import LOCAL, describe
-from ptt.dependence.dependence import Dependence, with_unit
+from ptt.dependence.dependence import Dependence, of_run
 from ptt.dependence.scores import Score, build_scores
 from ptt.dependence.strata import LEAST_POSES, RepeatedPoses, find_poses
 from ptt.run.holdout import blocks as travel_blocks
@@ -45,7 +45,7 @@ def dependence_of(problem: Problem, residual: np.ndarray, *, seed: int = 0) -> t
     found = depends_on(
         views, context_views(problem), pose_groups(problem.table), travel_blocks(problem.table), noise=noise, seed=seed
     )
-    return tuple(with_unit(item, problem) for item in found)
+    return tuple(of_run(item, problem) for item in found)
 
 
 def depends_on(

@@ -1,6 +1,7 @@
 """A free function of one variable as an effect: what `ptt effects new NAME --like D.json` writes for a dependence."""
 
 import re
+from collections.abc import Mapping
 from itertools import product
 from typing import Any, ClassVar, cast
 
@@ -13,7 +14,7 @@ from ptt.effects.geometry import ACROSS, across_axes
 from ptt.effects.hysterons import HYSTERONS, hysterons
 from ptt.effects.layout import family
 from ptt.effects.parameter import Parameter
-from ptt.effects.shapes import smooth_shapes, straight_shapes
+from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
 from ptt.errors import InputError
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEGS
@@ -25,7 +26,8 @@ PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (out
 COORDINATES = ("x", "y", "z")
 OTHERS = ("payload", "temperature", "time", "run")
 CURVE_SHAPES = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
-BENDS = 6  # bending modes of a smooth curve: as many as a run of a few hundred rows can determine
+SMOOTH = SHAPES + 2  # bending modes, slope and level of a smooth curve
+OLDER = 8  # of these in older machine files: six bending modes, slope and level
 HATS = 13  # hat functions of a bump, since local damage has no shape that is known beforehand
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
@@ -110,6 +112,15 @@ class Curve(Effect):
             return "axis", COORDINATES.index(found[6])
         return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
 
+    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
+        """Smooth laws of older files, which had six bows."""
+        size, wanted = values.get("size"), self.parameters[0].count
+        if size is None or _size(type(self))[0] != SMOOTH or len(size) * SMOOTH != wanted * OLDER:
+            return values
+        older = size.reshape(-1, OLDER)
+        none = older.new_zeros(len(older), SMOOTH - OLDER)
+        return {**values, "size": torch.cat([older[:, :-2], none, older[:, -2:]], dim=1).flatten()}
+
     def basis(self, view: View, shape: Any) -> Tensor:
         """The basis functions of the variable, each in the outputs that it shifts."""
         kind, index = self._place()
@@ -192,7 +203,7 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
     if cls.shape == "gradual":
         return HYSTERONS, "of each length over which it turns over"
     if cls.along:
-        return BENDS + 2, f"with the direction, along {cls.along}"
+        return SMOOTH, f"with the direction, along {cls.along}"
     if cls.shape == "period":
         return 4, "cosine and sine of the period and of half of it"
     if cls.shape == "step":
@@ -201,13 +212,13 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
         return HATS, "height of each hat"
     if _proportional(cls):
         return 1, f"per unit of {cls.on}"
-    return BENDS + 2, f"bow, double bow, ..., slope and level along {cls.on}"
+    return SMOOTH, f"bow, double bow, ..., slope and level along {cls.on}"
 
 
 def _smooth(value: Tensor, low: float, high: float) -> Tensor:
-    """Bending modes and straight part over a range, (n, BENDS + 2)."""
+    """Bending modes and straight part over a range, (n, SMOOTH)."""
     place = (value - low) / (high - low)
-    return torch.cat([smooth_shapes(place)[:, :BENDS], straight_shapes(place)], dim=1)
+    return torch.cat([smooth_shapes(place), straight_shapes(place)], dim=1)
 
 
 def _field(tool: Tensor, between: tuple[float, float]) -> Tensor:

@@ -9,7 +9,7 @@ from ptt.effects.curve import COORDINATES, CURVE_SHAPES, JOINT, OTHERS, PLACE, f
 from ptt.effects.template import class_name, require_free_name
 from ptt.errors import InputError, shown
 
-REFERENCE_C = 20.0  # reference temperature of a machine file that states none
+REFERENCE_C = 20.0  # of a diagnosis of before it said where the drawing holds
 _FIX = "give the JSON of `ptt diagnose --json`"
 
 
@@ -121,7 +121,9 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX) from None
     if not along and shape != "gradual":
         shape, along, (low, high) = _with_size(dependence, shape, (low, high))
-    shift = REFERENCE_C if (along or on) == "temperature" else 0.0
+    reference = dependence.get("reference_c")
+    warm = float(reference) if isinstance(reference, int | float) else REFERENCE_C
+    shift = warm if (along or on) == "temperature" else 0.0
     if not low < high or (shape == "period" and not period > 0.0):
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX)
     between = low - shift, high - shift

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views
 from ptt.dependence.curves import binned_curve
-from ptt.dependence.dependence import Dependence, with_unit
+from ptt.dependence.dependence import Dependence, of_run
 from ptt.dependence.following import depends_on
 from ptt.dependence.way import since_reversal
 from ptt.diagnosis.evidence.atoms import is_block
@@ -108,7 +108,7 @@ def _dependence(
         beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
-    return with_unit(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
+    return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
 
 def _centred_curve(values: np.ndarray, readings: np.ndarray, side: np.ndarray | float = 1.0) -> np.ndarray:
