@@ -258,12 +258,17 @@ def test_a_diagnosis_says_where_the_drawing_holds(on: str, along: str | None, re
     assert of_run(item, problem).to_dict()["reference_c"] == reference
 
 
-def test_a_smooth_law_of_an_older_file_is_the_same_curve() -> None:
-    new, place = type("Own", (Curve,), {"name": "own", "on": "x", "acts_on": "y"}), torch.linspace(0.0, 1.0, 50).double()
-    older = torch.arange(1.0, 9.0, dtype=torch.float64)
-    renewed = new().renew({"size": older}, 3)["size"]
-    shapes = torch.cat([smooth_shapes(place), straight_shapes(place)], dim=1)
-    torch.testing.assert_close(
-        shapes @ renewed, smooth_shapes(place)[:, :6] @ older[:6] + straight_shapes(place) @ older[6:]
-    )
-    assert new().renew({"size": renewed}, 3)["size"] is renewed
+def test_a_law_of_an_older_file_is_the_same_curve() -> None:
+    """Six bows, slope and level; two harmonics."""
+    drawn = draw_rig("none", 5, MACHINE, "volume", rows=40)
+    view = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent)).view
+    named = {"name": "own", "on": "x", "acts_on": "y", "between": (-60.0, 60.0)}
+    place, phase = (view.p[:, 0] + 60.0) / 120.0, view.p[:, 0] * (2.0 * torch.pi / 7.0)
+    smooth = torch.cat([smooth_shapes(place)[:, :6], straight_shapes(place)], dim=1)
+    period = torch.stack([wave(k * phase) for k in (1, 2) for wave in (torch.cos, torch.sin)], dim=1)
+    for law, shapes in (("smooth", smooth), ("period", period)):
+        own = type("Own", (Curve,), named | {"shape": law, "period": 7.0})()
+        older = torch.arange(1.0, shapes.shape[1] + 1.0, dtype=torch.float64)
+        renewed = own.renew({"size": older}, 3)["size"]
+        torch.testing.assert_close(own.basis(view, {})[:, 1] @ renewed, shapes @ older)
+        assert own.renew({"size": renewed}, 3)["size"] is renewed

@@ -27,7 +27,8 @@ COORDINATES = ("x", "y", "z")
 OTHERS = ("payload", "temperature", "time", "run")
 CURVE_SHAPES = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
 SMOOTH = SHAPES + 2  # bending modes, slope and level of a smooth curve
-OLDER = 8  # of these in older machine files: six bending modes, slope and level
+HARMONICS = 6  # of a period, the k-th weighed by 1/k: they make a sawtooth but for its edges
+OLDER = {SMOOTH: 8, 2 * HARMONICS: 4}  # basis functions of such curves in older machine files
 HATS = 13  # hat functions of a bump, since local damage has no shape that is known beforehand
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
@@ -113,13 +114,18 @@ class Curve(Effect):
         return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
 
     def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Smooth laws of older files, which had six bows."""
-        size, wanted = values.get("size"), self.parameters[0].count
-        if size is None or _size(type(self))[0] != SMOOTH or len(size) * SMOOTH != wanted * OLDER:
+        """Laws of older files: smooth ones had six bows, periodic ones two harmonics of the same weight."""
+        size, count = values.get("size"), _size(type(self))[0]
+        older = OLDER.get(count)
+        if size is None or older is None or len(size) * count != self.parameters[0].count * older:
             return values
-        older = size.reshape(-1, OLDER)
-        none = older.new_zeros(len(older), SMOOTH - OLDER)
-        return {**values, "size": torch.cat([older[:, :-2], none, older[:, -2:]], dim=1).flatten()}
+        had = size.reshape(-1, older)
+        none = had.new_zeros(len(had), count - older)
+        if count == SMOOTH:
+            new = torch.cat([had[:, :-2], none, had[:, -2:]], dim=1)
+        else:
+            new = torch.cat([had[:, :2], 2.0 * had[:, 2:], none], dim=1)
+        return {**values, "size": new.flatten()}
 
     def basis(self, view: View, shape: Any) -> Tensor:
         """The basis functions of the variable, each in the outputs that it shifts."""
@@ -161,7 +167,8 @@ class Curve(Effect):
             return value[:, None] * _smooth(_value(view, self.along), low, high)
         if self.shape == "period":
             phase = value * (2.0 * torch.pi / self.period)
-            return torch.stack([wave(k * phase) for k in (1, 2) for wave in (torch.cos, torch.sin)], dim=1)
+            numbers = range(1, HARMONICS + 1)
+            return torch.stack([wave(k * phase) / k for k in numbers for wave in (torch.cos, torch.sin)], dim=1)
         if self.shape == "step":
             return (value > 0.5 * (low + high)).to(value)[:, None]
         if self.shape == "bump":
@@ -205,7 +212,7 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
     if cls.along:
         return SMOOTH, f"with the direction, along {cls.along}"
     if cls.shape == "period":
-        return 4, "cosine and sine of the period and of half of it"
+        return 2 * HARMONICS, "cosine and sine of the period, of half of it, of a third, ..."
     if cls.shape == "step":
         return 1, "step"
     if cls.shape == "bump":
