@@ -79,7 +79,10 @@ def _law(found: Mapping[str, Any]) -> str:
     low, high = found["between"]
     lines = [
         "class {class_name}(Curve):",
-        f'    """{_headline(found)}: say the cause here; a law of your own goes into basis(self, view, shape)."""',
+        f'    """{_headline(found)}: say the cause here.',
+        "",
+        "    A law of your own goes into basis(self, view, shape).",
+        '    """',
         "",
         '    name = "{name}"',
         f"    mechanisms = {written}",
@@ -165,4 +168,5 @@ def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
 def _headline(found: Mapping[str, Any]) -> str:
     where = f" between {found['place'][0]:.4g} and {found['place'][1]:.4g}" if found["place"] else ""
     period = f" with a period of {found['period']:.4g}" if found["period"] else ""
-    return f"What of {found['residual']} follows {found['on']}{period}{where}"
+    second = f" with {found['along']}" if found["along"] else ""
+    return f"What of {found['residual']} follows {found['on']}{second}{period}{where}"
