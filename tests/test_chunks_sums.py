@@ -45,8 +45,8 @@ def both(problem: Problem, size: int, memory: Memory) -> tuple[RowSystem, Summed
     shapes = {key: shapes for key, (_, shapes) in trials.items()}
     periods = ((0, 7.0),)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ptt.diagnosis.evidence.narrow.WIDE", np.inf)  # sums keep every column as it is
-        patch.setattr("ptt.diagnosis.evidence.narrow.MAP", np.inf)
+        patch.setattr("ptt.diagnosis.evidence.narrow.CHEAP_COLUMNS", np.inf)  # sums keep every column as it is
+        patch.setattr("ptt.diagnosis.evidence.narrow.MAP_COLUMNS", np.inf)
         whole = build_row_system(fitted, problem, candidates, noise, 0.0, problem.used, periods, shapes)
     blocks = [atom for atom in whole.atoms.values() if atom.name in BLOCKS]
     levers = {atom.block.place.residual: atom.block.place.lever for atom in blocks if atom.block is not None}
@@ -80,7 +80,7 @@ def test_sums_of_a_stretch_are_those_of_its_rows_in_noise_and_in_mm() -> None:
 def test_sums_over_chunks_are_those_of_the_whole(
     problem: Problem, size: int, slab: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", slab)
+    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB_ROWS", slab)
     whole, summed, places = both(problem, size, WHITE)
     mine, theirs = summed.sums(WHITE), whole.sums_of(places, WHITE)
     scale = np.sqrt(np.diag(theirs.gram))
@@ -106,11 +106,11 @@ def test_sums_over_chunks_are_those_of_the_whole(
 def test_candidates_of_a_share_of_the_rows_say_about_what_all_rows_say(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", 60)
+    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB_ROWS", 60)
     monkeypatch.setattr(sys.modules[__name__], "BLOCKS", ())  # a share of so few rows tells no curves
     clean = problem.masked(np.isin(np.arange(ROWS), [777, 2100]))
     every = both(clean, ROWS, WHITE)[1]
-    monkeypatch.setattr("ptt.diagnosis.evidence.sampled.ENOUGH", ROWS // 3)
+    monkeypatch.setattr("ptt.diagnosis.evidence.sampled.SHARED_ROWS", ROWS // 3)
     share = both(clean, ROWS, WHITE)[1]
     own = [key for key, atom in every.atoms.items() if atom.shape is None]
     places = np.concatenate([every.frame, *(every.atoms[key].columns for key in own)])
@@ -166,7 +166,7 @@ def test_a_wander_costs_next_to_nothing_at_the_seams(problem: Problem, monkeypat
     assert mine.log_noise == pytest.approx(theirs.log_noise, rel=0.01) and theirs.log_noise > 100.0
     assert mine.square == pytest.approx(theirs.square, rel=0.02)
     assert theirs.square < 0.9 * white.square
-    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB", 900)  # the rows of one chunk have no seams
+    monkeypatch.setattr("ptt.diagnosis.evidence.summed.SLAB_ROWS", 900)  # the rows of one chunk have no seams
     one = both(problem, ROWS, WANDERING)[1].sums(WANDERING)
     assert one.square == pytest.approx(theirs.square, rel=1e-9) and one.log_noise == pytest.approx(theirs.log_noise)
 

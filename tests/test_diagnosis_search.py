@@ -162,7 +162,7 @@ def test_what_is_forgotten_of_sets_of_long_ago_is_worked_out_again(monkeypatch):
     scored = list[tuple]()
     work_out = score.Scorer._score
     monkeypatch.setattr(score.Scorer, "_score", lambda self, *what: scored.append(what[:2]) or work_out(self, *what))
-    monkeypatch.setattr(score, "ROOM", 1)  # number: of one set alone the factor is kept
+    monkeypatch.setattr(score, "MOST_FACTOR_NUMBERS", 1)  # number: of one set alone the factor is kept
     found = diagnose(Model(MACHINE), problem)
     assert len(scored) > 1.2 * len(set(scored))
     assert {name for (name,) in found.suggested} == {name for (name,) in kept.suggested} == {"link-length", "backlash"}

@@ -148,7 +148,7 @@ def test_once_one_size_is_off_further_ones_cost_no_name_against_an_unknown(monke
     atoms = [less.system.atoms[key] for key in named.keys]
     assert not less.fields and len(atoms) > 1 and all(atom.effect is not None for atom in atoms)
     assert not any(is_field(atom) and less.opens(named.keys)(atom) for atom in less.system.atoms.values())
-    monkeypatch.setattr(drawing_module, "EVEN", 1e3)  # as if each further one cost far more than a name
+    monkeypatch.setattr(drawing_module, "EVEN_ODDS", 1e3)  # as if each further one cost far more than a name
     assert by_drawing(scorer, field) == (scorer, field)
 
 

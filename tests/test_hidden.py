@@ -10,10 +10,10 @@ from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.hidden import hold_back
-from ptt.diagnosis.evidence.hidden_trial import FAITHFUL, HiddenTrial
+from ptt.diagnosis.evidence.hidden_trial import MOST_VARIANCE_RATIO, HiddenTrial
 from ptt.diagnosis.evidence.row_sums import hide_rows
 from ptt.diagnosis.search.find import find
-from ptt.diagnosis.search.plainest import PLAIN
+from ptt.diagnosis.search.plainest import PLAIN_NATS
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects import library
 from ptt.model.model import Model
@@ -77,8 +77,8 @@ def test_a_share_is_asked_of_what_hidden_rows_show() -> None:
 
 
 def test_a_set_is_faithful_that_predicts_about_what_it_claims() -> None:
-    assert trial(1.0, 1.0, left=0.9 * FAITHFUL * 30.0).faithful
-    assert not trial(1.0, 1.0, left=1.1 * FAITHFUL * 30.0).faithful
+    assert trial(1.0, 1.0, left=0.9 * MOST_VARIANCE_RATIO * 30.0).faithful
+    assert not trial(1.0, 1.0, left=1.1 * MOST_VARIANCE_RATIO * 30.0).faithful
 
 
 def told(level: str, seed: int) -> Diagnosis:
@@ -130,5 +130,5 @@ def test_what_keeps_others_from_values_that_cannot_be_needs_no_hidden_rows():
     found = find(Model(drawn.rig.machine), problem, library(), lambda _: None)
     assert found.state.keys == ("joint-clearance", "link-length")
     trial = hold_back(found.scorer, found.state.keys, "link-length")
-    assert trial.needed and trial.speaks(PLAIN) and not replace(trial, needed=False).speaks(PLAIN)
+    assert trial.needed and trial.speaks(PLAIN_NATS) and not replace(trial, needed=False).speaks(PLAIN_NATS)
     assert not hold_back(found.scorer, found.state.keys, "joint-clearance").needed

@@ -17,7 +17,7 @@ from ptt.diagnosis.search import exact, first, follow
 from ptt.diagnosis.search import find as finding
 from ptt.diagnosis.search import search as searching
 from ptt.diagnosis.search.find import find
-from ptt.diagnosis.search.improve import ROUNDS, SCREENS, climb, improve
+from ptt.diagnosis.search.improve import MOST_MOVES, MOST_SCREENS, climb, improve
 from ptt.diagnosis.search.search import best_of
 from ptt.effects import library
 from ptt.fitting.gauss_newton import HOPELESS
@@ -137,12 +137,12 @@ def test_moments_are_dated_before_any_swap_is_looked_for(monkeypatch):
 def test_a_search_without_end_gives_the_best_so_far_after_so_many_screens():
     scorer, rounds = Endless(), 0
     state = scorer.score([f"a{i}" for i in range(8)], WHITE)
-    while scorer.looked_at < SCREENS:  # as a search starts anew from one end and another
+    while scorer.looked_at < MOST_SCREENS:  # as a search starts anew from one end and another
         state, rounds = improve(scorer, state), rounds + 1
-    assert rounds < SCREENS / 10
+    assert rounds < MOST_SCREENS / 10
     before, looked_at = state.total, scorer.looked_at
     again = improve(scorer, state)
-    assert again.total >= before and scorer.looked_at <= looked_at + ROUNDS < SCREENS + 10 * ROUNDS
+    assert again.total >= before and scorer.looked_at <= looked_at + MOST_MOVES < MOST_SCREENS + 10 * MOST_MOVES
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.telling.explanation import UNNAMED
+from ptt.diagnosis.telling.explanation import MOST_UNNAMED
 from ptt.diagnosis.unknown.moment import MomentSums, best_row, joined
 from ptt.effects import HomingSlip
 from ptt.effects.sudden import EDGE
@@ -103,4 +103,4 @@ def test_what_is_found_beside_an_unknown_and_not_named_is_no_statement() -> None
     found = diagnose(Model(drawn.rig.machine), build_problem(drawn.rig.machine, table_of(frame, drawn.absent)))
     named = {step[0] for step in found.suggested}
     others = [one.probability for one in found.candidates if one.effect not in named]
-    assert found.verdict == "unknown" and max(others) <= UNNAMED
+    assert found.verdict == "unknown" and max(others) <= MOST_UNNAMED

@@ -10,7 +10,7 @@ from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock
 from ptt.diagnosis.unknown.blocks import Block
-from ptt.diagnosis.unknown.places import SIZE, Place
+from ptt.diagnosis.unknown.places import FEATURE_SIZE, Place
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.evidence import maximise
 
@@ -58,13 +58,13 @@ def test_a_block_on_fewer_columns_puts_the_same_into_the_readings() -> None:
     place = Place("tool", "tool", np.broadcast_to(np.eye(3), (ROWS, 3, 3)))
     block = Block("tool on x", place, ("x",), np.cos(np.pi * along[:, None] * np.arange(20)))
     atoms, scale = atoms_of_blocks([block], 0, 9.0), np.ones(60)
-    columns = block.features / SIZE
+    columns = block.features / FEATURE_SIZE
     narrowed = narrow(atoms, columns, scale)
     few = narrowed.atoms["tool on x"]
     assert len(few.columns) < 30
     values = random.normal(size=len(few.columns))
     part = block.features @ few.amplitudes(values, narrowed.scale(scale))
-    np.testing.assert_allclose(part, SIZE * narrowed.columns(columns)[:, :, few.columns] @ values, atol=1e-12)
+    np.testing.assert_allclose(part, FEATURE_SIZE * narrowed.columns(columns)[:, :, few.columns] @ values, atol=1e-12)
 
 
 def test_kept_sums_are_those_of_the_whole_covariance() -> None:

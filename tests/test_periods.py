@@ -14,8 +14,8 @@ from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.search.found import Found
-from ptt.diagnosis.search.periods import COARSEST, PHASES, find_period
-from ptt.diagnosis.search.spectrum import STEP, JointWave
+from ptt.diagnosis.search.periods import FEWEST_PERIODS, TURNS_PER_ROW, find_period
+from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, JointWave
 from ptt.effects import library
 from ptt.model.model import Model
 from ptt.rig import format_rig, parse_rig
@@ -88,6 +88,6 @@ def test_of_waves_that_even_steps_make_alike_the_slowest_is_said() -> None:
     height, random = np.linspace(0.0, 150.0, 101), np.random.default_rng(1)
     for turns in (12.0, 20.0, 37.0):
         slope = np.cos(2.0 * np.pi * turns * height / 150.0) + random.normal(0.0, 0.1, 101)
-        found = np.arange(COARSEST, PHASES * 101, STEP)
-        gain = JointWave(2, height, slope, np.ones(101)).over(COARSEST, STEP, len(found))
+        found = np.arange(FEWEST_PERIODS, TURNS_PER_ROW * 101, FREQUENCY_STEP)
+        gain = JointWave(2, height, slope, np.ones(101)).over(FEWEST_PERIODS, FREQUENCY_STEP, len(found))
         assert found[np.argmax(gain > gain.max() - 0.5)] == pytest.approx(turns, abs=0.3)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 from ptt.diagnosis.noise.memory import WHITE, Memory
-from ptt.diagnosis.search.plainest import PLAIN, plainest
+from ptt.diagnosis.search.plainest import PLAIN_NATS, plainest
 
 
 @dataclass
@@ -44,9 +44,9 @@ class Scored:
 def test_of_sets_that_do_alike_the_one_with_the_fewest_parts_is_said():
     scorer = Scored(frozenset("u"))
     best = scorer.add("abc", 100.0)
-    scorer.add("ab", 100.0 - PLAIN - 0.1)
+    scorer.add("ab", 100.0 - PLAIN_NATS - 0.1)
     assert plainest(scorer, best) is best  # what a third name brings is worth saying
-    fewer = scorer.add("ac", 100.0 - PLAIN + 0.1)
+    fewer = scorer.add("ac", 100.0 - PLAIN_NATS + 0.1)
     assert plainest(scorer, best) is fewer
     plain = scorer.add("ac", 96.0)
     scorer.add("bc", 99.0)

@@ -14,7 +14,7 @@ from report_page import minimal as minimal
 
 from ptt.correct.training.compensator import Compensator, load_compensator, save_compensator
 from ptt.correct.training.train import train
-from ptt.diagnosis.search.rest import LIGHT
+from ptt.diagnosis.search.rest import LIGHT_NETWORK
 from ptt.errors import InputError, ModelError
 from ptt.files import sha256
 from ptt.judge.history import record
@@ -54,7 +54,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     problem = build_problem(file, table)
     ladder = climb(Model(file), problem, [KNOWN["backlash"]()])
     save_machine(record(ladder, "add", [place / "run.csv"]), place / "model.toml")
-    save_compensator(place / "comp", train(ladder.model, problem, settings=LIGHT), [str(place / "run.csv")])
+    save_compensator(place / "comp", train(ladder.model, problem, settings=LIGHT_NETWORK), [str(place / "run.csv")])
     return place
 
 

@@ -11,11 +11,11 @@ from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.row_sums import sums_of_rows
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.screen import BROAD, Basis, Screen
+from ptt.diagnosis.evidence.screen import TRIDIAGONAL_COLUMNS, Basis, Screen
 from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock
-from ptt.diagnosis.search.spectrum import STEP, JointWave, _telling
+from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, JointWave, _telling
 from ptt.fitting.evidence import maximise, noise_of
 from ptt.run.noise import Noise
 
@@ -42,7 +42,7 @@ def _same(sums: MemorySums, memory: Memory) -> MemorySums:
     return sums
 
 
-@pytest.mark.parametrize("width", [4, BROAD + 3])
+@pytest.mark.parametrize("width", [4, TRIDIAGONAL_COLUMNS + 3])
 def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int) -> None:
     random = np.random.default_rng(5)
     columns = random.normal(size=(3 * ROWS, 12 + width))
@@ -103,8 +103,8 @@ def test_a_line_in_the_spectrum_takes_what_least_squares_take() -> None:
     for size in (0.0, 2.0):
         told = _telling(system, size)
         along = JointWave(0, q[:, 0], told * (slope * left).sum(axis=1), told * np.square(slope).sum(axis=1))
-        turns = np.arange(8.0, 100.0, STEP)
-        gain = along.over(turns[0], STEP, len(turns))
+        turns = np.arange(8.0, 100.0, FREQUENCY_STEP)
+        gain = along.over(turns[0], FREQUENCY_STEP, len(turns))
         inverse = np.linalg.inv(np.eye(50) + size * (pose[:, None] == pose))
         for place in (0, 7, len(turns) - 1):
             phase = 2.0 * np.pi * turns[place] / along.span * q

@@ -18,7 +18,7 @@ from studio_sample import folder as folder
 from studio_sample import here as here
 from studio_sample import look as look
 
-from ptt.diagnosis.long import WHOLE, chunk_size
+from ptt.diagnosis.long import MOST_WHOLE_ROWS, chunk_size
 from ptt.door.opened import Opened
 from ptt.errors import InputError
 from ptt.fitting.chunks import CHUNK
@@ -103,11 +103,11 @@ def test_the_diagnosis_is_chosen_by_rows_and_kind_of_machine(here: Path):
             table=SimpleNamespace(rows=rows), file=SimpleNamespace(machine=SimpleNamespace(kind=kind))
         )
 
-    assert chunk_size(problem) is None and table.rows <= WHOLE[file.machine.kind]
+    assert chunk_size(problem) is None and table.rows <= MOST_WHOLE_ROWS[file.machine.kind]
     for kind in ("three-ptt", "serial"):
-        assert chunk_size(of(WHOLE[kind], kind)) is None
-        assert chunk_size(of(WHOLE[kind] + 1, kind)) == CHUNK
-    assert WHOLE["serial"] < WHOLE["three-ptt"]
+        assert chunk_size(of(MOST_WHOLE_ROWS[kind], kind)) is None
+        assert chunk_size(of(MOST_WHOLE_ROWS[kind] + 1, kind)) == CHUNK
+    assert MOST_WHOLE_ROWS["serial"] < MOST_WHOLE_ROWS["three-ptt"]
     assert chunk_size(problem, 1000) == 1000
 
 
@@ -115,7 +115,7 @@ def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: 
     def in_chunks(*given: object, size: int, **more: object) -> None:
         raise InputError(f"chunks of {size}")
 
-    monkeypatch.setitem(WHOLE, "three-ptt", 200)
+    monkeypatch.setitem(MOST_WHOLE_ROWS, "three-ptt", 200)
     monkeypatch.setattr("ptt.diagnosis.diagnose.diagnose_long", in_chunks)
     opened = opening.open_both(RUN, MACHINE)
     assert gather(opened.table, opened.model.file).drawing.why_not == f"chunks of {CHUNK}"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom
-from ptt.diagnosis.evidence.effect_atoms import LARGEST_EFFECT
+from ptt.diagnosis.evidence.effect_atoms import MOST_EFFECT_VARIANCE
 from ptt.effects import Effect
 
 
@@ -24,8 +24,8 @@ def side_by_side(effects: Sequence[tuple[str, Effect, int]], odds: float, among:
     against, atoms = odds + float(np.log(max(among, 1))), dict[str, Atom]()
     for key, effect, width in effects:
         atoms[key] = Atom(
-            key, key, np.arange(first, first + width), np.zeros(width, dtype=int), np.array([LARGEST_EFFECT]), against,
-            np.zeros(width, dtype=bool), effect=effect,
+            key, key, np.arange(first, first + width), np.zeros(width, dtype=int),
+            np.array([MOST_EFFECT_VARIANCE]), against, np.zeros(width, dtype=bool), effect=effect,
         )  # fmt: skip
         first += width
     return atoms

@@ -12,8 +12,8 @@ from ptt.again.weigh import Weighed, weigh
 from ptt.diagnosis.evidence.noise_level import starting_noise
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.search.plainest import PLAIN
-from ptt.diagnosis.telling.steps import BESIDE, TIE
+from ptt.diagnosis.search.plainest import PLAIN_NATS
+from ptt.diagnosis.telling.steps import BESIDE_NATS, TIE_NATS
 from ptt.effects import Library
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -44,10 +44,10 @@ def with_cures(found: Weighed, problem: Problem, known: Library, tell: Tell) -> 
         best = max(ends, key=lambda key: _worth(ends[key]), default=None)
         if best is None:
             break
-        clearly = BESIDE if ends[best].new else PLAIN
+        clearly = BESIDE_NATS if ends[best].new else PLAIN_NATS
         if _worth(ends[best]) - _odds(found) < _worth(found) + clearly:
             break
-        others = [key for key, end in ends.items() if key != best and _worth(end) > _worth(ends[best]) - TIE]
+        others = [key for key, end in ends.items() if key != best and _worth(end) > _worth(ends[best]) - TIE_NATS]
         alike = {**found.alike, best: tuple(f"{key} as a whole" for key in others)}
         found = replace(weigh(tried[best], problem, known, tell), alike=alike)
     return found
@@ -88,7 +88,7 @@ def _plain(before: Before, found: Weighed, problem: Problem) -> float:
 
 def _worth(found: Weighed) -> float:
     """Score of an explanation; something new has to be worth as much more as elsewhere."""
-    return found.state.total - (BESIDE if found.new else 0.0)
+    return found.state.total - (BESIDE_NATS if found.new else 0.0)
 
 
 def _odds(found: Weighed) -> float:

@@ -9,7 +9,7 @@ from ptt.again.weigh import Weighed
 from ptt.again.words import on_date
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.noise_level import noise_left, wanders_beyond
-from ptt.diagnosis.search.rest import EXCESS, look_for_rest
+from ptt.diagnosis.search.rest import NOISE_EXCESS, look_for_rest
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects import Library
 from ptt.effects.registry import parse_key
@@ -85,7 +85,7 @@ def _objects(found: Weighed, problem: Problem, tell: Tell, seed: int) -> bool:
         return False
     if system.errs_by_pose(state.memory) or wanders_beyond(system, state):
         return True
-    if problem.noise is not None and after > EXCESS * problem.noise.total:
+    if problem.noise is not None and after > NOISE_EXCESS * problem.noise.total:
         return True
     tell("rest")
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), system.rows))

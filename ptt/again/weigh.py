@@ -20,10 +20,10 @@ from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.gross import gross_errors, places_of
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.improve import improve
-from ptt.diagnosis.search.plainest import PLAIN
+from ptt.diagnosis.search.plainest import PLAIN_NATS
 from ptt.diagnosis.search.search import search
 from ptt.diagnosis.search.turn import best_moments, gross_beside, shapes_of
-from ptt.diagnosis.telling.steps import BESIDE
+from ptt.diagnosis.telling.steps import BESIDE_NATS
 from ptt.effects import Effect, Library
 from ptt.fitting.linear import Shape, few_shapes, linear_columns
 from ptt.progress import Tell
@@ -213,7 +213,7 @@ def _known_first(scorer: Scorer, state: State) -> State:
     best = max(ends, key=lambda other: other.total)
     named = all(atoms[key].effect for key in state.keys)
     instead = named and sum(map(_is_change_key, state.keys)) < sum(map(_is_change_key, best.keys))
-    return best if state.total < best.total + (PLAIN if instead else BESIDE) else state
+    return best if state.total < best.total + (PLAIN_NATS if instead else BESIDE_NATS) else state
 
 
 def _fewest(scorer: Scorer, state: State, changes: Sequence[Change]) -> State:
@@ -222,7 +222,7 @@ def _fewest(scorer: Scorer, state: State, changes: Sequence[Change]) -> State:
         rest, own = without(state, whole.key), [c for c in changes if c.effect.key == whole.effect.key and not c.whole]
         singles = [scorer.score((*rest, one.key), state.memory) for one in own if one.key not in rest]
         best = max(singles, key=lambda other: other.total, default=state)
-        state = best if best.total > state.total - PLAIN else state
+        state = best if best.total > state.total - PLAIN_NATS else state
     return state
 
 

@@ -7,7 +7,7 @@ from ptt.diagnosis.evidence.sampled import share_of_rows
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.everywhere import WholeSearch, find_everywhere
-from ptt.diagnosis.search.find import STEPS, find
+from ptt.diagnosis.search.find import MOST_STEPS, find
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.telling.bins import follow_in_all_rows
@@ -22,12 +22,13 @@ from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
 
-# Rows that shapes and unknowns are found on, and rows beyond which no run is looked at as a whole. Of a tripod columns
-# of all rows at once take gigabytes (4.4 at 30,000) and minutes, sums 1.8 and 20 s; a curve and four lengths of every
-# joint make the sets of a real arm ten times as large: 1,500 rows of a UR10 take a minute, 3,000 ten.
-SAMPLE = {"three-ptt": 4_000, "serial": 1_000}
-WHOLE = {"three-ptt": CHUNK, "serial": 2_000}
-STRETCH = {"three-ptt": 200, "serial": 50}  # rows of travel of which a sample has twenty
+# Rows of the sample on which shapes and unknowns are found, and rows beyond which a run is summed up in chunks. For a
+# 3-PTT, columns of all rows at once take gigabytes and minutes (4.4 GB at 30,000 rows); sums take 1.8 GB and 20 s. An
+# arm's sets are ten times as large, as every joint has a curve and four lengths: 1,500 rows of a UR10 take a minute,
+# 3,000 take ten.
+SAMPLE_ROWS = {"three-ptt": 4_000, "serial": 1_000}
+MOST_WHOLE_ROWS = {"three-ptt": CHUNK, "serial": 2_000}
+STRETCH_ROWS = {"three-ptt": 200, "serial": 50}  # rows of one stretch of travel, of which a sample has twenty
 
 
 def chunk_size(problem: Problem, asked: int | None = None) -> int | None:
@@ -35,12 +36,12 @@ def chunk_size(problem: Problem, asked: int | None = None) -> int | None:
 
     Args:
         problem: the readings.
-        asked: rows of a chunk; None leaves it to the run, which is then cut only beyond `WHOLE` rows.
+        asked: rows of a chunk; None leaves it to the run, which is then cut only beyond `MOST_WHOLE_ROWS` rows.
 
     Returns:
         Rows of a chunk; None where all rows are looked at as a whole.
     """
-    if asked is None and problem.table.rows <= WHOLE[problem.file.machine.kind]:
+    if asked is None and problem.table.rows <= MOST_WHOLE_ROWS[problem.file.machine.kind]:
         return None
     return asked or CHUNK
 
@@ -50,7 +51,7 @@ def diagnose_long(
     problem: Problem,
     known: Library | None = None,
     *,
-    steps: int = STEPS,
+    steps: int = MOST_STEPS,
     progress: Tell | None = None,
     seed: int = 0,
     size: int = CHUNK,
@@ -83,7 +84,7 @@ def diagnose_long(
     model, problem, known, opening = taken_up(model, problem, known)
     span = span_of(problem)
     kind = problem.file.machine.kind
-    sample = take(problem, sample_stretches(problem, sample_rows or SAMPLE[kind], STRETCH[kind]))
+    sample = take(problem, sample_stretches(problem, sample_rows or SAMPLE_ROWS[kind], STRETCH_ROWS[kind]))
     told = find(model, sample, known, tell, steps, span)
     run = open_long_run(problem, cut(problem, size), _with_levers(span, told))
     found = find_everywhere(told, WholeSearch(run, sample, model, known, steps, tell))

@@ -11,9 +11,11 @@ from ptt.diagnosis.unknown.blocks import Block
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 
-EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0  # nats against one more effect, block, or memory of the noise
-LARGEST_BLOCK = 1e4  # variance: 2 mm, more than a machine that runs is off by
-SHAPE_POWER = 0.75  # neighbouring shapes of a search are nearly one test
+# Prior odds in nats against one more effect, unknown block, or memory of the noise
+EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0
+# Variance of a block, in units of its features: 2 mm at the tool, more than a running machine is off by
+MOST_BLOCK_VARIANCE = 1e4
+SHAPE_POWER = 0.75  # exponent of the number of shapes tried: neighbouring shapes are nearly one test, so fewer count
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,7 @@ def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[st
             block.name,
             columns,
             group,
-            np.array([LARGEST_BLOCK]),
+            np.array([MOST_BLOCK_VARIANCE]),
             odds,
             np.zeros(width, dtype=bool),
             block=block,

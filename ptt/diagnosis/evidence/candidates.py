@@ -9,9 +9,10 @@ from ptt.machine_schema import key_of
 from ptt.model.model import rival
 from ptt.run.problem import Problem
 
-ONCE_MORE = ("second", "third")  # what happens at once happens to each of three sliders, or whenever somebody passes by
+# Labels of further sudden events: each of three sliders may slip, and a tracker be knocked, at its own time
+EVENT_LABELS = ("second", "third")
 # Labels of the further ones of an effect, of which a machine may well have several.
-AGAIN = {"once-per-rev": ("harmonic 2",), "homing-slip": ONCE_MORE, "setup-jump": ONCE_MORE}
+FURTHER_LABELS = {"once-per-rev": ("harmonic 2",), "homing-slip": EVENT_LABELS, "setup-jump": EVENT_LABELS}
 
 
 def present_candidates(
@@ -60,7 +61,7 @@ def first_of(name: str, names: Collection[str]) -> str:
         The key.
     """
     base = name.partition("[")[0]
-    if AGAIN.get(base) != ONCE_MORE:
+    if FURTHER_LABELS.get(base) != EVENT_LABELS:
         return name
     keys = _keys(base)
     return keys[sum(key in names for key in keys[: keys.index(name)])]
@@ -68,10 +69,10 @@ def first_of(name: str, names: Collection[str]) -> str:
 
 def _next_label(cls: type[Effect], keys: Sequence[str]) -> Effect | None:
     """The effect itself, or, where it is in the model, the next of its kind if it can have one."""
-    labels = ("", *AGAIN.get(cls.name, ()))
+    labels = ("", *FURTHER_LABELS.get(cls.name, ()))
     return next((cls(label) for label, key in zip(labels, _keys(cls.name), strict=True) if key not in keys), None)
 
 
 def _keys(name: str) -> list[str]:
     """Keys of an effect and of the further ones of its kind."""
-    return [name, *(key_of(name, label) for label in AGAIN.get(name, ()))]
+    return [name, *(key_of(name, label) for label in FURTHER_LABELS.get(name, ()))]

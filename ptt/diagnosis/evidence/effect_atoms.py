@@ -14,9 +14,10 @@ from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem
 
-LARGEST_EFFECT = 1e5  # three hundred usual sizes: drawings are off by that much
-LARGEST_HELD = 1e2  # ten usual sizes: no encoder or gear is off by more, and larger waves could imitate whole links
-LEGS = 3  # joints up to which the odds against some of them eat what leaving the sound ones out gains
+# Prior variance in usual sizes squared: three hundred usual sizes, as drawings are off by that much
+MOST_EFFECT_VARIANCE = 1e5
+MOST_HELD_VARIANCE = 1e2  # the same of values kept near zero: ten usual sizes; larger waves could imitate whole links
+FEW_JOINTS = 3  # joints up to which the odds of choosing some of them cost what leaving the sound ones out gains
 
 
 def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
@@ -108,11 +109,11 @@ def effect_atom(
     kinds = _kinds_of_values(effect, problem.view.joints, chosen)
     joint, within = kinds.joint, kinds.within
     group = np.unique(kinds.group, return_inverse=True)[1].reshape(-1)
-    most = np.full(int(group.max(initial=-1)) + 1, LARGEST_EFFECT)
-    most[group[kinds.near_zero]] = LARGEST_HELD
+    most = np.full(int(group.max(initial=-1)) + 1, MOST_EFFECT_VARIANCE)
+    most[group[kinds.near_zero]] = MOST_HELD_VARIANCE
     # Lengths and angles of a link are causes each of its own: one link off in all is no plainer than several in one.
     one_kind = len({parameter.unit for parameter in effect.parameters if parameter.role == "linear"}) == 1
-    alike = one_kind and len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= LEGS
+    alike = one_kind and len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= FEW_JOINTS
     fine = np.isin(np.arange(len(most)), group[kinds.fine])
     return Atom(
         key, effect.key, columns, group, most, odds, kinds.non_negative, effect, shape,
@@ -193,7 +194,7 @@ def _joint_of(parameter: Parameter, joints: int) -> np.ndarray:
 def _legs(group: np.ndarray, joint: np.ndarray) -> np.ndarray | None:
     """Of each variance, the joint whose values it is of; None where one is of several, and where joints are few."""
     legs = [np.unique(joint[group == number]) for number in range(int(group.max(initial=-1)) + 1)]
-    few = joint.max(initial=0) < LEGS or len(legs) < 2
+    few = joint.max(initial=0) < FEW_JOINTS or len(legs) < 2
     return None if few or any(len(each) > 1 or each[0] < 0 for each in legs) else np.concatenate(legs)
 
 

@@ -7,9 +7,11 @@ import numpy as np
 from ptt.diagnosis.noise.memory import Hidden
 from ptt.fitting.posterior import Posterior
 
-FAITHFUL = 2.0  # times the variance that a set claims for hidden rows, within which it predicts them
-HARDLY = 0.25  # of what all rows show of an atom: where other blocks tell less of it, each shows a part of its own
-ELSEWHERE = 5.0  # nats below which readings along the travel ask for nothing, and beyond which base reflectors do
+# Times the variance that a set claims for held-out rows, up to which its predictions count as calibrated
+MOST_VARIANCE_RATIO = 2.0
+# Share of what all rows show of an atom that the rows outside a block have to predict of it
+LEAST_PREDICTED_SHARE = 0.25
+BASE_NATS = 5.0  # nats up to which the readings along the travel ask for nothing, and from which base reflectors do
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class HiddenTrial:
     @property
     def faithful(self) -> bool:
         """Whether the atoms predict hidden rows about as well as they claim to."""
-        return bool(self.with_it.sum() <= FAITHFUL * max(self.count, 1))
+        return bool(self.with_it.sum() <= MOST_VARIANCE_RATIO * max(self.count, 1))
 
     def speaks(self, nats: float = 0.0, share: float = 0.0) -> bool:
         """Whether hidden rows speak for the atom, and go on to do so without the block that does most.
@@ -57,7 +59,7 @@ class HiddenTrial:
             nats: that they have to gain; plain squares may tell as well, where no share is asked for.
             share: of what they leave without it that has to go.
         """
-        least = 2.0 * ELSEWHERE
+        least = 2.0 * BASE_NATS
         if self.needed or (self.shown < least and _at_base(self.elsewhere, least)):
             return True
         as_known = self.without - self.with_it
@@ -71,7 +73,7 @@ class HiddenTrial:
 
         What one block alone shows is that one's own.
         """
-        return self.told < HARDLY * self.shown and self.spread > 2.0 * ELSEWHERE
+        return self.told < LEAST_PREDICTED_SHARE * self.shown and self.spread > 2.0 * BASE_NATS
 
 
 def _at_base(gained: np.ndarray, least: float) -> bool:

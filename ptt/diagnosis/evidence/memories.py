@@ -14,15 +14,21 @@ from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
 from ptt.fitting.factor import factor_of
 
-POSES = np.geomspace(0.1, 1000.0, 9)  # variance that each pose has to itself, over that of the white noise
-REPEATED = 30  # visits beyond the first from which errors of a pose can be told from scatter
-UNSEEN = 0.2  # variance over noise of all that is left out where memories of the noise are compared: a tenth of a nat
-STRONG = 1e5  # deviations that a column may well make: more widens no evidence, and rounding would drown weak ones
-AT_REST = int(np.searchsorted(SHARES, 1.0)) - 1  # number of the share that a wander may have without a run showing it
-MOST_POSES = 300  # of which both are asked at once: what more of them share takes minutes to tell apart
-NEAR = 4.0  # times a size of the errors of poses: a wander beside them leaves them the next size up or down at most
-UNLIKELY = 20.0  # nats behind another kind of wander, on every other place of the grid: steps bring a few
-FAR_BEHIND = 200.0  # nats that steps over the grid hardly bring, where another memory is ahead by them
+# Tried variances of the error that a pose has to itself, over the white variance
+POSE_RATIOS = np.geomspace(0.1, 1000.0, 9)
+LEAST_REPEATS = 30  # visits beyond the first of each pose from which errors of a pose can be told from white noise
+# Signal variance over noise of all directions left out while memories are compared: a tenth of a nat
+NEGLIGIBLE_VARIANCE = 0.2
+# Signal to noise at which a column is capped: more changes no evidence, and rounding would drown weak ones
+MOST_SIGNAL = 1e5
+# Index of the largest share below one: a wander that small may be there without a run showing it
+BELOW_NOISE = int(np.searchsorted(SHARES, 1.0)) - 1
+MOST_POSES = 300  # poses up to which a wander and errors of poses are tried together; more of them take minutes
+# Factor between errors of poses alone and beside a wander: the next grid value up or down at most
+POSE_RATIO_STEP = 4.0
+# Nats behind the best kind of wander on every other grid point, which the finer steps cannot make up
+FAR_BEHIND_ON_GRID = 20.0
+FAR_BEHIND = 200.0  # nats by which a memory may lie behind another before its grid is searched no further
 Value = Callable[[Memory], float]
 
 
@@ -89,9 +95,9 @@ def prior_of(memory: Memory, system: System) -> float:
 def _ways(system: System, state: State) -> np.ndarray:
     """Combinations of a state's columns of unit variance that say all but a tenth of a nat, (p, r)."""
     gram = system.sums_of(state.columns, state.memory).gram
-    size = np.minimum(np.sqrt(state.posterior.prior), STRONG / np.sqrt(np.maximum(gram.diagonal(), 1e-300)))
+    size = np.minimum(np.sqrt(state.posterior.prior), MOST_SIGNAL / np.sqrt(np.maximum(gram.diagonal(), 1e-300)))
     strength, ways = np.linalg.eigh(gram * size[:, None] * size)
-    kept = np.cumsum(np.maximum(strength, 0.0)) > UNSEEN
+    kept = np.cumsum(np.maximum(strength, 0.0)) > NEGLIGIBLE_VARIANCE
     return np.asarray(size[:, None] * ways[:, kept])
 
 
@@ -110,8 +116,8 @@ def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> l
     may lie beside them, which is asked of a few hundred poses.
     """
     found = [state.memory]
-    if poses and system.repeats >= REPEATED:  # first: they cost little, and may leave nothing to a wander
-        found += [Memory(None, float(size)) for size in POSES]
+    if poses and system.repeats >= LEAST_REPEATS:  # first: they cost little, and may leave nothing to a wander
+        found += [Memory(None, float(size)) for size in POSE_RATIOS]
     if not len(system.clock.constants):
         return found
     left, alone = system.left(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
@@ -134,7 +140,7 @@ def _beside_poses(system: RowSystem, left: np.ndarray, poses: Memory, value: Val
     def beside(memory: Memory) -> float:
         return value(replace(memory, pose=poses.pose))
 
-    sizes = [float(size) for size in POSES if 1.0 / NEAR < size / poses.pose < NEAR]
+    sizes = [float(size) for size in POSE_RATIOS if 1.0 / POSE_RATIO_STEP < size / poses.pose < POSE_RATIO_STEP]
     spots = _rough_spots(system, left - system.poses.shrunk(left.T, poses.pose).T)
     both = [_best_beside(spot, beside) for spot in spots]
     alone = [_best_beside(spot, value).memory for spot in both]
@@ -146,7 +152,7 @@ def _rough_spots(system: System, left: np.ndarray) -> list[Spot]:
     spots = sorted(
         (_rough_spot(system, left, axes) for axes in kinds_of_wander(system.noise)), key=lambda item: -item[1]
     )
-    return [spot for spot, likely in spots if likely > spots[0][1] - UNLIKELY]
+    return [spot for spot, likely in spots if likely > spots[0][1] - FAR_BEHIND_ON_GRID]
 
 
 def _best_beside(spot: Spot, value: Value) -> Spot:
@@ -167,7 +173,7 @@ def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> tuple[Spot, flo
     clock, most = system.clock, len(SHARES) - 1
     if clock.registered:
         shown, _ = _likeliest(system, clock.about_means(left), axes, most)
-        most = max(AT_REST, shown.share + 1)
+        most = max(BELOW_NOISE, shown.share + 1)
     return _likeliest(system, left, axes, most)
 
 

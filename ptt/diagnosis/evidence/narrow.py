@@ -11,11 +11,12 @@ import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, Rotation
 
-WIDE = 50  # columns up to which an atom costs a search little
-MAP = 150  # columns from which an effect is a map of harmonics, mostly the same few curves: it pays on any run
-REPAID = 8  # coordinates for each column from which a search gains more by fewer columns than it takes to find them
-UNSEEN = 1e-9  # of the largest eigenvalue: a shape of which the rows show less than rounding
-LEAST_VARIANCE = 1e-3  # over noise, that a shape puts into the readings when it is as large as it may be
+CHEAP_COLUMNS = 50  # columns up to which an atom costs a search little
+# Columns from which an effect is a map of harmonics whose columns are mostly alike: fewer pay on any run
+MAP_COLUMNS = 150
+LEAST_COORDINATES = 8  # coordinates per column from which a search saves more than the eigenvectors cost
+EIGENVALUE_ROUNDING = 1e-9  # share of the largest eigenvalue below which a direction is rounding
+LEAST_SIGNAL = 1e-3  # variance over noise that a direction has to put into the readings at its largest prior variance
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,12 @@ def _by_width(atoms: Mapping[str, Atom], wide: Collection[str], count: int) -> n
 
 
 def _pays(atom: Atom, coordinates: int) -> bool:
-    width, is_map = len(atom.columns), atom.effect is not None and len(atom.columns) > MAP
-    return (is_map or WIDE < width < coordinates / REPAID) and not atom.bounded.any() and atom.within is None
+    width, is_map = len(atom.columns), atom.effect is not None and len(atom.columns) > MAP_COLUMNS
+    return (
+        (is_map or CHEAP_COLUMNS < width < coordinates / LEAST_COORDINATES)
+        and not atom.bounded.any()
+        and atom.within is None
+    )
 
 
 def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -112,7 +117,7 @@ def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.nda
     for index, largest in enumerate(most):
         own = np.flatnonzero(group == index)
         strength, turned = np.linalg.eigh(flat[own] @ flat[own].T)
-        kept = np.flatnonzero(strength > max(UNSEEN * strength[-1], LEAST_VARIANCE / largest))
+        kept = np.flatnonzero(strength > max(EIGENVALUE_ROUNDING * strength[-1], LEAST_SIGNAL / largest))
         kept = kept if len(kept) else np.array([len(own) - 1])
         part = np.zeros((len(flat), len(kept)))
         part[own] = turned[:, kept]

@@ -11,7 +11,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.noise.wander import FAULT
+from ptt.diagnosis.noise.wander import FAULT_SHARE
 from ptt.effects import Library
 from ptt.errors import TooFewError
 from ptt.fitting.solve import fit
@@ -21,17 +21,20 @@ from ptt.run.noise import SATURATED, VISITED, Noise, at_least, guessed_noise, le
 from ptt.run.problem import Problem
 from ptt.run.tails import f_cdf, f_sf
 
-MOST_REPEATS = 300.0  # degrees of freedom that repeats may claim: they see less than what varies between poses
-STATED = 100.0  # degrees of freedom of a figure that somebody states
-LEAST_FREEDOM = 12.0
-AT_ODDS = 1e-4  # chance below which two figures of the noise do not belong together
-SURE = 3.0  # standard errors by which an axis may share less with the row before than it seems to
-ONE_AXIS = 1e-3  # chance at which the axes of a wander are not alike: of a thousand sound wanders one is called a fault
-FINEST = 1e-3  # variance along one axis over that along another: a beam's length is read ten times as well, not thirty
-ROUNDS = 3
-ONE_FIGURE = "machine file"  # source of a noise that is stated for all axes alike
-CROWDED = 4.0  # times the coordinates, beyond which values of everything take minutes to say what a search says
-SHORT_SEARCH = 12  # shapes from which an effect is left out of the saturated model
+MOST_REPEAT_FREEDOM = 300.0  # degrees of freedom that repeats may claim: they do not see what varies between poses
+STATED_FREEDOM = 100.0  # degrees of freedom that a figure counts for which somebody states
+LEAST_FREEDOM = 12.0  # degrees of freedom that a noise has to have which only the residuals tell
+OUTDONE_CHANCE = 1e-4  # p-value of an F test below which two noise figures contradict each other
+SURE_ERRORS = 3.0  # standard errors taken off the lag-one covariance of the axis that is accused of wandering alone
+# P-value below which the axes wander unlike each other: one of a thousand sound wanders is called a fault
+ONE_AXIS_CHANCE = 1e-3
+# Least variance along one axis over that along another: a beam's length is read ten times as well, not thirty
+LEAST_AXIS_RATIO = 1e-3
+SATURATED_ROUNDS = 3  # rounds of the saturated model, each whitened with the noise that the one before left
+MACHINE_FILE = "machine file"  # source of a noise that the machine file states as one figure for all axes
+# Columns per coordinate beyond which the saturated model takes minutes to say what a search says
+MOST_COLUMNS_RATIO = 4.0
+TOO_MANY_SHAPES = 12  # shapes from which an effect is left out of the saturated model
 
 
 def starting_noise(problem: Problem) -> tuple[Noise, float]:
@@ -49,10 +52,10 @@ def starting_noise(problem: Problem) -> tuple[Noise, float]:
         guess = guessed_noise()
         return replace(guess, covariance=at_least(guess.covariance, least), least=least), 0.0
     if given.source != "repeats":
-        return given, STATED
+        return given, STATED_FREEDOM
     if sharing_groups(problem.table, problem.used)[1]:  # of one visit or of all: the rows say what visits share
         return given, 0.0
-    return given, min(3.0 * given.freedom, MOST_REPEATS)
+    return given, min(3.0 * given.freedom, MOST_REPEAT_FREEDOM)
 
 
 def noise_left(system: System, state: State, beside: np.ndarray | None = None) -> Noise:
@@ -85,7 +88,7 @@ def _noise_of(left: np.ndarray, system: System, state: State, taken: float = 0.0
     scatter = system.in_mm(left)
     covariance = scatter.T @ scatter * (3.0 / freedom)
     # An axis that blocks follow to the last digit tells no noise.
-    narrowest = max(FINEST * float(np.linalg.eigvalsh(covariance)[-1]), system.noise.least)
+    narrowest = max(LEAST_AXIS_RATIO * float(np.linalg.eigvalsh(covariance)[-1]), system.noise.least)
     return Noise(at_least(covariance, narrowest), SATURATED, freedom, least=system.noise.least)
 
 
@@ -131,14 +134,14 @@ def wanders_beyond(system: System, state: State) -> bool:
     whole, follows = np.square(left).mean(axis=0), ~clock.starts[1:]
     if clock.is_slow(wander):
         new = system.in_mm(system.innovation(state.columns, state.posterior.values, state.memory))
-        return bool((whole - new.var(axis=0) > FAULT * new.var(axis=0).mean()).any())
+        return bool((whole - new.var(axis=0) > FAULT_SHARE * new.var(axis=0).mean()).any())
     shared = np.maximum((left[1:] * left[:-1])[follows].mean(axis=0), 0.0)
     white = whole - shared
     error = whole / np.sqrt(len(left))
-    sure, seen = np.maximum(shared - SURE * error, 0.0), np.maximum(shared, error)
+    sure, seen = np.maximum(shared - SURE_ERRORS * error, 0.0), np.maximum(shared, error)
     free = max(clock.span / (2.0 * wander.constant), 1.0)
     unlike = [
-        3.0 * f_sf(own / ((each.sum() - each) / 2.0), free, 2.0 * free) < ONE_AXIS
+        3.0 * f_sf(own / ((each.sum() - each) / 2.0), free, 2.0 * free) < ONE_AXIS_CHANCE
         for own, each in ((sure, seen), (sure / white, seen / white))
     ]
     return bool(np.logical_and(*unlike).any())
@@ -166,7 +169,7 @@ def noise_again(
         return left if outdone(given, left) else given
     if settled:
         return replace(system.noise, covariance=left.covariance)
-    if given.source == ONE_FIGURE:  # it says how wide, not along which axis: that the rows tell, at once
+    if given.source == MACHINE_FILE:  # it says how wide, not along which axis: that the rows tell, at once
         share = 0.5 * (1.0 + (system.noise.total / left.total) ** 2)
         return replace(system.noise, covariance=share * left.covariance)
     return replace(system.noise, covariance=0.5 * (left.covariance + system.noise.covariance))
@@ -212,7 +215,7 @@ def outdone(given: Noise, left: Noise) -> bool:
         return False
     whitener = given.whitener
     least = float(np.linalg.eigvalsh(whitener @ left.covariance @ whitener.T)[0])
-    return bool(3.0 * f_cdf(least, left.freedom / 3.0, given.freedom) < AT_ODDS)
+    return bool(3.0 * f_cdf(least, left.freedom / 3.0, given.freedom) < OUTDONE_CHANCE)
 
 
 def stated_noise(problem: Problem, system: System, state: State) -> Noise | None:
@@ -260,7 +263,7 @@ def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:
     noise, sizes = _saturated(model, problem, known, starting_noise(problem)[0])
     if noise.freedom < LEAST_FREEDOM:
         raise too_few(problem)
-    for _ in range(ROUNDS - 1):
+    for _ in range(SATURATED_ROUNDS - 1):
         finer, sizes = _saturated(model, problem, known, noise, sizes)
         if finer.freedom < LEAST_FREEDOM:  # the finer the noise, the more of the curves is seen, until nothing is left
             break
@@ -289,11 +292,11 @@ def _saturated(
     """
     fitted = fit(model, problem, noise=noise)
     candidates, _ = present_candidates(fitted, problem, known)
-    short = [effect for effect in candidates if len(effect.search(problem.view)) < SHORT_SEARCH]
+    short = [effect for effect in candidates if len(effect.search(problem.view)) < TOO_MANY_SHAPES]
     rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     system = build_row_system(fitted, problem, short, noise, 0.0, rows)
     one_each = {atom.name: key for key, atom in system.atoms.items()}
-    if sum(len(system.atoms[key].columns) for key in one_each.values()) > CROWDED * 3.0 * rows.sum():
+    if sum(len(system.atoms[key].columns) for key in one_each.values()) > MOST_COLUMNS_RATIO * 3.0 * rows.sum():
         raise too_few(problem)
     start = {key: sizes[name] for name, key in one_each.items() if sizes and name in sizes}
     state = Scorer(system, model.keys).score(tuple(one_each.values()), WHITE, start)

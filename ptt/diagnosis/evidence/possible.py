@@ -9,8 +9,8 @@ from ptt.diagnosis.evidence.product import nats_of_none, nats_of_product
 from ptt.diagnosis.evidence.state import State
 from ptt.effects.phrases import ABSURD
 
-WRONG_SIDE = 3.0  # standard errors beyond what a value can be at which it speaks against its effect
-UNHEARD_OF = 25.0  # nats that readings have to show of its form: what else it looks like has no usual size
+CLEARLY_BEYOND = 3.0  # standard errors beyond a physical bound at which a value speaks against its effect
+UNUSUAL_NATS = 25.0  # nats against a value larger than its cause has ever been seen to make
 
 
 def is_impossible(state: State, atoms: Sequence[Atom], new: Sequence[Atom]) -> bool:
@@ -22,11 +22,11 @@ def is_impossible(state: State, atoms: Sequence[Atom], new: Sequence[Atom]) -> b
         new: of these those that no file holds: what it holds is there.
     """
     return any(
-        (_values(state, atom)[atom.bounded] < -WRONG_SIDE * _errors(state, atom)[atom.bounded]).any()
+        (_values(state, atom)[atom.bounded] < -CLEARLY_BEYOND * _errors(state, atom)[atom.bounded]).any()
         for atom in atoms
         if atom.bounded.any()
     ) or any(
-        (_values(state, atom) < atom.within[:, 0] - WRONG_SIDE * _errors(state, atom)).any()
+        (_values(state, atom) < atom.within[:, 0] - CLEARLY_BEYOND * _errors(state, atom)).any()
         for atom in new
         if atom.within is not None
     )
@@ -98,15 +98,15 @@ def _nats_unheard_of(state: State, atom: Atom) -> float:
     """Nats against an effect that is clearly larger than its cause has ever been, or can be in its shape."""
     beyond = _is_too_large(state, atom)
     if atom.within is not None:
-        beyond |= bool((_values(state, atom) > atom.within[:, 1] + WRONG_SIDE * _errors(state, atom)).any())
-    return -UNHEARD_OF if beyond else 0.0
+        beyond |= bool((_values(state, atom) > atom.within[:, 1] + CLEARLY_BEYOND * _errors(state, atom)).any())
+    return -UNUSUAL_NATS if beyond else 0.0
 
 
 def _is_too_large(state: State, atom: Atom) -> bool:
     """Whether a value is clearly larger than its cause can make it in this shape."""
     if atom.largest is None:
         return False
-    return bool((np.abs(_values(state, atom)) > atom.largest + WRONG_SIDE * _errors(state, atom)).any())
+    return bool((np.abs(_values(state, atom)) > atom.largest + CLEARLY_BEYOND * _errors(state, atom)).any())
 
 
 def _values(state: State, atom: Atom) -> np.ndarray:

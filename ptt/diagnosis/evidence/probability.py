@@ -13,9 +13,10 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.memory import Memory
 
-TEMPER = 4.0  # nats of the score that are worth one: the form of effects, blocks and noise is itself only approximate
-LIKELY = 0.02  # odds beside the set that is told: values one deviation away then move that deviation by a hundredth
-MOST_SETS = 12  # of these, the likeliest
+TEMPER = 4.0  # nats of the score that count as one, because effects, blocks and noise have only approximate forms
+# Odds against the reported set from which another counts: a value one sigma away then moves sigma by 1 %
+LEAST_ODDS = 0.02
+MOST_SETS = 12  # of these, at most so many of the likeliest
 VERDICTS = ("missing", "nothing-missing", "unknown")
 
 
@@ -72,7 +73,7 @@ def near_sets(scorer: Scorer, state: State) -> Iterator[tuple[float, State]]:
     Yields:
         The odds of another beside it, at most one, and that set with its factor.
     """
-    least = state.total + TEMPER * np.log(LIKELY)
+    least = state.total + TEMPER * np.log(LEAST_ODDS)
     near = [other for other in scorer.scored.values() if other is not state and least < other.total < np.inf]
     for other in sorted(near, key=lambda other: -other.total)[:MOST_SETS]:
         if (other.keys, other.memory) != (state.keys, state.memory):

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-GRID, SPREAD = 161, 8.0  # values of the first one that are summed over, and standard errors to either side
+# Values of the first parameter that are integrated over, and standard errors to either side
+GRID_POINTS, GRID_ERRORS = 161, 8.0
 
 
 def nats_of_product(values: np.ndarray, covariance: np.ndarray, width: float) -> float:
@@ -21,7 +22,7 @@ def nats_of_product(values: np.ndarray, covariance: np.ndarray, width: float) ->
     given = covariance[1:, 1:] - np.outer(slope, covariance[0, 1:])  # shape: (m - 1, m - 1)
     variance, ways = np.linalg.eigh(given)
     precision = 1.0 / np.clip(variance, 1e-300, width)  # a posterior is no wider than its prior
-    step = np.linspace(-SPREAD, SPREAD, GRID)
+    step = np.linspace(-GRID_ERRORS, GRID_ERRORS, GRID_POINTS)
     mean = (values[1:] + np.outer(spread * step, slope)) @ ways  # shape: (grid, m - 1)
     wide = np.square(first + spread * step)[:, None] + 1e-12
     after = precision - 1.0 / width + 1.0 / wide

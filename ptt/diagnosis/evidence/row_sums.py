@@ -11,8 +11,8 @@ from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums, PoseParts, as
 from ptt.diagnosis.noise.poses import Poses, PosesBeside
 from ptt.diagnosis.noise.wander import Clock, filtered
 
-PLENTY = 4  # rows for each column from which the sums of all columns are worked out at once
-WHOLE_SHARE = 0.3  # of the columns, from which rows of the gram are worked out whole
+WHOLE_GRAM_ROWS = 4  # rows per column from which the Gram matrix of all columns is worked out at once
+WHOLE_SHARE = 0.3  # share of the columns from which whole rows of the Gram matrix are worked out and kept
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all
         all_of_them: whether sums of all may be worked out at once.
     """
     side, square, width = white @ values, float(values @ values), len(white)
-    if all_of_them and white.shape[1] > PLENTY * width:
+    if all_of_them and white.shape[1] > WHOLE_GRAM_ROWS * width:
         return MemorySums(white @ white.T, side, square, log_noise)
     room, there = np.empty((width, width)), np.zeros(width, dtype=bool)
     return SumsOfRows(room, side, square, log_noise, white=white, there=there)

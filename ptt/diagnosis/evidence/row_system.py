@@ -23,7 +23,7 @@ from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums, as_joi
 from ptt.diagnosis.noise.poses import Poses, poses_of
 from ptt.diagnosis.noise.wander import Wander, filtered
 from ptt.diagnosis.unknown.blocks import Block, Period, unknown_blocks
-from ptt.diagnosis.unknown.places import SIZE
+from ptt.diagnosis.unknown.places import FEATURE_SIZE
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Effect
 from ptt.effects.sudden import ALWAYS
@@ -34,7 +34,7 @@ from ptt.run.holdout import blocks_beside, sharing_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-KEPT = 3  # memories of the noise whose sums are kept
+KEPT_MEMORIES = 3  # memories of the noise whose sums are kept
 
 
 @dataclass
@@ -84,7 +84,7 @@ class RowSystem(System):
     def sums(self, memory: Memory) -> MemorySums:
         """Normal sums of all columns; the last few memories are kept."""
         if memory not in self._sums:
-            if len(self._sums) > KEPT:
+            if len(self._sums) > KEPT_MEMORIES:
                 self._sums.pop(next(key for key in self._sums if key != WHITE))
             self._sums[memory] = self._sums_of_all(memory)
         return self._sums[memory]
@@ -306,7 +306,7 @@ def _side_by_side(known: np.ndarray, blocks: Sequence[Block], noise: Noise, rows
 def _levers(linear: Linear, noise: Noise, rows: np.ndarray) -> dict[int, np.ndarray]:
     """How each joint moves the readings that count."""
     assert linear.at is not None
-    by_joint = linear.at.chain.by_joint.numpy()[rows] * SIZE
+    by_joint = linear.at.chain.by_joint.numpy()[rows] * FEATURE_SIZE
     return {j: by_joint[:, :, j] @ noise.whitener.T for j in range(by_joint.shape[2])}
 
 

@@ -16,9 +16,11 @@ import numpy as np
 
 Held = tuple[np.ndarray, np.ndarray, int]  # joined sums of a block in noise units and in mm, and its rows
 
-ENOUGH = 200_000  # rows on which candidates are told: twenty times those that show the least that is named
-SPANNED = 1e-12  # of the strongest direction of the model's columns: less is rounding
-SEEN_TIMES = 2.0  # what a share predicts that all rows may show along a way: beyond it, the share does not know it
+# Rows that candidates are summed over: twenty times those that show the least effect that is named
+SHARED_ROWS = 200_000
+SPAN_ROUNDING = 1e-12  # share of the largest eigenvalue of the model's Gram matrix below which a direction is rounding
+# Ratio of what all rows show along a direction to what the scaled-up share shows, beyond which it is left out
+MOST_SCALED_UP = 2.0
 
 
 def share_of_rows(rows: int) -> int:
@@ -30,7 +32,7 @@ def share_of_rows(rows: int) -> int:
     Returns:
         At least one.
     """
-    return max(rows // ENOUGH, 1)
+    return max(rows // SHARED_ROWS, 1)
 
 
 def spread(whole: Mapping[int, Held], share: Mapping[int, Held], own: np.ndarray) -> dict[int, Held]:
@@ -72,8 +74,8 @@ def _regressed(gram: np.ndarray, across: np.ndarray, every: np.ndarray) -> np.nd
     """
     size = np.sqrt(np.maximum(every.diagonal(), np.finfo(float).tiny))
     strength, ways = np.linalg.eigh(gram / np.outer(size, size))
-    there = strength > SPANNED * strength[-1]
+    there = strength > SPAN_ROUNDING * strength[-1]
     ways = ways[:, there] / np.sqrt(strength[there])
     shown, turned = np.linalg.eigh(ways.T @ (every / np.outer(size, size)) @ ways)
-    ways = ways @ turned[:, shown < SEEN_TIMES]
+    ways = ways @ turned[:, shown < MOST_SCALED_UP]
     return np.asarray(ways @ (ways.T @ (across / size[:, None])) / size[:, None])

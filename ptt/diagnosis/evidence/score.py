@@ -22,9 +22,11 @@ from ptt.fitting.evidence import WIDTH, maximise
 from ptt.fitting.posterior import Posterior
 from ptt.model.model import rival
 
-UNDONE = 0.25  # of the squares of what something did, less than which is left once something else has taken it back
-ROOM = 40_000_000  # numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
-ENDED = 0.05  # nats at which learning of variances may end while sets are only compared
+# Share of the squares of one event's shift that may remain where another event counts as taking it back
+UNDONE_SHARE = 0.25
+# Numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
+MOST_FACTOR_NUMBERS = 40_000_000
+LEARNING_TOLERANCE = 0.05  # nats at which learning of variances may end while sets are only compared
 
 
 class Scorer:
@@ -94,7 +96,7 @@ class Scorer:
         """Keep a set, and of those of long ago only what they said, where their factors would fill gigabytes."""
         self.scored[state.keys, state.memory] = state
         self.whole.append(state)
-        while len(self.whole) > max(ROOM // max(state.posterior.cholesky.size, 1), 1):
+        while len(self.whole) > max(MOST_FACTOR_NUMBERS // max(state.posterior.cholesky.size, 1), 1):
             where = self.whole[0].keys, self.whole[0].memory
             first = self.whole.popleft()
             if self.scored[where] is first:
@@ -165,7 +167,7 @@ class Scorer:
         ceiling = np.concatenate([np.zeros(0), *(a.most for a in atoms)])
         return maximise(
             sums.gram, sums.side, sums.square, count, group.astype(int),
-            freedom=self.system.freedom, start=begin, width=width, ceiling=ceiling, done=ENDED,
+            freedom=self.system.freedom, start=begin, width=width, ceiling=ceiling, done=LEARNING_TOLERANCE,
             least=least, finest=self.system.finest,
         )  # fmt: skip
 
@@ -242,7 +244,7 @@ class Scorer:
                 after, both = self.system.clock.time > max(moment, other), (*state.of(one.key), *state.of(two.key))
                 first = state.of(one.key if moment < other else two.key)
                 left, lost = (self._told(state, np.array(own))[after] for own in (both, first))
-                if np.square(left).sum() < UNDONE * np.square(lost).sum():
+                if np.square(left).sum() < UNDONE_SHARE * np.square(lost).sum():
                     return True
         return False
 

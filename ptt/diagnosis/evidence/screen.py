@@ -23,10 +23,12 @@ from ptt.fitting.evidence import WIDTH, maximise
 from ptt.fitting.factor import inverse
 from ptt.fitting.posterior import Posterior
 
-RATIOS = np.geomspace(1e-3, 1e4, 22)  # variances tried when one atom is screened
-USUAL = 0.5 * (0.5 * np.log(RATIOS) / WIDTH) ** 2  # nats against an effect of that size
-ROUGH = 0.3  # nats at which learning several variances of one atom may end
-BROAD = 12  # columns of an atom from which its eigenvectors take longer than a tridiagonal form
+# Prior variances on a grid, over the white variance, at which one atom is screened
+RATIOS = np.geomspace(1e-3, 1e4, 22)
+# Nats of the log-normal prior of an effect's size against each of them
+RATIO_PRIOR_NATS = 0.5 * (0.5 * np.log(RATIOS) / WIDTH) ** 2
+SCREEN_TOLERANCE = 0.3  # nats at which learning several variances of one atom may end
+TRIDIAGONAL_COLUMNS = 12  # columns of an atom from which a tridiagonal form is faster than eigenvectors
 
 Allowed = Callable[[Atom], bool]
 Begun = dict[tuple[str, int], np.ndarray]
@@ -131,7 +133,7 @@ class Screen:
             places = [place for place, atom in enumerate(atoms) if atom.groups == 1]
             for place in sorted(set(range(len(atoms))).difference(places)):
                 self.gains[atoms[place].key] = self._learned(atoms[place], gram[place], side[place])
-            if gram.shape[1] >= BROAD:
+            if gram.shape[1] >= TRIDIAGONAL_COLUMNS:
                 wide += [(atoms[place], gram[place], side[place]) for place in places]
             elif places:
                 some = slice(None) if len(places) == len(atoms) else places
@@ -147,7 +149,7 @@ class Screen:
             spread.append(both[1])
         if alone:
             nats = self._noise_gain(np.concatenate(taken), np.concatenate(spread))
-            nats -= np.array([atom.effect is not None for atom in alone])[:, None] * USUAL
+            nats -= np.array([atom.effect is not None for atom in alone])[:, None] * RATIO_PRIOR_NATS
             for atom, at, most in zip(alone, nats.argmax(axis=1).tolist(), nats.max(axis=1).tolist(), strict=True):
                 self.gains[atom.key] = Gain(most - atom.odds, atom.key, RATIOS[at : at + 1])
         for atoms, gram, side in looked:
@@ -169,7 +171,7 @@ class Screen:
         idle = idle_joints(joint, spread @ side, spread, prior, self.basis.posterior.phi)
         if idle is not None:
             few = gram[np.ix_(~idle.columns, ~idle.columns)][None], side[~idle.columns][None]
-            nats = self._noise_gain(*_at_ratios(*few))[0] - USUAL - idle.odds - atom.odds
+            nats = self._noise_gain(*_at_ratios(*few))[0] - RATIO_PRIOR_NATS - idle.odds - atom.odds
             best = int(nats.argmax())
             if nats[best] > self.gains[atom.key].nats:
                 self.gains[atom.key] = Gain(float(nats[best]), atom.key, RATIOS[best : best + 1])
@@ -184,8 +186,8 @@ class Screen:
         left, system = self.basis.posterior.left, self.system
         work_out = partial(
             maximise, square=left, count=system.spare, owner=atom.group, freedom=system.freedom, finest=system.finest,
-            done=ROUGH, start=self.begun.get((atom.name, atom.groups)), width=WIDTH if atom.effect else np.inf,
-            ceiling=atom.most,
+            done=SCREEN_TOLERANCE, start=self.begun.get((atom.name, atom.groups)), ceiling=atom.most,
+            width=WIDTH if atom.effect else np.inf,
         )  # fmt: skip
         try:
             own = work_out(gram, side)

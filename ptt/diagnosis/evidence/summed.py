@@ -19,8 +19,9 @@ from ptt.fitting.linear import Linear, Shape, few_shapes
 from ptt.fitting.outliers import inside
 from ptt.run.problem import Problem
 
-SLAB = 4_000  # rows of a chunk whose columns of all candidates are there at once: more of them leave the cache
-MOST_STRETCHES = 50  # of a chunk, up to which sums over each are cheap
+SLAB_ROWS = 4_000  # rows of a chunk whose columns of all candidates are held at once: more of them leave the cache
+# Contiguous stretches of held-out blocks in a chunk, up to which slicing them (which copies nothing) is faster.
+MOST_STRETCHES = 50
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np
     hidden, share = dict[int, Held](), dict[int, Held]()
     rows, gross, joined = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
     times = share_of_rows(run.problem.table.rows) if at.memory == WHITE and trials and not sift else 1
-    for part in [chunk] if sift else (make() for make in cut(chunk, SLAB)):
+    for part in [chunk] if sift else (make() for make in cut(chunk, SLAB_ROWS)):
         linear, columns = columns_of(part, run, at, {} if sift or times > 1 else trials)
         there = linear.rows & kept[numbers(part)]
         far = _gross(part, run, at, trials, linear, columns, there) if sift else np.zeros_like(there)
@@ -112,7 +113,7 @@ def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np
         if times > 1:
             # Not the same rows of each slab, or of a cycle as long as one the same places would always be passed over.
             some = cut(part, -(-part.table.rows // times))
-            few = some[int(numbers(part)[0]) // SLAB % len(some)]()
+            few = some[int(numbers(part)[0]) // SLAB_ROWS % len(some)]()
             linear, columns = columns_of(few, run, at, trials)
             _sum_rows(few, run, at, linear, columns, linear.rows & kept[numbers(few)], share)
         rows.append(there)

@@ -12,7 +12,7 @@ from ptt.diagnosis.evidence.effect_atoms import straight_sizes
 from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums
 from ptt.diagnosis.noise.wander import Clock, innovations
 from ptt.diagnosis.unknown.blocks import Block
-from ptt.diagnosis.unknown.places import SIZE
+from ptt.diagnosis.unknown.places import FEATURE_SIZE
 from ptt.fitting.alike import times_of
 from ptt.fitting.evidence import noise_of
 from ptt.fitting.linear import Linear
@@ -20,7 +20,7 @@ from ptt.fitting.result import FitResult
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-ROUNDED = 2.0  # times what a last digit leaves, up to which errors of a pose are its rounding: it is as large itself
+ROUNDING_FACTOR = 2.0  # times the variance of rounding up to which errors of a pose may be rounding themselves
 
 
 @dataclass
@@ -81,11 +81,11 @@ class System(ABC):
 
         Where nothing else scatters, what rounding leaves of readings comes back as well.
         """
-        return memory.pose > ROUNDED * self.finest and not self.by_visit
+        return memory.pose > ROUNDING_FACTOR * self.finest and not self.by_visit
 
     def errs_by_pose(self, memory: Memory) -> bool:
         """The same, and by more than rounding of commands leaves: something is there that no effect describes."""
-        return self.shares_by_pose(memory) and memory.pose > ROUNDED * self.aside**2 / 3.0 * self._noises
+        return self.shares_by_pose(memory) and memory.pose > ROUNDING_FACTOR * self.aside**2 / 3.0 * self._noises
 
     @property
     @abstractmethod
@@ -231,7 +231,7 @@ def whitened(blocks: Sequence[Block], noise: Noise, rows: np.ndarray | slice = s
     ways, found = dict[int, np.ndarray](), list[np.ndarray]()
     for block in blocks:
         if id(block.place) not in ways:  # many act at one place
-            slopes = SIZE * (noise.whitener @ block.place.slopes[rows])
+            slopes = FEATURE_SIZE * (noise.whitener @ block.place.slopes[rows])
             ways[id(block.place)] = np.ascontiguousarray(slopes.transpose(2, 1, 0))  # shape: (w, 3, m)
         shapes = np.ascontiguousarray(block.shapes[rows].T)
         own = ways[id(block.place)][:, None] * shapes[None, :, None]

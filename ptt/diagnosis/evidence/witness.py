@@ -20,7 +20,7 @@ UNREAD = "Base reflectors were not read over at least half of the run, so"
 ALIKE = f"{UNREAD} a machine that drifts as a whole would look the same."
 
 WARM = f"{UNREAD} a tracker that moves with temperature would look the same."
-CLEAR = 30.0  # chi-squared from which readings show that a growth is no shift of all of them
+CLEAR_GROWTH = 30.0  # chi-squared from which the readings show that a growth is no shift common to all of them
 
 
 def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
@@ -80,9 +80,9 @@ def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
     if term.effect.stage == "metrology" or "temperature" not in term.effect.requires or _was_watched(problem):
         return False
     few = few_enough(problem)  # what they show, all rows show
-    if few is not problem and _beside_warmth(term, few, noise) >= CLEAR:
+    if few is not problem and _beside_warmth(term, few, noise) >= CLEAR_GROWTH:
         return False
-    return _beside_warmth(term, problem, noise) < CLEAR
+    return _beside_warmth(term, problem, noise) < CLEAR_GROWTH
 
 
 def _beside_warmth(term: Term, problem: Problem, noise: Noise) -> float:

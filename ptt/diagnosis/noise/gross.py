@@ -9,17 +9,17 @@ from ptt.run.same_pose import same_places
 from ptt.run.tails import chi2_isf, chi2_median, poisson_sf
 
 CHANCE = 1e-3  # chance that a table of sound readings loses one
-TAIL = 2.0  # real noise has longer tails than a bell curve: rows that may be its own are kept
-MOSTLY = 0.5  # share of the visits of a pose that miss it alike, from which the pose is to blame
-COMPANY = 2  # alike rows among the four nearest from which a row is one of a stretch
-FAR_ROWS_SHARE = 0.12  # beyond it far rows are no exceptions
-LEVELS = 2  # measures of place that come in levels: load and feed
-CROWD = 0.03  # chance of as many neighbours, over all measures of place, from which they are no accident
-SPREAD_OUT = 1e-3  # chance of as many neighbours in space among gross errors of a run
-ALONG = 0.8  # cosine of two shifts, either way, from which one thing may have made them: of those to any side 1 in 5
-NEIGHBOURS = 2  # in space that tell whether a far row is one of a place: those of a small place are among its own
-AT_ONCE = 2  # rows: as far as those of a stretch are looked for
-PLENTY = 2.5  # coordinates for each column of a saturated model, below which it could explain anything
+NOISE_TAIL = 2.0  # factor on the limit: real noise has longer tails than a normal distribution, and such rows are kept
+MOST_ROWS = 0.5  # share of the visits of a pose, or of the rows under a load, from which the pose or load is to blame
+LEAST_COMPANY = 2  # alike rows among the four nearest in travel from which a row belongs to a stretch
+MOST_FAR_ROWS = 0.12  # share of the rows beyond which far rows are no exceptions
+LEVEL_COLUMNS = 2  # last columns of `places_of`, which come in levels: load and feed
+CROWD_CHANCE = 0.03  # p-value, over all measures of place, below which far rows next to each other are no accident
+PLACE_CHANCE = 1e-3  # p-value below which readings set aside as gross errors lie at one place
+ALONG_COSINE = 0.8  # cosine of two shifts, either way, from which one cause may have made both: 1 in 5 random pairs
+SPACE_NEIGHBOURS = 2  # neighbours in space of each far row: of a small place they are among its own rows
+STRETCH_GAP = 2  # rows apart in travel up to which rows count as one stretch
+SATURATED_COORDINATES = 2.5  # coordinates per column of a saturated model, below which it could explain anything
 
 
 def gross_errors(
@@ -48,7 +48,7 @@ def gross_errors(
         (n,) bool.
     """
     far, left = far_rows(columns, values, rows, simple)
-    if far.any() and 3 * rows.sum() > PLENTY * len(saturated):
+    if far.any() and 3 * rows.sum() > SATURATED_COORDINATES * len(saturated):
         far, left = far_rows(columns, values, rows, saturated)
     return alone(far, left, rows, places)
 
@@ -86,7 +86,7 @@ def stand_out(left: np.ndarray, rows: np.ndarray, least: float = 1.0) -> np.ndar
     """
     squared = np.square(left).sum(axis=1)
     width = max(least, float(np.median(squared[rows])) / chi2_median(3)) if rows.any() else 1.0
-    return rows & (squared > TAIL * width * chi2_isf(CHANCE / max(int(rows.sum()), 1), 3))
+    return rows & (squared > NOISE_TAIL * width * chi2_isf(CHANCE / max(int(rows.sum()), 1), 3))
 
 
 def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int = 0) -> np.ndarray:
@@ -107,20 +107,20 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
         (n,) bool; none where so many are far that the model is to blame.
     """
     company, size, count = np.zeros(len(far), dtype=int), np.linalg.norm(left, axis=1), len(far)
-    for step in range(1, AT_ONCE + 1):
+    for step in range(1, STRETCH_GAP + 1):
         near, before = np.arange(step, count), np.arange(count - step)
         apart = np.linalg.norm(left[near] - left[before], axis=1)
         alike = far[near] & far[before] & (apart < AGREE * np.maximum(size[near], size[before]))
         company[near] += alike
         company[before] += alike
-    lone = far & (company < COMPANY) & ~_crowded(far, left, used, places) & ~_again(far, left, used, places, gone)
+    lone = far & (company < LEAST_COMPANY) & ~_crowded(far, left, used, places) & ~_again(far, left, used, places, gone)
     lone &= ~_under_one_load(far, used, places)
     return lone if are_exceptions(lone, used) else np.zeros_like(far)
 
 
 def are_exceptions(far: np.ndarray, used: np.ndarray) -> bool:
     """Whether some of the used rows, (n,) bool each, are few enough to be gross errors: chance may spoil some more."""
-    most = FAR_ROWS_SHARE * float(used.sum())
+    most = MOST_FAR_ROWS * float(used.sum())
     return bool(far.sum() <= most + np.sqrt(most))
 
 
@@ -141,20 +141,20 @@ def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarr
     share = (far.sum() + gone) / max(used.sum() + gone, 1)
     if agree_by_chance(alike.sum() / 2.0, share, visits):
         return np.zeros_like(far)
-    return (alike > 0) & (alike + 1 >= MOSTLY * visits[pose])
+    return (alike > 0) & (alike + 1 >= MOST_ROWS * visits[pose])
 
 
 def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Far rows of a load or a feed that has more of them than chance would put there: most of its rows, at that."""
     found = np.zeros_like(far)
-    for column in places.T[-LEVELS:]:
+    for column in places.T[-LEVEL_COLUMNS:]:
         levels = np.unique(column[used])
         for level in levels if len(levels) > 1 else ():
             own = used & (column == level)
             many, others = int((far & own).sum()), used & ~own
             share = (far & others).sum() / max(others.sum(), 1)
             expected = own.sum() * max(share, 1.0 / len(far))
-            if many > MOSTLY * own.sum() and poisson_sf(many - 1, expected) < CROWD / len(levels):
+            if many > MOST_ROWS * own.sum() and poisson_sf(many - 1, expected) < CROWD_CHANCE / len(levels):
                 found |= far & own
     return found
 
@@ -163,8 +163,8 @@ def _crowded(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.nda
     """Far rows next to each other in one measure of place and off along one line: more than chance would put there."""
     crowded, rows = np.zeros_like(far), np.flatnonzero(used)
     expected = far.sum() ** 2 / max(len(rows), 1) * _share_along(left[far & used])
-    chance = CROWD / (places.shape[1] - LEVELS + 1)
-    for column in places.T[:-LEVELS]:
+    chance = CROWD_CHANCE / (places.shape[1] - LEVEL_COLUMNS + 1)
+    for column in places.T[:-LEVEL_COLUMNS]:
         order = rows[np.argsort(column[rows], kind="stable")]
         pairs = far[order[1:]] & far[order[:-1]]
         one, two = order[1:][pairs], order[:-1][pairs]
@@ -179,16 +179,16 @@ def _crowded(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.nda
 def _along(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Whether shifts (..., 3) lie along one line, either way: a place errs along its own, a broken beam to any side."""
     size = np.linalg.norm(one, axis=-1) * np.linalg.norm(two, axis=-1)
-    return np.abs((one * two).sum(axis=-1)) > ALONG * size
+    return np.abs((one * two).sum(axis=-1)) > ALONG_COSINE * size
 
 
 def _share_along(left: np.ndarray) -> float:
     """Share of the pairs of shifts (m, 3) along one line, wherever they are: all, where trackers err along the beam."""
-    own, count = 1.0 - ALONG, len(left)
+    own, count = 1.0 - ALONG_COSINE, len(left)
     if count < 2:
         return own
     ways = left / np.maximum(np.linalg.norm(left, axis=1), 1e-300)[:, None]
-    pairs = (np.abs(ways @ ways.T) > ALONG).sum() - count  # each with itself
+    pairs = (np.abs(ways @ ways.T) > ALONG_COSINE).sum() - count  # each with itself
     return max(own, float(pairs) / (count * (count - 1)))
 
 
@@ -210,12 +210,14 @@ def in_one_place(far: np.ndarray, left: np.ndarray, used: np.ndarray, tool: np.n
     from scipy.spatial import cKDTree  # only where there is something to ask: it takes a while to load
 
     place = tool[rows] / np.maximum(np.ptp(tool[rows], axis=0), 1e-9)
-    count = min(NEIGHBOURS + 2 * AT_ONCE + 1, len(rows))  # what follows in time is among them, and judged as a stretch
+    count = min(
+        SPACE_NEIGHBOURS + 2 * STRETCH_GAP + 1, len(rows)
+    )  # what follows in time is among them, and judged as a stretch
     _, nearest = cKDTree(place).query(place[np.searchsorted(rows, here)], k=count)
     for row, others in zip(here, rows[nearest], strict=True):
-        beside = others[np.abs(others - row) > AT_ONCE][:NEIGHBOURS]
+        beside = others[np.abs(others - row) > STRETCH_GAP][:SPACE_NEIGHBOURS]
         near[row] = (far[beside] & _along(left[beside], left[row])).sum()
-    pairs = NEIGHBOURS / 2.0  # of each row: of two neighbours each counts the other
+    pairs = SPACE_NEIGHBOURS / 2.0  # of each row: of two neighbours each counts the other
     expected = pairs * len(here) ** 2 / len(rows) * _share_along(left[here])
     return near > 0, float(poisson_sf(near.sum() // 2 - 1, expected))
 
@@ -229,4 +231,4 @@ def has_a_place(gross: np.ndarray, left: np.ndarray, problem: Problem) -> bool:
         problem: n rows.
     """
     known = gross & np.isfinite(left).all(axis=1)
-    return in_one_place(known, left, problem.used, problem.view.p.numpy())[1] < SPREAD_OUT
+    return in_one_place(known, left, problem.used, problem.view.p.numpy())[1] < PLACE_CHANCE

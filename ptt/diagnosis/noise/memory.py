@@ -24,7 +24,7 @@ class Memory:
 
 
 WHITE = Memory()
-FEW = 3  # columns of a matrix for each wanted one from which it is slower to copy whole rows first
+COPY_RATIO = 3  # columns of a matrix per wanted column from which copying whole rows first is slower
 
 
 def entries(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray | slice) -> np.ndarray:
@@ -32,7 +32,7 @@ def entries(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray | slice) -
     width = matrix.shape[1]
     if isinstance(columns, slice):
         return np.asarray(matrix[rows][:, columns])
-    if FEW * len(columns) < width and matrix.flags.c_contiguous:
+    if COPY_RATIO * len(columns) < width and matrix.flags.c_contiguous:
         return np.asarray(matrix.ravel().take(rows[:, None] * width + columns))
     return np.asarray(matrix[rows].take(columns, axis=1))
 

@@ -7,7 +7,8 @@ import numpy as np
 from ptt.diagnosis.noise.gains import filter_rows
 from ptt.diagnosis.noise.wander import Clock, Wander
 
-ROOM = 20_000_000  # numbers of weights that are kept, 160 MB: those of all wanders that one search tries, of most runs
+# Numbers of weights that are kept, 160 MB: those of all wanders that one search tries, of most runs
+MOST_WEIGHT_NUMBERS = 20_000_000
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Poses:
     def _beside(self, share: float, constant: float, clock: Clock) -> tuple[np.ndarray, np.ndarray]:
         """Visits and weights of the combinations along one axis; what was worked out once is kept."""
         if (share, constant) not in self._ways:
-            if len(self._ways) * len(self.visits) * len(self.order) > ROOM:
+            if len(self._ways) * len(self.visits) * len(self.order) > MOST_WEIGHT_NUMBERS:
                 self._ways.clear()
             own = np.zeros((len(self.visits), len(self.order)))
             own[np.repeat(np.arange(len(own)), self.visits), self.order] = 1.0

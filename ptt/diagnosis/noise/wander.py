@@ -10,17 +10,20 @@ from ptt.diagnosis.noise.gains import Gains, all_rows, filter_rows, gains_of, pr
 from ptt.run.fading import kept_shares
 from ptt.run.noise import Noise
 
-SHARES = np.geomspace(0.03, 60.0, 12)  # variance of the wander over that of the white noise
-CONSTANTS = 9  # time constants between the shortest that is told from white noise and the longest
-LONGEST = 4.0  # times a run: a stand that warms for an hour is a random walk in a run of minutes, wherever it began
-SHORTEST = 4.0  # steps between rows: a shorter constant is white noise by another name
-LEAST_STEPS = 12
-USUAL_SHARE, SPREAD = 0.5, np.log(4.0)  # log-normal prior of the share
+SHARES = np.geomspace(0.03, 60.0, 12)  # tried variances of the wander over the white variance
+TIME_CONSTANTS = 9  # number of tried time constants, from the shortest told from white noise to the longest
+# Longest time constant in lengths of the longest run: beyond, a wander is a random walk wherever it began
+LONGEST_RUNS = 4.0
+SHORTEST_STEPS = 4.0  # shortest time constant in steps between rows: below, a wander is white noise by another name
+LEAST_WANDER_ROWS = 12  # rows from which a wander is looked for
+USUAL_SHARE, SHARE_LOG_STD = 0.5, np.log(4.0)  # median and log standard deviation of the log-normal prior of the share
 Axes = tuple[float, float, float]
 AS_NOISE: Axes = (1.0, 1.0, 1.0)
-LIKE = 4.0  # of variances of the two blunt axes of a tracker, which differ where the range to the readings does
-UNEVEN = 2.0  # of variances of the noise's axes, from which a stand and the air are two things: one step of the shares
-FAULT = 10.0  # variance over that of the white noise from which a wander is no tracker's: air and stand do three sigma
+# Ratio of the variances of a tracker's two axes across its beam, as the range to the readings differs
+BLUNT_RATIO = 4.0
+# Ratio of the noise's axis variances from which a stand's and the air's wander differ: one step of `SHARES`
+SHARP_RATIO = 2.0
+FAULT_SHARE = 10.0  # share from which a wander is no tracker's: air and stand wander by up to three sigma of the noise
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Wander:
     @property
     def log_prior(self) -> float:
         """Log prior density of the share, up to a constant."""
-        return -0.5 * (np.log(self.share / USUAL_SHARE) / SPREAD) ** 2
+        return -0.5 * (np.log(self.share / USUAL_SHARE) / SHARE_LOG_STD) ** 2
 
 
 def kinds_of_wander(noise: Noise) -> tuple[Axes, ...]:
@@ -61,7 +64,7 @@ def kinds_of_wander(noise: Noise) -> tuple[Axes, ...]:
     """
     squares = 1.0 / np.square(noise.whitener).sum(axis=1)
     sharp, blunt, bluntest = np.sort(squares).tolist()
-    if bluntest < UNEVEN * sharp or bluntest > LIKE * blunt:
+    if bluntest < SHARP_RATIO * sharp or bluntest > BLUNT_RATIO * blunt:
         return (AS_NOISE,)
     first, second, third = (squares.mean() / squares).tolist()
     return AS_NOISE, (first, second, third)
@@ -102,10 +105,10 @@ class Clock:
     @cached_property
     def constants(self) -> np.ndarray:
         """Time constants worth trying; none where rows are too few."""
-        if len(self.time) < LEAST_STEPS or not self.step:
+        if len(self.time) < LEAST_WANDER_ROWS or not self.step:
             return np.zeros(0)
-        shortest = SHORTEST * self.step
-        return np.geomspace(shortest, max(LONGEST * float(self.lasts.max()), 2.0 * shortest), CONSTANTS)
+        shortest = SHORTEST_STEPS * self.step
+        return np.geomspace(shortest, max(LONGEST_RUNS * float(self.lasts.max()), 2.0 * shortest), TIME_CONSTANTS)
 
     @cached_property
     def lasts(self) -> np.ndarray:
@@ -148,11 +151,11 @@ class Clock:
 
     def is_fault(self, wander: Wander | None) -> bool:
         """Whether a wander is more than a tracker does by itself."""
-        return wander is not None and wander.share > FAULT and self.is_slow(wander)
+        return wander is not None and wander.share > FAULT_SHARE and self.is_slow(wander)
 
     def is_slow(self, wander: Wander) -> bool:
         """Whether a wander lasts so many rows that it is more than white noise by another name."""
-        return wander.constant > SHORTEST * self.step
+        return wander.constant > SHORTEST_STEPS * self.step
 
 
 def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:

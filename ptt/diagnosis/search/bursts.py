@@ -12,10 +12,10 @@ from ptt.diagnosis.noise.gross import stand_out
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.turn import robustly_left
-from ptt.diagnosis.unknown.jumps import BROKEN
+from ptt.diagnosis.unknown.jumps import BROKEN_ROWS
 
-NEAR = 8  # rows within which two things happen by chance in one run of a thousand
-SHARE = 0.04  # of all rows, or as many as beams may break in a row, that may have been taken for something else
+CROWDED_ROWS = 8  # rows within which two events happen by chance in one run of a thousand
+MOST_BROKEN_SHARE = 0.04  # share of the rows that may be broken beams taken for an event; at least `BROKEN_ROWS` may
 
 
 def broken_beams(found: Found) -> np.ndarray:
@@ -39,7 +39,7 @@ def broken_beams(found: Found) -> np.ndarray:
     for keys in _less(found, crowd):
         left = robustly_left(system, found.scorer.score(keys, WHITE, state.scales))
         far = stand_out(left, np.ones(len(left), dtype=bool), least=0.0)
-        if 0 < far.sum() <= max(BROKEN, SHARE * len(left)):
+        if 0 < far.sum() <= max(BROKEN_ROWS, MOST_BROKEN_SHARE * len(left)):
             rows[system.rows[far]] = True
             break
     return rows
@@ -73,4 +73,4 @@ def crowded_moments(found: Found) -> list[str]:
     atoms, time = found.system.atoms, found.system.clock.time
     moments = {key: moment for key in found.state.keys if (moment := atoms[key].moment) is not None}
     at = {key: int(np.searchsorted(time, moment)) for key, moment in moments.items()}
-    return [key for key in at if any(other != key and abs(at[key] - at[other]) <= NEAR for other in at)]
+    return [key for key in at if any(other != key and abs(at[key] - at[other]) <= CROWDED_ROWS for other in at)]

@@ -9,15 +9,15 @@ from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.search.periods import FINEST, LEAST_ROWS
-from ptt.diagnosis.search.spectrum import STEP, place_line, squares_over
+from ptt.diagnosis.search.periods import MOST_PERIODS, SPECTRUM_ROWS
+from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, place_line, squares_over
 from ptt.diagnosis.unknown.blocks import Period
 from ptt.diagnosis.unknown.smooth import harmonics
 from ptt.run.problem import Problem
 
-FEWEST = 3.0  # cycles in a run: fewer are a drift
-SHARP = 6  # harmonics of a sawtooth that may be seen
-ROWS = 3.0  # readings for each cycle at the least: of faster ones what is left looks like noise
+FEWEST_CYCLES = 3.0  # cycles in a run below which one is a drift
+SAWTOOTH_HARMONICS = 6  # harmonics of a sawtooth that are taken off with its line
+ROWS_PER_CYCLE = 3.0  # readings for each cycle at the least: the residual of faster ones looks like noise
 
 
 def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence[Period] = ()) -> Period | None:
@@ -37,13 +37,15 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
     """
     system = rows_of(scorer.system)
     time, seen = problem.view.clock.numpy()[system.rows], any(joint is None for joint, _ in offered)
-    turns = np.arange(FEWEST, min(FINEST, len(time) / ROWS), STEP)
-    if "time" not in problem.view.varies or seen or len(time) < LEAST_ROWS or np.ptp(time) == 0.0:
+    turns = np.arange(FEWEST_CYCLES, min(MOST_PERIODS, len(time) / ROWS_PER_CYCLE), FREQUENCY_STEP)
+    if "time" not in problem.view.varies or seen or len(time) < SPECTRUM_ROWS or np.ptp(time) == 0.0:
         return None
     bends = [key for key in state.keys if (block := system.atoms[key].block) is not None and block.on[0] == "time"]
     straight = scorer.score(without(state, *bends), state.memory, state.scales)
     white, ones = system.innovation(straight.columns, straight.posterior.values, straight.memory), np.ones(len(time))
-    gain = np.sum([squares_over(time, axis, ones, FEWEST, STEP, len(turns)) for axis in white.T], axis=0)
+    gain = np.sum(
+        [squares_over(time, axis, ones, FEWEST_CYCLES, FREQUENCY_STEP, len(turns)) for axis in white.T], axis=0
+    )
     if 0.5 * gain.max() / straight.posterior.phi < odds_of_block(len(turns)):
         return None
     levers = np.broadcast_to(np.eye(3), (len(time), 3, 3))
@@ -60,9 +62,9 @@ def cycle_of(line: Period, problem: Problem, system: System) -> np.ndarray | Non
         system: of the search that left it.
 
     Returns:
-        Cosines and sines on the rows that count, (m, 2 `SHARP`); None of a line along a joint.
+        Cosines and sines on the rows that count, (m, 2 `SAWTOOTH_HARMONICS`); None of a line along a joint.
     """
     joint, length = line
     if joint is not None:
         return None
-    return harmonics(2.0 * np.pi * problem.view.clock.numpy()[system.rows] / length, SHARP)
+    return harmonics(2.0 * np.pi * problem.view.clock.numpy()[system.rows] / length, SAWTOOTH_HARMONICS)

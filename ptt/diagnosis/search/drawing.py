@@ -13,9 +13,9 @@ from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.instead import drawn_instead
 from ptt.diagnosis.search.moves import LEAST_NATS, loose
-from ptt.diagnosis.search.plainest import PLAIN
+from ptt.diagnosis.search.plainest import PLAIN_NATS
 
-EVEN = float(np.log(2.0))  # nats against one more size, once one is off
+EVEN_ODDS = float(np.log(2.0))  # nats against one more size of the drawing, once one is off: even odds
 
 
 def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
@@ -70,7 +70,7 @@ def _without(scorer: Scorer, state: State, named: State, gone: Sequence[str], *,
     every = Scorer(scorer.system, scorer.given, scorer.steps, barred, fields=fields)
     other = improve(every, every.score(best.keys, best.memory, best.scales))
     more = _once_one_is_off(every, other) - _once_one_is_off(plain, best)
-    least = PLAIN if _unknowns(every, other) - _unknowns(plain, best) else LEAST_NATS
+    least = PLAIN_NATS if _unknowns(every, other) - _unknowns(plain, best) else LEAST_NATS
     allowed = _unknowns(every, other) <= _unknowns(scorer, state)
     return (every, other) if allowed and more > least else (plain, best)
 
@@ -101,7 +101,7 @@ def _likelier(scorer: Scorer, state: State, gone: Sequence[str], memory: Memory)
     unknown = memory != state.memory or any(is_block(scorer.system.atoms[key]) for key in gone)
     usual = any(_may_be_sizes(scorer.system.atoms[key]) for key in gone)
     more = _once_one_is_off(scorer, state) - _once_one_is_off(scorer, named)
-    return named if more < (PLAIN if unknown else -PLAIN if usual else 0.0) else None
+    return named if more < (PLAIN_NATS if unknown else -PLAIN_NATS if usual else 0.0) else None
 
 
 def _may_be_sizes(atom: Atom) -> bool:
@@ -125,4 +125,4 @@ def _once_one_is_off(scorer: Scorer, state: State) -> float:
     """Total of a set where each size of the drawing beyond the first costs no name."""
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
     odds = sorted((atom.odds for atom in atoms if is_drawn(atom)), reverse=True)
-    return state.total + sum(each - EVEN for each in odds[1:])
+    return state.total + sum(each - EVEN_ODDS for each in odds[1:])

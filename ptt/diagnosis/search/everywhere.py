@@ -28,10 +28,10 @@ from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
 
-TURNS = 3  # of fitting and searching
-LONG_SEARCH = 4  # shapes from which only the best of the sample is taken to all rows
-# Share of the noise's variance that anything the sample does not show must take: 10,000 rows would show it.
-WORTH = 5e-4
+WHOLE_TURNS = 3  # turns of fitting and searching on all rows
+MANY_SHAPES = 4  # shapes from which only the sample's best one is tried on all rows
+# Share of the noise's variance that an effect which the sample does not show has to explain: 10,000 rows show as much.
+LEAST_VARIANCE_SHARE = 5e-4
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def find_everywhere(told: Found, task: WholeSearch) -> Found:
     shapes, task = _best_shapes(told), replace(task, seen=told.seen)
     freedom = starting_noise(task.run.problem)[1]
     found, gross = told, np.zeros(task.run.problem.table.rows, dtype=bool)
-    for turn in range(TURNS):
+    for turn in range(WHOLE_TURNS):
         fitted = found.fitted if settled(found.state, found.system) else _opened(found, task)
         at = place_moments(task.run, _ansatz(fitted, told, freedom), _carried(found))
         task.tell(f"fit all rows {turn + 1}")
@@ -86,7 +86,7 @@ def find_everywhere(told: Found, task: WholeSearch) -> Found:
         start = _start(found, at, system)
         scorer = Scorer(system, task.model.keys, task.steps)
         state = scorer.score(start, at.memory)
-        if turn < TURNS - 1:
+        if turn < WHOLE_TURNS - 1:
             scorer, state = _search(scorer, state, known_to_sample)
         found = replace(told, fitted=at.fitted, scorer=scorer, state=state, gross=gross)
         if settled(state, system):
@@ -159,7 +159,7 @@ def _trials(fitted: FitResult, task: WholeSearch, best: dict[str, Shape]) -> Tri
     trials = {}
     for effect in present_candidates(fitted, task.sample, task.known, task.seen)[0]:
         shapes = tuple(effect.search(task.sample.view))
-        if len(shapes) >= LONG_SEARCH:
+        if len(shapes) >= MANY_SHAPES:
             shapes = (best[effect.key],) if effect.key in best else ()
         if shapes:
             trials[effect.key] = (effect, shapes)
@@ -180,7 +180,9 @@ def _search(scorer: Scorer, state: State, known: set[str]) -> tuple[Scorer, Stat
         atoms = scorer.system.atoms
         new = [key for key in found.keys if atoms[key].name not in known and key not in scorer.given]
         less = {key: scorer.score(without(found, key), found.memory, found.scales).total for key in new}
-        little = {atoms[key].name for key in new if found.total - less[key] < 0.5 * WORTH * scorer.system.count}
+        little = {
+            atoms[key].name for key in new if found.total - less[key] < 0.5 * LEAST_VARIANCE_SHARE * scorer.system.count
+        }
         if little <= small:  # none is left to leave out
             return scorer, found
         small |= little

@@ -13,7 +13,7 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.asked import Asked, scorer_at
 from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.found import Found, is_better, moved
-from ptt.diagnosis.search.improve import HOPEFUL, improve
+from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
 from ptt.diagnosis.search.instead import is_plain, refilled
 from ptt.diagnosis.search.moves import SEEN_NATS, TRIED, added, loose
 from ptt.diagnosis.search.plainest import plainest
@@ -23,7 +23,8 @@ from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.run.problem import Problem
 
-LARGE = 10.0  # usual sizes from which squares are worth a look: a joint that sits half a millimetre aside
+# Usual sizes from which second-order terms are worth a look: a joint that sits half a millimetre aside
+LARGE_SIZES = 10.0
 
 
 def without_needless(found: Found, problem: Problem) -> Model:
@@ -138,7 +139,7 @@ def _plainer(scorer: Scorer, state: State) -> list[State]:
     atoms, ways = scorer.system.atoms, list[State]()
     for key in loose(scorer, state):
         own = atoms[key]
-        if own.effect is None or is_sudden(own) or np.abs(state.posterior.values[state.of(key)]).max() < LARGE:
+        if own.effect is None or is_sudden(own) or np.abs(state.posterior.values[state.of(key)]).max() < LARGE_SIZES:
             continue
         rest = scorer.score(without(state, key), state.memory, state.scales)
         others = scorer.screen(rest, partial(_is_commoner, own))[:TRIED]
@@ -155,13 +156,13 @@ def _at_names(asked: Asked, found: Found, named: State, problem: Problem) -> Fou
     """What is found where names alone are fitted; None where that lies too far behind."""
     state, nothing = found.state, np.zeros_like(found.carried)
     current = _straightened(moved(replace(found, state=named), asked.model, problem), found, named)
-    most = state.posterior.left + 2.0 * state.posterior.phi * HOPEFUL
+    most = state.posterior.left + 2.0 * state.posterior.phi * HOPEFUL_NATS
     fitted = fit_less(current, problem, nothing, found.gross, found.noise, most)
     if fitted.status == HOPELESS:
         return None
     other, untestable = scorer_at(asked, found, fitted, problem)
     first = other.score([key for key in current.keys if key in other.system.atoms], WHITE)
-    if first.total < state.total - HOPEFUL:
+    if first.total < state.total - HOPEFUL_NATS:
         return None
     best = plainest(other, refilled(other, improve(other, first)))
     return replace(found, fitted=fitted, scorer=other, state=best, carried=nothing, untestable=untestable)

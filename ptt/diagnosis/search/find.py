@@ -19,8 +19,8 @@ from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.laws import by_laws, with_atoms
 from ptt.diagnosis.search.moves import loose
 from ptt.diagnosis.search.names import names_alone
-from ptt.diagnosis.search.plainest import PLAIN, is_told, plainest
-from ptt.diagnosis.search.rest import SILENT, stated_of
+from ptt.diagnosis.search.plainest import PLAIN_NATS, is_told, plainest
+from ptt.diagnosis.search.rest import QUIET_EXCESS, stated_of
 from ptt.diagnosis.search.turn import (
     Turn,
     first_turn,
@@ -32,11 +32,11 @@ from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
 
-STEPS = 12  # effects that may be added
+MOST_STEPS = 12  # effects that may be added to a model
 
 
 def find(
-    model: Model, problem: Problem, known: Library, tell: Tell, steps: int = STEPS, span: Span | None = None
+    model: Model, problem: Problem, known: Library, tell: Tell, steps: int = MOST_STEPS, span: Span | None = None
 ) -> Found:
     """Find the best explanation of a run.
 
@@ -105,7 +105,7 @@ def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
         return found, problem
     found.system.forget()
     anew, others = follow(asked, first)
-    if not says_more(found, anew, PLAIN):
+    if not says_more(found, anew, PLAIN_NATS):
         return anew, others
     anew.system.forget()  # an unknown beside names is likelier than all that began with unknowns
     beside, problem = follow(asked, named, alone=False)
@@ -140,7 +140,7 @@ def _more_than_nothing(found: Found, problem: Problem) -> Found:
     if loose(scorer, state) or problem.noise is None:
         return found
     left = found.system.in_mm(found.system.left(state.columns, state.posterior.values))
-    if np.sqrt(np.square(left).sum(axis=1).mean()) <= SILENT * stated_of(problem.noise, problem.rounding[1])[1]:
+    if np.sqrt(np.square(left).sum(axis=1).mean()) <= QUIET_EXCESS * stated_of(problem.noise, problem.rounding[1])[1]:
         return found
     best = max(scorer.scored.values(), key=lambda other: other.total)
     return replace(found, state=plainest(scorer, best, nothing=False))

@@ -15,7 +15,7 @@ from ptt.diagnosis.noise.gross import gross_errors, places_of
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.improve import climb
 from ptt.diagnosis.search.moves import loose, remember_instead
-from ptt.diagnosis.search.rest import EXCESS
+from ptt.diagnosis.search.rest import NOISE_EXCESS
 from ptt.diagnosis.search.search import best_of, ends_of, remembering
 from ptt.diagnosis.search.shapes import with_moments
 from ptt.diagnosis.search.turn import best_moments, gross_beside, in_company
@@ -123,7 +123,7 @@ def names_suffice(scorer: Scorer, state: State, problem: Problem) -> bool:
     if wanders_beyond(system, state):
         return False
     stated = stated_noise(problem, system, state)
-    return stated is None or visit_left(system, state).total <= EXCESS * stated.total
+    return stated is None or visit_left(system, state).total <= NOISE_EXCESS * stated.total
 
 
 def dated(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[Scorer, list[str] | None]:

@@ -33,8 +33,9 @@ from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-TURNS = 5  # of linearising and searching
-NARROWER = 0.8  # of the noise that an explanation was found with: where it leaves less, it is asked for again with that
+MOST_TURNS = 5  # turns of linearising and searching
+# Ratio of the noise left to the noise assumed, below which the search is repeated with the smaller one
+NARROWER_NOISE = 0.8
 
 
 def follow(asked: Asked, turn: Turn, *, alone: bool = True) -> tuple[Found, Problem]:
@@ -79,7 +80,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         state = best_meanings(scorer, state)
         if turn.number == 0:
             state = beside_names(scorer, state, problem)
-        elif turn.number < TURNS - 1:  # what is said is what it is linearised at
+        elif turn.number < MOST_TURNS - 1:  # what is said is what it is linearised at
             state = refilled(scorer, _improved(scorer, state))
     scorer, state = by_drawing(scorer, state)
     return Found(
@@ -100,7 +101,7 @@ def _turned(
     asked: Asked, turn: Turn, found: Found, problem: Problem, candidates: Sequence[Effect]
 ) -> tuple[Found, Turn | None]:
     """What was found, and the turn that it asks for; None where it is linearised at what it says."""
-    if turn.number == TURNS - 1:
+    if turn.number == MOST_TURNS - 1:
         return found, None
     scorer, state, waves = with_harmonics(found.scorer, found.state, problem, turn.seen)
     system = rows_of(scorer.system)
@@ -114,7 +115,7 @@ def _turned(
     if line is None and stays:
         found, steady = _is_steady(turn, found, gross, noise, candidates)
     following = replace(turn, number=turn.number + 1, gross=gross, memory=state.memory, before=None, seen=found.seen)
-    if steady or turn.number == TURNS - 2:
+    if steady or turn.number == MOST_TURNS - 2:
         fewer = _without_needless(following, found, problem, steady=steady)
         if fewer is not None:
             system.forget()
@@ -140,7 +141,7 @@ def _is_steady(
         candidates: effects that may be missing.
     """
     if turn.number > 0:
-        return found, noise.total > NARROWER * found.noise.total and bool((found.gross == gross).all())
+        return found, noise.total > NARROWER_NOISE * found.noise.total and bool((found.gross == gross).all())
     if gross.any() or noise is not found.noise:
         return found, False
     again = _with_moments(found, candidates)  # the next turn would be this one, but for moments

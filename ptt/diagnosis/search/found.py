@@ -24,7 +24,7 @@ from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-UNUSUAL = 5.0  # nats by which what a trial may stand for has to beat the usual, as where an effect is added by name
+UNUSUAL_MEANING_NATS = 5.0  # nats by which another meaning of a shape has to beat the usual one
 
 
 @dataclass(frozen=True)
@@ -168,5 +168,5 @@ def _finest(found: Found, atom: Atom, problem: Problem) -> Shape:
     nats = {gain.key: gain.nats for gain in scorer.all_gains(rest, lambda other: other.name == atom.name)}
     gains = np.array([nats.get(shape_key(atom.name, shape), -np.inf) for shape in shapes])
     if meant:
-        gains[1:] -= UNUSUAL
+        gains[1:] -= UNUSUAL_MEANING_NATS
     return shapes[int(np.argmax(gains))] if nats else atom.shape

@@ -10,22 +10,25 @@ from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.search.improve import HOPEFUL, SLOW_BELOW, climb, improve
-from ptt.diagnosis.search.instead import FEW
+from ptt.diagnosis.search.improve import HOPEFUL_NATS, SLOW_BELOW, climb, improve
+from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import loose
-from ptt.diagnosis.search.periods import LEAST_ROWS
-from ptt.diagnosis.search.plainest import PLAIN, plainest
+from ptt.diagnosis.search.periods import SPECTRUM_ROWS
+from ptt.diagnosis.search.plainest import PLAIN_NATS, plainest
 from ptt.diagnosis.search.shapes import shape_key
-from ptt.diagnosis.search.spectrum import WIDE, JointWave, left_along
+from ptt.diagnosis.search.spectrum import LINE_HALF_WIDTH, JointWave, left_along
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import tried_sizes
 from ptt.run.problem import Problem
 
-MOST_WAVES = 50  # a turn: the teeth of a stepping motor's rotor; balls, poles and slots pass less often
-PART, FEW_WAVES = 0.5, 4  # of a turn that an arm's joint has to go through, and waves a turn that tell apart on that
-OFF = 0.3  # of the peak of a line that its harmonic may leave: other lines move it by a third of its half width
-NEARLY = 0.01  # where lines run into each other: what one leaves that lies 0.06 of a wave over the range aside
-ASIDE = np.linspace(-WIDE, WIDE, 41)  # turns over the range in which its peak may lie
+MOST_HARMONIC = 50  # highest harmonic of a turn that is looked for: the 50 teeth of a stepping motor's rotor
+# Of a turn that an arm's joint has to go through, and the least harmonic told apart on so little
+LEAST_TURN, SHORT_TRAVEL_HARMONIC = 0.5, 4
+# Share of its peak that a line may lose where the harmonic lies: other lines move it by a third of its half width
+OFF_PEAK = 0.3
+OFF_PEAK_MERGED = 0.01  # the same where lines run into each other: lost by one 0.06 of a wave over the range aside
+# Turns over the range by which a line's peak may lie beside the harmonic
+PEAK_OFFSETS = np.linspace(-LINE_HALF_WIDTH, LINE_HALF_WIDTH, 41)
 
 
 def with_harmonics(
@@ -50,7 +53,9 @@ def with_harmonics(
         wider = _with_waves(scorer, waves, problem)
         atoms = [atom for key, atom in wider.system.atoms.items() if key not in scorer.system.atoms]
         every = wider.score((*start.keys, *(atom.key for atom in atoms)), start.memory, start.scales)
-        if every.total + sum(atom.odds for atom in atoms) < state.total - HOPEFUL:  # as if those of no use cost nothing
+        if (
+            every.total + sum(atom.odds for atom in atoms) < state.total - HOPEFUL_NATS
+        ):  # as if those of no use cost nothing
             continue
         other = climb(wider, start)
         if other.total > state.total - SLOW_BELOW:
@@ -92,17 +97,23 @@ def find_harmonics(
         Those that it could not, the strongest first.
     """
     lead = problem.view.lead
-    if lead is None or len(scorer.system.rows) < LEAST_ROWS:
+    if lead is None or len(scorer.system.rows) < SPECTRUM_ROWS:
         return ()
     every = left_along(scorer, state, problem, detail=False)
     # On a shorter travel one line covers two harmonics, and any period is nearly one of them.
-    joints, off = [each for each in every if each.span > 2.0 * WIDE * lead], np.full(MOST_WAVES - 1, OFF)
+    joints, off = (
+        [each for each in every if each.span > 2.0 * LINE_HALF_WIDTH * lead],
+        np.full(MOST_HARMONIC - 1, OFF_PEAK),
+    )
     if not joints and problem.file.machine.kind == "serial":  # whose joints err alike at every turn, or part of one
-        joints, off[FEW_WAVES - 1 :] = [each for each in every if each.span > PART * lead], NEARLY
+        joints, off[SHORT_TRAVEL_HARMONIC - 1 :] = (
+            [each for each in every if each.span > LEAST_TURN * lead],
+            OFF_PEAK_MERGED,
+        )
     if not joints:
         return ()
     taken = np.array([_taken(along, lead) for along in joints])
-    effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST_WAVES + 1)]
+    effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST_HARMONIC + 1)]
     names = {atom.effect.name for atom in scorer.system.atoms.values() if atom.effect is not None}
     odds = [odds_of_effect(effect, len(names), 1) for effect in effects]
     nats = _nats(taken / state.posterior.phi) - odds
@@ -111,10 +122,10 @@ def find_harmonics(
     if not strong:
         return ()
     # Where it lies is told by the joint that shows most of it: others see it from aside.
-    peak = np.max([[_taken(along, lead, turns) for along in joints] for turns in ASIDE], axis=0)
-    shown = taken.argmax(axis=0), np.arange(MOST_WAVES - 1)
-    placed = peak[shown] - taken[shown] <= np.maximum(off * peak[shown], 2.0 * PLAIN * state.posterior.phi)
-    apart = np.where(off == OFF, 0.0, 2.0 * WIDE * lead / max(along.span for along in joints))
+    peak = np.max([[_taken(along, lead, turns) for along in joints] for turns in PEAK_OFFSETS], axis=0)
+    shown = taken.argmax(axis=0), np.arange(MOST_HARMONIC - 1)
+    placed = peak[shown] - taken[shown] <= np.maximum(off * peak[shown], 2.0 * PLAIN_NATS * state.posterior.phi)
+    apart = np.where(off == OFF_PEAK, 0.0, 2.0 * LINE_HALF_WIDTH * lead / max(along.span for along in joints))
     told = [index for index, effect in enumerate(effects) if effect.key in there]
     return tuple(
         effects[index]
@@ -135,14 +146,14 @@ def plainly(scorer: Scorer, state: State) -> State:
     Returns:
         What else it says, as itself where it has none.
     """
-    bends = [key for key in loose(scorer, state) if len(scorer.system.atoms[key].columns) > FEW]
+    bends = [key for key in loose(scorer, state) if len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS]
     return scorer.score(without(state, *bends), WHITE, state.scales) if bends else state
 
 
 def _taken(along: JointWave, lead: float, off: float = 0.0) -> np.ndarray:
     """Sums of squares that all harmonics take, or waves that are off them by so many turns over the range, (f,)."""
     turns = along.span / lead
-    return along.over(2.0 * turns + off, turns, MOST_WAVES - 1)
+    return along.over(2.0 * turns + off, turns, MOST_HARMONIC - 1)
 
 
 def _nats(gain: np.ndarray) -> np.ndarray:

@@ -8,11 +8,11 @@ from ptt.diagnosis.evidence.screen import Allowed
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.search.moves import LEAST_NATS, plain_moves, slow_moves
 
-ROUNDS = 16
-SLOW_BELOW = 8.0  # nats: swaps are looked for only where the plain moves bring less, and gone past if they lose less
-PAST = 2  # swaps that lose a little from which plain moves are tried
-SCREENS = 150  # sets screened from which swaps are looked for no more: a machine with a few faults asks for far fewer
-HOPEFUL = 40.0  # nats by which the first step of a search may lie behind the set that it is to replace
+MOST_MOVES = 16  # moves of one ascent
+SLOW_BELOW = 8.0  # nats: swaps are tried only where the plain moves gain less, and pursued if they lose less
+SWAPS_PURSUED = 2  # swaps losing a little from which plain moves are tried
+MOST_SCREENS = 150  # screened sets beyond which no swaps are tried: a machine with a few faults needs far fewer
+HOPEFUL_NATS = 40.0  # nats by which the first step of a search may lie behind the set that it is to replace
 
 
 def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
@@ -26,7 +26,7 @@ def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
     Returns:
         The end of the way.
     """
-    for _ in range(ROUNDS):
+    for _ in range(MOST_MOVES):
         state = improve(scorer, state, allowed, swaps=False)
         memory, gained = scorer.best_memory(state)
         if memory == state.memory or gained <= 0.0:
@@ -50,9 +50,9 @@ def improve(scorer: Scorer, state: State, allowed: Allowed = is_any, *, swaps: b
     Returns:
         A local maximum; the best so far where more sets were screened than any search needs.
     """
-    for _ in range(ROUNDS):
+    for _ in range(MOST_MOVES):
         best = max(plain_moves(scorer, state, allowed), key=lambda other: other.total, default=state)
-        if swaps and best.total < state.total + SLOW_BELOW and scorer.looked_at < SCREENS:
+        if swaps and best.total < state.total + SLOW_BELOW and scorer.looked_at < MOST_SCREENS:
             slow = slow_moves(scorer, state, allowed)
             best = max([best, *slow], key=lambda other: other.total)
             if not best.total > state.total + LEAST_NATS:
@@ -66,4 +66,4 @@ def improve(scorer: Scorer, state: State, allowed: Allowed = is_any, *, swaps: b
 def _beyond(scorer: Scorer, state: State, moves: Sequence[State], allowed: Allowed) -> list[State]:
     """Where plain moves lead from swaps that lose a little: what went may have kept out more than what came."""
     near = sorted((other for other in moves if other.total > state.total - SLOW_BELOW), key=lambda other: -other.total)
-    return [improve(scorer, other, allowed, swaps=False) for other in near[:PAST]]
+    return [improve(scorer, other, allowed, swaps=False) for other in near[:SWAPS_PURSUED]]

@@ -7,9 +7,9 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
-from ptt.diagnosis.search.moves import LEAST_NATS, MISJUDGED, SEEN_NATS, TRIED, added, loose, worth_a_try
+from ptt.diagnosis.search.moves import LEAST_NATS, SCREEN_ERROR, SEEN_NATS, TRIED, added, loose, worth_a_try
 
-FEW = 12  # columns up to which an effect is a plain one: four values a leg
+PLAIN_COLUMNS = 12  # columns up to which an effect is a plain one rather than a curve: four values a leg
 
 
 def refilled(scorer: Scorer, best: State) -> State:
@@ -28,7 +28,7 @@ def refilled(scorer: Scorer, best: State) -> State:
         best = improve(scorer, drawn) if drawn.total > best.total + LEAST_NATS else best
     for key in loose(scorer, best):
         for other in (_instead_of, _beside):
-            if key in best.keys and len(scorer.system.atoms[key].columns) > FEW:
+            if key in best.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
                 best = other(scorer, best, key)
         if key in best.keys:
             best = _commoner(scorer, best, key)
@@ -46,7 +46,7 @@ def _named_instead(scorer: Scorer, best: State) -> State:
     fewer = scorer.score(without(best, *blocks), best.memory, best.scales)
     named = improve(scorer, fewer, is_effect, swaps=False)
     for key in loose(scorer, named):
-        if key in named.keys and len(scorer.system.atoms[key].columns) > FEW:
+        if key in named.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
             named = _beside(scorer, named, key)
     return named if named.total > best.total + LEAST_NATS else best
 
@@ -100,7 +100,7 @@ def _beside(scorer: Scorer, best: State, key: str) -> State:
     The screen holds the curve as wide as it is. That the rest of it is narrower once its slope has a name, only an
     exact score tells.
     """
-    near = [gain for gain in scorer.screen(best, is_plain) if gain.nats > SEEN_NATS - MISJUDGED]
+    near = [gain for gain in scorer.screen(best, is_plain) if gain.nats > SEEN_NATS - SCREEN_ERROR]
     tried = [added(scorer, best, gain) for gain in near[:TRIED]]
     lenders = _lenders(scorer, best, key)
     if lenders:
@@ -179,4 +179,4 @@ def _is_of_machine(atom: Atom) -> bool:
 
 def is_plain(atom: Atom) -> bool:
     """Whether an atom is an effect of a few values, no curve that bends to anything."""
-    return atom.effect is not None and len(atom.columns) <= FEW
+    return atom.effect is not None and len(atom.columns) <= PLAIN_COLUMNS

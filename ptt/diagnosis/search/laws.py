@@ -20,22 +20,24 @@ from ptt.diagnosis.evidence.screen import Allowed
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import whitened
 from ptt.diagnosis.evidence.witness import drifts
-from ptt.diagnosis.search.improve import HOPEFUL, improve
-from ptt.diagnosis.search.instead import FEW
+from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
+from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import LEAST_NATS, loose
 from ptt.diagnosis.search.plainest import plainest
 from ptt.diagnosis.unknown.blocks import Block
-from ptt.diagnosis.unknown.jumps import AGAIN, HEIGHTS, Jump, heights_of, passed_again, spells_of
+from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS, Jump, heights_of, passed_again, spells_of
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
-OWN, FINE, COARSE = 48, 16, 6  # cosines over a joint's own travel, where wear and joints of rails are short, over all
-# else that varies, and over what only fades or grows the way a joint came
-NEVER = ("run", "way", "turn")  # what no place of the machine follows as a curve: fields and blocks have it
-MOST_LAWS = 5  # of a place: it follows two or three things, and one may look like another at first
-SHORTEST = 1e-3  # of the longest move: shorter ones count as that
+# Cosines over a joint's own travel, where wear and joints of rails are short; over all else that varies; and over what
+# modulates the direction of arrival, which only fades or grows.
+OWN_COSINES, OTHER_COSINES, ARRIVAL_COSINES = 48, 16, 6
+# Variables that no place of the machine follows by a curve: fields and blocks have them
+NO_CURVES = ("run", "way", "turn")
+MOST_LAWS = 5  # laws kept of each place: it follows two or three variables, and one may look like another at first
+SHORTEST_MOVE = 1e-3  # share of the longest move below which moves count as that, before the logarithm
 
 
 def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
@@ -51,7 +53,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     atoms, free = scorer.system.atoms, loose(scorer, state)
     blocks = tuple(key for key in free if is_block(atoms[key]))
     sudden = tuple(key for key in free if is_sudden(atoms[key]))
-    curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > FEW)
+    curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > PLAIN_COLUMNS)
     drifting = tuple(key for key in free if (effect := atoms[key].effect) is not None and drifts(effect))
     if not (blocks or sudden or drifting or scorer.system.errs_by_pose(state.memory)):
         return _of_rough_curves(scorer, state, tuple(key for key in curves if atoms[key].fine is not None))
@@ -64,7 +66,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone, is_spell)
     happened = tuple(key for key in loose(wider, best) if _is_timed(wider.system.atoms[key]))
-    return wider, _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > AGAIN else best
+    return wider, _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > MOST_EVENTS else best
 
 
 def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tuple[Scorer, State]:
@@ -114,7 +116,7 @@ def _instead(scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed
     sudden = any(is_sudden(scorer.system.atoms[key]) for key in gone)
     fewer = scorer.score(without(state, *gone), state.memory, state.scales)
     laws = improve(scorer, fewer, allowed, swaps=False)
-    if laws.total < state.total - HOPEFUL:
+    if laws.total < state.total - HOPEFUL_NATS:
         return state
     best = improve(scorer, laws, _lasts if sudden else is_any, swaps=False)
     return plainest(scorer, best) if best.total > state.total + LEAST_NATS else state
@@ -189,7 +191,7 @@ def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> It
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
     passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
-    finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN) for joint in range(problem.view.joints)}
+    finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN_COSINES) for joint in range(problem.view.joints)}
     for place in _places(problem, chain):
         if place.joint is None:
             yield [*(_law(place, (on,), shapes) for on, shapes in varied.items()), *_jumps(place, spells)]
@@ -230,10 +232,10 @@ def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
     for name, values in path_views(problem).items():
         if name.startswith("direction"):
             yield name, values[:, None]
-        elif not name.startswith(NEVER):
+        elif not name.startswith(NO_CURVES):
             known = np.nan_to_num(values, nan=float(np.nanmean(values)))
             if np.ptp(reined(known)) > 0.0:  # else one or two rows alone differ
-                yield name, _curve(known, FINE)
+                yield name, _curve(known, OTHER_COSINES)
 
 
 def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], np.ndarray]]:
@@ -245,11 +247,11 @@ def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], n
     step = np.abs(np.diff(q, prepend=q[:1]))
     step[view.starts.numpy()] = 0.0
     name, longest = f"direction{joint + 1}", step.max()
-    yield (name, f"{letter}{joint + 1}"), side * _curve(q, COARSE)
+    yield (name, f"{letter}{joint + 1}"), side * _curve(q, ARRIVAL_COSINES)
     if longest > 0.0:  # a table may tell the way of a joint that it has at one height alone
         step[view.starts.numpy()] = longest  # from where it came then, nobody knows
-        far = np.log(np.maximum(step, SHORTEST * longest))  # friction forgets where it began by shares
-        yield (name, "step"), side * _curve(far, COARSE)
+        far = np.log(np.maximum(step, SHORTEST_MOVE * longest))  # friction forgets where it began by shares
+        yield (name, "step"), side * _curve(far, ARRIVAL_COSINES)
 
 
 def _curve(values: np.ndarray, count: int) -> np.ndarray:

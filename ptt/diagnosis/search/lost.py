@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.diagnosis.search.fits import fit_dated
-from ptt.diagnosis.search.found import UNUSUAL, Found
+from ptt.diagnosis.search.found import UNUSUAL_MEANING_NATS, Found
 from ptt.effects.reversal import Backlash, Windup, gap_of
 from ptt.fitting.gauss_newton import HOPELESS
 from ptt.model.model import Model, Term
@@ -41,7 +41,7 @@ def lost_by_one(model: Model, given: Model, found: Found, problem: Problem) -> M
         other, anew = fit_dated(way, problem, found, 2.0 * most), {Backlash.name, Windup.name} <= set(way.keys)
         # One of them alone saves the other's name; the lengths of a wind-up that takes all of it are free besides.
         cost = other.chi2 + (2.0 * phi * odds if anew else 0.0)
-        dearer = 2.0 * phi * UNUSUAL if Windup.name in way.keys and not anew else 0.0
+        dearer = 2.0 * phi * UNUSUAL_MEANING_NATS if Windup.name in way.keys and not anew else 0.0
         if other.status != HOPELESS and cost < most - dearer:
             best, most = other, cost
     return best.model

@@ -12,14 +12,16 @@ from ptt.diagnosis.evidence.screen import Allowed, Gain
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE
 
-SEEN_NATS = 1.0  # by the screen, from which an atom is worth an exact score
-TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, and effects beside them
-MISJUDGED = 20.0  # nats by which what is not scored exactly may be off, as variances are learned anew: 15 lost sizes
-SWAPS = 3
-UNDERSTATED = 1.5  # times what the screen says that an atom may bring: in 93 choices of a real arm it lost no best one
-LEAST_NATS = 0.3  # that a move has to gain
-FAR = 8.0 * TEMPER  # nats below the best from which a set weighs nothing beside it: its score need not be exact
-PLAINLY = 60.0  # nats that another memory of the noise brings from which swaps wait: no swap brings nearly as much
+SEEN_NATS = 1.0  # nats by the screen from which an atom is worth an exact score
+TRIED, EFFECTS_TRIED = 3, 2  # leaders of the screen that are scored exactly, and further effects beside them
+# Nats by which the screen may be off, as it does not learn the variances anew: 15 lost sizes of the drawing
+SCREEN_ERROR = 20.0
+SWAPS_TRIED = 3  # atoms scored exactly in the place of each that goes
+SCREEN_FACTOR = 1.5  # times the screen's gain that an atom may bring: in 93 choices of a real arm it lost no best one
+LEAST_NATS = 0.3  # nats that a move has to gain
+# Nats below the best from which a set has no weight in any probability, so its score need not be exact
+FAR_BELOW = 8.0 * TEMPER
+MEMORY_FIRST = 60.0  # nats gained by another memory of the noise from which swaps wait: no swap gains nearly as much
 
 
 def loose(scorer: Scorer, state: State) -> tuple[str, ...]:
@@ -45,7 +47,7 @@ def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
     # From a set that cannot be, and stays so whatever comes, any may go.
     most = max((other.total for other in moves), default=-np.inf)
-    odds = {key: scorer.system.atoms[key].odds + MISJUDGED for key in loose(scorer, state)}
+    odds = {key: scorer.system.atoms[key].odds + SCREEN_ERROR for key in loose(scorer, state)}
     may_go = [key for key in odds if state.total + odds[key] >= most]
     if np.isfinite(state.total):
         may_go = [key for key in may_go if state.worth(key) < odds[key]]
@@ -60,7 +62,7 @@ def _more(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     moves = list[State]()
     for gain in lead:
         ahead = max((other.total for other in moves), default=-np.inf)
-        if not np.isfinite(state.total) or ahead < state.total + UNDERSTATED * gain.nats + MISJUDGED:
+        if not np.isfinite(state.total) or ahead < state.total + SCREEN_FACTOR * gain.nats + SCREEN_ERROR:
             moves.append(added(scorer, state, gain, _least(state, moves)))
     return moves
 
@@ -91,7 +93,7 @@ def worth_a_try(scorer: Scorer, state: State, allowed: Allowed) -> list[Gain]:
 
 def _least(state: State, moves: Sequence[State]) -> float:
     """Total from which one more move from a state is of any interest beside others."""
-    return max([state.total, *(other.total for other in moves)]) - FAR
+    return max([state.total, *(other.total for other in moves)]) - FAR_BELOW
 
 
 def remember_instead(scorer: Scorer, state: State, key: str) -> State:
@@ -133,11 +135,11 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     memory, gained = scorer.best_memory(state)
     if gained > 0.0 and memory != state.memory:
         moves.append(scorer.score(state.keys, memory, state.scales))
-        if moves[0].total > state.total + PLAINLY:
+        if moves[0].total > state.total + MEMORY_FIRST:
             return moves
     may_go = loose(scorer, state)
     less = list[tuple[State, set[str] | None]]()
-    for key, others in scorer.replacements(state, may_go, allowed, MISJUDGED).items():
+    for key, others in scorer.replacements(state, may_go, allowed, SCREEN_ERROR).items():
         if others:
             less.append((scorer.score(without(state, key), state.memory, state.scales), others))
     if state.memory != WHITE:
@@ -167,5 +169,5 @@ def _swapped(scorer: Scorer, state: State, fewer: State, allowed: Allowed) -> li
     # no screen knows of that.
     form = sum(state.forms.get(key, 0.0) for key in set(state.keys) - set(fewer.keys))
     usual = max((gain.nats + form for gain, name in found if name in gone), default=state.total - fewer.total)
-    near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - MISJUDGED, SEEN_NATS)]
-    return [added(scorer, fewer, gain, state.total - FAR) for gain in near[:SWAPS]]
+    near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - SCREEN_ERROR, SEEN_NATS)]
+    return [added(scorer, fewer, gain, state.total - FAR_BELOW) for gain in near[:SWAPS_TRIED]]

@@ -26,7 +26,7 @@ from ptt.fitting.opening import untold_rows, without_opening
 from ptt.fitting.result import FitResult
 from ptt.run.problem import Problem
 
-ROUNDS = 3  # of linearising with names alone: what these do not say, turns beside unknowns may
+NAME_ROUNDS = 3  # rounds of linearising with named effects alone; what these leave, turns beside unknowns may explain
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
         beside names.
     """
     turn = replace(first, kept=())
-    for number in range(ROUNDS):
+    for number in range(NAME_ROUNDS):
         problem = without_opening(asked.problem, turn.opening)
         opened = _opened(asked, turn, problem, sifted=number == 0)
         found, curves = _named(opened, problem, plain_first=number == 0)

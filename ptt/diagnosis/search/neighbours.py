@@ -6,11 +6,13 @@ from ptt.run.problem import Problem
 from ptt.run.same_pose import same_places
 from ptt.run.tails import normal_sf
 
-NEAREST = 4  # neighbours of each pose that are compared with it
-LEAST_POSES = 20  # of which neighbours can be near
-SOON, PART = 2, 10  # rows, and one part of so many of the run: what was passed so soon after may be off by its hour
-MOST_ROWS = 3000  # pairs are as many as their square
-LONGEST = 4.0  # in scatters of one axis, up to which an error counts, so that a few gross ones do not decide
+NEAREST = 4  # neighbours in space that each pose is compared with
+COMPARED_POSES = 20  # poses from which neighbours can be near
+# Poses passed within so many rows, or within one such part of the run, are not compared: they share drift
+SOON_ROWS, RUN_PARTS = 2, 10
+MOST_ROWS = 3000  # rows compared at most: the number of pairs grows with their square
+# Standard deviations of one axis at which the length of an error is capped, so that gross ones do not decide
+LONGEST_ERROR = 4.0
 
 
 def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[float, ...]]:
@@ -33,14 +35,14 @@ def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[floa
     rows = thin(rows, MOST_ROWS)
     pose = same_places(problem.view.p.numpy()[rows])
     visits = np.bincount(pose)
-    if len(visits) < LEAST_POSES:
+    if len(visits) < COMPARED_POSES:
         return 1.0, ()
     place = _by_pose(problem.view.p.numpy()[rows], pose) / visits[:, None]
     left = residual[rows] - residual[rows].mean(axis=0)  # what all have in common is no place's
     error = _by_pose(left, pose) / np.sqrt(visits)[:, None]
     error = error / np.sqrt(np.square(error).mean(axis=0).clip(1e-18))
-    error *= np.minimum(1.0, LONGEST / np.linalg.norm(error, axis=1).clip(1e-12))[:, None]
-    one, other = _neighbours(place, rows, pose, max(SOON, problem.table.rows / PART))
+    error *= np.minimum(1.0, LONGEST_ERROR / np.linalg.norm(error, axis=1).clip(1e-12))[:, None]
+    one, other = _neighbours(place, rows, pose, max(SOON_ROWS, problem.table.rows / RUN_PARTS))
     agree = (error[one] * error[other]).sum(axis=1)
     most = np.argmax(np.bincount(np.append(one, other), np.append(agree, agree), len(place)))
     return normal_sf(float(agree.sum() / np.sqrt(np.square(agree).sum().clip(1e-12)))), tuple(place[most].tolist())

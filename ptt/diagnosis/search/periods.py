@@ -9,15 +9,24 @@ from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.search.spectrum import STEP, WIDE, JointWave, hides_waves, left_along, place_line
+from ptt.diagnosis.search.spectrum import (
+    FREQUENCY_STEP,
+    LINE_HALF_WIDTH,
+    JointWave,
+    hides_waves,
+    left_along,
+    place_line,
+)
 from ptt.diagnosis.unknown.blocks import Period
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
-COARSEST, FINEST = 8.0, 300.0  # periods in the range of a joint: slower ones are curves, finer ones need too many rows
-PHASES = 2.0  # turns for each reading: poses at random tell them, and of what even steps make alike the first counts
-ALIAS = 0.5  # nats by which a line may be behind another and be taken for it, as it is slower
-LEAST_ROWS = 40  # from which a spectrum says anything
+# Periods in the range of a joint: slower waves are curves, finer ones need too many rows
+FEWEST_PERIODS, MOST_PERIODS = 8.0, 300.0
+# Highest frequency in turns per reading: random poses tell them apart; of aliases the slowest counts
+TURNS_PER_ROW = 2.0
+ALIAS_NATS = 0.5  # nats by which a slower line may be behind its alias and still be taken
+SPECTRUM_ROWS = 40  # rows from which a spectrum says anything
 
 
 def find_period(
@@ -40,7 +49,7 @@ def find_period(
         Joint and length of the period; None where none is significant.
     """
     system = rows_of(scorer.system)
-    if len(system.rows) < LEAST_ROWS:
+    if len(system.rows) < SPECTRUM_ROWS:
         return None
     best, found = 0.0, list[tuple[JointWave, float]]()
     joints = left_along(scorer, state, problem, detail=not offered and hides_waves(scorer, state))
@@ -51,9 +60,9 @@ def find_period(
             continue
         nats = 0.5 * gain / state.posterior.phi - odds_of_block(len(joints) * len(turns))
         for length in (*named, *(length for joint, length in offered if joint == along.joint)):
-            nats[np.abs(turns - along.span / length) < WIDE] = -np.inf
+            nats[np.abs(turns - along.span / length) < LINE_HALF_WIDTH] = -np.inf
         if nats.max() > best:
-            best, found = float(nats.max()), [(along, float(turns[np.argmax(nats > nats.max() - ALIAS)]))]
+            best, found = float(nats.max()), [(along, float(turns[np.argmax(nats > nats.max() - ALIAS_NATS)]))]
     for along, first in found:
         lever = system.levers[along.joint][:, :, None]
         return along.joint, along.span / place_line(system, state, along.q, lever, first)
@@ -89,5 +98,5 @@ def free_in_place(state: State, system: System) -> tuple[str, ...]:
 
 def _spectrum(along: JointWave) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies in turns over the range, and the sum of squares that a cosine and a sine of each take."""
-    turns = np.arange(COARSEST, min(FINEST, PHASES * len(along.q)), STEP)
-    return turns, along.over(COARSEST, STEP, len(turns)) if len(turns) else turns
+    turns = np.arange(FEWEST_PERIODS, min(MOST_PERIODS, TURNS_PER_ROW * len(along.q)), FREQUENCY_STEP)
+    return turns, along.over(FEWEST_PERIODS, FREQUENCY_STEP, len(turns)) if len(turns) else turns

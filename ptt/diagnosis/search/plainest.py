@@ -4,15 +4,15 @@ from ptt.diagnosis.evidence.atoms import causes, is_block, is_drawn
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import drifts
-from ptt.diagnosis.search.instead import FEW
+from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import SEEN_NATS, loose
 
-PLAIN = 5.0  # nats that more unknowns, or more names, have to bring: less is no reason to accuse a machine
-SIZES = 2  # of a drawing: where more are off, all may be
-HARDLY_NEWS = 0.1  # of a part that a further size is: not none, so that of two sets the one with fewer is said
-BENT = 0.5  # of a part that a curve or an unknown is more than a name of few values: between one of them and two
-UNTESTED = 0.25  # of a part more: less than being bent, so that it decides between sets that are alike in all else
-ODD = 1.5  # parts of a memory of the noise that is no tracker's: as an unknown, for it is one that follows nothing
+PLAIN_NATS = 5.0  # nats that a further unknown or name has to gain: less is no reason to accuse a machine
+FEW_SIZES = 2  # sizes of the drawing that count as parts: where more are off, all may be
+FURTHER_SIZE_PART = 0.1  # parts that each further size counts for: not zero, so that the set with fewer is preferred
+BENT_PART = 0.5  # further parts that a curve or an unknown counts for: it lies between one plain name and two
+UNTESTED_PART = 0.25  # further parts of an untested effect: less than `BENT_PART`, so that it only breaks ties
+ODD_PARTS = 1.5  # parts of a memory of the noise that is no tracker's: one unknown that depends on nothing
 
 
 def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
@@ -36,7 +36,7 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
 
     near = [
         state for state in scorer.scored.values()
-        if state.total > best.total - PLAIN and not _hides_sizes(scorer, state, best)
+        if state.total > best.total - PLAIN_NATS and not _hides_sizes(scorer, state, best)
     ]  # fmt: skip
     first = min([best, *(state for state in near if nothing or _parts(scorer, state))], key=plain)
     first = max([first, *(state for state in near if _drifts_instead(scorer, state, first))], key=lambda one: one.total)
@@ -73,9 +73,9 @@ def _parts(scorer: Scorer, state: State) -> float:
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
     parts = float(sum(1 if atom.effect is None else causes(atom.effect) for atom in atoms))
-    more = max(sum(causes(atom.effect) for atom in atoms if atom.effect is not None and is_drawn(atom)) - SIZES, 0)
+    more = max(sum(causes(atom.effect) for atom in atoms if atom.effect is not None and is_drawn(atom)) - FEW_SIZES, 0)
     bent = unknowns + _curves(scorer, state)
-    return parts - (1.0 - HARDLY_NEWS) * more + BENT * bent + UNTESTED * untested + ODD * odd
+    return parts - (1.0 - FURTHER_SIZE_PART) * more + BENT_PART * bent + UNTESTED_PART * untested + ODD_PARTS * odd
 
 
 def _bends(scorer: Scorer, state: State) -> int:
@@ -93,4 +93,4 @@ def _timed(scorer: Scorer, state: State) -> int:
 def _curves(scorer: Scorer, state: State) -> int:
     """Effects of a set that are curves of many values."""
     atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
-    return sum(atom.effect is not None and len(atom.columns) > FEW for atom in atoms)
+    return sum(atom.effect is not None and len(atom.columns) > PLAIN_COLUMNS for atom in atoms)

@@ -11,7 +11,7 @@ from ptt.dependence.following import dependence_of
 from ptt.dependence.said import by_chance
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.wander import FAULT
+from ptt.diagnosis.noise.wander import FAULT_SHARE
 from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
@@ -19,16 +19,18 @@ from ptt.run.holdout import BLOCKS, blocks, pose_groups, sharing_groups
 from ptt.run.noise import Noise, source_in_words
 from ptt.run.problem import Problem
 
-SILENT = 1.5  # times a stated noise up to which nothing is said rather than what is little likelier
-EXCESS = 2.0  # times a stated noise from which an error is not nothing: one figure for all axes is often half too small
-CHANCE_LACK = 1e-4  # lack of fit
-CHANCE_FIELD = 1e-4  # a network over position predicts held-out residuals
-CHANCE_PLACE = 1e-4  # neighbours in space are off alike
-CHANCE_DEPENDS = 1e-5  # a smooth function of a context variable predicts residuals
-LIGHT = RbfSettings(centre_counts=(12,), spreads=(1.0, 2.0), ridges=(1e-4, 1e-2), affine=(False,), restarts=1)
-FIELD_ROWS = 3000  # a field that 3,000 rows do not show is no field worth naming
-LEAST_ROWS = 30  # of fewer the twelve nodes of a network have hardly two each
-LEAST_PARTS = 5  # of a run, held out in turn: over fewer, gains must be alike to some percent to pass `CHANCE_FIELD`
+QUIET_EXCESS = 1.5  # times a stated noise up to which the empty set may be reported though another is a little likelier
+# Times a stated noise from which an error is unexplained: a single stated figure is often half too small
+NOISE_EXCESS = 2.0
+CHANCE_LACK = 1e-4  # p-value of the lack-of-fit test
+CHANCE_FIELD = 1e-4  # p-value at which a network over position predicts held-out residuals
+CHANCE_PLACE = 1e-4  # p-value at which neighbours in space are off alike
+CHANCE_DEPENDS = 1e-5  # p-value at which a smooth function of a context variable predicts residuals
+LIGHT_NETWORK = RbfSettings(centre_counts=(12,), spreads=(1.0, 2.0), ridges=(1e-4, 1e-2), affine=(False,), restarts=1)
+FIELD_ROWS = 3000  # rows that the network is trained on at most: a field that these do not show is not worth naming
+NETWORK_ROWS = 30  # rows from which the twelve nodes of the network have more than two each
+# Held-out parts of a run; with fewer, gains would have to agree within percents to pass `CHANCE_FIELD`
+NETWORK_PARTS = 5
 UNREPEATED = "either poses repeat no better than that, or something that no column records changes between visits"
 
 
@@ -106,7 +108,7 @@ class Rest:
             The rest with those reasons.
         """
         reasons = [*self.reasons, *objections.reasons]
-        if stated is not None and left.total > EXCESS * stated.total:
+        if stated is not None and left.total > NOISE_EXCESS * stated.total:
             reasons.append(beyond_noise("the remaining error", left.total / stated.total, stated.source))
         if objections.unexplained_error and not reasons:
             reasons.append(objections.unexplained_error)
@@ -236,7 +238,7 @@ def too_much_for_nothing(
         return None
     source, total = stated_of(noise, aside)
     visits = by_visit or noise.stated is not None
-    if error <= (np.sqrt(1.0 + FAULT) if wanders or visits else EXCESS) * total:
+    if error <= (np.sqrt(1.0 + FAULT_SHARE) if wanders or visits else NOISE_EXCESS) * total:
         return None
     times = f"the error is {error / total:.1f} times the noise (from {source_in_words(source)})"
     if visits:
@@ -287,8 +289,8 @@ def _field(problem: Problem, residual: np.ndarray) -> float:
     rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
     rows = thin(rows, FIELD_ROWS)
     group = blocks(problem.table, 2 * BLOCKS)[rows]
-    if len(rows) < LEAST_ROWS or len(np.unique(group)) < LEAST_PARTS:
+    if len(rows) < NETWORK_ROWS or len(np.unique(group)) < NETWORK_PARTS:
         return 1.0
     inputs = problem.view.p.numpy()[rows]
-    trained = train_rbf(inputs, residual[rows] / np.nanstd(residual[rows], axis=0), group, settings=LIGHT)
+    trained = train_rbf(inputs, residual[rows] / np.nanstd(residual[rows], axis=0), group, settings=LIGHT_NETWORK)
     return float(min(1.0, 3.0 * np.min(trained.p_value)))

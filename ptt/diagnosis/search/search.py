@@ -6,7 +6,7 @@ from ptt.diagnosis.evidence.atoms import is_any, is_block, is_effect
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.search.improve import HOPEFUL, climb, improve
+from ptt.diagnosis.search.improve import HOPEFUL_NATS, climb, improve
 from ptt.diagnosis.search.instead import refilled
 
 
@@ -42,7 +42,7 @@ def remembering(scorer: Scorer, best: float, start: Sequence[str] = ()) -> list[
         start: atoms to start from.
     """
     alone = scorer.score(start, scorer.best_memory(scorer.score(start, WHITE))[0])
-    return [climb(scorer, alone)] if alone.total > best - HOPEFUL else []
+    return [climb(scorer, alone)] if alone.total > best - HOPEFUL_NATS else []
 
 
 def best_of(scorer: Scorer, ends: Sequence[State]) -> State:

@@ -12,10 +12,11 @@ from ptt.diagnosis.noise.wander import filtered, innovations
 from ptt.diagnosis.unknown.smooth import harmonics
 from ptt.run.problem import Problem
 
-UNSEEN = 1e-6  # of the squares of a wave that the readings have, below which its phase is nothing but rounding
-WIDE = 1.0  # half of a line, in turns over the range
-STEP = 0.25  # of a frequency, in turns over the range: finer than a line is wide
-PLACES = 17  # across a line that is found, and finer about the best: one that is placed badly leaves another line
+# Relative determinant below which only one phase of a wave is seen by the readings, up to rounding
+WAVE_ROUNDING = 1e-6
+LINE_HALF_WIDTH = 1.0  # half width of a spectral line, in turns over the range
+FREQUENCY_STEP = 0.25  # of the spectrum, in turns over the range: finer than a line is wide
+LINE_PLACES = 17  # frequencies tried across a line, then finer about the best: a misplaced line leaves another one
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def squares_over(
     cc, ss, cs = 0.5 * (weight.sum() + two.real), 0.5 * (weight.sum() - two.real), 0.5 * two.imag
     a, b = one.real, one.imag
     whole = cc * ss - cs**2
-    seen = whole > UNSEEN * (cc + ss) ** 2  # at even steps a wave of two steps has a cosine and no sine
+    seen = whole > WAVE_ROUNDING * (cc + ss) ** 2  # at even steps a wave of two steps has a cosine and no sine
     gain = (a * a * ss - 2.0 * a * b * cs + b * b * cc) / np.where(seen, whole, 1.0)
     return np.where(seen, gain, 0.0)
 
@@ -121,15 +122,17 @@ def place_line(system: RowSystem, state: State, along: np.ndarray, levers: np.nd
     phase, clock = (2.0 * np.pi / np.ptp(along) * (along - along.min()))[:, None], system.clock
     known = flattened(filtered(system.flat[state.columns], state.memory.wander, clock)[0])
     white = system.innovation(state.columns, state.posterior.values, state.memory).T.ravel()
-    for width in (WIDE, 2.0 * WIDE / PLACES):
-        near = turns + np.linspace(-width, width, PLACES)
+    for width in (LINE_HALF_WIDTH, 2.0 * LINE_HALF_WIDTH / LINE_PLACES):
+        near = turns + np.linspace(-width, width, LINE_PLACES)
         waves = np.stack([harmonics(each) for each in (phase * near).T])  # shape: (place, row, wave)
         columns = np.einsum("rad,prw->pdwar", levers, waves)
         wave = flattened(filtered(columns.reshape(-1, *columns.shape[3:]), state.memory.wander, clock)[0])
-        wave = wave.reshape(PLACES, -1, len(white))
+        wave = wave.reshape(LINE_PLACES, -1, len(white))
         beside = wave @ known.T
         gram = wave @ wave.transpose(0, 2, 1) - beside @ state.inverse @ beside.transpose(0, 2, 1)
-        gain = [one @ np.linalg.lstsq(own, one, rcond=UNSEEN)[0] for own, one in zip(gram, wave @ white, strict=True)]
+        gain = [
+            one @ np.linalg.lstsq(own, one, rcond=WAVE_ROUNDING)[0] for own, one in zip(gram, wave @ white, strict=True)
+        ]
         turns = float(near[np.argmax(gain)])
     return turns
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
 from ptt.diagnosis.evidence.atoms import Atom, is_drawn, is_effect
-from ptt.diagnosis.evidence.probability import LIKELY, TEMPER
+from ptt.diagnosis.evidence.probability import LEAST_ODDS, TEMPER
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import left_beside
 from ptt.diagnosis.evidence.state import State
@@ -49,7 +49,7 @@ def absent_effects(scorer: Scorer, state: State, *, drawn: bool = False) -> tupl
         return ()
     system, told = scorer.system, {scorer.system.atoms[key].name for key in state.keys}
     asked = scorer.screen(state, is_effect if drawn else _is_rare)
-    gains = [gain for gain in asked if gain.nats > TEMPER * np.log(LIKELY)]
+    gains = [gain for gain in asked if gain.nats > TEMPER * np.log(LEAST_ODDS)]
     atoms = [system.atoms[gain.key] for gain in gains]
     every = np.concatenate([state.columns, *(atom.columns for atom in atoms)]).astype(int)
     sums, width, found = system.sums_of(every, state.memory), len(state.columns), list[Absent]()

@@ -11,13 +11,13 @@ from ptt.diagnosis.unknown.places import places_of_chain
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf, f_sf
 
-LEAST_READINGS = 5  # that may have a way in common
-LEAST_SPARE = 6  # coordinates beyond what is fitted to them, with which a test means anything
-MEAN, VARIANCE = 1.0 / 3.0, 4.0 / 45.0  # of the squared cosine between a way and errors from every side
-CHANCE = 1e-4  # that gross errors of a sound run lie along any joint's way
-ACCIDENT = 0.01  # chance that one direction for all is as near to the way of any joint
-MOSTLY = 0.8  # mean squared cosine from which a way is theirs
-CLOSER = 0.5  # share of what one direction for all misses that the way may miss: trackers err along their beam
+LEAST_GROSS = 5  # readings set aside from which a common direction can be told
+LEAST_SPARE = 6  # degrees of freedom beyond what is fitted to them, with which a test means anything
+COSINE_MEAN, COSINE_VARIANCE = 1.0 / 3.0, 4.0 / 45.0  # of the squared cosine between a fixed direction and random ones
+JOINT_CHANCE = 1e-4  # p-value below which gross errors lie along a joint's direction, or change sign with its arrival
+DIRECTION_CHANCE = 0.01  # chance that one direction common to all errors lies so near to that of any joint
+MOSTLY_ALONG = 0.8  # mean squared cosine from which the errors are along a joint's direction
+CLOSER_SHARE = 0.5  # share of what one fixed direction misses that a joint's may miss: trackers err along their beam
 
 
 def against_gross(found: Found, problem: Problem) -> str | None:
@@ -68,7 +68,7 @@ def follow_direction(found: Found, problem: Problem) -> bool:
     turns = [(way * direction[:, joint, None]).reshape(-1, 1) for joint, way in ways.items()]
     less, rest = (_left_of(error, np.hstack(columns)) for columns in (shifts, shifts + turns))
     gained = (less - rest) / len(ways) / max(rest / spare, 1e-12)
-    return bool(f_sf(gained, len(ways), spare) < CHANCE)
+    return bool(f_sf(gained, len(ways), spare) < JOINT_CHANCE)
 
 
 def _left_of(values: np.ndarray, columns: np.ndarray) -> float:
@@ -94,7 +94,7 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
     if not isinstance(system, RowSystem):
         return None
     rows = np.flatnonzero(found.gross & np.isfinite(left).all(axis=1))
-    if len(rows) < LEAST_READINGS:
+    if len(rows) < LEAST_GROSS:
         return None
     error = left[rows] / np.maximum(np.linalg.norm(left[rows], axis=1), 1e-12)[:, None]
     shares = dict(_shares(system, problem, rows, error))
@@ -102,10 +102,10 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
         return None
     place = max(shares, key=lambda name: shares[name])
     fixed = float(np.linalg.eigvalsh(error.T @ error)[-1]) / len(rows)
-    beyond = max(shares[place] - MEAN, 0.0) ** 2 * len(rows) / VARIANCE
-    turns = shares[place] > MOSTLY and 1.0 - shares[place] < CLOSER * (1.0 - fixed)
-    theirs = turns or len(shares) * (1.0 - np.sqrt(shares[place])) < ACCIDENT
-    return place if theirs and chi2_sf(beyond, 1) * len(shares) < CHANCE else None
+    beyond = max(shares[place] - COSINE_MEAN, 0.0) ** 2 * len(rows) / COSINE_VARIANCE
+    turns = shares[place] > MOSTLY_ALONG and 1.0 - shares[place] < CLOSER_SHARE * (1.0 - fixed)
+    theirs = turns or len(shares) * (1.0 - np.sqrt(shares[place])) < DIRECTION_CHANCE
+    return place if theirs and chi2_sf(beyond, 1) * len(shares) < JOINT_CHANCE else None
 
 
 def _shares(system: RowSystem, problem: Problem, rows: np.ndarray, error: np.ndarray) -> Iterator[tuple[str, float]]:

@@ -7,10 +7,10 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf
 
-BINS = 32
-CHANCE = 1e-3  # over all variables together
-WORTH = 0.01  # share of the rest's variance from which a dependence is worth naming
-CELLS = 6  # of each coordinate, for a rest that follows the place as a whole
+BINS = 32  # bins of about equal numbers of rows for each variable
+BIN_CHANCE = 1e-3  # p-value over all variables together
+LEAST_SHARE = 0.01  # share of the residual variance from which a dependence is worth naming
+CELLS = 6  # cells along each coordinate, for a dependence on position as a whole
 
 
 def follow_in_all_rows(
@@ -38,7 +38,7 @@ def follow_in_all_rows(
     for name, code in codes.items():
         took, freedom = _between(code, rest)
         share = (took - freedom) / np.square(rest).sum()
-        if share > WORTH and chi2_sf(took, freedom) * len(codes) < CHANCE:
+        if share > LEAST_SHARE and chi2_sf(took, freedom) * len(codes) < BIN_CHANCE:
             found.append((name, float(share)))
     return sorted(found, key=lambda item: -item[1])
 

@@ -8,9 +8,10 @@ from ptt.effects.sudden import Sudden
 from ptt.model.model import Term
 from ptt.run.problem import Problem
 
-CONDITIONS = ("payload", "temperature", "feed")  # beside columns of a person; where a pose lies turns again and again
-AIR = 0.1  # K: by so much warmth goes to and fro at a place, so that rows near the moment may lie on the other side
-WIDE = 10.0  # times that: what stays within less has no sides
+# Conditions looked at beside a user's own columns; position is left out, as it turns back again and again
+CONDITIONS = ("payload", "temperature", "feed")
+AIR_SWING = 0.1  # K that room temperature goes up and down by itself, so rows near the moment may lie on the other side
+LEAST_SWINGS = 10.0  # swings that a variable has to cover before it has two sides
 
 
 def coincidences(term: Term, problem: Problem) -> list[str]:
@@ -30,7 +31,7 @@ def coincidences(term: Term, problem: Problem) -> list[str]:
     views = path_views(problem)
     found = _between_runs(after, problem)
     for name in (*CONDITIONS, *problem.table.watched):
-        slack = AIR if name == "temperature" else 0.0
+        slack = AIR_SWING if name == "temperature" else 0.0
         place = parting(after, views[name][problem.used], slack) if name in views else None
         if place is not None:
             what, where = f"{name[:1].upper()}{name[1:]}", middle(*place, unit_of(problem, name))
@@ -65,7 +66,7 @@ def parting(after: np.ndarray, values: np.ndarray, slack: float = 0.0) -> tuple[
     if after.all() or not after.any():
         return None
     for low, high in ((values[~after], values[after]), (values[after], values[~after])):
-        wide = high.max() - low.min() > WIDE * slack
+        wide = high.max() - low.min() > LEAST_SWINGS * slack
         if wide and low.max() < high.min() + 2.0 * slack:
             below, above = sorted((float(low.max()), float(high.min())))
             return below, above

@@ -21,9 +21,10 @@ from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
-MOST_LINES = 5  # that anybody reads
-AS_MUCH = 0.95  # share of what the best variable takes from which another says the same: bins tell no finer
-SECOND = ("temperature", "payload", "time")  # variables that a reversal may vary with, as a curve can show them
+MOST_LINES = 5  # dependences that are listed
+SAME_SHARE = 0.95  # share of what the best variable explains from which another explains as much: bins tell no finer
+# Second variables that a reversal may vary with and a curve can show
+SECOND_VARIABLES = ("temperature", "payload", "time")
 
 
 def with_suspect(scorer: Scorer, state: State) -> State:
@@ -81,7 +82,7 @@ def _dependence(
     taken = {name: {axis: _taken(folded[name], parts[axis]) for axis in residuals} for name in choices}
     on = _followed({name: sum(taken[name].values()) for name in choices}, item, problem)
     residual = max(residuals, key=lambda axis: taken[on][axis])
-    seconds = (*SECOND, *problem.table.watched)
+    seconds = (*SECOND_VARIABLES, *problem.table.watched)
     second = next((name for name in item.block.on[1:] if name in seconds and on.startswith("direction")), None)
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
@@ -122,7 +123,7 @@ def _alike(found: Dependence, item: Unknown, contexts: dict[str, np.ndarray]) ->
     amount = _amount(item)
     if amount is None:
         return ()
-    enough = AS_MUCH * _taken(contexts[found.on], amount)
+    enough = SAME_SHARE * _taken(contexts[found.on], amount)
     if enough < 0.5 * amount.var():  # it follows no one variable, so none stands for another
         return ()
     others = (name for name in contexts if name not in (found.on, *item.block.on))
@@ -151,7 +152,7 @@ def _followed(taken: dict[str, float], item: Unknown, problem: Problem) -> str:
     """The variable that takes most; a joint's own travel where that takes as much: all that a joint knows of places."""
     best, own = max(taken, key=lambda name: taken[name]), item.block.place.joint
     mine = None if own is None else f"{problem.file.machine.letter}{own + 1}"
-    return mine if mine in taken and taken[mine] > AS_MUCH * taken[best] else best
+    return mine if mine in taken and taken[mine] > SAME_SHARE * taken[best] else best
 
 
 def _residuals(item: Unknown, parts: dict[str, np.ndarray]) -> tuple[str, ...]:

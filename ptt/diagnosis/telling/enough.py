@@ -7,9 +7,10 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
 LEAST_READINGS = 12  # twice what a rigid motion alone takes
-LEAST_POSES = 4  # where a frame is free: of three it takes six of nine coordinates, and any joint makes the others
-MOTION = 6  # coordinates that a rigid motion takes
-FREE = 3 * LEAST_READINGS - MOTION  # coordinates that the fewest readings leave beside one frame
+# Poses where a frame is free: it takes six of the nine coordinates of three, and any joint fits the others
+FRAME_POSES = 4
+MOTION_COORDINATES = 6  # coordinates that a rigid motion takes
+LEAST_FREE = 3 * LEAST_READINGS - MOTION_COORDINATES  # coordinates that the fewest readings leave beside one frame
 
 
 def enough(problem: Problem) -> None:
@@ -26,7 +27,7 @@ def enough(problem: Problem) -> None:
     if count < LEAST_READINGS:
         raise TooFewError(f"{count} readings are too few for a verdict", where=problem.table.source, fix=fix)
     poses = len(np.unique(pose_groups(problem.table)[problem.used]))
-    if poses < (LEAST_POSES if problem.frames else 2):
+    if poses < (FRAME_POSES if problem.frames else 2):
         raise TooFewError(
             f"{count} readings of {poses} {'pose' if poses == 1 else 'poses'} are too few for a verdict",
             where=problem.table.source,
@@ -37,7 +38,7 @@ def enough(problem: Problem) -> None:
     if (
         problem.frames == len(each) > 1
         and problem.base is None
-        and 3 * count - np.minimum(3 * each, MOTION).sum() < FREE
+        and 3 * count - np.minimum(3 * each, MOTION_COORDINATES).sum() < LEAST_FREE
     ):
         what = f"{count} readings in {len(each)} frames are too few for a verdict: each frame takes up two of them"
         raise TooFewError(

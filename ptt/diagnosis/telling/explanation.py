@@ -29,8 +29,9 @@ from ptt.record import Record
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-MOST_SHOWN = 10  # candidates, beyond the steps, that are worth a line
-UNNAMED = 0.5  # most probability of what is found and not named: held-out readings or an unknown speak against it
+MOST_SHOWN = 10  # candidates listed beyond the steps
+# Most probability of an effect that is found and not named: held-out readings or an unknown speak against it
+MOST_UNNAMED = 0.5
 
 
 class Estimate(NamedTuple):
@@ -163,7 +164,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.scales})
         parameters = _told(state, atom, found.system.scale, problem)
         after = held_out(scorer, (gain.key,)) * 1e3
-        chance = min(chances.effects.get(atom.name, 0.0), UNNAMED if atom.name in unnamed else 1.0)
+        chance = min(chances.effects.get(atom.name, 0.0), MOST_UNNAMED if atom.name in unnamed else 1.0)
         share = share_of(scorer, gain.key)
         result.append(
             Candidate(atom.name, chance, float(np.exp(-gain.nats)), share, before, after, parameters, (), (), "")

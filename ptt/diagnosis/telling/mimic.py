@@ -12,13 +12,13 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.search.instead import FEW, commoner
-from ptt.diagnosis.search.plainest import PLAIN
+from ptt.diagnosis.search.instead import PLAIN_COLUMNS, commoner
+from ptt.diagnosis.search.plainest import PLAIN_NATS
 from ptt.fitting.projected import Projected, gain, project
 
-MOST_PARTS = 4
-UNSEEN = 3.0  # chi-squared below which a difference is none
-CLEAR = 30.0  # chi-squared that a step has to be worth before a sum can be said to mimic it
+MOST_PARTS = 4  # effects in a sum
+UNSEEN_CHI2 = 3.0  # chi-squared below which a difference is not seen
+CLEAR_CHI2 = 30.0  # chi-squared that a step has to be worth before a sum can be said to mimic it
 
 
 def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
@@ -35,7 +35,7 @@ def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
         Two to four names; empty where no such sum exists, or one effect alone would do.
     """
     other = commoner(scorer, state, key)
-    if other is not None and other.total > state.total - PLAIN:
+    if other is not None and other.total > state.total - PLAIN_NATS:
         names = tuple(scorer.system.atoms[part].name for part in other.keys if part not in state.keys)
         if len(names) > 1:
             return names
@@ -59,10 +59,10 @@ def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
     projected = project(sums.gram, sums.side, sums.square, np.searchsorted(there, base))
     side = projected.gram[:, own] @ values
     work = Projected(projected.gram, side, float(values @ side[own]), projected.before)
-    if work.left < CLEAR * spread:
+    if work.left < CLEAR_CHI2 * spread:
         return ()
     chosen: list[Atom] = []
-    while _left(work, chosen) > UNSEEN * spread:
+    while _left(work, chosen) > UNSEEN_CHI2 * spread:
         if len(chosen) == MOST_PARTS or not parts:
             return ()
         best = min(parts, key=lambda atom: _left(work, [*chosen, atom]))
@@ -70,13 +70,13 @@ def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
         chosen.append(best)
     for part in tuple(chosen):
         fewer = [other for other in chosen if other is not part]
-        if _left(work, fewer) <= UNSEEN * spread:
+        if _left(work, fewer) <= UNSEEN_CHI2 * spread:
             chosen = fewer
     return tuple(part.name for part in chosen) if len(chosen) > 1 else ()
 
 
 def _is_plain(atom: Atom) -> bool:
-    return atom.effect is not None and len(atom.columns) <= FEW and not atom.shape and atom.shape is not None
+    return atom.effect is not None and len(atom.columns) <= PLAIN_COLUMNS and not atom.shape and atom.shape is not None
 
 
 def _left(work: Projected, parts: list[Atom]) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.at_tool import moved_by
 from ptt.diagnosis.evidence.noise_level import noise_after
-from ptt.diagnosis.evidence.possible import WRONG_SIDE
+from ptt.diagnosis.evidence.possible import CLEARLY_BEYOND
 from ptt.diagnosis.search.fits import stands
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.telling.exchange import Exchange, exchanges
@@ -15,7 +15,7 @@ from ptt.diagnosis.telling.terms import posterior_terms, sent_terms
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 
-IDLE = 10.0  # chi-squared of all that an effect does, half of what a name has to bring
+IDLE_CHI2 = 10.0  # chi-squared of all that an effect does, below which it does nothing: half of what a name has to gain
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def _idle(
     share = problem.used.sum() / max(shown.used.sum(), 1)
     held = shown.anchored()  # base reflectors show what moves as a whole
     seen = {key: share * float(np.square(moved_by(term, held) @ white.T).sum()) for key, term in named}
-    return tuple(key for key, square in seen.items() if square < IDLE)
+    return tuple(key for key, square in seen.items() if square < IDLE_CHI2)
 
 
 def _backward(found: Found, keys: tuple[str, ...], terms: tuple[Term, ...]) -> tuple[str, ...]:
@@ -86,5 +86,5 @@ def _backward(found: Found, keys: tuple[str, ...], terms: tuple[Term, ...]) -> t
     named = [(key, values[name]) for key in keys if (name := found.system.atoms[key].name) in values]
     return tuple(
         key for key, term in named
-        if term.effect.one_way and term.std is not None and bool((term.theta < -WRONG_SIDE * term.std).any())
+        if term.effect.one_way and term.std is not None and bool((term.theta < -CLEARLY_BEYOND * term.std).any())
     )  # fmt: skip

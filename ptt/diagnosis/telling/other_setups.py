@@ -9,7 +9,8 @@ from ptt.fitting.solve import residual_of, rms
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
 
-LESS = 0.5  # of the error: what a reflector that sits elsewhere explains is no matter of a model that misses the rest
+# Share of the error that may be left with a free mount for it to be mentioned: else the model misses the rest
+MUCH_LESS = 0.5
 
 
 def other_setups(model: Model, problem: Problem) -> str:
@@ -37,7 +38,7 @@ def _by_mount(model: Model, problem: Problem) -> str:
     free = replace(model, file=replace(model.file, tracker=tracker.model_copy(update={"tool": "fitted"})))
     there = build_problem(free.file, problem.table).masked(~problem.used)
     before, after = _error(model, problem), _error(free, there)
-    return with_free_mount(after) if after < LESS * before else ""
+    return with_free_mount(after) if after < MUCH_LESS * before else ""
 
 
 def _error(model: Model, problem: Problem) -> float:

@@ -10,9 +10,9 @@ from ptt.dependence.contexts import COORDINATES, path_views, residual_views, uni
 from ptt.dependence.curves import bins_of
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side, size_of_turn
-from ptt.diagnosis.telling.unknowns import LARGER, Unknown
+from ptt.diagnosis.telling.unknowns import LARGER_FACTOR, Unknown
 from ptt.diagnosis.unknown.blocks import Block
-from ptt.diagnosis.unknown.places import SIZE
+from ptt.diagnosis.unknown.places import FEATURE_SIZE
 from ptt.run.frames import rigid_columns
 from ptt.run.mounts import TURN_LENGTH
 from ptt.run.problem import Problem
@@ -42,7 +42,7 @@ def size_of_unknown(
     part = np.sum([one.part for one in alike], axis=0)[rows]
     rms = float(np.sqrt(np.square(part).sum(axis=1).mean()))
     amounts = item.amounts
-    if amounts is None or rms > LARGER * float(np.sqrt(np.square(rest[rows]).sum(axis=1).mean())):
+    if amounts is None or rms > LARGER_FACTOR * float(np.sqrt(np.square(rest[rows]).sum(axis=1).mean())):
         return sized((replace(found, acts_on=None),), rest, problem)[0].size
     moves = np.concatenate([_moves(one.block, found, problem)[rows] for one in alike], axis=1)
     own = np.concatenate([one.own for one in alike])
@@ -124,7 +124,7 @@ def points_of(found: Dependence, readings: np.ndarray, contexts: Contexts) -> np
 def _moves(block: Block, found: Dependence, problem: Problem) -> np.ndarray:
     """How far each feature of a block moves what it acts on, else what it is seen in, (n, w) mm or rad."""
     if block.place.joint is not None and block.place.slopes.shape[2] == 1:
-        return SIZE * block.shapes / block.place.lever
+        return FEATURE_SIZE * block.shapes / block.place.lever
     if found.residual in COORDINATES:
         return block.features[:, COORDINATES.index(found.residual)]
     each = [residual_views(problem, column)[found.residual] for column in block.features.transpose(2, 0, 1)]

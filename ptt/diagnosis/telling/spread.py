@@ -11,8 +11,8 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.telling.absent import Absent
 from ptt.run.tails import t_ppf
 
-TWO_SIDED = 0.975  # within two standard deviations: 95 %
-LEAST_VALUES = 2.0  # from which a width is learned: its own prior is worth no less
+TWO_SIDED = 0.975  # quantile of a two-sided interval of 95 %
+LEAST_VALUES = 2.0  # degrees of freedom of a learned variance at the least: its own prior is worth no fewer
 
 
 def spread_of(scorer: Scorer, state: State, key: str, absent: Sequence[Absent] = ()) -> np.ndarray:

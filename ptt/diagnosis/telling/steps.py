@@ -14,18 +14,19 @@ from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.laws import is_broad
 from ptt.diagnosis.search.moves import added, loose
-from ptt.diagnosis.search.plainest import PLAIN
+from ptt.diagnosis.search.plainest import PLAIN_NATS
 from ptt.diagnosis.telling.doubt import tool_doubt
 
-BESIDE = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
-ODDS_BESIDE = 9.0  # to one, that so many nats make against an unknown in its place, whose form is as approximate
-LEADING = 2.0 / 3.0  # of what held-out readings show, that an effect alone has to take: no leftovers of a block do
-HALF = 0.5  # of what held-out readings show that a name has to take where the whole set does not predict them
-TIE = 7.0  # nats within which an effect does as well in another place: a thousand to one, were the forms exact
-LOOSELY = 4.0  # nats by which the screen may misjudge an exact score
-OFTEN = 3  # events of one kind that may be the stages of one change
-MOST_TIES, MOST_LOOKED_AT = 4, 6
-MOST_UNKNOWN = 2  # unknowns that are tried in an effect's place: those that the screen puts first
+BESIDE_NATS = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
+ODDS_BESIDE = 9.0  # odds to one that `BESIDE_NATS` make against an unknown in the effect's place, for the same reason
+# Share of what held-out readings show that an effect alone has to explain: what a block leaves over is less
+LEADING_SHARE = 2.0 / 3.0
+UNFAITHFUL_SHARE = 0.5  # the same of a name where the whole set does not predict held-out readings
+TIE_NATS = 7.0  # nats within which an effect does as well in another's place: a thousand to one, were the forms exact
+SCREEN_SLACK = 4.0  # nats by which the screen may misjudge the exact score of a tie
+LEAST_STAGES = 3  # events of one kind from which they may be stages of one gradual change
+MOST_TIES, MOST_LOOKED_AT = 4, 6  # ties that are named, and candidates that are scored for them
+MOST_UNKNOWN = 2  # unknowns scored in an effect's place: those that the screen puts first
 
 
 @dataclass(frozen=True)
@@ -83,18 +84,18 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     atoms, every = scorer.system.atoms, loose(scorer, state)
     odd = holds_unknown(scorer.system, state.keys, state.memory)
     worth = {key: state.total - _less(scorer, state, key).total for key in every if atoms[key].effect}
-    clear = [key for key, nats in worth.items() if nats > (BESIDE if odd else 0.0)]
+    clear = [key for key, nats in worth.items() if nats > (BESIDE_NATS if odd else 0.0)]
     ahead = _ahead_of_unknowns(scorer, state, clear)
-    likely = [key for key in clear if not odd or ahead[key] > TIE]
+    likely = [key for key in clear if not odd or ahead[key] > TIE_NATS]
     if odd:
         leading = [key for key in worth if key not in likely and worth[key] > 0.0 and _leads(scorer, key)]
         ahead |= _ahead_of_unknowns(scorer, state, [key for key in leading if key not in ahead])
         likely += [key for key in leading if ahead[key] > 0.0]
     speaking, faithful = _borne_out(scorer, every, likely)
-    named = _delivered(scorer, speaking, 0.0 if faithful else HALF)
+    named = _delivered(scorer, speaking, 0.0 if faithful else UNFAITHFUL_SHARE)
     if len(named) < len(speaking):  # they may want for one that is somewhat likelier than any unknown
         doubtful = [key for key in clear if key not in likely and ahead[key] > 0.0]
-        more = _delivered(scorer, [*speaking, *doubtful], 0.0 if faithful else HALF)
+        more = _delivered(scorer, [*speaking, *doubtful], 0.0 if faithful else UNFAITHFUL_SHARE)
         named = more if set(speaking) <= set(more) else named
     if odd:
         named = _without_stages(scorer, every, named)
@@ -102,8 +103,8 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     doubt = tool_doubt(scorer, state)  # what is tied is scored by now
     if odd:
         order = _harmless(scorer, order, doubt)
-    sure = {key: float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE))) if odd else 1.0 for key in order}
-    unproven = tuple(key for key in clear if key not in named and worth[key] > BESIDE)
+    sure = {key: float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE_NATS))) if odd else 1.0 for key in order}
+    unproven = tuple(key for key in clear if key not in named and worth[key] > BESIDE_NATS)
     return Named(_steps(scorer, order, worth, others, sure), unproven, faithful, doubt)
 
 
@@ -120,7 +121,7 @@ def _borne_out(scorer: Scorer, every: Sequence[str], likely: Sequence[str]) -> t
     faithful = all(trials[key].faithful for key in whole or likely)
     atoms = scorer.system.atoms
     speaking = [
-        key for key in likely if trials[key].speaks(PLAIN) or (faithful and _is_silent(atoms[key], trials[key]))
+        key for key in likely if trials[key].speaks(PLAIN_NATS) or (faithful and _is_silent(atoms[key], trials[key]))
     ]
     return speaking, faithful
 
@@ -155,7 +156,7 @@ def _leads(scorer: Scorer, key: str) -> bool:
     Blocks that bend to anything can do the work of such a one within a few nats, once it is out. No form of theirs that
     is only approximate leaves as much over.
     """
-    return hold_back(scorer, (key,), key).speaks(share=LEADING)
+    return hold_back(scorer, (key,), key).speaks(share=LEADING_SHARE)
 
 
 def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
@@ -226,7 +227,7 @@ def _without_stages(scorer: Scorer, every: Sequence[str], named: list[str]) -> l
     atoms, stages = scorer.system.atoms, set[str]()
     for kind in {type(atoms[key].effect) for key in named if is_sudden(atoms[key])}:
         alike = {key for key in every if type(atoms[key].effect) is kind}
-        stages |= alike if len(alike) >= OFTEN and not alike <= set(named) else set()
+        stages |= alike if len(alike) >= LEAST_STAGES and not alike <= set(named) else set()
     return [key for key in named if key not in stages]
 
 
@@ -295,9 +296,9 @@ def ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
     found: dict[str, float] = {}
     for gain in sorted(scorer.screen(less, other), key=lambda gain: -gain.nats - atoms[gain.key].odds)[:MOST_LOOKED_AT]:
         odds = atoms[gain.key].odds
-        if gain.nats + odds < usual - TIE - LOOSELY:
+        if gain.nats + odds < usual - TIE_NATS - SCREEN_SLACK:
             break
         total = added(scorer, less, gain).total
-        if total + odds > here - TIE:
+        if total + odds > here - TIE_NATS:
             found[atoms[gain.key].name] = total
     return tuple(sorted(found, key=lambda name: -found[name])[:MOST_TIES])

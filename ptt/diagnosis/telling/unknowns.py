@@ -12,7 +12,7 @@ from ptt.diagnosis.search.found import parts_of
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.run.problem import Problem
 
-LARGER = 1.5  # times all that is left: what puts more into the readings is taken back by something else
+LARGER_FACTOR = 1.5  # times all that is left: a block that puts more into the readings is cancelled by something else
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
         return system.everywhere(system.left(other.columns, other.posterior.values), problem.table.rows)[rows]
 
     whole, by_names = left_by(state.keys), left_by(without(state, *parts))
-    most = LARGER**2 * _spread(by_names)
+    most = LARGER_FACTOR**2 * _spread(by_names)
     fight = _spread(sum(parts.values(), whole)) > most
     counts = np.isfinite(whole).all(axis=1)
     back = {key for key, part in parts.items() if fight and _spread(part[counts]) > most}

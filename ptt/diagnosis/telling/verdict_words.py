@@ -13,13 +13,14 @@ from ptt.effects.phrases import capital, listed
 from ptt.run.noise import SATURATED, VISITED, Noise, source_in_words
 
 MISSING = "Something is missing that no known effect describes"
-NOTED = 1.5  # times the noise that are worth a word
-EVEN = 0.5  # probability of a verdict that tests of the rest gave, and not the sets of effects
-SURE = 0.9  # probability from which a verdict is right in at least 95 % of cases, so that no other need be mentioned
-LINES = 5  # that anybody reads
-# Column of a run that an effect's law has as its variable. Joints and places are no such columns: most effects vary
-# with them, so that an unknown that does so too says nothing of their laws.
-COLUMN = {"payload": "payload", "load": "payload", "link force": "payload", "temperature": "temperature"}
+NOTED_EXCESS = 1.5  # times the noise from which an excess is worth a sentence
+EVEN_CHANCE = 0.5  # probability of a verdict that tests of the residuals gave, and not the sets of effects
+# Probability from which a verdict is right in at least 95 % of cases, so that no other need be mentioned
+SURE_VERDICT = 0.9
+MOST_UNKNOWN_LINES = 5  # lines on an unknown
+# The variable of an effect's law, as its card has it -> the run's column. Joints and positions are left out: most
+# effects vary with them, so an unknown that does so too says nothing about their laws.
+LAW_COLUMN = {"payload": "payload", "load": "payload", "link force": "payload", "temperature": "temperature"}
 
 
 def explain_verdict(result: Any, steps: int | None = None) -> str:
@@ -92,7 +93,7 @@ def doubted(result: Any) -> list[str]:
         One sentence; none where nothing says so.
     """
     chance = result.verdict_probability["unknown"]
-    if chance <= 1.0 - SURE:
+    if chance <= 1.0 - SURE_VERDICT:
         return []
     return [f"There is a {chance:.0%} probability that part of this is something that no known effect describes."]
 
@@ -101,12 +102,12 @@ def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
     """That something is missing, what it follows, and what is named beside it; `cut_short` if no more was allowed."""
     strongest = result.depends_on[0] if result.depends_on else None
     # Tests of the rest may say so alone, where the sets of effects do not.
-    overruled = result.verdict_probability[result.verdict] <= EVEN
+    overruled = result.verdict_probability[result.verdict] <= EVEN_CHANCE
     what = "More is missing, but no more steps were allowed" if cut_short else MISSING
     reasons = result.rest.reasons
     lines = [f"{what}: {reasons[0]}." if reasons and (overruled or not strongest) else f"{what}."]
     lines += [f"{depends(strongest)}{_bent(result, strongest.on)}"] if strongest else []
-    if 0 < len(told) <= LINES - 1 - len(lines):
+    if 0 < len(told) <= MOST_UNKNOWN_LINES - 1 - len(lines):
         lines += [f"Also identified: {step}" for step in told]
     elif told:
         names = listed([step[0] for step in result.suggested])
@@ -141,7 +142,7 @@ def with_free_mount(error_um: float) -> str:
 def _bent(result: Any, followed: str) -> str:
     """A word where an effect that is named and the unknown beside it follow the same column: one cause may be both."""
     named = {step[0] for step in result.suggested}
-    columns = {term.effect.key: COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
+    columns = {term.effect.key: LAW_COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
     each = [key for key, on in columns.items() if key in named and on == followed]
     if not each:
         return ""
@@ -221,7 +222,7 @@ def _unstated(noise: Noise) -> str:
 
 def _beyond_stated(noise: Noise) -> str:
     """How much more repeats scatter than is stated, where that is worth a word."""
-    if noise.stated is None or noise.total < NOTED * noise.stated[1]:
+    if noise.stated is None or noise.total < NOTED_EXCESS * noise.stated[1]:
         return ""
     source, total = noise.stated
     return f", {noise.total / total:.1f} times the value in {source_in_words(source)}"
@@ -230,7 +231,7 @@ def _beyond_stated(noise: Noise) -> str:
 def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:
     """A word where much more is left than the noise is said to be, though it follows nothing that was recorded."""
     times = after_um / max(noise.total * 1e3, 1e-12)
-    if times < NOTED:
+    if times < NOTED_EXCESS:
         return ""
     if wander is not None:
         size = wander.size * noise.total * 1e3

@@ -15,8 +15,9 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.view import View
 
-DOUBTED = 0.5  # of an error from which it is worth a word what no reading shows
-PART, MOST_BACK = 1.5, 3.0  # times what an effect can take off, from which others cancel it partly, mostly
+DOUBT_SHARE = 0.5  # share of the held-out error from which the doubt that no reading shows is worth a clause
+# Times what an effect can reduce the error by, from which others cancel it partly, mostly
+PARTLY_BACK, MOSTLY_BACK = 1.5, 3.0
 
 
 def sentence(told: GaugedTerm, view: View) -> str:
@@ -165,15 +166,15 @@ def _size_in_all(told: GaugedTerm, apart: float, before: float, problem: Problem
     parts, _ = _said(told, problem.view)
     largest = max((part.size for part in parts if part.unit == "um"), default=0.0)
     makes = at_tool_um(told.term, problem)
-    if largest <= before and makes <= PART * apart:
+    if largest <= before and makes <= PARTLY_BACK * apart:
         return ""
-    share = "mostly" if makes > MOST_BACK * apart else "partly"
-    cancelled = f", {share} cancelled by the other effects" if makes > PART * apart else ""
+    share = "mostly" if makes > MOSTLY_BACK * apart else "partly"
+    cancelled = f", {share} cancelled by the other effects" if makes > PARTLY_BACK * apart else ""
     where = "in the readings" if told.term.effect.stage == "metrology" else "at the tool"
     return f"the effect amounts to {makes:.{0 if makes >= 10.0 else 1}f} um rms {where}{cancelled}"
 
 
-def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBTED) -> str:
+def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBT_SHARE) -> str:
     """What readings cannot show of the tool, beside the error that they show.
 
     Args:

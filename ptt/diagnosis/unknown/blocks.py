@@ -15,9 +15,11 @@ from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
-FINE = 24  # shapes along a joint's own travel
-FIELD, FIELD_OF_CONTEXT = 5, 3  # total degree of a field over the workspace, and of one that a context modulates
-FIELD_DECAY, GENTLE = 0.6, 2  # and the degree of one that bends but once
+OWN_COSINES = 24  # cosines along a joint's own travel
+# Total degree of a field over the workspace, and of one that a context modulates
+FIELD_DEGREE, CONTEXT_FIELD_DEGREE = 5, 3
+# Size of each degree over the one before, and the degree of a field that bends but once
+FIELD_DECAY, GENTLE_DEGREE = 0.6, 2
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
     raw, letter, serial = problem.view.q.numpy(), problem.file.machine.letter, problem.file.machine.kind == "serial"
     q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
     yield _named(tool, COORDINATES, partial(_field, p, _degree(problem), 1))
-    yield _named(tool, COORDINATES, partial(_field, p, GENTLE, 1), "gently ")
+    yield _named(tool, COORDINATES, partial(_field, p, GENTLE_DEGREE, 1), "gently ")
     turned = _turned(problem, span)
     for place in moving:
         assert place.joint is not None
@@ -190,12 +192,12 @@ def _of_context(tool: Place, context: Context, p: np.ndarray) -> Iterator[Recipe
         yield _named(tool, (context.name,), partial(_shapes, context))
     elif context.name != "time":
         yield _named(tool, (context.name,), partial(_shapes, context), "gently ")
-        degree = FIELD_OF_CONTEXT if context.fields else 1
+        degree = CONTEXT_FIELD_DEGREE if context.fields else 1
         yield _named(tool, (context.name,), partial(_modulated_field, context.shapes, p, degree))
 
 
 def _degree(problem: Problem) -> int:
-    return FIELD if problem.file.machine.kind == "three-ptt" else FIELD_OF_CONTEXT
+    return FIELD_DEGREE if problem.file.machine.kind == "three-ptt" else CONTEXT_FIELD_DEGREE
 
 
 def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray], how: str = "") -> Recipe:
@@ -257,7 +259,7 @@ def _turned(problem: Problem, span: Span) -> Callable[[int], np.ndarray]:
 
 def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
     """A curve with its level and slope: without them offsets and leads would be named beside it."""
-    shapes = np.column_stack([np.ones(len(scaled)), scaled, cosines(scaled, FINE)])
+    shapes = np.column_stack([np.ones(len(scaled)), scaled, cosines(scaled, OWN_COSINES)])
     return np.column_stack([shapes, harmonics(raw)]) if turns else shapes
 
 

@@ -8,10 +8,11 @@ import numpy as np
 from ptt.dependence.contexts import context_views
 from ptt.run.problem import Problem
 
-HEIGHTS = 64  # of jumps along a joint's own travel, between as many shares of the rows
-ENDS, LEAST_END = 0.05, 3  # share of the rows below and above any jump, and rows: one or two may be gross errors
-BROKEN = 4  # rows in between, as many as beams may break in a row
-AGAIN = 3  # things that happen by themselves in one run, at most: what happens more often happens again and again
+HEIGHTS = 64  # values at which a law along one variable may jump, at equal shares of the rows
+# Share of the rows and number of rows below and above any jump: one or two may be gross errors
+END_SHARE, LEAST_END = 0.05, 3
+BROKEN_ROWS = 4  # rows as many as beams may break one after the other
+MOST_EVENTS = 3  # separate events in one run, at most: what happens more often has one recurring cause
 
 Jump = tuple[str, tuple[float, ...], np.ndarray]  # on what, at which of its values, and the rows that are elsewhere
 
@@ -26,7 +27,7 @@ def heights_of(visited: np.ndarray) -> np.ndarray:
         Ascending, as many as `HEIGHTS` at the most.
     """
     order = np.sort(visited)
-    edge = max(int(ENDS * len(order)), LEAST_END)
+    edge = max(int(END_SHARE * len(order)), LEAST_END)
     inner = np.unique(order[edge - 1 : len(order) - edge + 1])
     some = np.linspace(0, max(len(inner) - 2, 0), min(HEIGHTS, max(len(inner) - 1, 0))).round().astype(int)
     return np.asarray(0.5 * (inner[1:] + inner[:-1])[some])
@@ -66,14 +67,14 @@ def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[Jump]:
     clock, read = problem.view.clock.numpy(), problem.used
     for first, last in combinations(moments, 2):
         between = (clock > first) & (clock <= last)
-        if (between & read).sum() > BROKEN:
+        if (between & read).sum() > BROKEN_ROWS:
             yield "time", (first, last), between
     after = (clock[read, None] > np.array(moments)).sum(axis=0)
-    close, beside = -np.diff(after) <= BROKEN, np.zeros(len(moments), dtype=bool)
+    close, beside = -np.diff(after) <= BROKEN_ROWS, np.zeros(len(moments), dtype=bool)
     beside[1:] |= close
     beside[:-1] |= close
     apart = [moment for moment, near in zip(moments, beside, strict=True) if not near]
-    if len(apart) > AGAIN:
+    if len(apart) > MOST_EVENTS:
         yield "time", tuple(apart), clock[:, None] > np.array(apart)
 
 
@@ -81,4 +82,4 @@ def _is_passed_again(passed: np.ndarray) -> bool:
     """Whether a value is passed to and fro, (n,) bool by travel: what is passed once says what a moment says."""
     before, above = np.arange(len(passed) + 1), np.concatenate([[0], np.cumsum(passed)])
     unlike = above + (len(passed) - before) - (above[-1] - above)  # rows unlike one step up at a moment
-    return bool(min(unlike.min(), len(passed) - unlike.max()) >= max(int(ENDS * len(passed)), LEAST_END))
+    return bool(min(unlike.min(), len(passed) - unlike.max()) >= max(int(END_SHARE * len(passed)), LEAST_END))

@@ -13,8 +13,8 @@ from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
-SIZE = 0.02  # mm at the tool: unit of a block's features; the learned variance makes it what it is
-STILL = 1e-6  # mm or less of the tool to a mm or a rad of a place: it moves nothing
+FEATURE_SIZE = 0.02  # mm at the tool: unit of a block's features, which the learned variance scales
+STILL_LEVER = 1e-6  # mm or less of the tool per mm or rad of a place: it moves nothing
 
 PlaceKind = Literal["tool", "slider", "joint", "rail", "link", "set-up"]
 
@@ -45,7 +45,7 @@ class Place:
 
     def times(self, shapes: np.ndarray) -> np.ndarray:
         """Features (n, 3, w s) of shapes (n, s) that act here."""
-        joined = SIZE * self.slopes[:, :, :, None] * shapes[:, None, None, :]
+        joined = FEATURE_SIZE * self.slopes[:, :, :, None] * shapes[:, None, None, :]
         return joined.reshape(*self.slopes.shape[:2], -1)
 
 
@@ -73,7 +73,7 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
     for kind, slopes, joint in found:
         residual = f"{kind} {joint + 1}"
         lever = (levers or {}).get(residual, float(np.sqrt(np.square(slopes).sum(axis=1).mean())))
-        if lever > STILL:
+        if lever > STILL_LEVER:
             places.append(Place(kind, residual, slopes / lever, joint, lever))
     return places
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-FEW = 3  # rows that a value, or one further out, needs
+LEAST_EXTREME = 3  # rows that have to lie as far out as a value for it to count in full
 
-COARSE = 4  # bends of what only modulates something else
-DECAY = 0.7  # each is smaller than the one before by this ratio
+MODULATION_DEGREE = 4  # degree of what only modulates something else
+MODULATION_DECAY = 0.7  # size of each of its polynomials over the one before
 
 
 def column_ends(values: np.ndarray) -> np.ndarray:
@@ -28,12 +28,12 @@ def reined(values: np.ndarray) -> np.ndarray:
         values: (n, ...) of columns; NaN where unknown.
     """
     known = np.isfinite(values).sum(axis=0)
-    if (known < 2 * FEW).any():
+    if (known < 2 * LEAST_EXTREME).any():
         return values
-    wanted = np.unique([FEW - 1, *np.ravel(known - FEW)])
+    wanted = np.unique([LEAST_EXTREME - 1, *np.ravel(known - LEAST_EXTREME)])
     order, middle = np.partition(values, wanted, axis=0), np.nanmedian(values, axis=0)  # NaN goes last
-    third = np.take_along_axis(order, np.expand_dims(known - FEW, 0), axis=0)[0]
-    return np.asarray(np.clip(values, 2.0 * order[FEW - 1] - middle, 2.0 * third - middle))
+    third = np.take_along_axis(order, np.expand_dims(known - LEAST_EXTREME, 0), axis=0)[0]
+    return np.asarray(np.clip(values, 2.0 * order[LEAST_EXTREME - 1] - middle, 2.0 * third - middle))
 
 
 def legendre(values: np.ndarray, degree: int) -> np.ndarray:
@@ -43,7 +43,7 @@ def legendre(values: np.ndarray, degree: int) -> np.ndarray:
 
 def modulation(values: np.ndarray) -> np.ndarray:
     """A level and smooth bends over the range, the higher ones smaller: what modulates something else, (n, s)."""
-    return legendre(values, COARSE) * DECAY ** np.arange(COARSE + 1)
+    return legendre(values, MODULATION_DEGREE) * MODULATION_DECAY ** np.arange(MODULATION_DEGREE + 1)
 
 
 def cosines(values: np.ndarray, count: int) -> np.ndarray:

@@ -7,19 +7,28 @@ import numpy as np
 
 from ptt.dependence.contexts import moves_of
 from ptt.dependence.way import ways_of
-from ptt.diagnosis.unknown.smooth import COARSE, column_ends, cosines, modulation, product, reined, scaled, unit
+from ptt.diagnosis.unknown.smooth import (
+    MODULATION_DEGREE,
+    column_ends,
+    cosines,
+    modulation,
+    product,
+    reined,
+    scaled,
+    unit,
+)
 from ptt.effects.hysterons import initial_memory
 from ptt.run.fading import kept_shares, trailing
 from ptt.run.problem import Problem
 from ptt.run.view import View
 from ptt.run.watched import watched_values
 
-DYING = (0.02, 0.1)  # of the time of the run, in which what warms up or settles at its start is over
-SLOW = 10  # cosines over the time of the run
-FEED_SHARE = 0.05  # share of the largest that a feed has to vary by
-MOST_RUNS = 6  # whose beginnings have columns to themselves: of more of them each is short
-LONG = 20_000  # rows of which how they were come to is no part worth telling
-LAGS = (300.0, 1200.0, 4000.0)  # s: thermal memories of screws, frames and rooms
+SETTLING_SHARES = (0.02, 0.1)  # time constants, as shares of the run, of what warms up or settles at its start
+TIME_COSINES = 10  # cosines over the time of the run
+FEED_SHARE = 0.05  # share of the largest feed that a feed has to vary by
+MOST_RUNS = 6  # runs up to which the beginning of each has columns of its own; more of them are short
+MOST_REMEMBERED = 20_000  # rows beyond which how a run was entered is too small a part to matter
+LAGS_S = (300.0, 1200.0, 4000.0)  # s: thermal time constants of screws, frames and rooms
 
 
 @dataclass(frozen=True)
@@ -104,7 +113,7 @@ def _begun(view: View) -> np.ndarray:
     """What is left of the way in which each run's first row was reached; none of long runs, which forget it soon."""
     starts = view.starts.numpy()
     runs = int(starts.sum())
-    if not 0 < runs <= MOST_RUNS or view.rows > LONG:
+    if not 0 < runs <= MOST_RUNS or view.rows > MOST_REMEMBERED:
         return np.zeros((view.rows, view.joints, 0))
     left = initial_memory(view, view.q.amax(dim=0) - view.q.amin(dim=0)).numpy()
     own = np.cumsum(starts)[:, None] - 1 == np.arange(runs)  # shape: (n, run)
@@ -118,7 +127,7 @@ def _settling(clock: np.ndarray) -> np.ndarray:
     """
     first, last = column_ends(clock)
     share = (clock - first) / max(float(last - first), 1e-9)
-    dying = [np.exp(-share / constant) for constant in DYING]
+    dying = [np.exp(-share / constant) for constant in SETTLING_SHARES]
     straight = 2.0 * share - 1.0
     return np.column_stack([np.ones_like(share), straight, np.square(straight), *dying])
 
@@ -135,7 +144,7 @@ def _contexts(problem: Problem) -> Iterator[Context]:
         if "time" in view.varies:
             yield _context("memory of temperature", _memory(warm, view.time.numpy(), view.starts.numpy()), play=False)
     clock = view.clock.numpy()
-    yield _context("time", cosines(scaled(clock, column_ends(clock)), SLOW), fields=False)
+    yield _context("time", cosines(scaled(clock, column_ends(clock)), TIME_COSINES), fields=False)
     if "speed" in view.varies:
         speed = reined(np.sqrt(np.square(view.velocity.numpy()).sum(axis=1)))
         yield _context("speed", np.column_stack([unit(speed - speed.mean()), unit(speed**2)]), fields=False)
@@ -164,7 +173,7 @@ def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool
     if not (joints and play):
         measure = np.zeros((len(shapes), 0))
     elif name == "time":
-        measure = np.column_stack([np.ones(len(shapes)), shapes[:, :COARSE]])
+        measure = np.column_stack([np.ones(len(shapes)), shapes[:, :MODULATION_DEGREE]])
     else:
         measure = modulation(scaled(shapes[:, 0], column_ends(shapes[:, 0])))
     return Context(name, shapes, measure, fields, joints, shapes.mean(axis=0))
@@ -185,4 +194,4 @@ def _bowed(values: np.ndarray) -> np.ndarray:
 def _memory(warm: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """How far slow bodies lag behind the temperature that was read, one column a lag."""
     step = np.diff(time, prepend=time[:1])
-    return np.column_stack([unit(trailing(warm, kept_shares(step, starts, lag)) - warm) for lag in LAGS])
+    return np.column_stack([unit(trailing(warm, kept_shares(step, starts, lag)) - warm) for lag in LAGS_S])
