@@ -162,7 +162,7 @@ def test_stretches_that_stand_for_a_long_run_hold_its_frame_no_firmer_than_its_r
         return np.diag(sizes_beside(fitted, problem)[1][0]), sparsest([term], problem, fitted.noise)[0].alike
 
     (whole, alike), frame = told(), np.flatnonzero(fitted.layout.owner == FRAME)
-    for name, size in (("LONG", 500), ("SAMPLE", 100), ("STRETCH", 20)):
+    for name, size in (("LONG", 500), ("SAMPLE_ROWS", 100), ("STRETCH_ROWS", 20)):
         monkeypatch.setattr(chunks, name, size)
     sampled, others = told()
     np.testing.assert_allclose(sampled[frame], whole[frame], rtol=0.2)

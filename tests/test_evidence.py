@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from ptt.fitting.evidence import WIDTH, maximise, noise_of
+from ptt.fitting.evidence import LOG_SIZE_STD, maximise, noise_of
 from ptt.fitting.posterior import Posterior
 
 ROWS = 40
@@ -61,9 +61,9 @@ def test_no_scales_are_more_probable(seed: int, sizes: list[float], freedom: flo
     columns, values, owner = problem(seed, sizes)
     found = solve(columns, values, owner, freedom=freedom)
     assert found.total == pytest.approx(
-        marginal(np.log(found.scales), columns, values, owner, freedom, WIDTH), abs=1e-5
+        marginal(np.log(found.scales), columns, values, owner, freedom, LOG_SIZE_STD), abs=1e-5
     )
-    assert found.total > brute(columns, values, owner, freedom, WIDTH) - 5e-3
+    assert found.total > brute(columns, values, owner, freedom, LOG_SIZE_STD) - 5e-3
 
 
 def test_large_unknowns_are_released_and_absent_ones_held() -> None:
@@ -99,7 +99,7 @@ def test_the_slope_vanishes_and_the_curvature_is_the_numerical_one(
     logs, step = np.log(found.scales), 1e-2  # shorter ones drown in the rounding of a covariance of 1e8
 
     def at(change: np.ndarray) -> float:
-        return marginal(logs + change, columns, values, owner, freedom, WIDTH)
+        return marginal(logs + change, columns, values, owner, freedom, LOG_SIZE_STD)
 
     eye = step * np.eye(len(logs))
     slope = np.array([at(way) - at(-way) for way in eye]) / (2 * step)
@@ -174,7 +174,7 @@ def test_no_noise_is_finer_than_the_last_digit_of_a_reading() -> None:
 def test_stated_scatter_is_what_repeated_problems_scatter_by() -> None:
     random, pulls = np.random.default_rng(11), []
     for seed in range(150):
-        sizes = np.exp(random.normal(0.0, WIDTH, 2))
+        sizes = np.exp(random.normal(0.0, LOG_SIZE_STD, 2))
         columns, _, owner = problem(seed, [1.0, 1.0], each=6, rows=60)
         truth = random.normal(size=len(owner)) * np.append(sizes, 3.0)[owner]
         found = solve(columns, columns @ truth + random.normal(size=60), owner, freedom=30.0)

@@ -42,7 +42,7 @@ def test_rows_of_a_long_run_at_which_the_machine_cannot_stand_are_refused_and_no
     """It may stand at all rows of the stretches at which a long fit begins."""
     file, rows, some = machine(), 3000, 300
     monkeypatch.setattr("ptt.fitting.solve.LONG", rows - 1)
-    monkeypatch.setattr("ptt.fitting.solve.SAMPLE", some)
+    monkeypatch.setattr("ptt.fitting.solve.SAMPLE_ROWS", some)
     table = empty_run(rows)
     problem = build_problem(file, table.replace(measured=table.target.copy()))
     begun = np.concatenate([np.arange(*stretch) for stretch in sample_stretches(problem, some)])

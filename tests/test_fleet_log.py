@@ -71,7 +71,7 @@ def terms_of(*names: str) -> list[Term]:
 
 
 def test_parts_say_what_the_whole_says_also_of_memory_speed_and_a_slider_that_stands(tmp_path, monkeypatch):
-    monkeypatch.setattr(logs, "BESIDE", 40)
+    monkeypatch.setattr(logs, "NEIGHBOUR_ROWS", 40)
     machine, path = load_machine(MACHINE), write_log(tmp_path / "log.parquet", 900)
     log = open_log(machine, path, 130)
     terms = terms_of("backlash", "windup", "following-error", "screw-growth", "tracker-drift")

@@ -43,7 +43,7 @@ def problem(tmp_path_factory) -> Problem:
 def short(monkeypatch):
     """What counts as long, made small."""
     monkeypatch.setattr(solve, "LONG", 900)
-    monkeypatch.setattr(solve, "SAMPLE", 400)
+    monkeypatch.setattr(solve, "SAMPLE_ROWS", 400)
     monkeypatch.setattr(ladder, "LONG", 900)
     monkeypatch.setattr(long, "CHUNK", 230)
     monkeypatch.setattr(LongEvaluator.__init__, "__kwdefaults__", {"size": 230})

@@ -60,7 +60,7 @@ def targets_of(file: MachineFile, rows: int = 260, *, stands: bool = True, **col
 
 def in_blocks(monkeypatch: pytest.MonkeyPatch, rows: int, beside: int = 12) -> None:
     monkeypatch.setattr(blocks, "ROWS", rows)
-    monkeypatch.setattr(blocks, "BESIDE", beside)
+    monkeypatch.setattr(blocks, "NEIGHBOUR_ROWS", beside)
 
 
 @pytest.mark.parametrize("rows", [20, pytest.param(45, marks=pytest.mark.long), 61])

@@ -13,7 +13,7 @@ from ptt.diagnosis.evidence.memories import prior_of
 from ptt.diagnosis.evidence.row_sums import FewSums, SumsOfRows, sums_of_poses, sums_of_rows
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.noise.gains import MANY_COLUMNS, STRETCH_ROWS
+from ptt.diagnosis.noise.gains import BATCH_ROWS, MANY_COLUMNS
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock, Wander, filtered, innovations, likelihoods
@@ -118,8 +118,8 @@ def test_sums_beside_errors_of_poses_are_those_of_the_whole_covariance_and_stay_
 
 
 def test_rows_behind_each_other_and_columns_behind_each_other_are_filtered_alike() -> None:
-    random, rows = np.random.default_rng(12), 3 * STRETCH_ROWS + 7
-    clock = Clock(np.cumsum(random.uniform(1.0, 4.0, rows)), np.isin(np.arange(rows), [0, 17, 2 * STRETCH_ROWS]))
+    random, rows = np.random.default_rng(12), 3 * BATCH_ROWS + 7
+    clock = Clock(np.cumsum(random.uniform(1.0, 4.0, rows)), np.isin(np.arange(rows), [0, 17, 2 * BATCH_ROWS]))
     for wander in (Wander(2.0, 30.0), Wander(2.0, 30.0, (9.0, 0.4, 1.0))):
         values = random.normal(size=(rows, 3))
         mine, log_noise = filtered(values.T, wander, clock)

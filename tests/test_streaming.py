@@ -44,7 +44,7 @@ def in_parts(monkeypatch: pytest.MonkeyPatch, targets: Path, *more: str, rows: i
     monkeypatch.setattr(parts, "LINES", lines)
     for module in (blocks, stream):
         monkeypatch.setattr(module, "ROWS", rows)
-    monkeypatch.setattr(blocks, "BESIDE", 12)
+    monkeypatch.setattr(blocks, "NEIGHBOUR_ROWS", 12)
     out, model = targets.parent / "parts.csv", targets.parent / "model.toml"
     return run(["predict", str(targets), "--model", str(model), "--out", str(out), *more])
 
@@ -84,7 +84,7 @@ def test_a_block_and_what_lies_beside_it_are_in_memory(bench, folder, monkeypatc
     monkeypatch.setattr(Spool, "take", noted)
     monkeypatch.setattr(blocks, "CHUNK", 60)
     monkeypatch.setattr(streaming, "CHUNK", 80)
-    monkeypatch.setattr(streaming, "STRETCH", 20)
+    monkeypatch.setattr(streaming, "STRETCH_ROWS", 20)
     in_parts(monkeypatch, listed(bench, folder))
     assert max(asked) <= 40 + 12 + 60
 

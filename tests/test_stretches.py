@@ -11,7 +11,7 @@ from made_runs import empty_run, machine, measure
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.fitting.outliers import EXCEPTIONS, inside
+from ptt.fitting.outliers import MOST_EXCEPTIONS, inside
 from ptt.fitting.report import report_fit
 from ptt.fitting.solve import residual_of
 from ptt.fitting.stretches import confirmed_by_pose
@@ -142,7 +142,7 @@ def test_never_more_than_one_row_in_twelve_is_gross() -> None:
         for share in (0.02, 0.05, 0.1, 0.4):
             left = random.normal(size=(rows, 3)) * np.where(random.random(rows) < share, 100.0, 1.0)[:, None]
             lost = rows - inside(left, np.ones(rows, dtype=bool)).sum()
-            assert lost <= np.ceil(EXCEPTIONS * rows)
+            assert lost <= np.ceil(MOST_EXCEPTIONS * rows)
 
 
 def test_rows_in_a_row_that_differ_are_not_gross() -> None:

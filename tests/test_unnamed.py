@@ -155,7 +155,7 @@ def test_of_a_long_run_stretches_stand_for_all(monkeypatch: pytest.MonkeyPatch) 
     fitted = fit(Model(FILE) + library()["tower-position"](), problem)
     whole = beside_unnamed(fitted, problem).std
     monkeypatch.setattr(chunks, "LONG", 500)
-    monkeypatch.setattr(chunks, "SAMPLE", 300)
+    monkeypatch.setattr(chunks, "SAMPLE_ROWS", 300)
     np.testing.assert_allclose(beside_unnamed(fitted, problem).std, whole, rtol=0.3)
 
 

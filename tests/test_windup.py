@@ -16,7 +16,7 @@ from ptt.effects.base import Effect
 from ptt.effects.bench import sample_view
 from ptt.fitting import kept as kept_module
 from ptt.fitting.kept import keep, keep_covariance, kept_covariance, why_not_kept
-from ptt.fitting.layout import UNLIKE
+from ptt.fitting.layout import MOST_LENGTH_RATIO
 from ptt.fitting.packed import pack
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, format_machine, parse_machine
@@ -101,7 +101,7 @@ def test_no_length_is_so_far_from_the_others_that_it_is_play(tmp_path):
     problem = strokes(tmp_path, (0.02, 0.016, 0.0), (3.0, 3.0, 3.0), play=(0.0, 0.0, 0.1))
     fitted = fit(Model(problem.file) + library()["windup"](), problem)
     lengths = fitted.model.terms[0].theta[3:]
-    assert float(lengths.max() / lengths.min()) < UNLIKE**2 + 1e-9
+    assert float(lengths.max() / lengths.min()) < MOST_LENGTH_RATIO**2 + 1e-9
     found = diagnose(Model(problem.file), problem)
     assert found.verdict == "missing" and {step[0] for step in found.suggested} == {"backlash", "windup"}, found.words
 

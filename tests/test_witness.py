@@ -9,7 +9,7 @@ import torch
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.evidence.witness import ALIKE, WARM
+from ptt.diagnosis.evidence.witness import DRIFT_OPEN, GROWTH_OPEN
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.machine_schema import BasePoint, ThreePttSpec, TrackerSpec
 from ptt.mechanisms import build_mechanism
@@ -38,7 +38,7 @@ def test_a_drift_is_the_trackers_alone_where_base_reflectors_were_read_along_the
     found = drifting(TrackerSpec(frame="measured", base_point=points) if watched else TrackerSpec(frame="fitted"))
     (drift,) = [one for one in found.candidates if one.effect == "tracker-drift"]
     assert found.suggested == (("tracker-drift",),)
-    assert (ALIKE in drift.words) is not watched
+    assert (DRIFT_OPEN in drift.words) is not watched
     # A settling drift lies within a half of its way about its middle, and is the machine's in one of two.
     far = 1e3 * np.linalg.norm(DRIFT)
     assert (drift.tool_doubt > 0.1 * far) is not watched and drift.tool_doubt < 0.36 * far
@@ -60,7 +60,7 @@ def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_pe
         return
     (step,) = (one for one in found.candidates if (one.effect,) == found.model.keys)
     assert found.verdict == "missing" and step.effect in ("frame-growth", "screw-growth", "tracker-drift")
-    assert (ALIKE if step.effect == "tracker-drift" else WARM) in step.words
+    assert (DRIFT_OPEN if step.effect == "tracker-drift" else GROWTH_OPEN) in step.words
     assert step.effect == "tracker-drift" or step.tool_doubt > 10.0
     for each in step.parameters if step.effect == "frame-growth" else ():
         assert -3.0 * each.std < each.value < 4.8e-5 + 3.0 * each.std

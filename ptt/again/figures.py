@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from ptt.again.changes import CURVE, Change
 from ptt.again.weigh import Weighed
 from ptt.diagnosis.noise.slow import share_within
-from ptt.fitting.evidence import WIDE
+from ptt.fitting.evidence import UNGROUPED_VARIANCE
 from ptt.fitting.factor import inverse
 from ptt.fitting.solve import rms
 from ptt.record import Record
@@ -69,7 +69,7 @@ def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:
     others = [found.columns_of(change) for change in found.changed if change.ways.shape[1] < CURVE]
     loose = np.isin(columns, np.concatenate([np.zeros(0, dtype=int), *others]))
     looked_at = np.concatenate([_prior_of(change, found) for change in changes])
-    prior = np.where(loose, WIDE, np.concatenate([state.posterior.prior[kept], looked_at]))
+    prior = np.where(loose, UNGROUPED_VARIANCE, np.concatenate([state.posterior.prior[kept], looked_at]))
     sums = system.sums_of(columns, state.memory)
     covariance = inverse(sums.gram + np.diag(1.0 / prior))
     values, error = covariance @ sums.side, state.posterior.phi * covariance
@@ -100,7 +100,7 @@ def _prior_of(change: Change, found: Weighed) -> np.ndarray:
     """Prior variance of a change's columns: none but of a curve, whose bends few rows would send anywhere."""
     width = change.ways.shape[1]
     if width < CURVE:
-        return np.full(width, WIDE)
+        return np.full(width, UNGROUPED_VARIANCE)
     named = change.key in found.state.keys
     return found.state.posterior.prior[found.state.of(change.key)] if named else np.ones(width)
 

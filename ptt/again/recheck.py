@@ -23,7 +23,7 @@ from ptt.diagnosis.evidence.noise_level import noise_after
 from ptt.diagnosis.telling.enough import enough
 from ptt.diagnosis.telling.steps import name_steps, ties
 from ptt.effects import Library, library
-from ptt.fitting.chunks import SAMPLE, numbers, sample_stretches, take
+from ptt.fitting.chunks import SAMPLE_ROWS, numbers, sample_stretches, take
 from ptt.fitting.linear import tried_sizes
 from ptt.model.model import Model, Term, start_term
 from ptt.progress import Tell
@@ -61,8 +61,8 @@ def recheck(
     tell = progress or (lambda what: None)
     notes = list(_same_run(model, problem))
     if problem.table.rows > WHOLE:
-        notes.append(f"of {problem.table.rows} rows, about {SAMPLE} were used, in stretches spread over the run")
-        problem = take(problem, sample_stretches(problem, SAMPLE))
+        notes.append(f"of {problem.table.rows} rows, about {SAMPLE_ROWS} were used, in stretches spread over the run")
+        problem = take(problem, sample_stretches(problem, SAMPLE_ROWS))
     before = look_back(model, problem)
     found, now, news = _weighed(before, problem, known, tell, seed)
     made = {"before": made_by(found, before.values), "now": made_by(found, found.before.start + _stands(found))}

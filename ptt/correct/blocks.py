@@ -12,13 +12,13 @@ import torch
 
 from ptt.correct.settle import Outcome, hand_on, settle
 from ptt.correct.task import CommandTask, Handover
-from ptt.fitting.chunks import BESIDE, CHUNK, stretches
+from ptt.fitting.chunks import CHUNK, NEIGHBOUR_ROWS, stretches
 from ptt.run.corners import driven_feed, shows_feed
 from ptt.run.direction import STANDSTILL
 from ptt.run.table import Table, take_rows
 from ptt.run.travel import run_starts
 
-ROWS = CHUNK - 2 * BESIDE  # of a block, which with the rows on both sides is then one chunk
+ROWS = CHUNK - 2 * NEIGHBOUR_ROWS  # of a block, which with the rows on both sides is then one chunk
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def settle_block(task: CommandTask, first: int, last: int, handover: Handover | 
 
 def leave_block(settled: Settled) -> Handover | None:
     """State that a block hands on to the rows behind it."""
-    return hand_on(settled.task, settled.outcome.solved, settled.block.own.stop, BESIDE)
+    return hand_on(settled.task, settled.outcome.solved, settled.block.own.stop, NEIGHBOUR_ROWS)
 
 
 def rows_ahead(run: np.ndarray, first: int, last: int, handover: Handover | None) -> int:
@@ -110,7 +110,7 @@ def rows_ahead(run: np.ndarray, first: int, last: int, handover: Handover | None
         last: the row after its last.
         handover: state handed on by the rows before.
     """
-    return CHUNK if handover is None or first == 0 or (run[first:last] != run[first - 1]).any() else BESIDE
+    return CHUNK if handover is None or first == 0 or (run[first:last] != run[first - 1]).any() else NEIGHBOUR_ROWS
 
 
 def cut(task: CommandTask, block: RowBlock) -> CommandTask:
@@ -131,7 +131,7 @@ def _seen_to(task: CommandTask, first: int, last: int, handover: Handover | None
     A joint that stands longer than a chunk is taken to arrive upward, as one that never moves.
     """
     run, rows = task.targets.run, task.targets.rows
-    high = min(last + BESIDE, rows)
+    high = min(last + NEIGHBOUR_ROWS, rows)
     before = np.flatnonzero(run[first:last] != run[last - 1])
     start = first + (int(before[-1]) + 1 if len(before) else 0)
     begun = handover is None or start > first or run[first] != run[first - 1]

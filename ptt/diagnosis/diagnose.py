@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left, too_few
 from ptt.diagnosis.long import chunk_size, diagnose_long
-from ptt.diagnosis.search.find import MOST_STEPS, find
+from ptt.diagnosis.search.find import MOST_ADDED, find
 from ptt.diagnosis.search.rest import look_for_rest
 from ptt.diagnosis.search.smooth_way import on_smooth_way
 from ptt.diagnosis.telling.diagnosis import Diagnosis
@@ -24,7 +24,7 @@ def diagnose_run(
     problem: Problem,
     known: Library | None = None,
     *,
-    steps: int = MOST_STEPS,
+    steps: int = MOST_ADDED,
     chunk_rows: int | None = None,
     progress: Tell | None = None,
 ) -> Diagnosis:
@@ -55,7 +55,7 @@ def diagnose(
     problem: Problem,
     known: Library | None = None,
     *,
-    steps: int = MOST_STEPS,
+    steps: int = MOST_ADDED,
     progress: Tell | None = None,
     seed: int = 0,
 ) -> Diagnosis:

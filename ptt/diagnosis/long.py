@@ -7,7 +7,7 @@ from ptt.diagnosis.evidence.sampled import share_of_rows
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.everywhere import WholeSearch, find_everywhere
-from ptt.diagnosis.search.find import MOST_STEPS, find
+from ptt.diagnosis.search.find import MOST_ADDED, find
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.telling.bins import follow_in_all_rows
@@ -51,7 +51,7 @@ def diagnose_long(
     problem: Problem,
     known: Library | None = None,
     *,
-    steps: int = MOST_STEPS,
+    steps: int = MOST_ADDED,
     progress: Tell | None = None,
     seed: int = 0,
     size: int = CHUNK,

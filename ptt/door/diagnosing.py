@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ptt.dependence.said import between, by_chance
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.diagnosis.long import chunk_size
-from ptt.diagnosis.search.find import MOST_STEPS
+from ptt.diagnosis.search.find import MOST_ADDED
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.words import doubt_in_words
 from ptt.door.given import require_number
@@ -134,7 +134,7 @@ def diagnose(
     model: Any,
     run: RowsLike,
     *,
-    steps: int = MOST_STEPS,
+    steps: int = MOST_ADDED,
     chunk_rows: int | None = None,
     anyway: bool = False,
     progress: Progress = unwatched,

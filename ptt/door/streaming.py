@@ -23,7 +23,7 @@ from ptt.door.run import Targets
 from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
 from ptt.door.tally import Tally, tally
 from ptt.files import write_parts
-from ptt.fitting.chunks import CHUNK, STRETCH, stretches
+from ptt.fitting.chunks import CHUNK, STRETCH_ROWS, stretches
 from ptt.progress import Progress, unwatched
 from ptt.run.blanks import has_blanks
 from ptt.run.cores import map_cores
@@ -121,10 +121,10 @@ def predict_file(
             note(line)
         tell_places(placed, note)
         refuse_readings(out, (spool.take(*bounds).measured for bounds in stretches(spool.rows)))
-        sample = spool.sample(CHUNK, STRETCH)
+        sample = spool.sample(CHUNK, STRETCH_ROWS)
         require_pose(sample)
         if sample.rows < spool.rows:
-            note(f"set-up: looked at on {sample.rows} of {spool.rows} rows, stretches of {STRETCH}")
+            note(f"set-up: looked at on {sample.rows} of {spool.rows} rows, stretches of {STRETCH_ROWS}")
         check_rows(model.file, Targets(sample, (path,), reading, spool.understood()), anyway=anyway, note=note)
         frames = target_frames(model.file, sample)
         if spool.commands and {frame.source for frame in frames} - {"base", "stated"}:

@@ -15,13 +15,16 @@ import numpy as np
 from ptt.run.fading import kept_shares
 from ptt.run.problem import Problem
 
-LAGS = 16  # rows apart, from neighbours to half the rows, whose products are looked at
-CONSTANTS = 9  # time constants between two steps of the clock and half the run
-SURE = 3.5  # standard deviations: one sound run in a hundred passes in some axis at some constant
-LEAST_ROWS = 24  # from which products tell anything
-TINY = 1e-300
-COUNTED = 0.9  # share of a row's own scatter that may last at most: rounding must not make the rest negative
-MOST_SWALLOWED = 0.8  # share of its energy that a fit may have, before the rest says nothing
+MOST_LAGS = 16  # numbers of rows apart, from neighbours to half the rows, at which products of residuals are looked at
+TIME_CONSTANTS = 9  # number of tried time constants, from two steps of the clock to half the run
+# standard errors of an autocovariance: one sound run in a hundred passes on some axis at some constant
+SURE_ERRORS = 3.5
+LEAST_LAGGED_ROWS = 24  # rows from which products of residuals say anything
+TINY_VARIANCE = 1e-300  # keeps a division by a variance of zero finite
+# share of a row's variance that may be autocorrelated at most: rounding must not make the rest negative
+MOST_CORRELATED = 0.9
+# share of its variance that the fit may have absorbed at most, beyond which the residual says nothing
+MOST_SWALLOWED = 0.8
 
 
 @dataclass(frozen=True)
@@ -80,17 +83,17 @@ def alike_in_time(residual: np.ndarray, times: Times) -> Alike | None:
         None where rows are too few, or may well be independent.
     """
     gap, product = _products(residual, times)
-    if len(residual) < LEAST_ROWS or not len(gap):
+    if len(residual) < LEAST_LAGGED_ROWS or not len(gap):
         return None
     shortest = 2.0 * float(np.median(gap[: len(residual) - 1])) or 1.0
     longest = max(0.5 * float(np.ptp(times.time)), shortest)
     best, told, square = 0.0, None, (residual**2).mean(axis=0)
-    for constant in np.geomspace(shortest, longest, CONSTANTS):
+    for constant in np.geomspace(shortest, longest, TIME_CONSTANTS):
         weight = np.exp(-gap / constant)
         energy = float(weight @ weight)
-        sure = weight @ product / np.maximum(square * np.sqrt(energy), TINY)
+        sure = weight @ product / np.maximum(square * np.sqrt(energy), TINY_VARIANCE)
         worth = float((np.maximum(sure, 0.0) ** 2).sum())
-        if sure.max() > SURE and worth > best:
+        if sure.max() > SURE_ERRORS and worth > best:
             # Where one axis errs alike for sure the others may: what they show counts, sure or not.
             best, told = worth, Alike(np.clip(weight @ product / energy, 0.0, square), float(constant))
     return told
@@ -99,7 +102,7 @@ def alike_in_time(residual: np.ndarray, times: Times) -> Alike | None:
 def _products(residual: np.ndarray, times: Times) -> tuple[np.ndarray, np.ndarray]:
     """Times between rows of one run, (m,), and products of their residuals per axis, (m, 3)."""
     rows = len(residual)
-    lags = np.unique(np.geomspace(1, max(rows // 2, 1), LAGS).astype(int))
+    lags = np.unique(np.geomspace(1, max(rows // 2, 1), MOST_LAGS).astype(int))
     gaps, products = [np.zeros(0)], [np.zeros((0, 3))]
     for lag in lags[lags < rows]:
         same = times.run[lag:] == times.run[:-lag]
@@ -127,7 +130,7 @@ def excess(
     if told is None:
         return None
     # An axis that scatters by more than the others was not counted in full.
-    counted = np.minimum(told.variance, COUNTED * scatter)
+    counted = np.minimum(told.variance, MOST_CORRELATED * scatter)
     joined, own = _joined(jacobian, told, times), np.einsum("nai,naj,a->ij", jacobian, jacobian, counted)
     whole = len(residual) * float(told.variance.sum())
     swallowed = min(float(np.einsum("ij,ji->", inverse, joined)) / whole, MOST_SWALLOWED)

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import expit
 
 from ptt.fitting.drawn_sizes import DrawnSize, groups_of, learn_beside, sizes_beside
+from ptt.fitting.factor import RANK_TOLERANCE
 from ptt.fitting.other_ways import other_ways
 from ptt.fitting.posterior import Posterior
 from ptt.fitting.result import FitResult
@@ -14,8 +15,8 @@ from ptt.fitting.stated import fitted_terms
 from ptt.fitting.unnamed import Unnamed
 from ptt.run.problem import Problem
 
-EXCLUDED = 1.5  # nats for leaving a size out from which readings say it is none: what they do not know costs less
-ROUNDING = 1e-12  # share of the largest square that is rounding
+# nats gained by leaving a size out from which the readings exclude it: one they know nothing of gains less
+EXCLUSION_NATS = 1.5
 
 
 def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
@@ -41,7 +42,7 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
         least = min(some, key=lambda size: float(best.scales[groups_of(some, fitted)[size.effect.key]].max()))
         fewer = tuple(size for size in some if size is not least)
         other = learn_beside(fitted, total, fewer)
-        if other.total < best.total + EXCLUDED:
+        if other.total < best.total + EXCLUSION_NATS:
             break
         some, best = fewer, other
     chance = float(expit((best.total - base.total) / max(len(some), 1)))
@@ -80,7 +81,7 @@ def _among(square: np.ndarray, own: Sequence[DrawnSize], every: Sequence[DrawnSi
 def _factor(square: np.ndarray) -> np.ndarray:
     """Root of what is positive of a symmetric matrix, (p, r)."""
     size, ways = np.linalg.eigh(square)
-    kept = size > ROUNDING * max(float(size[-1]), 0.0)
+    kept = size > RANK_TOLERANCE * max(float(size[-1]), 0.0)
     return np.asarray(ways[:, kept] * np.sqrt(size[kept]))
 
 

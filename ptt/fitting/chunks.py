@@ -21,13 +21,14 @@ from ptt.run.table import Table
 from ptt.run.turns import Entry
 from ptt.run.view import View
 
-CHUNK = 20_000  # rows: columns of all candidates take some 100 MB
-BESIDE = 200  # rows: the slope of a spline feels a knot k rows away by 0.27^k, less than rounding from 30 on
+CHUNK = 20_000  # rows of a chunk: columns of all candidates take some 100 MB
+# rows kept beside a block: the slope of a spline feels a knot k rows away by 0.27^k, rounding from 30 on
+NEIGHBOUR_ROWS = 200
 LONG = 50_000  # rows beyond which columns of all rows at once take too much memory
-SAMPLE = 8_000  # rows of a run that shapes and paths are found on
-STRETCH = 400
-EDGE = 5  # rows about each joint's lowest and highest place, so that the sample covers the range of all rows
-GOLDEN = 0.618034  # spreads stretches over a cycle that the run may repeat
+SAMPLE_ROWS = 8_000  # rows of the sample on which shapes and paths of a long run are found
+STRETCH_ROWS = 400  # rows of each stretch of that sample
+EDGE_ROWS = 5  # rows about each joint's lowest and highest position, so that the sample covers the range of all rows
+GOLDEN = 0.618034  # golden ratio less one: spreads stretches evenly over any cycle that the run may repeat
 
 Part = TypeVar("Part")
 Own = TypeVar("Own")
@@ -82,7 +83,7 @@ def take(problem: Problem, kept: Sequence[Stretch]) -> Problem:
     return take_entered(problem, kept, entries)
 
 
-def sample_stretches(problem: Problem, rows: int = SAMPLE, stretch: int = STRETCH) -> list[Stretch]:
+def sample_stretches(problem: Problem, rows: int = SAMPLE_ROWS, stretch: int = STRETCH_ROWS) -> list[Stretch]:
     """Stretches of travel spread over a run, its ends and the ends of each joint's range among them.
 
     Args:
@@ -103,7 +104,7 @@ def sample_stretches(problem: Problem, rows: int = SAMPLE, stretch: int = STRETC
     q = problem.view.q.numpy()
     ends = [*q.argmin(axis=0).tolist(), *q.argmax(axis=0).tolist()]
     taken = np.zeros(total, dtype=bool)
-    for start, stop in [(s, s + stretch) for s in first] + [(e - EDGE, e + EDGE + 1) for e in ends]:
+    for start, stop in [(s, s + stretch) for s in first] + [(e - EDGE_ROWS, e + EDGE_ROWS + 1) for e in ends]:
         taken[max(start, 0) : stop] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[0], taken.astype(int), [0]])))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
@@ -111,7 +112,7 @@ def sample_stretches(problem: Problem, rows: int = SAMPLE, stretch: int = STRETC
 
 def few_enough(problem: Problem) -> Problem:
     """The problem as it is, or of a long run stretches that stand for it: columns of all rows would not fit."""
-    return take(problem, sample_stretches(problem, SAMPLE)) if problem.table.rows > LONG else problem
+    return take(problem, sample_stretches(problem, SAMPLE_ROWS)) if problem.table.rows > LONG else problem
 
 
 def numbers(problem: Problem) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 from ptt.effects import Effect, library
 from ptt.effects.registry import parse_key
 from ptt.fitting.chunks import few_enough
-from ptt.fitting.evidence import NARROWEST, WIDEST, maximise
+from ptt.fitting.evidence import LEAST_VARIANCE, MOST_VARIANCE, maximise
 from ptt.fitting.linear import ShapeTrial, linear_columns
 from ptt.fitting.posterior import Posterior
 from ptt.fitting.prior import FRAME_VARIANCE
@@ -17,8 +17,9 @@ from ptt.fitting.whitened import Total
 from ptt.model.model import rival
 from ptt.run.problem import Problem
 
-TWICE = {"dh-offsets": ("dtheta", "homing-offset")}  # effect -> its parameter that another one is, and that one
-SMALL = 1e-2  # variance of a tenth of the usual size, from which values go to nothing where they may
+# effect -> the parameter that another effect consists of, and that effect
+SHARED_PARAMETER = {"dh-offsets": ("dtheta", "homing-offset")}
+SMALL_VARIANCE = 1e-2  # a tenth of the usual size squared: start from which a variance falls to nothing where it may
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,8 @@ def _unnamed(keys: Sequence[str], problem: Problem) -> list[Effect]:
         if each.of_drawing and kind in each.mechanisms and name not in names and not each.stands_for
     ]  # fmt: skip
     found = [effect for effect in every if not effect.needs(problem.view)]
-    whole = [*keys, *(effect.key for effect in found if effect.name in TWICE)]
-    return [effect for effect in found if effect.name in TWICE or not rival(effect, whole)]
+    whole = [*keys, *(effect.key for effect in found if effect.name in SHARED_PARAMETER)]
+    return [effect for effect in found if effect.name in SHARED_PARAMETER or not rival(effect, whole)]
 
 
 def sizes_beside(fitted: FitResult, problem: Problem) -> tuple[tuple[DrawnSize, ...], Total]:
@@ -70,7 +71,7 @@ def sizes_beside(fitted: FitResult, problem: Problem) -> tuple[tuple[DrawnSize, 
 
 
 def _size(trial: ShapeTrial, keys: Sequence[str], problem: Problem) -> DrawnSize:
-    part, twin = TWICE.get(trial.effect.name, ("", ""))
+    part, twin = SHARED_PARAMETER.get(trial.effect.name, ("", ""))
     there = twin in {parse_key(key)[0] for key in keys}
     linear = [parameter for parameter in trial.effect.parameters if parameter.role == "linear"]
     group = np.concatenate([
@@ -120,10 +121,10 @@ def learn_beside(
     begun[: len(layout.kinds)] = prior.scales if start is None else start
     if small is not None:  # and all others large, so that they can take its place
         begun = np.where(fixed, begun, np.maximum(begun, 1.0))
-        begun[small] = SMALL
+        begun[small] = SMALL_VARIANCE
     wide = prior.crowding * fitted.scatter
     return maximise(
         gram[np.ix_(every, every)] / wide, side[every] / wide, square / wide, count / prior.crowding,
         np.concatenate(owner).astype(int), freedom=np.inf, start=begun, wide=FRAME_VARIANCE,
-        floor=np.where(fixed, scales, NARROWEST), ceiling=np.where(fixed, scales, WIDEST),
+        floor=np.where(fixed, scales, LEAST_VARIANCE), ceiling=np.where(fixed, scales, MOST_VARIANCE),
     )  # fmt: skip

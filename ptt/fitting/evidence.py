@@ -9,19 +9,22 @@ from scipy.linalg import lapack
 from ptt.fitting.factor import factor_of
 from ptt.fitting.posterior import Posterior
 
-WIDTH = float(np.log(8.0))  # of the log-normal prior of a group's size: two in three lie within 8 x of the usual
-WIDE = 1e6  # prior variance of unknowns of no group: they take what the data ask for
-NARROWEST, WIDEST = 1e-6, 1e8  # variances a group may have: a thousandth to ten thousand usual sizes
-STEPS = 30  # at the most: it ends by what is still to be had
-DONE = 1e-3  # nats still to be had at which it ends
-SAME = 0.1  # share of these by which a step may differ from what the curvature predicted, and be the last
-MISSED = 9.0  # four times 9/4, for a step that is not of one variance alone
-LEAP = 1.0  # change of a log variance by MacKay's rule from which his step is taken instead of Newton's
-FURTHEST = 4.0  # change of a log variance in one of Newton's steps, and downward in one of MacKay's
-HALVINGS = 8  # to a 250th of the step: where even that does not rise, the top is there
-HOPE = 4.0  # times the gain that slope and curvature predict twice over: no more than that is still to be had
-ROUNDING = 1e-13  # share of the sum of squares that is rounding
-TINY = 1e-12  # nothing scatters by a millionth of its noise
+# std of the log-normal prior of a group's size: two in three lie within a factor of 8
+LOG_SIZE_STD = float(np.log(8.0))
+UNGROUPED_VARIANCE = 1e6  # prior variance of unknowns of no group: they take what the data ask for
+# bounds of a group's prior variance: a thousandth to ten thousand usual sizes
+LEAST_VARIANCE, MOST_VARIANCE = 1e-6, 1e8
+MOST_ITERATIONS = 30  # of the ascent; it usually ends by its tolerance
+TOLERANCE = 1e-3  # nats still to be gained at which the ascent ends
+# share of the tolerance by which a step's gain may differ from the predicted one for it to be the last
+PREDICTED_SHARE = 0.1
+REMAINDER_FACTOR = 9.0  # four times the 9/4 of one variance (see `maximise`), as a margin for steps along several
+LONG_STEP = 1.0  # change of a log variance by MacKay's rule from which his step is taken instead of Newton's
+LONGEST_STEP = 4.0  # change of a log variance in one of Newton's steps, and downward in one of MacKay's
+STEP_HALVINGS = 8  # of a Newton step, to a 128th of it: where even that does not rise, the maximum is reached
+HOPE_FACTOR = 4.0  # times twice the gain predicted by slope and curvature: no more than that can still be gained
+SQUARE_ROUNDING = 1e-13  # share of the sum of squares that is rounding
+TINY_SQUARE = 1e-12  # least sum of squares: nothing scatters by a millionth of its noise
 
 
 def maximise(
@@ -33,11 +36,11 @@ def maximise(
     *,
     freedom: float,
     start: np.ndarray | None = None,
-    floor: float | np.ndarray = NARROWEST,
-    ceiling: float | np.ndarray = WIDEST,
-    width: float | np.ndarray = WIDTH,
-    wide: float = WIDE,
-    done: float = DONE,
+    floor: float | np.ndarray = LEAST_VARIANCE,
+    ceiling: float | np.ndarray = MOST_VARIANCE,
+    width: float | np.ndarray = LOG_SIZE_STD,
+    wide: float = UNGROUPED_VARIANCE,
+    done: float = TOLERANCE,
     least: float = -np.inf,
     finest: float = 0.0,
 ) -> Posterior:
@@ -79,13 +82,13 @@ def maximise(
     here = problem.evaluate(at)
     bottom, top = np.log(low), np.log(high)
     slope, ended = problem.slope(here), False
-    for _ in range(STEPS):
+    for _ in range(MOST_ITERATIONS):
         free = (bottom < top) & ~((at <= bottom) & (slope.first < 0)) & ~((at >= top) & (slope.first > 0))
         newton = _newton(slope, free)
         hope = float(slope.first @ newton)
         if hope <= 2.0 * done:
             break
-        if here.value + HOPE * hope < least and max(np.abs(newton).max(), _longest(slope, free)) < LEAP:
+        if here.value + HOPE_FACTOR * hope < least and max(np.abs(newton).max(), _longest(slope, free)) < LONG_STEP:
             ended = True
             break
         found = _climb(problem, here, at, _steps(slope, newton, free), bottom, top)
@@ -97,7 +100,7 @@ def maximise(
         # Where the evidence rises just as its curvature predicted, what is still to be had is of a higher order: after
         # a whole step of Newton's that missed by e, it is e^2 9/4 over what was predicted.
         missed = abs(gained - predicted)
-        if missed < SAME * done or (is_newton and MISSED * missed**2 < done * predicted):
+        if missed < PREDICTED_SHARE * done or (is_newton and REMAINDER_FACTOR * missed**2 < done * predicted):
             break
         slope = problem.slope(here)
     return problem.posterior(here, slope, ended)
@@ -174,7 +177,7 @@ class _Problem:
         values = lapack.dpotrs(factor, self.side, lower=1)[0] if len(prior) else self.side
         # A quadratic form about its minimum: rounding of the values enters only squared.
         taken = float(values @ (2.0 * self.side - self.gram @ values - values / prior))
-        left = max(self.square - taken, ROUNDING * self.square + TINY)
+        left = max(self.square - taken, SQUARE_ROUNDING * self.square + TINY_SQUARE)
         phi, tail = map(float, noise_of(np.asarray(left), self.count, self.freedom, self.finest))
         log_prior = -0.125 * float(((logs / self.spread) ** 2).sum())
         half = float(np.log(factor.diagonal()).sum() + 0.5 * (self.size @ logs + self.fixed))
@@ -198,7 +201,7 @@ class _Problem:
         return _Slope(
             0.5 * (energy - decided) - pull * np.log(scales),
             curvature,
-            np.maximum(np.log(np.maximum(energy, 1e-12) / decided), -FURTHEST),
+            np.maximum(np.log(np.maximum(energy, 1e-12) / decided), -LONGEST_STEP),
         )
 
     def posterior(self, point: _Point, slope: _Slope, ended: bool) -> Posterior:
@@ -232,7 +235,7 @@ def _newton(slope: _Slope, free: np.ndarray) -> np.ndarray:
     elif free.any():
         strength, ways = np.linalg.eigh(slope.curvature[np.ix_(free, free)])
         step[free] = ways @ ((ways.T @ slope.first[free]) / np.maximum(np.abs(strength), 1e-2))
-    return step * min(1.0, FURTHEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
+    return step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max(initial=0.0)), 1e-300))
 
 
 def _steps(slope: _Slope, newton: np.ndarray, free: np.ndarray) -> Iterator[np.ndarray]:
@@ -240,9 +243,9 @@ def _steps(slope: _Slope, newton: np.ndarray, free: np.ndarray) -> Iterator[np.n
 
     His rule knows no prior of the sizes: where that pulls the other way, it would press a group to its bound for good.
     """
-    if _longest(slope, free) > LEAP:
+    if _longest(slope, free) > LONG_STEP:
         yield np.where(_uphill(slope, free), slope.mackay, newton)
-    yield from (newton * 0.5**n for n in range(HALVINGS))
+    yield from (newton * 0.5**n for n in range(STEP_HALVINGS))
 
 
 def _uphill(slope: _Slope, free: np.ndarray) -> np.ndarray:

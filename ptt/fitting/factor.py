@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.linalg import lapack
 
+RANK_TOLERANCE = 1e-12  # share of the largest eigenvalue of a Gram matrix below which a direction is rounding
+
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
     """Inverse of normal equations with a prior on every unknown, (P, P), whatever the units of its columns."""

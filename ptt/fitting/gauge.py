@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from ptt.fitting.chunks import few_enough
+from ptt.fitting.factor import RANK_TOLERANCE
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES, lay_out
 from ptt.fitting.linear import Linear, assemble
 from ptt.machine import MachineFile
@@ -18,13 +19,13 @@ from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 from ptt.run.viewing import joint_limits
 
-UNTOLD = 9.0  # chi-squared, three standard errors, below which readings do not tell a change as large as the values
-PART = 0.2  # share of the largest from which a term has a part in an ambiguity
-PLACES = 128  # all over the travel, at which a machine is told from another
-MOTION = 0.05  # share of a pattern from which a motion has a part in it: a turn about a far pivot moves little else
-ROUNDING = 1e-12  # share of the strongest direction's square that is rounding
+UNTOLD_CHI2 = 9.0  # chi-squared (three standard errors) below which a change as large as the values goes unnoticed
+LEAST_PART = 0.2  # singular value from which a term takes part in a free direction
+WORKSPACE_PLACES = 128  # places all over the travel at which one machine is compared with another
+# share of a pattern from which a frame motion takes part: a turn about a far pivot moves little else
+LEAST_MOTION = 0.05
 Loose = Callable[[Sequence[str]], np.ndarray]
-LIKE_FRAME = 0.1  # share of a pattern that no motion of the tracker may leave, if it is one
+FRAME_RESIDUE = 0.1  # share of a pattern that the frame's motions may leave of it for it to be one of them
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ def sparsest(
 def reachable(file: MachineFile) -> tuple[np.ndarray, np.ndarray]:
     """Places all over a machine's travel, (n, 3) mm, and its joints there, (n, k)."""
     mechanism, limits = build_mechanism(file.machine), joint_limits(file)
-    draw = torch.quasirandom.SobolEngine(len(limits), scramble=True, seed=0).draw(PLACES, dtype=torch.float64)
+    draw = torch.quasirandom.SobolEngine(len(limits), scramble=True, seed=0).draw(WORKSPACE_PLACES, dtype=torch.float64)
     q = limits[:, 0] + (limits[:, 1] - limits[:, 0]) * draw
     place = mechanism.forward(q)
     good = torch.isfinite(place).all(dim=1).numpy()
@@ -129,7 +130,7 @@ def _all_over(terms: Sequence[Term], beside: Sequence[Term], file: MachineFile, 
 def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
     """Free directions, (u, m), in which the own values have a real part."""
     _, strength, ways = np.linalg.svd(free[own], full_matrices=False)
-    return np.asarray(free @ ways[strength > PART].T)
+    return np.asarray(free @ ways[strength > LEAST_PART].T)
 
 
 def _without(gram: np.ndarray, own: np.ndarray, rest: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -161,7 +162,7 @@ def _mean_squares(values: np.ndarray, group: np.ndarray) -> np.ndarray:
 def _untold(information: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Directions, (u, m), along which the values may change by as much as they are without any reading telling it."""
     strength, directions = np.linalg.eigh(information)
-    return directions[:, strength * float(values @ values) < UNTOLD]
+    return directions[:, strength * float(values @ values) < UNTOLD_CHI2]
 
 
 def _fewest(values: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -211,12 +212,12 @@ def _alike(linear: Linear, own: np.ndarray, free: np.ndarray, motions: np.ndarra
     columns = linear.columns[linear.rows].reshape(3 * int(linear.rows.sum()), -1)
     moved = motions @ free
     size, ways = np.linalg.eigh(_square(columns[:, own] @ free))
-    seen = size > ROUNDING * size.max(initial=0.0)
+    seen = size > RANK_TOLERANCE * size.max(initial=0.0)
     unit = ways[:, seen] / np.sqrt(size[seen])  # each does as much as one reading's noise before anything makes good
     left, ways = np.linalg.eigh(_square(columns @ (moved @ unit)))
-    rigid = moved @ unit @ ways[:, left < LIKE_FRAME**2]
+    rigid = moved @ unit @ ways[:, left < FRAME_RESIDUE**2]
     parts = np.linalg.norm(columns[:, linear.frame], axis=0) * np.linalg.norm(rigid[linear.frame], axis=1)
-    strong = np.flatnonzero(parts > MOTION)
+    strong = np.flatnonzero(parts > LEAST_MOTION)
     names = {FRAME_NAMES[place % 6] for place in strong if place < 6 * frames}
     names |= {MOUNT_NAMES[(place - 6 * frames) % 3] for place in strong if place >= 6 * frames}
     return tuple(name for name in (*FRAME_NAMES, *MOUNT_NAMES) if name in names)

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-STEPS = 40
-DONE = 1e-8  # decrease of chi-squared still to be had at the end: parameters within 1e-4 standard errors
-SHORTER = 0.3
-TRIES = 8
-FEW_TRIES = 3  # of a coarse search
-RELATIVE = 1e-4  # where much more than noise is left, so much of it, in units of the decrease still to be had, is none
-FINE = 1e-3  # decrease below which a step that keeps less than half its promise is the last: kinks are near
-PROMISE = 5.0  # times the decrease that the tangent promises, or the last step brought, that may still be to come
-ROUGH = 1e-4  # share of chi-squared below which a step that does not help is put down to kinks, as play has them
+MOST_ITERATIONS = 40
+TOLERANCE = 1e-8  # chi-squared still to be gained at the end: parameters within 1e-4 standard errors
+STEP_RATIO = 0.3  # of each trial step to the one before in the line search
+TRIES = 8  # trial steps of a line search
+FEW_TRIES = 3  # the same of a coarse fit
+# tolerance per unit of chi-squared left, times `done`: where more than noise is left, less accuracy is needed
+RELATIVE_TOLERANCE = 1e-4
+FINE_GAIN = 1e-3  # gain below which a step that keeps less than half of its prediction is the last: kinks are near
+PROMISE_FACTOR = 5.0  # times the predicted gain, or the last one, that may still be to come
+KINK_SHARE = 1e-4  # share of chi-squared up to which a step that does not help is put down to kinks, as play has them
 
 HOPELESS = "not converged: far above what was asked for"
 
@@ -35,7 +36,7 @@ class Descent:
 
 
 def descend(
-    equations: Equations, start: np.ndarray, lower: np.ndarray, upper: np.ndarray, done: float = DONE,
+    equations: Equations, start: np.ndarray, lower: np.ndarray, upper: np.ndarray, done: float = TOLERANCE,
     hopeless: float = np.inf,
 ) -> Descent:  # fmt: skip
     """Minimise a sum of squares between bounds.
@@ -56,33 +57,33 @@ def descend(
     at = np.clip(start, lower, upper)
     normal, side, cost = equations(at)
     gained = np.inf
-    for _ in range(STEPS):
+    for _ in range(MOST_ITERATIONS):
         step = bounded_step(normal, side, lower - at, upper - at)
         decrease = float(2.0 * side @ step - step @ normal @ step)
-        if decrease <= done * (1.0 + RELATIVE * cost) + 1e-13 * cost:
+        if decrease <= done * (1.0 + RELATIVE_TOLERANCE * cost) + 1e-13 * cost:
             return Descent(at, "converged")
-        if cost - PROMISE * min(decrease, gained) > hopeless:
+        if cost - PROMISE_FACTOR * min(decrease, gained) > hopeless:
             return Descent(at, HOPELESS)
-        found = _search_line(equations, at, step, cost, decrease, max(FINE, done))
+        found = _search_line(equations, at, step, cost, decrease, max(FINE_GAIN, done))
         if found is None:
-            kinked = decrease <= max(ROUGH * cost, FINE)
+            kinked = decrease <= max(KINK_SHARE * cost, FINE_GAIN)
             return Descent(at, "converged" if kinked else "not converged: no step lowers the error further")
         before, (at, (normal, side, cost)) = cost, found
         gained = before - cost
-        if decrease <= max(FINE, 10.0 * done) and gained < 0.5 * decrease:
+        if decrease <= max(FINE_GAIN, 10.0 * done) and gained < 0.5 * decrease:
             return Descent(at, "converged")
-    return Descent(at, f"not converged after {STEPS} steps")
+    return Descent(at, f"not converged after {MOST_ITERATIONS} steps")
 
 
 def _search_line(
     equations: Equations, at: np.ndarray, step: np.ndarray, cost: float, decrease: float, fine: float
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, float]] | None:
     share = 1.0
-    for _ in range(1 if decrease <= fine else FEW_TRIES if fine > FINE else TRIES):
+    for _ in range(1 if decrease <= fine else FEW_TRIES if fine > FINE_GAIN else TRIES):
         there = equations(at + share * step)
         if there[2] <= cost - 1e-4 * share * decrease:
             return at + share * step, there
-        share *= SHORTER
+        share *= STEP_RATIO
     return None
 
 

@@ -14,7 +14,8 @@ from ptt.machine_schema import CovarianceSpec, MaskedSpec
 from ptt.model.entries import write_model
 from ptt.model.model import Model
 
-ASIDE: Any = {
+# parts of a drawing that no error depends on
+OUTSIDE_DIGEST: Any = {
     "name": True,
     "slider_travel_mm": True,
     "joint": {"__all__": {"limits_deg"}},
@@ -175,7 +176,7 @@ def _digest_of_drawing(model: Model) -> str:
 
     What a key is by default is left out, so that one that comes to be known later changes no digest.
     """
-    return _digest(model.file.machine.model_dump_json(exclude=ASIDE, exclude_defaults=True))
+    return _digest(model.file.machine.model_dump_json(exclude=OUTSIDE_DIGEST, exclude_defaults=True))
 
 
 def _digest(text: str) -> str:

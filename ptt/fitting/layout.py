@@ -18,8 +18,9 @@ from ptt.run.view import View
 FRAME_NAMES = ("tracker x", "tracker y", "tracker z", "tracker rotation about x", "tracker rotation about y",
                "tracker rotation about z")  # fmt: skip
 MOUNT_NAMES = ("reflector mount x", "reflector mount y", "reflector mount z")
-UNLIKE = 4.0  # times their mean that lengths of joints of one make differ by: a far shorter one is play by another name
-FRAME, MOUNT = -1, -2  # owners of unknowns that are no effect's
+# to their geometric mean, of lengths that each joint has its own of: a far shorter one is play by another name
+MOST_LENGTH_RATIO = 4.0
+FRAME, MOUNT = -1, -2  # owners of the unknowns of frames and reflector mounts, which belong to no effect
 
 
 @dataclass(frozen=True)
@@ -198,7 +199,9 @@ def bounds_of(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
     if not parameter.apart or not len(present):
         return low, high
     mean = float(np.exp(np.log(np.maximum(present, low)).mean()))
-    return max(low, min(mean / UNLIKE, present.min())), min(high, max(mean * UNLIKE, present.max()))
+    return max(low, min(mean / MOST_LENGTH_RATIO, present.min())), min(
+        high, max(mean * MOST_LENGTH_RATIO, present.max())
+    )
 
 
 def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:

@@ -26,8 +26,8 @@ from ptt.model.chain import Chain, signature
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-LONG_SEARCH = 12  # shapes, from which some of them stand for all
-FEW_SHAPES = 6  # of these one stands for all
+LONG_SEARCH = 12  # shapes from which only some of them stand for all in a saturated model
+FEW_SHAPES = 6  # of these neighbouring shapes one stands for all
 
 Shape = Mapping[str, Tensor]
 Shapes = Sequence[Shape] | Mapping[str, Sequence[Shape]]

@@ -13,9 +13,10 @@ from ptt.machine_schema import MaskedSpec
 from ptt.model.model import rival
 from ptt.run.problem import Problem
 
-LARGEST = 12  # values up to which an effect is kept: curves would outgrow the file
-MASKED_ROWS = 10_000  # beyond which the columns of all of the library's effects at once take too much memory
-LEAST_ROOT = 0.03  # what a thousand usual sizes would hardly show says nothing
+MOST_VALUES = 12  # values up to which an effect is kept: curves would outgrow the file
+MASKED_ROWS = 10_000  # rows beyond which the columns of all of the library's effects at once take too much memory
+# root of the information below which a direction says nothing: even 30 usual sizes would be one sigma
+LEAST_ROOT = 0.03
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,13 @@ def _candidates(fitted: FitResult, problem: Problem) -> list[Effect]:
     for name, cls in library().items():
         effect = cls()
         size = sum(parameter.size(joints) for parameter in effect.parameters)
-        if kind not in cls.mechanisms or name in keys or cls.of_run or effect.stage == "metrology" or size > LARGEST:
+        if (
+            kind not in cls.mechanisms
+            or name in keys
+            or cls.of_run
+            or effect.stage == "metrology"
+            or size > MOST_VALUES
+        ):
             continue
         if any(parameter.shapes for parameter in effect.parameters) or rival(effect, keys):
             continue

@@ -14,14 +14,15 @@ from ptt.fitting.result import FitResult
 from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.record import Record
 
-ALIKE = 0.95  # how far a pattern must lie in the confounded space to lend it its words
-CORRELATED = 0.9
-SMALL = 0.1  # motions below this share of the largest are not named
-NEW = 0.5  # length of what a combination must add to those told already
-NO_PATTERN = 3.0  # cost of an effect that no pattern describes; that of one with a pattern is 1 to 1.5
-MOST_MEMBERS, MEMBER = 4, 0.3  # of a combination without a pattern; and their least share of the largest
+# cosine between an effect's part of an imitation and a pattern from which the pattern describes it
+PATTERN_COSINE = 0.95
+CORRELATED = 0.9  # correlation from which a pair of parameters is listed
+SMALL_MOTION = 0.1  # share of the largest motion of its kind below which one is not named
+NEW_LENGTH = 0.5  # length, of one, that a combination must add to those reported already
+NO_PATTERN_COST = 3.0  # cost of an effect that no pattern describes; that of one with a pattern is 1 to 1.5
+MOST_MEMBERS, LEAST_MEMBER = 4, 0.3  # members of a combination without a pattern, and their least share of the largest
 TOGETHER = " together with "
-PULL = 1e-6  # prior on what imitates, in usual sizes, that keeps free directions finite
+PARTNER_PRIOR = 1e-6  # information in usual sizes on what imitates a pattern, which keeps free directions finite
 
 
 @dataclass(frozen=True)
@@ -106,7 +107,7 @@ def unobservable(fitted: FitResult) -> tuple[Combination, ...]:
     for candidate in sorted(candidates, key=lambda item: (item.cost, -item.order)):
         within = left.T @ candidate.whole
         length = float(np.linalg.norm(within))
-        if length < NEW:  # told already, with another effect in the lead
+        if length < NEW_LENGTH:  # told already, with another effect in the lead
             continue
         found.append(candidate.combination)
         left = left @ _complement(within / length)
@@ -142,7 +143,7 @@ def _confounded(fitted: FitResult) -> Iterator[tuple[int, Pattern]]:
         own = np.flatnonzero(layout.owner == index)
         if not len(own):
             continue
-        kept = project_off(information, own, PULL)
+        kept = project_off(information, own, PARTNER_PRIOR)
         if np.linalg.eigvalsh(kept)[0] >= SEEN_INFORMATION:
             continue
         for pattern in _patterns(fitted, index, own):
@@ -188,7 +189,7 @@ def _large(motions: list[str], groups: Mapping[str | int, np.ndarray], whole: np
     size = {name: float(np.abs(whole[groups[name]]).max()) for name in motions}
     kinds = [[name for name in motions if ("rotation" in name) == kind] for kind in (False, True)]
     largest = [max((size[name] for name in kind), default=0.0) for kind in kinds]
-    return [name for name in motions if size[name] > SMALL * largest["rotation" in name]]
+    return [name for name in motions if size[name] > SMALL_MOTION * largest["rotation" in name]]
 
 
 _NONE = np.zeros(0, dtype=int)
@@ -218,7 +219,7 @@ def _imitation(information: np.ndarray, vector: np.ndarray, others: np.ndarray) 
     """What the other columns must do so that the data see least of a direction."""
     result = np.zeros_like(vector)
     if len(others):
-        block = information[np.ix_(others, others)] + PULL * np.eye(len(others))
+        block = information[np.ix_(others, others)] + PARTNER_PRIOR * np.eye(len(others))
         result[others] = -np.linalg.solve(block, information[others] @ vector)
     return result
 
@@ -237,9 +238,9 @@ def _effect_words(whole: np.ndarray, owner: int, fitted: FitResult) -> tuple[str
     part[columns] = whole[columns]
     length = np.linalg.norm(part)
     best = max(_patterns(fitted, owner, columns), key=lambda pattern: abs(float(pattern.vector @ part)))
-    if abs(float(best.vector @ part)) > ALIKE * length:
+    if abs(float(best.vector @ part)) > PATTERN_COSINE * length:
         return f"{key} ({best.words})", 1.0 + best.cost
-    return key, NO_PATTERN
+    return key, NO_PATTERN_COST
 
 
 def _complement(direction: np.ndarray) -> np.ndarray:
@@ -252,7 +253,7 @@ def _rest(layout: Layout, left: np.ndarray) -> list[Combination]:
     rest = []
     for direction in left.T:
         order = np.argsort(-np.abs(direction))[:MOST_MEMBERS]
-        big = [i for i in order if abs(direction[i]) > MEMBER * abs(direction[order[0]])]
+        big = [i for i in order if abs(direction[i]) > LEAST_MEMBER * abs(direction[order[0]])]
         lead = next((i for i in big if layout.owner[i] >= 0), None)
         if lead is None:
             continue

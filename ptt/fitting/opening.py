@@ -14,9 +14,10 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 MOST_FIRST = 0.1  # share of the rows that may open a run and be left out for it: of short runs one row in ten
-MOST_REMEMBERING = 0.25  # the same where it is known what remembers: beyond, hardly a row would know of it at all
-MATTERS = 1.0  # standard deviation of a reading by which it matters from where a run came
-AT_STAKE = 10.0  # nats that a wrong guess of it may hand to whatever begins early in a run: about what a name costs
+MOST_REMEMBERING = 0.25  # the same where it is known what remembers: beyond, hardly a row would be left to show it
+MATTERS_SIGMA = 1.0  # standard deviations of a reading from which it matters how a run was entered
+# nats that a wrong guess of it may give to whatever else begins early in a run: about the price of a name
+AT_STAKE_NATS = 10.0
 
 
 def opening_rows(problem: Problem) -> np.ndarray:
@@ -64,9 +65,9 @@ def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> n
     if elsewhere := [(effect, theta) for effect, theta in known if not _is_of_joints(effect)]:
         there = (predict(elsewhere, view).reading - predict(elsewhere, other).reading).numpy()
         square += np.square(there @ noise.whitener.T).sum(axis=1)
-    told = problem.used & (square > MATTERS**2)
+    told = problem.used & (square > MATTERS_SIGMA**2)
     few = told.sum() < MOST_REMEMBERING * problem.used.sum()
-    return told if few and 0.5 * square[told].sum() > AT_STAKE else none
+    return told if few and 0.5 * square[told].sum() > AT_STAKE_NATS else none
 
 
 def _is_of_joints(effect: Effect) -> bool:

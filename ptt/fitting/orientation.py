@@ -10,7 +10,7 @@ from ptt.mechanisms.serial import Serial
 from ptt.run.frames import rotation
 from ptt.run.problem import Problem
 
-TRIM = 4.0  # medians beyond which an orientation does not count
+TRIM_MEDIANS = 4.0  # medians of the angle beyond which an orientation is a gross error
 
 
 def orientation_rms(fitted: FitResult, problem: Problem) -> float | None:
@@ -45,5 +45,5 @@ def _rms_mrad(measured: Tensor, predicted: Tensor, used: np.ndarray) -> float:
         target = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
         angle = rotation_vector(measured @ (predicted @ torch.as_tensor(target)).mT).numpy()
         size = np.linalg.norm(angle, axis=1)
-        kept = rows & (np.nan_to_num(size, nan=np.inf) <= TRIM * np.median(size[rows]))
+        kept = rows & (np.nan_to_num(size, nan=np.inf) <= TRIM_MEDIANS * np.median(size[rows]))
     return float(np.sqrt(np.square(angle[kept]).sum(axis=1).mean()) * 1e3)

@@ -6,19 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.fitting.drawn_sizes import DrawnSize, learn_beside
-from ptt.fitting.evidence import WIDTH
+from ptt.fitting.evidence import LOG_SIZE_STD
 from ptt.fitting.posterior import Posterior
 from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import Total
 
-WIDTHS = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)  # variances of a size, from a thirtieth of the usual size to ten of it
-STEP = 0.5 * np.log(10.0)  # between two such sizes, in nats
-SHARE = STEP / (np.sqrt(2.0 * np.pi) * WIDTH)  # of the log-normal prior of sizes that belongs to each, at its middle
-GONE = 0.1  # of the variance that values have in the fit, below which they are at nothing
-SAME = 0.05  # nats between two ways that are one, reached from two sides
-CLEARLY = 5.0  # standard errors by which a way has values elsewhere, and no error that is stated would tell
-MUCH = 1.0 / 3.0  # of the largest value of an effect, by which it has
-ASIDE = 1e-3  # chance of a way that is worth a word: less moves no error by more than a thirtieth of what it is off
+TRIED_VARIANCES = (1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0)  # of a size, from a thirtieth of the usual size to ten of it
+LOG_SIZE_STEP = 0.5 * np.log(10.0)  # between two such sizes, in nats
+# prior probability of each grid point if the log-normal density were at its peak there
+GRID_PRIOR = LOG_SIZE_STEP / (np.sqrt(2.0 * np.pi) * LOG_SIZE_STD)
+GONE_SHARE = 0.1  # share of the variance that a group has in the fit below which its values count as zero
+SAME_NATS = 0.05  # difference in nats below which two solutions are the same one, reached from two sides
+CLEAR_ERRORS = 5.0  # standard errors from which a value is clearly another, so that no stated error covers it
+CLEAR_SHARE = 1.0 / 3.0  # share of the effect's largest value from which it is
+# probability from which a solution is mentioned: less moves no error by more than a thirtieth of the shift
+LEAST_CHANCE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -60,9 +62,9 @@ def other_ways(
     found = list[OtherWay]()
     for size in sizes:
         ways = _with_size(fitted, total, size)
-        odds = SHARE * np.exp(np.minimum([way.total - ahead for way in ways], 0.0))
+        odds = GRID_PRIOR * np.exp(np.minimum([way.total - ahead for way in ways], 0.0))
         for chance, there in zip(odds / (1.0 + odds.sum()), ways, strict=True):
-            effects = _elsewhere(fitted, base, there) if chance > ASIDE else ()
+            effects = _elsewhere(fitted, base, there) if chance > LEAST_CHANCE else ()
             found += [OtherWay(float(chance), size, effects, there)] if effects else []
     return found
 
@@ -70,15 +72,15 @@ def other_ways(
 def _with_size(fitted: FitResult, total: Total, size: DrawnSize) -> list[Posterior]:
     """Where all values are with a size of each width, from where the fit is and with each of its kinds at nothing."""
     kinds, group = fitted.layout.kinds, fitted.layout.group[fitted.layout.owner >= 0]
-    ways = [learn_beside(fitted, total, (size,), held=width) for width in WIDTHS]
+    ways = [learn_beside(fitted, total, (size,), held=width) for width in TRIED_VARIANCES]
     for number in np.unique(group[group >= 0]).tolist():
         if kinds[number] != "free":
             continue
         there = learn_beside(fitted, total, (size,), held=1.0, small=number)
-        if there.scales[number] < GONE * fitted.prior.scales[number]:
+        if there.scales[number] < GONE_SHARE * fitted.prior.scales[number]:
             start, known = there.scales[: len(kinds)], np.array([way.total for way in ways])
-            again = [learn_beside(fitted, total, (size,), held=width, start=start) for width in WIDTHS]
-            ways += [way for way in again if np.abs(known - way.total).min() > SAME]
+            again = [learn_beside(fitted, total, (size,), held=width, start=start) for width in TRIED_VARIANCES]
+            ways += [way for way in again if np.abs(known - way.total).min() > SAME_NATS]
     return ways
 
 
@@ -87,7 +89,7 @@ def _elsewhere(fitted: FitResult, base: Posterior, there: Posterior) -> tuple[st
     layout, errors = fitted.layout, np.sqrt(np.diag(base.covariance))
     off = np.abs(there.values[: len(base.values)] - base.values)
     far = [
-        np.maximum(CLEARLY * errors, MUCH * np.abs(base.values[layout.owner == number]).max(initial=0.0))
+        np.maximum(CLEAR_ERRORS * errors, CLEAR_SHARE * np.abs(base.values[layout.owner == number]).max(initial=0.0))
         for number in range(len(layout.terms))
     ]  # fmt: skip
     return tuple(

@@ -9,11 +9,13 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_isf, chi2_median, chi2_ppf
 
-CHANCE = 1e-3  # chance that a sound table of readings loses one row to the rule
-EXCEPTIONS = 1.0 / 12.0  # share of rows beyond which far rows are no exceptions: trackers lose far fewer readings
-TAIL = 4.0  # squared: what a model misses is no bell curve, its ends lie up to twice as far out as those of noise
-ROUNDS = 8
-KNEE = 6.0  # squared distance, in units of the bulk, at which a row counts half (Cauchy)
+LOST_CHANCE = 1e-3  # probability that a sound table of readings loses one row as a gross error
+MOST_EXCEPTIONS = 1.0 / 12.0  # share of rows beyond which far rows are no exceptions: trackers lose far fewer readings
+# factor on the limit: what a model misses is not normal, its tails reach up to twice as far as those of noise
+MISFIT_TAIL = 4.0
+REWEIGHTINGS = 8  # rounds of iteratively reweighted least squares
+CAUCHY_KNEE = 6.0  # squared distance, in units of the bulk, at which a row has weight one half
+CHI2_MEDIAN = chi2_median(3)  # of a squared distance in three coordinates
 
 
 def inside(
@@ -44,7 +46,7 @@ def inside(
         for part in shifted_stretches(whitened, far, problem, _limit(squared[used]), noise):
             apart[part] = True
     rest = used & ~apart
-    gross = rest & (squared > _limit(squared[rest], EXCEPTIONS))
+    gross = rest & (squared > _limit(squared[rest], MOST_EXCEPTIONS))
     if problem is not None and gross.any():
         machine = confirmed_by_pose(gross, whitened, problem)
         for part in in_a_row(far & ~apart, problem):
@@ -60,7 +62,7 @@ def _limit(squared: np.ndarray, exceptions: float = 0.5) -> float:
     if bulk < 1:
         return np.inf
     wide = np.sort(squared)[bulk - 1] / chi2_ppf((bulk - 0.5) / count, 3)
-    return limit_of(max(1.0, float(wide), float(np.median(squared)) / MEDIAN), count)
+    return limit_of(max(1.0, float(wide), float(np.median(squared)) / CHI2_MEDIAN), count)
 
 
 def limit_of(width: float, rows: int) -> float:
@@ -70,8 +72,8 @@ def limit_of(width: float, rows: int) -> float:
         width: of the bulk of the rows, in units of noise squared, at least one.
         rows: how many there are.
     """
-    tail = 1.0 + (TAIL - 1.0) * min(width - 1.0, 1.0)
-    return float(chi2_isf(CHANCE / rows, 3)) * width * tail
+    tail = 1.0 + (MISFIT_TAIL - 1.0) * min(width - 1.0, 1.0)
+    return float(chi2_isf(LOST_CHANCE / rows, 3)) * width * tail
 
 
 def linear_residual(
@@ -93,7 +95,7 @@ def linear_residual(
     weight, left = np.ones(len(rows)), rows
     if not width:
         return left, _weights(left)
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         heavy = (columns * weight[:, None, None]).reshape(-1, width)
         normal = heavy.T @ flat + base_columns.T @ base_columns
         side = heavy.T @ rows.ravel() + base_columns.T @ base_rows
@@ -109,7 +111,7 @@ def linear_residual(
 
 def _weights(left: np.ndarray) -> np.ndarray:
     squared, spread = _distances(left, np.ones(len(left), dtype=bool))
-    return 1.0 / (1.0 + squared / (KNEE * spread))
+    return 1.0 / (1.0 + squared / (CAUCHY_KNEE * spread))
 
 
 def _distances(whitened: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, float]:
@@ -117,7 +119,4 @@ def _distances(whitened: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, floa
     squared = np.einsum("nc,nc->n", whitened, whitened)
     if not used.any():
         return squared, 1.0
-    return squared, max(1.0, float(np.median(squared[used])) / MEDIAN)
-
-
-MEDIAN = chi2_median(3)
+    return squared, max(1.0, float(np.median(squared[used])) / CHI2_MEDIAN)

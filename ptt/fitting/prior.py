@@ -4,18 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.fitting.evidence import NARROWEST, WIDEST, maximise
+from ptt.fitting.evidence import LEAST_VARIANCE, MOST_VARIANCE, maximise
 from ptt.fitting.layout import Layout
 from ptt.fitting.whitened import Total
 from ptt.run.noise import Noise
 
-FRAME_VARIANCE = 1.0  # of frames and mounts, which stand near where they belong: their usual sizes are wide
-TURNS = 4  # of learning sizes beside the scatter of the rows
-SAME = 0.05  # change of a log variance below which the scatter counts as settled
-PLENTY = 100.0  # degrees of freedom that a stated noise counts for at most: a model may miss more than noise
-SURE = 3.0  # standard deviations from which rows are no longer taken for independent
-SEARCHED = 100.0  # prior variance of what is searched: ten usual sizes hold it where the rows see nothing of it
-APART = 1.0  # the same of what is searched for all joints as one: one that shows nothing of its own stays by the others
+FRAME_VARIANCE = 1.0  # prior variance in usual sizes of frames and mounts, whose usual sizes are wide
+LEARNING_TURNS = 4  # turns of learning variances beside the scatter of the rows
+SETTLED_SCATTER = 0.05  # change of the log variance of the rows below which it counts as settled
+MOST_FREEDOM = 100.0  # degrees of freedom that a stated noise counts for at most: a model may miss more than noise
+SURE_ERRORS = 3.0  # standard deviations of the design effect from which rows are no longer taken for independent
+# of searched parameters: ten usual sizes, which holds them where the rows see nothing of them
+SEARCHED_VARIANCE = 100.0
+# of parameters of each joint that a search found as one: a joint that shows nothing stays by the others
+APART_VARIANCE = 1.0
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,8 @@ def usual_prior(layout: Layout) -> Prior:
 def _before(layout: Layout, group: int, centre: np.ndarray) -> float:
     """Variance of a group before the rows: lengths that joints have each of their own differ by as much as they are."""
     if layout.kinds[group] == "apart":
-        return max(APART, float(np.square(centre[layout.group == group]).max()))
-    return SEARCHED if layout.kinds[group] == "searched" else 1.0
+        return max(APART_VARIANCE, float(np.square(centre[layout.group == group]).max()))
+    return SEARCHED_VARIANCE if layout.kinds[group] == "searched" else 1.0
 
 
 def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> float:
@@ -111,7 +113,7 @@ def design_effect(sums: np.ndarray, square: float, rows: np.ndarray) -> float:
         return 1.0
     effect = float((sums**2).sum()) / square
     alike = float(rows.sum()) ** 2 / float(np.square(rows, dtype=float).sum())  # groups of one size, Kish
-    chance = 1.0 + SURE * np.sqrt(2.0 / (alike * sums.shape[1]))  # chi-squared of independent rows
+    chance = 1.0 + SURE_ERRORS * np.sqrt(2.0 / (alike * sums.shape[1]))  # chi-squared of independent rows
     return effect if effect > chance else 1.0
 
 
@@ -143,15 +145,15 @@ def learn_prior(
     square = left + float(unknowns @ (slope + side))
     fixed = np.array([kind != "free" for kind in layout.kinds])
     scales, wider = start.scales, start.widening
-    for _ in range(TURNS):
+    for _ in range(LEARNING_TURNS):
         found = maximise(
             gram / (wider * crowding), side / (wider * crowding), square / (wider * crowding), count / crowding,
             layout.group,
-            freedom=min(3.0 * noise.freedom, PLENTY), start=scales, wide=FRAME_VARIANCE,
-            floor=np.where(fixed, scales, NARROWEST), ceiling=np.where(fixed, scales, WIDEST),
+            freedom=min(3.0 * noise.freedom, MOST_FREEDOM), start=scales, wide=FRAME_VARIANCE,
+            floor=np.where(fixed, scales, LEAST_VARIANCE), ceiling=np.where(fixed, scales, MOST_VARIANCE),
         )  # fmt: skip
         before, wider, scales = wider, max(wider * found.phi, 1.0), np.where(fixed, scales, found.scales)
-        if abs(np.log(wider / before)) < SAME:
+        if abs(np.log(wider / before)) < SETTLED_SCATTER:
             break
     return _prior(layout, scales, start.centre, wider, crowding)
 

@@ -7,7 +7,8 @@ from scipy import linalg
 
 from ptt.fitting.stated import SEEN_INFORMATION
 
-TRACE = 1e-7  # share of a column's information below which what is its own is a trace of the linearisation
+# share of a column's information below which what is its own is an artefact of the linearisation
+LINEARISATION_TRACE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Projected:
         In very many rows even the thousandth part by which two columns differ only because of where they were
         linearised would count, and be blown up into anything.
         """
-        return max(SEEN_INFORMATION, TRACE * float(self.before[chosen].max(initial=0.0)))
+        return max(SEEN_INFORMATION, LINEARISATION_TRACE * float(self.before[chosen].max(initial=0.0)))
 
 
 def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray) -> Projected:

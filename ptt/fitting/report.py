@@ -19,11 +19,12 @@ from ptt.record import Record
 from ptt.run.axes import AXES_TOTAL
 from ptt.run.problem import Problem
 
-KNOWN_APART = 0.5  # of the error of a value itself, below which what it is more than its fellows counts as measured
-IN_PART = 0.98  # share in unseen directions from which nothing of a parameter is measured
-SHOWN_LINES = 12  # of outliers, and of correlations
+# share of a value's standard error below which its difference from the joints' mean counts as measured
+KNOWN_APART = 0.5
+UNMEASURED = 0.98  # share in unseen directions from which nothing of a parameter is measured
+SHOWN_LINES = 12  # outliers and correlations that are listed
 MOST_LISTED = 8  # values of one curve that are listed: the picture of a longer one says more than its values
-MEASURED = {
+MEASURED_WORDS = {
     "yes": "measured", "in part": "measured in combinations", "at least": "known from below",
     "no": "not measured", "fixed": "fixed", "searched": "searched",
 }  # fmt: skip
@@ -179,7 +180,7 @@ def _values(fitted: FitResult) -> tuple[Value, ...]:
             if not said:
                 continue
             if flag:
-                how = "yes" if fitted.measured[place] else "no" if unseen[place] > IN_PART else "in part"
+                how = "yes" if fitted.measured[place] else "no" if unseen[place] > UNMEASURED else "in part"
                 how = "at least" if layout.names[place] in fitted.least else how
                 found.append(Value(term.effect.key, name, value, float(std[place]), how, apart.get(place)))
                 place += 1
@@ -257,7 +258,7 @@ def _lines_of(values: tuple[Value, ...]) -> list[str]:
     name = f"{values[0].name} to {values[-1].name.rpartition('.')[2]}"
     low, high = (end(value.value for value in values) for end in (min, max))
     counts = Counter(value.measured for value in values)
-    kinds = ", ".join(f"{counts[kind]} {words}" for kind, words in MEASURED.items() if counts[kind])
+    kinds = ", ".join(f"{counts[kind]} {words}" for kind, words in MEASURED_WORDS.items() if counts[kind])
     text = f"{low:.3g} to {high:.3g}, {len(values)} values of a curve: {kinds}; to_dict() and --json have each"
     return [f"    {name:<22} {text}"]
 

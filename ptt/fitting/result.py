@@ -12,8 +12,8 @@ from ptt.model.chain import Prediction
 from ptt.model.model import Model
 from ptt.run.noise import Noise
 
-PRIOR_SHARE = 0.02  # a parameter with more than this share in unseen directions is not measured
-PRIOR_HALF = 0.5  # share of its prior's variance from which a parameter that is held near zero counts as unmeasured
+MOST_UNSEEN = 0.02  # share in unseen directions above which a parameter is not measured
+MEASURED_SHARE = 0.5  # share of its prior variance below which a value counts as measured
 
 
 @dataclass(frozen=True)
@@ -137,8 +137,8 @@ class FitResult:
     def measured(self) -> np.ndarray:
         """Unknowns that the data, not the prior, decide, (u,) bool."""
         own = np.diag(self.covariance) / self.layout.scale**2
-        told = ((self.unseen**2).sum(axis=1) <= PRIOR_SHARE) & ~(self.layout.held & (own > PRIOR_HALF))
+        told = ((self.unseen**2).sum(axis=1) <= MOST_UNSEEN) & ~(self.layout.held & (own > MEASURED_SHARE))
         told &= ~np.isin(self.layout.names, self.least)
         if self.unnamed is None:
             return told
-        return told & (self.open <= PRIOR_HALF * (self.sizes * self.layout.scale) ** 2)
+        return told & (self.open <= MEASURED_SHARE * (self.sizes * self.layout.scale) ** 2)

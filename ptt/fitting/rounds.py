@@ -7,14 +7,14 @@ from typing import Protocol
 
 import numpy as np
 
-from ptt.fitting.gauss_newton import DONE, HOPELESS, descend
+from ptt.fitting.gauss_newton import HOPELESS, TOLERANCE, descend
 from ptt.fitting.layout import Layout
 from ptt.fitting.prior import Prior, learn_prior
 from ptt.fitting.whitened import Total
 from ptt.run.noise import Noise
 
-ROUNDS = 3  # of leaving out gross errors, learning sizes anew and fitting again
-ALIKE = 0.1  # change of a log variance below which sizes count as settled
+MOST_ROUNDS = 3  # rounds of leaving out gross errors, learning variances anew and fitting again
+SETTLED_VARIANCES = 0.1  # change of a log variance below which it counts as settled
 
 
 class RowSums(Protocol):
@@ -60,7 +60,7 @@ class Settled:
 
 def settle(
     rows: Rows, layout: Layout, noise: Noise, start: np.ndarray, choice: np.ndarray, prior: Prior,
-    done: float = DONE, hopeless: float = np.inf,
+    done: float = TOLERANCE, hopeless: float = np.inf,
 ) -> Settled:  # fmt: skip
     """Fit to some rows, how large unknowns may be and which rows are gross errors being found on the way.
 
@@ -78,7 +78,7 @@ def settle(
         Where it ended.
     """
     unknowns, status, settled, crowding = start, "nothing to fit", False, 1.0
-    for attempt in range(1 + ROUNDS):
+    for attempt in range(1 + MOST_ROUNDS):
         if attempt:  # before a first fit all is smooth
             crowding = rows(unknowns, choice).crowding
         before, prior = prior, learn_prior(rows(unknowns, choice).total, layout, unknowns, noise, prior, crowding)
@@ -91,7 +91,7 @@ def settle(
             unknowns, status = ended.unknowns, ended.status
             if status == HOPELESS:
                 break
-        if attempt < ROUNDS:
+        if attempt < MOST_ROUNDS:
             counted, choice = choice, rows(unknowns, choice).sifted
             settled = np.array_equal(counted, choice)
     return Settled(unknowns, prior, choice, status)
@@ -99,7 +99,7 @@ def settle(
 
 def _near(one: Prior, other: Prior) -> bool:
     """Tell sizes so alike that no unknown would move by what matters."""
-    return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < ALIKE)
+    return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < SETTLED_VARIANCES)
 
 
 def _equations(

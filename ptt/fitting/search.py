@@ -10,10 +10,10 @@ from torch import Tensor
 
 from ptt.effects import Effect
 from ptt.effects.layout import flatten
-from ptt.fitting.factor import factor_of
+from ptt.fitting.factor import RANK_TOLERANCE, factor_of
 from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Linear, Shape, assemble, tried_sizes
-from ptt.fitting.outliers import KNEE, linear_residual
+from ptt.fitting.outliers import CAUCHY_KNEE, linear_residual
 from ptt.fitting.reach import require_reach
 from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.model.model import Model, Term
@@ -22,10 +22,10 @@ from ptt.run.problem import Problem
 
 Choice = dict[str, tuple[Shape, np.ndarray]]  # of each new effect its shape, and its amplitudes in usual sizes
 
-WIDE = 1e5  # variance in usual sizes that a new effect may have: what rows hardly see may still be large
-WORTH = 10.0  # chi-squared that another shape must take beyond the first trial, which is the simplest
-HALF = 0.7  # root of the weight of a row that counts for half
-OPENING = 0.05  # where amplitudes that cannot be negative start at the least, in usual sizes
+OPENING_VARIANCE = 1e5  # prior variance in usual sizes of a new effect: what rows hardly see may still be large
+LEAST_GAIN = 10.0  # chi-squared that another shape must gain beyond the first trial, which is the simplest
+HALF_ROOT = 0.7  # root of a robust weight of one half
+LEAST_OPENING = 0.05  # usual sizes at which amplitudes that cannot be negative start at the least
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
     trials = {term.effect.key: _trials(term.effect, problem) for term in new}
     stage = _linearise([term for term in terms if len(term.theta)], new, trials, problem, noise)
     chosen = _choose(stage, new, trials, problem)
-    if any(len(each) > 1 for each in trials.values()) and (stage.root[stage.linear.rows] < HALF).any():
+    if any(len(each) > 1 for each in trials.values()) and (stage.root[stage.linear.rows] < HALF_ROOT).any():
         # What a first trial cannot say looks gross beside it: all rows may as well be sound.
         even = _choose(replace(stage, root=np.sign(stage.root)), new, trials, problem)
         chosen = min((chosen, even), key=lambda choice: _left_robustly(stage, new, choice))
@@ -81,7 +81,7 @@ def _left_robustly(stage: _Stage, new: Sequence[Term], chosen: Choice) -> float:
     columns = [linear.columns[..., linear.simple], *(linear.at.columns(effect, shape) for effect, shape in shapes)]
     every = np.concatenate([each[linear.rows] for each in columns], axis=-1)
     left, _ = linear_residual(linear.residual[linear.rows], every, np.zeros(0), np.zeros((0, every.shape[-1])))
-    return float(np.log1p(np.square(left).sum(axis=1) / KNEE).sum())
+    return float(np.log1p(np.square(left).sum(axis=1) / CAUCHY_KNEE).sum())
 
 
 def _opened(term: Term, shape: Shape, amplitude: np.ndarray, problem: Problem) -> Term:
@@ -108,7 +108,7 @@ def opened_at(effect: Effect, shape: Shape, amounts: Tensor, problem: Problem) -
     for item in (parameter.on(kind) for parameter in effect.parameters):
         part = slice(place, place + item.size(joints))
         place = part.stop
-        least = OPENING * item.usual if item.role == "linear" and item.lower == 0.0 else item.lower
+        least = LEAST_OPENING * item.usual if item.role == "linear" and item.lower == 0.0 else item.lower
         theta[part] = theta[part].clamp(least, min(item.upper, item.most))
     return theta
 
@@ -182,7 +182,7 @@ def _profile(stage: _Stage, effect: Effect, trials: Sequence[Shape], others: Seq
 
     found = gains(trials)
     best = int(np.argmax(found))
-    if found[best] < found[0] + WORTH:
+    if found[best] < found[0] + LEAST_GAIN:
         best = 0
     assert stage.linear.at is not None
     finer = effect.refine(stage.linear.at.chain.at_tool, trials[best])
@@ -196,7 +196,7 @@ def _gain(columns: np.ndarray, base: np.ndarray, left: np.ndarray) -> float:
     """Chi-squared that columns take off what the base leaves."""
     flat = columns.reshape(-1, columns.shape[-1])
     flat = flat - base @ (base.T @ flat)
-    along = solve_triangular(factor_of(flat.T @ flat, 1.0 / WIDE), flat.T @ left, lower=True)
+    along = solve_triangular(factor_of(flat.T @ flat, 1.0 / OPENING_VARIANCE), flat.T @ left, lower=True)
     return float(along @ along)
 
 
@@ -204,7 +204,7 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
     """Basis of what columns (n, 3, P) span, (3 n, r); P is zero where the frame is trusted and nothing else known."""
     flat = columns.reshape(3 * len(columns), columns.shape[-1])
     strength, directions = np.linalg.eigh(flat.T @ flat)
-    seen = strength > max(SEEN_INFORMATION, 1e-12 * strength.max(initial=0.0))
+    seen = strength > max(SEEN_INFORMATION, RANK_TOLERANCE * strength.max(initial=0.0))
     return flat @ (directions[:, seen] / np.sqrt(strength[seen]))
 
 
@@ -213,7 +213,7 @@ def _amplitudes(stage: _Stage, blocks: dict[str, np.ndarray]) -> dict[str, np.nd
     flat = np.concatenate(list(blocks.values()), axis=-1)
     flat = flat.reshape(-1, flat.shape[-1])
     strength, directions = np.linalg.eigh(flat.T @ flat + np.diag(stage.linear.held.astype(float)))
-    seen = strength > max(SEEN_INFORMATION, 1e-12 * strength.max(initial=0.0))
+    seen = strength > max(SEEN_INFORMATION, RANK_TOLERANCE * strength.max(initial=0.0))
     solution = directions[:, seen] @ ((directions[:, seen].T @ (flat.T @ stage.values.ravel())) / strength[seen])
     ends = np.cumsum([block.shape[-1] for block in blocks.values()])
     return dict(zip(blocks, np.split(solution, ends[:-1]), strict=True))

@@ -8,8 +8,8 @@ import numpy as np
 
 from ptt.effects.sudden import Sudden
 from ptt.fitting.alike import excess, times_of
-from ptt.fitting.chunks import LONG, SAMPLE, sample_stretches, take
-from ptt.fitting.gauss_newton import DONE
+from ptt.fitting.chunks import LONG, SAMPLE_ROWS, sample_stretches, take
+from ptt.fitting.gauss_newton import TOLERANCE
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.long import LongEvaluator, LongSystem
 from ptt.fitting.outliers import inside, linear_residual
@@ -26,7 +26,7 @@ from ptt.run.holdout import pose_groups
 from ptt.run.noise import Noise, guessed_noise
 from ptt.run.problem import Problem
 
-NEAR = 0.01  # decrease of chi-squared at which a coarse fit ends
+COARSE_TOLERANCE = 0.01  # chi-squared still to be gained at which a coarse fit ends
 
 
 def fit(
@@ -58,7 +58,7 @@ def fit(
     begun = _begin_long if problem.table.rows > LONG else _begin
     evaluate, unknowns, kept, prior = begun(model, problem, noise, robust, coarse)
     rows = partial(_RowSums, evaluate, pose_groups(problem.table), robust and not (lean or coarse))
-    done = NEAR if coarse else DONE
+    done = COARSE_TOLERANCE if coarse else TOLERANCE
     found = settle(rows, evaluate.layout, noise, unknowns, kept, prior, done, hopeless)
     return _result(model, problem, evaluate, found, coarse)
 
@@ -158,7 +158,7 @@ def _begin_long(
     """The same for a long run: it starts where stretches of it end, near enough to tell gross errors at once."""
     if any(isinstance(term.effect, Sudden) and not len(term.theta) for term in model.terms):
         model = replace(model, terms=tuple(open_terms(model.terms, problem, noise)))  # its moment may lie between them
-    few = fit(model, take(problem, sample_stretches(problem, SAMPLE)), robust=robust, noise=noise, coarse=coarse)
+    few = fit(model, take(problem, sample_stretches(problem, SAMPLE_ROWS)), robust=robust, noise=noise, coarse=coarse)
     layout = lay_out(model, problem, few.layout.terms)
     evaluate = LongEvaluator(layout, problem, noise)
     reading = evaluate(few.unknowns).prediction.reading.numpy()

@@ -10,8 +10,8 @@ from ptt.fitting.factor import inverse
 from ptt.fitting.result import FitResult
 from ptt.model.model import Term
 
-SEEN_INFORMATION = 1.0  # a direction counts as seen where the data know it better than its usual size
-ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
+SEEN_INFORMATION = 1.0  # information from which a direction counts as seen: the data know it better than its usual size
+INFORMATION_ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
 Witness = Callable[[np.ndarray, float], np.ndarray | None]
 
 
@@ -88,4 +88,4 @@ def unseen_directions(information: np.ndarray) -> np.ndarray:
     if not len(information):
         return np.zeros((0, 0))
     strength, directions = np.linalg.eigh(information)
-    return directions[:, strength < max(SEEN_INFORMATION, ROUNDING * strength[-1])]
+    return directions[:, strength < max(SEEN_INFORMATION, INFORMATION_ROUNDING * strength[-1])]

@@ -12,13 +12,15 @@ from ptt.run.problem import Problem
 from ptt.run.same_pose import number_alike
 from ptt.run.tails import poisson_sf
 
-LEAST_ROWS = 3  # from which a stretch is no chance: with one reading in twelve lost, one run in six has such three
-OWN_SIZE = 1.0  # mm: a machine is off by as much in all, but not from one row to the next; reflectors and knocks are
-SHARE = 0.25  # of all rows: a minority that the others outvote; of halves nobody can say which is right
-AGREE = 0.5  # share of their size by which two far readings may differ and still tell of the same place
-ONE_WAY = 0.06  # of pairs of shifts to any side those that differ by no more: a cone of 29 degrees
-ACCIDENT = 0.03  # chance of as many such pairs, below which it is none
-ALL = 0.9  # of the rows that are alike in something: where these are off, the likeness is the cause
+# rows from which a stretch is no chance: with one reading in twelve lost, one run in six has three in a row
+LEAST_STRETCH = 3
+MACHINE_STEP = 1.0  # mm that a machine is off by in all, but not from one row to the next as after a knock
+# share of all rows, a minority that the others outvote: of two halves nobody can say which is right
+MOST_SHIFTED = 0.25
+AGREE_SHARE = 0.5  # share of their size by which two far readings may differ and still show the same place
+CONE_SHARE = 0.06  # share of pairs of random shifts that differ by no more: a cone of 29 degrees
+AGREE_CHANCE = 0.03  # p-value of as many such pairs below which they are no accident
+ALIKE_SHARE = 0.9  # share of the rows alike in load, feed, run or direction that are off, from which that is the cause
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def name_stretches(
     """
     alone, found = outliers.copy(), []
     for whole in in_a_row(outliers, problem):
-        alike = AGREE**2 * float(np.square(residual[whole]).sum(axis=1).max())
+        alike = AGREE_SHARE**2 * float(np.square(residual[whole]).sum(axis=1).max())
         for part in _shifts(whole, residual, alike):
             alone[part] = False
             found.append(_stretch(part, residual, problem))
@@ -114,7 +116,7 @@ def alike_visits(far: np.ndarray, error: np.ndarray, pose: np.ndarray) -> np.nda
         rows = np.flatnonzero(far & (pose == number))
         size = np.linalg.norm(error[rows], axis=1)
         apart = np.linalg.norm(error[rows, None] - error[None, rows], axis=2)
-        alike[rows] = (apart <= AGREE * np.maximum(size[:, None], size)).sum(axis=1) - 1  # itself left out
+        alike[rows] = (apart <= AGREE_SHARE * np.maximum(size[:, None], size)).sum(axis=1) - 1  # itself left out
     return alike
 
 
@@ -122,7 +124,7 @@ def agree_by_chance(pairs: float, share: float, visits: np.ndarray) -> bool:
     """Whether so many pairs of far readings agree at visits of one pose because so many readings are far.
 
     Args:
-        pairs: that agree to within `AGREE` of their size.
+        pairs: that agree to within `AGREE_SHARE` of their size.
         share: of all readings that are far.
         visits: of each pose, (poses,).
 
@@ -130,7 +132,7 @@ def agree_by_chance(pairs: float, share: float, visits: np.ndarray) -> bool:
         False where broken beams would hardly do it.
     """
     could = float((visits * (visits - 1.0)).sum()) / 2.0
-    return bool(poisson_sf(pairs - 1.0, ONE_WAY * share**2 * could) >= ACCIDENT)
+    return bool(poisson_sf(pairs - 1.0, CONE_SHARE * share**2 * could) >= AGREE_CHANCE)
 
 
 def in_a_row(far: np.ndarray, problem: Problem) -> list[np.ndarray]:
@@ -141,12 +143,12 @@ def in_a_row(far: np.ndarray, problem: Problem) -> list[np.ndarray]:
         problem: the readings; rows that do not count stand in nobody's way, runs end a stretch.
 
     Returns:
-        Row numbers of each stretch of at least `LEAST_ROWS` rows.
+        Row numbers of each stretch of at least `LEAST_STRETCH` rows.
     """
     order = np.flatnonzero(problem.used)
     flag, run = far[order], problem.table.run[order]
     cuts = np.flatnonzero((flag[1:] != flag[:-1]) | (run[1:] != run[:-1])) + 1
-    return [part for part in np.split(order, cuts) if len(part) >= LEAST_ROWS and far[part[0]]]
+    return [part for part in np.split(order, cuts) if len(part) >= LEAST_STRETCH and far[part[0]]]
 
 
 def shifted_stretches(
@@ -169,13 +171,13 @@ def shifted_stretches(
     """
     together = [part for whole in in_a_row(far, problem) for part in _shifts(whole, whitened, limit)]
     color = np.linalg.inv(noise.whitener).T
-    together = [part for part in together if np.linalg.norm(np.median(whitened[part] @ color, axis=0)) > OWN_SIZE]
+    together = [part for part in together if np.linalg.norm(np.median(whitened[part] @ color, axis=0)) > MACHINE_STEP]
     if not together:
         return []
     everyone = np.isin(np.arange(len(far)), np.concatenate(together))
     causes = _likenesses(problem)
     found = [part for part in together if not any(_explains(cause, part, everyone, problem.used) for cause in causes)]
-    return found if sum(map(len, found)) <= SHARE * problem.used.sum() else []
+    return found if sum(map(len, found)) <= MOST_SHIFTED * problem.used.sum() else []
 
 
 def _shifts(whole: np.ndarray, error: np.ndarray, limit: float) -> list[np.ndarray]:
@@ -184,12 +186,12 @@ def _shifts(whole: np.ndarray, error: np.ndarray, limit: float) -> list[np.ndarr
         return [whole]
     step = np.square(np.diff(error[whole], axis=0)).sum(axis=1)
     parts = np.split(whole, np.flatnonzero(step > 2.0 * limit) + 1)  # a difference has twice the variance
-    return [part for part in parts if len(part) >= LEAST_ROWS and _is_shift(error[part], limit)]
+    return [part for part in parts if len(part) >= LEAST_STRETCH and _is_shift(error[part], limit)]
 
 
 def _is_shift(whitened: np.ndarray, limit: float) -> bool:
     apart = np.square(whitened - np.median(whitened, axis=0)).sum(axis=1)
-    return bool(np.mean(apart <= limit) > 1.0 - SHARE)
+    return bool(np.mean(apart <= limit) > 1.0 - MOST_SHIFTED)
 
 
 def _likenesses(problem: Problem) -> list[np.ndarray]:
@@ -207,4 +209,4 @@ def _explains(cause: np.ndarray, part: np.ndarray, off: np.ndarray, used: np.nda
     if (cause[part] != cause[part[0]]).any():
         return False
     alike = used & (cause == cause[part[0]])
-    return bool(off[alike].mean() >= ALL)
+    return bool(off[alike].mean() >= ALIKE_SHARE)

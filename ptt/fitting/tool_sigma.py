@@ -22,8 +22,8 @@ from ptt.run.table import make_table
 from ptt.run.view import View
 from ptt.run.viewing import build_view
 
-POSTURES = 200  # from which the mean of a shift with the tool is known to a tenth of what varies beside it
-STEEP = 5.0  # slope of a bow at its end, in heights of the bow a length of the curve
+POSTURES = 200  # postures from which the mean of a shift with the tool is known to a tenth of its standard deviation
+END_SLOPE = 5.0  # slope of a curve at its end, in heights of the curve per length of it
 
 
 def tool_sigma(kept: Kept, terms: EffectTerms, view: View, file: MachineFile) -> np.ndarray:
@@ -145,7 +145,7 @@ def unvisited(terms: EffectTerms, view: View, jacobian: Tensor) -> Tensor:
         if {"from", "to", "straight"} <= values.keys():
             low, high = values["from"], values["to"]
             share = (torch.maximum(view.q - high, low - view.q) / (high - low)).clamp(min=0.0)  # shape: (n, k)
-            far = (STEEP**2 * share**2 + share**3).sqrt()
+            far = (END_SLOPE**2 * share**2 + share**3).sqrt()
             levels = first + _levels(effect, view.joints)  # shape: (k, curves)
             for number, curve in enumerate(_bent(effect)):
                 height = values[curve.stem].reshape(view.joints, -1).abs().amax(dim=1).clamp(min=curve.usual)

@@ -25,12 +25,13 @@ from ptt.model.model import Term, parameter_names
 from ptt.run.problem import Problem
 from ptt.run.view import View
 
-SEEN_SQUARE = 4.0  # of standard deviations by which wind-up over a travel has to differ from play to be told from it
-SHORTER = np.geomspace(1.0, 1e-3, 25)  # of the usual travel: wind-up over none longer is as likely as play
-LONG_TRAVEL = 0.25  # of the usual travel: nearer to a reversal hardly a command ends
-FURTHER = 5.0  # standard errors by which a gap is tried larger, a fifth of it at the least
-SMALL = 0.2  # of the largest play: what is less is not spoken of
-CHANCE = 0.5  # that what is lost is wind-up, where no reading tells
+SEEN_CHI2 = 4.0  # chi-squared by which wind-up over a travel has to differ from play to be told from it
+# tried travels of a wind-up, as shares of the usual one: longer ones are less likely than play
+TRAVEL_SHARES = np.geomspace(1.0, 1e-3, 25)
+LONG_TRAVEL = 0.25  # share of the usual travel from which an open wind-up is worth a word: hardly a command ends nearer
+LARGER_ERRORS = 5.0  # standard errors by which a gap is tried larger; a fifth of it at the least
+SMALL_GAP = 0.2  # share of the largest gap below which a gap is not spoken of
+WINDUP_CHANCE = 0.5  # probability that lost motion is wind-up rather than play where no reading tells
 
 
 def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
@@ -51,11 +52,11 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
     jacobian = linearise(terms, few.view).jacobian
     usual = _travel(fitted).usual
     open_yet, lengths = torch.ones(few.view.joints, dtype=torch.bool), torch.zeros(few.view.joints, dtype=torch.float64)
-    for share in SHORTER:
+    for share in TRAVEL_SHARES:
         trial = torch.full_like(lengths, usual * float(share))
-        square = (unturned(terms, few.view, jacobian, trial)[used] / sigma).square().sum(dim=(0, 1)) / CHANCE
-        lengths = torch.where(open_yet & (square < SEEN_SQUARE), trial, lengths)
-        open_yet = open_yet & (square >= SEEN_SQUARE)
+        square = (unturned(terms, few.view, jacobian, trial)[used] / sigma).square().sum(dim=(0, 1)) / WINDUP_CHANCE
+        lengths = torch.where(open_yet & (square < SEEN_CHI2), trial, lengths)
+        open_yet = open_yet & (square >= SEEN_CHI2)
     least = [name for term in fitted.model.terms for name in _never_taken_up(term, few, sigma)]
     own, covariance = np.flatnonzero(np.isin(fitted.layout.names, least)), fitted.covariance.copy()
     covariance[own, own] += fitted.layout.scale[own] ** 2
@@ -92,7 +93,7 @@ def _never_taken_up(term: Term, problem: Problem, sigma: float) -> list[str]:
     by_joint, found = view.jacobian.square().sum(dim=1).numpy(), []  # shape: (n, k)
     for joint in np.flatnonzero((gap > 0.0).numpy()):
         larger = term.theta.clone()
-        larger[joint] += max(FURTHER * float(term.std[joint].nan_to_num()), SMALL * float(gap[joint]))
+        larger[joint] += max(LARGER_ERRORS * float(term.std[joint].nan_to_num()), SMALL_GAP * float(gap[joint]))
         more = (term.effect.shift(larger, view) - term.effect.shift(term.theta, view))[:, joint].numpy()
         square = 0.0
         for run in np.unique(view.run[problem.used].numpy()):  # what is the same all along, zeros and frames have
@@ -139,7 +140,7 @@ def _unseen(fitted: FitResult, term: Term) -> list[int]:
     if not isinstance(term.effect, Backlash) or not fitted.turns:
         return []
     gap, long = gap_of(term.theta)[0].numpy(), np.array(fitted.turns) > LONG_TRAVEL * _travel(fitted).usual
-    return [int(joint) + 1 for joint in np.flatnonzero(long & (gap > SMALL * np.abs(gap).max()))]
+    return [int(joint) + 1 for joint in np.flatnonzero(long & (gap > SMALL_GAP * np.abs(gap).max()))]
 
 
 def _windup(fitted: FitResult, joints: Sequence[int]) -> str:
@@ -167,7 +168,7 @@ def unturned(terms: EffectTerms, view: View, jacobian: Tensor, lengths: Tensor) 
             behind = 1.0 - friction * view.direction  # shape: (n, k), of the change that is still to come
             found += jacobian[:, :, first : first + view.joints] * (gap * behind)[:, None]
         first += sum(sizes(effect, view.joints))
-    return found * CHANCE**0.5
+    return found * WINDUP_CHANCE**0.5
 
 
 def _travel(fitted: FitResult) -> Parameter:

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from ptt.effects.memory import entry_after, keep_direction
 from ptt.errors import InputError
-from ptt.fitting.chunks import BESIDE, CHUNK, stretches, take_entered
+from ptt.fitting.chunks import CHUNK, NEIGHBOUR_ROWS, stretches, take_entered
 from ptt.fleet.database import duckdb, in_memory
 from ptt.fleet.readings import columns_to_table, plain_columns
 from ptt.machine import MachineFile
@@ -122,7 +122,7 @@ def read_part(log: Log, part: Part) -> Problem:
     Returns:
         The rows as a problem; `enter_part` cuts off those beside.
     """
-    low, high = max(part[0] - BESIDE, 0), min(part[1] + BESIDE, log.rows)
+    low, high = max(part[0] - NEIGHBOUR_ROWS, 0), min(part[1] + NEIGHBOUR_ROWS, log.rows)
     table, whole = read_log(log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
     view = build_view(log.machine, in_base(table, whole.stated_in))
     time = view.time if table.time_s is None else torch.as_tensor(np.asarray(table.time_s, float) - log.clock)
@@ -160,7 +160,7 @@ def enter_part(problem: Problem, part: Part, state: LogState | None) -> Problem:
 
 def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
     """What a part hands on to the next: cheap, and the only thing that is done one part after the other."""
-    view, low = enter_part(problem, part, state).view, max(part[0] - BESIDE, 0)
+    view, low = enter_part(problem, part, state).view, max(part[0] - NEIGHBOUR_ROWS, 0)
     shown = problem.view.time[part[0] - low : part[1] - low]
     told = torch.isfinite(shown)
     if not told.any():

@@ -13,7 +13,7 @@ import numpy as np
 
 from ptt.fitting.layout import Layout
 from ptt.fitting.long import add_totals
-from ptt.fitting.outliers import EXCEPTIONS, limit_of
+from ptt.fitting.outliers import MOST_EXCEPTIONS, limit_of
 from ptt.fitting.prior import design_effect
 from ptt.fitting.whitened import Total, build_whitened
 from ptt.fleet.log import Log, LogState, Part, enter_part, hand_on, read_part
@@ -63,7 +63,7 @@ class Share:
         run: `MOST_GROSS_SHARE` keeps what many rows of a part have from being left out.
         """
         shares = np.cumsum(self.far) / max(self.far.sum(), 1)
-        places = [(part, int(np.searchsorted(shares, part))) for part in (1.0 - EXCEPTIONS, 0.5)]
+        places = [(part, int(np.searchsorted(shares, part))) for part in (1.0 - MOST_EXCEPTIONS, 0.5)]
         wide = [float(np.exp(EDGES[place])) / float(chi2_ppf(part, 3)) for part, place in places]
         rows, squared = self.distant
         return np.sort(rows[squared > limit_of(max(1.0, *wide), int(self.far.sum()))])

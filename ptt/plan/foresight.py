@@ -11,8 +11,8 @@ from ptt.effects import Effect, Library
 from ptt.effects.layout import usual_values
 from ptt.effects.metrology import TrackerFrame
 from ptt.fitting.chunks import stretches, view_chunks
-from ptt.fitting.report import IN_PART
-from ptt.fitting.result import PRIOR_SHARE
+from ptt.fitting.report import UNMEASURED
+from ptt.fitting.result import MOST_UNSEEN
 from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.machine import MachineFile
 from ptt.model.chain import Chain, linearise, trace
@@ -147,8 +147,8 @@ def _foresee(case: _Case) -> Foresight:
     hidden = np.square(unseen).sum(axis=1)
     values = tuple(
         Expected(name, p.unit, float(p.usual * np.sqrt(wide)), p.usual)
-        if share <= PRIOR_SHARE
-        else Expected(name, p.unit, None, p.usual, bool(share < IN_PART))
+        if share <= MOST_UNSEEN
+        else Expected(name, p.unit, None, p.usual, bool(share < UNMEASURED))
         for name, p, wide, share in zip(names, sizes, variance, hidden, strict=True)
     )
     kept = tuple(value for value, own in zip(values, held, strict=True) if not own)

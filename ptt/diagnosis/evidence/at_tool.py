@@ -4,11 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from ptt.fitting.factor import RANK_TOLERANCE
 from ptt.model.chain import predict
 from ptt.model.model import Term
 from ptt.run.problem import Problem
-
-COLLINEAR = 1e-12  # share of the largest moment of inertia below which points count as lying on one line
 
 
 def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
@@ -37,7 +36,7 @@ def _rigid_part(moved: np.ndarray, place: np.ndarray) -> np.ndarray:
     second = arm.T @ arm
     inertia, moment = np.trace(second) * np.eye(3) - second, arm.T @ (moved - shift)
     axial = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]])
-    turn = np.linalg.pinv(inertia, rcond=COLLINEAR, hermitian=True) @ axial
+    turn = np.linalg.pinv(inertia, rcond=RANK_TOLERANCE, hermitian=True) @ axial
     return np.asarray(shift + np.cross(turn, arm))
 
 

@@ -14,11 +14,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ptt.fitting.factor import RANK_TOLERANCE
+
 Held = tuple[np.ndarray, np.ndarray, int]  # joined sums of a block in noise units and in mm, and its rows
 
 # Rows that candidates are summed over: twenty times those that show the least effect that is named
 SHARED_ROWS = 200_000
-SPAN_ROUNDING = 1e-12  # share of the largest eigenvalue of the model's Gram matrix below which a direction is rounding
 # Ratio of what all rows show along a direction to what the scaled-up share shows, beyond which it is left out
 MOST_SCALED_UP = 2.0
 
@@ -74,7 +75,7 @@ def _regressed(gram: np.ndarray, across: np.ndarray, every: np.ndarray) -> np.nd
     """
     size = np.sqrt(np.maximum(every.diagonal(), np.finfo(float).tiny))
     strength, ways = np.linalg.eigh(gram / np.outer(size, size))
-    there = strength > SPAN_ROUNDING * strength[-1]
+    there = strength > RANK_TOLERANCE * strength[-1]
     ways = ways[:, there] / np.sqrt(strength[there])
     shown, turned = np.linalg.eigh(ways.T @ (every / np.outer(size, size)) @ ways)
     ways = ways @ turned[:, shown < MOST_SCALED_UP]

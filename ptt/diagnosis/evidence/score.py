@@ -18,7 +18,7 @@ from ptt.diagnosis.evidence.swap import replacements
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums
 from ptt.effects.sudden import EDGE
-from ptt.fitting.evidence import WIDTH, maximise
+from ptt.fitting.evidence import LOG_SIZE_STD, maximise
 from ptt.fitting.posterior import Posterior
 from ptt.model.model import rival
 
@@ -148,7 +148,7 @@ class Scorer:
             own, back = np.flatnonzero(owner == index), None
             if atom.leg is not None:
                 widths = posterior.scales[first[index] : first[index + 1]]
-                back = (np.square(0.5 * np.log(widths) / WIDTH) / 2.0 / np.bincount(atom.group))[atom.group]
+                back = (np.square(0.5 * np.log(widths) / LOG_SIZE_STD) / 2.0 / np.bincount(atom.group))[atom.group]
             inverse, prior = posterior.inverse_of(own), posterior.prior[own]
             idle = idle_joints(joint, posterior.values[own], inverse, prior, posterior.phi, back)
             if idle is not None:
@@ -163,7 +163,7 @@ class Scorer:
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
         frame = np.full(len(self.system.frame), -1)
         group = np.concatenate([frame, *(a.group + first[i] for i, a in enumerate(atoms))])
-        width = np.concatenate([np.zeros(0), *(np.full(a.groups, WIDTH if a.effect else np.inf) for a in atoms)])
+        width = np.concatenate([np.zeros(0), *(np.full(a.groups, LOG_SIZE_STD if a.effect else np.inf) for a in atoms)])
         ceiling = np.concatenate([np.zeros(0), *(a.most for a in atoms)])
         return maximise(
             sums.gram, sums.side, sums.square, count, group.astype(int),

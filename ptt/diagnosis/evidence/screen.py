@@ -19,14 +19,14 @@ from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import Memory, run_of
-from ptt.fitting.evidence import WIDTH, maximise
+from ptt.fitting.evidence import LOG_SIZE_STD, maximise
 from ptt.fitting.factor import inverse
 from ptt.fitting.posterior import Posterior
 
 # Prior variances on a grid, over the white variance, at which one atom is screened
 RATIOS = np.geomspace(1e-3, 1e4, 22)
 # Nats of the log-normal prior of an effect's size against each of them
-RATIO_PRIOR_NATS = 0.5 * (0.5 * np.log(RATIOS) / WIDTH) ** 2
+RATIO_PRIOR_NATS = 0.5 * (0.5 * np.log(RATIOS) / LOG_SIZE_STD) ** 2
 SCREEN_TOLERANCE = 0.3  # nats at which learning several variances of one atom may end
 TRIDIAGONAL_COLUMNS = 12  # columns of an atom from which a tridiagonal form is faster than eigenvectors
 
@@ -187,7 +187,7 @@ class Screen:
         work_out = partial(
             maximise, square=left, count=system.spare, owner=atom.group, freedom=system.freedom, finest=system.finest,
             done=SCREEN_TOLERANCE, start=self.begun.get((atom.name, atom.groups)), ceiling=atom.most,
-            width=WIDTH if atom.effect else np.inf,
+            width=LOG_SIZE_STD if atom.effect else np.inf,
         )  # fmt: skip
         try:
             own = work_out(gram, side)

@@ -15,11 +15,11 @@ from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-HALF = 0.5  # of a frame's time that visits to base reflectors have to span; and the odds of either, for both are usual
+WATCHED_SHARE = 0.5  # share of a frame's time that visits to base reflectors have to span
+MACHINE_CHANCE = 0.5  # probability that it was the machine rather than the tracker: both are usual
 UNREAD = "Base reflectors were not read over at least half of the run, so"
-ALIKE = f"{UNREAD} a machine that drifts as a whole would look the same."
-
-WARM = f"{UNREAD} a tracker that moves with temperature would look the same."
+DRIFT_OPEN = f"{UNREAD} a machine that drifts as a whole would look the same."
+GROWTH_OPEN = f"{UNREAD} a tracker that moves with temperature would look the same."
 CLEAR_GROWTH = 30.0  # chi-squared from which the readings show that a growth is no shift common to all of them
 
 
@@ -35,8 +35,8 @@ def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
         One sentence; none for what is neither, or was seen at rest.
     """
     if _is_unwitnessed(term, problem):
-        return [ALIKE]
-    return [WARM] if _moves_as_one(term, problem, noise) else []
+        return [DRIFT_OPEN]
+    return [GROWTH_OPEN] if _moves_as_one(term, problem, noise) else []
 
 
 def own_drift(terms: Sequence[Term], problem: Problem, noise: Noise) -> float:
@@ -53,12 +53,12 @@ def own_drift(terms: Sequence[Term], problem: Problem, noise: Noise) -> float:
     square = 0.0
     for term in terms:
         if _moves_as_one(term, problem, noise):
-            square += HALF * (1e-3 * at_tool_um(term, problem)) ** 2
+            square += MACHINE_CHANCE * (1e-3 * at_tool_um(term, problem)) ** 2
         if _is_unwitnessed(term, problem):
             moved = term.effect.shift(term.theta, problem.view).numpy()[problem.used]
             for frame in np.unique(problem.frame[problem.used]):
                 here = moved[problem.frame[problem.used] == frame]
-                square += HALF * float(np.square(here - here.mean(axis=0)).sum()) / len(moved)
+                square += MACHINE_CHANCE * float(np.square(here - here.mean(axis=0)).sum()) / len(moved)
     return float(np.sqrt(square))
 
 
@@ -100,5 +100,6 @@ def _was_watched(problem: Problem) -> bool:
     time, frame = problem.view.time.numpy()[problem.used], problem.frame[problem.used]
     seen, of = problem.base.view.time.numpy(), problem.base.frame
     return all(
-        (of == one).any() and np.ptp(seen[of == one]) >= HALF * np.ptp(time[frame == one]) for one in np.unique(frame)
+        (of == one).any() and np.ptp(seen[of == one]) >= WATCHED_SHARE * np.ptp(time[frame == one])
+        for one in np.unique(frame)
     )

@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import lapack
 
-STRETCH_ROWS = 16  # rows whose innovations are one matrix product where rows are the last axis
-SLAB_COLUMNS = 512  # columns filtered at a time, so that they stay in the cache
+BATCH_ROWS = 16  # rows whose innovations are one matrix product where rows are the last axis
+BATCH_COLUMNS = 512  # columns filtered at a time, so that they stay in the cache
 MANY_COLUMNS = 200  # columns from which a loop over rows is faster than one bidiagonal system
 
 
@@ -35,10 +35,10 @@ class Gains:
         """
         count = len(self.root)
         keep, take, root = np.zeros(
-            (3, -(-count // STRETCH_ROWS) * STRETCH_ROWS)
+            (3, -(-count // BATCH_ROWS) * BATCH_ROWS)
         )  # behind the last row nothing is predicted
         keep[: count - 1], take[: count - 1], root[:count], root[count:] = self.keep, self.take, self.root, 1.0
-        return _triangles(*(part.reshape(-1, STRETCH_ROWS) for part in (keep, take, root)))
+        return _triangles(*(part.reshape(-1, BATCH_ROWS) for part in (keep, take, root)))
 
 
 def gains_of(share: float, decay: np.ndarray, begun: np.ndarray) -> Gains:
@@ -72,25 +72,25 @@ def filter_rows(rows: np.ndarray, gains: Gains, white: np.ndarray) -> None:
         gains: of the wander.
         white: where they are put, (r, n).
     """
-    for first in range(0, len(rows), SLAB_COLUMNS):
-        _filter(rows[first : first + SLAB_COLUMNS], *gains.stretches, white[first : first + SLAB_COLUMNS])
+    for first in range(0, len(rows), BATCH_COLUMNS):
+        _filter(rows[first : first + BATCH_COLUMNS], *gains.stretches, white[first : first + BATCH_COLUMNS])
 
 
 def _filter(rows: np.ndarray, weights: np.ndarray, onward: np.ndarray, white: np.ndarray) -> None:
     """The same of so few rows that they stay in the cache; all stretches at once but for the states between them."""
-    (count, length), full = rows.shape, rows.shape[1] // STRETCH_ROWS
-    both = np.zeros((len(weights), count, 1 + STRETCH_ROWS))  # the state before each stretch, and its readings
+    (count, length), full = rows.shape, rows.shape[1] // BATCH_ROWS
+    both = np.zeros((len(weights), count, 1 + BATCH_ROWS))  # the state before each stretch, and its readings
     both[:full, :, 1:] = _cut(rows, full)
-    both[full:, :, 1 : 1 + length - full * STRETCH_ROWS] = rows[:, full * STRETCH_ROWS :]
+    both[full:, :, 1 : 1 + length - full * BATCH_ROWS] = rows[:, full * BATCH_ROWS :]
     for now, then, weight in zip(both[:-1], both[1:], onward[:-1], strict=True):
         np.matmul(now, weight, out=then[:, 0])
     np.matmul(both[:full], weights[:full], out=_cut(white, full))
-    white[:, full * STRETCH_ROWS :] = (both[full:] @ weights[full:]).sum(axis=0)[:, : length - full * STRETCH_ROWS]
+    white[:, full * BATCH_ROWS :] = (both[full:] @ weights[full:]).sum(axis=0)[:, : length - full * BATCH_ROWS]
 
 
 def _cut(rows: np.ndarray, count: int) -> np.ndarray:
     """Stretches of rows (r, n), (count, r, w): the same numbers in memory."""
-    return rows[:, : count * STRETCH_ROWS].reshape(len(rows), count, STRETCH_ROWS).transpose(1, 0, 2)
+    return rows[:, : count * BATCH_ROWS].reshape(len(rows), count, BATCH_ROWS).transpose(1, 0, 2)
 
 
 def predict(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:

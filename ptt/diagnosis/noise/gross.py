@@ -2,15 +2,14 @@
 
 import numpy as np
 
-from ptt.fitting.outliers import linear_residual
-from ptt.fitting.stretches import AGREE, agree_by_chance, alike_visits
+from ptt.fitting.outliers import LOST_CHANCE, linear_residual
+from ptt.fitting.stretches import AGREE_SHARE, agree_by_chance, alike_visits
 from ptt.run.problem import Problem
 from ptt.run.same_pose import same_places
 from ptt.run.tails import chi2_isf, chi2_median, poisson_sf
 
-CHANCE = 1e-3  # chance that a table of sound readings loses one
 NOISE_TAIL = 2.0  # factor on the limit: real noise has longer tails than a normal distribution, and such rows are kept
-MOST_ROWS = 0.5  # share of the visits of a pose, or of the rows under a load, from which the pose or load is to blame
+MAJORITY = 0.5  # share of the visits of a pose, or of the rows under a load, from which the pose or load is to blame
 LEAST_COMPANY = 2  # alike rows among the four nearest in travel from which a row belongs to a stretch
 MOST_FAR_ROWS = 0.12  # share of the rows beyond which far rows are no exceptions
 LEVEL_COLUMNS = 2  # last columns of `places_of`, which come in levels: load and feed
@@ -86,7 +85,7 @@ def stand_out(left: np.ndarray, rows: np.ndarray, least: float = 1.0) -> np.ndar
     """
     squared = np.square(left).sum(axis=1)
     width = max(least, float(np.median(squared[rows])) / chi2_median(3)) if rows.any() else 1.0
-    return rows & (squared > NOISE_TAIL * width * chi2_isf(CHANCE / max(int(rows.sum()), 1), 3))
+    return rows & (squared > NOISE_TAIL * width * chi2_isf(LOST_CHANCE / max(int(rows.sum()), 1), 3))
 
 
 def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int = 0) -> np.ndarray:
@@ -110,7 +109,7 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
     for step in range(1, STRETCH_GAP + 1):
         near, before = np.arange(step, count), np.arange(count - step)
         apart = np.linalg.norm(left[near] - left[before], axis=1)
-        alike = far[near] & far[before] & (apart < AGREE * np.maximum(size[near], size[before]))
+        alike = far[near] & far[before] & (apart < AGREE_SHARE * np.maximum(size[near], size[before]))
         company[near] += alike
         company[before] += alike
     lone = far & (company < LEAST_COMPANY) & ~_crowded(far, left, used, places) & ~_again(far, left, used, places, gone)
@@ -141,7 +140,7 @@ def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarr
     share = (far.sum() + gone) / max(used.sum() + gone, 1)
     if agree_by_chance(alike.sum() / 2.0, share, visits):
         return np.zeros_like(far)
-    return (alike > 0) & (alike + 1 >= MOST_ROWS * visits[pose])
+    return (alike > 0) & (alike + 1 >= MAJORITY * visits[pose])
 
 
 def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -154,7 +153,7 @@ def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np
             many, others = int((far & own).sum()), used & ~own
             share = (far & others).sum() / max(others.sum(), 1)
             expected = own.sum() * max(share, 1.0 / len(far))
-            if many > MOST_ROWS * own.sum() and poisson_sf(many - 1, expected) < CROWD_CHANCE / len(levels):
+            if many > MAJORITY * own.sum() and poisson_sf(many - 1, expected) < CROWD_CHANCE / len(levels):
                 found |= far & own
     return found
 

@@ -32,11 +32,11 @@ from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
 
-MOST_STEPS = 12  # effects that may be added to a model
+MOST_ADDED = 12  # effects that may be added to a model
 
 
 def find(
-    model: Model, problem: Problem, known: Library, tell: Tell, steps: int = MOST_STEPS, span: Span | None = None
+    model: Model, problem: Problem, known: Library, tell: Tell, steps: int = MOST_ADDED, span: Span | None = None
 ) -> Found:
     """Find the best explanation of a run.
 

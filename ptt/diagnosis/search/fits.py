@@ -16,7 +16,7 @@ from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-HALVINGS = 10  # after which next to nothing is left of any value
+MOST_HALVINGS = 10  # of all values towards the drawing, after which next to nothing is left of any
 
 
 def fit_less(
@@ -103,7 +103,7 @@ def _standing(model: Model, problem: Problem) -> Model:
     A tangent may ask for values beyond the reach of the links, where no tangent holds. From within it no step of a fit
     leads out again.
     """
-    for _ in range(HALVINGS):
+    for _ in range(MOST_HALVINGS):
         model = replace(model, terms=tuple(_halved(term, problem) for term in model.terms))
         if stands(model.terms, problem):
             break

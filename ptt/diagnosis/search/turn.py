@@ -9,7 +9,7 @@ from ptt.diagnosis.evidence.atoms import Atom, is_sudden
 from ptt.diagnosis.evidence.row_system import RowSystem, rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
-from ptt.diagnosis.noise.gross import CHANCE, alone, are_exceptions, places_of, stand_out
+from ptt.diagnosis.noise.gross import alone, are_exceptions, places_of, stand_out
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.unknown.blocks import Period
@@ -19,7 +19,7 @@ from ptt.effects.screw import OncePerRev
 from ptt.effects.sudden import Sudden
 from ptt.fitting.linear import Shape
 from ptt.fitting.opening import untold_rows
-from ptt.fitting.outliers import linear_residual
+from ptt.fitting.outliers import LOST_CHANCE, linear_residual
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
 from ptt.run.noise import Noise
@@ -143,7 +143,7 @@ def still_missed(fitted: FitResult, problem: Problem, noise: Noise, gross: np.nd
     """
     left = fitted.residual @ noise.whitener.T
     read = problem.used & np.isfinite(left).all(axis=1)
-    return gross & ~(read & (np.square(left).sum(axis=1) < chi2_isf(CHANCE, 3)))
+    return gross & ~(read & (np.square(left).sum(axis=1) < chi2_isf(LOST_CHANCE, 3)))
 
 
 def best_moments(

@@ -7,8 +7,7 @@ from ptt.diagnosis.evidence.probability import near_sets
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.telling.absent import absent_effects
-
-FRAME_ROUNDING = 1e-12  # share of the largest singular value below which frame columns are dependent
+from ptt.fitting.factor import RANK_TOLERANCE
 
 
 def tool_doubt(scorer: Scorer, state: State) -> float:
@@ -30,7 +29,7 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
     frame = system.frame
     gram = system.gram_after(np.concatenate([frame, columns]).astype(int))
     beside = gram[len(frame) :, : len(frame)]
-    spread = np.linalg.pinv(gram[: len(frame), : len(frame)], rcond=FRAME_ROUNDING, hermitian=True)
+    spread = np.linalg.pinv(gram[: len(frame), : len(frame)], rcond=RANK_TOLERANCE, hermitian=True)
     seen = gram[len(frame) :, len(frame) :] - beside @ spread @ beside.T  # of the tool, frames taken off
     told, squares = _values(state, _machine(scorer, state), columns), list[float]()
     for _, one in sets:

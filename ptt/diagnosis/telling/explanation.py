@@ -17,12 +17,11 @@ from ptt.diagnosis.telling.coincidence import coincidences
 from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt
 from ptt.diagnosis.telling.mimic import find_sum
 from ptt.diagnosis.telling.steps import Named, Step, share_of
-from ptt.diagnosis.telling.terms import MEASURED
 from ptt.diagnosis.telling.words import explain_step
 from ptt.effects import Effect
 from ptt.effects.phrases import listed
 from ptt.fitting.linear import tried_sizes
-from ptt.fitting.result import FitResult
+from ptt.fitting.result import MEASURED_SHARE, FitResult
 from ptt.fitting.turns import like_windup, marked, with_turns
 from ptt.model.model import Term, parameter_names, told_values
 from ptt.record import Record
@@ -181,7 +180,7 @@ def _told(state: State, atom: Atom, scale: np.ndarray, problem: Problem) -> tupl
     values = atom.amplitudes(state.posterior.values[state.of(atom.key)], scale)
     std, prior = state.errors(atom, scale)
     usual = tried_sizes(atom.effect, problem)
-    told = std[: len(usual)] ** 2 < MEASURED * np.minimum(prior[: len(usual)], usual) ** 2
+    told = std[: len(usual)] ** 2 < MEASURED_SHARE * np.minimum(prior[: len(usual)], usual) ** 2
     rows = zip(_names(atom.effect, problem), values, std, told, strict=False)  # what is linear comes first
     return tuple(Estimate(*name, float(value), float(error)) for name, value, error, seen in rows if seen)
 

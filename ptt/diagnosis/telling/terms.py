@@ -13,9 +13,8 @@ from ptt.diagnosis.telling.absent import absent_effects
 from ptt.diagnosis.telling.exchange import Exchange, exchanged_errors
 from ptt.diagnosis.telling.spread import spread_of, values_of
 from ptt.fitting.layout import bounds_of
+from ptt.fitting.result import MEASURED_SHARE
 from ptt.model.model import Model, Term
-
-MEASURED = 0.5  # share of its prior's variance below which a value is measured
 
 
 def posterior_terms(
@@ -53,7 +52,7 @@ def posterior_terms(
                 + found.fitted.open[_own(found, atom)]
             )
         )
-        seen[free] = torch.as_tensor(std**2 < MEASURED * prior**2)
+        seen[free] = torch.as_tensor(std**2 < MEASURED_SHARE * prior**2)
         current = current + replace(term, theta=_within(term, theta, model), std=error, measured=seen)
     return current.terms
 

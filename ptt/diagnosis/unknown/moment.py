@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.effects.sudden import ALWAYS, EDGE, Sudden
+from ptt.fitting.factor import RANK_TOLERANCE
 from ptt.fitting.linear import LinearPoint, Shape
 from ptt.fitting.moment import rows_read
 
 SEGMENTS = 40  # segments of rows within which the Gram matrix is taken to grow linearly
-PINV_ROUNDING = 1e-12  # share of the largest singular value below which columns of frames and effect are dependent
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def best_row(seen: MomentSums) -> int:
     seem to take as much.
     """
     own = seen.gram.shape[2]
-    spread = np.linalg.pinv(seen.whole, rcond=PINV_ROUNDING, hermitian=True)
+    spread = np.linalg.pinv(seen.whole, rcond=RANK_TOLERANCE, hermitian=True)
     total, whole = seen.side.sum(axis=0), seen.whole[:, -own:]
     after_side = (total - np.cumsum(seen.side, axis=0))[:, -own:]
     taken, first, passed = np.zeros(len(seen.side)), 0, np.zeros_like(whole)
