@@ -177,10 +177,10 @@ def test_a_set_that_was_only_told_to_be_far_is_scored_when_it_is_asked_for():
         whole, hasty = score.Scorer(system), score.Scorer(system)
         exact = whole.score([key], WHITE, {})
         told = hasty.score([key], WHITE, {}, exact.total + 100.0)
-        far += told.posterior.ended
+        far += told.posterior.stopped_early
         assert told.total <= exact.total + 0.1
         assert hasty.score([key], WHITE).total == pytest.approx(exact.total, abs=0.1)
-        assert not hasty.score([key], WHITE).posterior.ended
+        assert not hasty.score([key], WHITE).posterior.stopped_early
     assert far > 5
 
 

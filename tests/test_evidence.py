@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import optimize, stats
 
-from ptt.fitting.evidence import LOG_SIZE_STD, maximise, noise_of
+from ptt.fitting.evidence import LOG_SIZE_STD, maximise, profile_noise
 from ptt.fitting.posterior import Posterior
 
 ROWS = 40
@@ -23,14 +23,14 @@ def problem(seed: int, sizes: list[float], each: int = 3, frame: int = 2, rows: 
 
 
 def solve(columns: np.ndarray, values: np.ndarray, owner: np.ndarray, **options: object) -> Posterior:
-    options = {"freedom": 12.0, "wide": FREE, **options}
+    options = {"freedom": 12.0, "ungrouped_variance": FREE, **options}
     return maximise(columns.T @ columns, columns.T @ values, float(values @ values), len(values), owner, **options)
 
 
 def marginal(
     logs: np.ndarray, columns: np.ndarray, values: np.ndarray, owner: np.ndarray, freedom: float, width: float
 ) -> float:
-    """Log density of the readings themselves, the unknowns and the noise integrated out, and the scales' prior.
+    """Log density of the readings themselves, the unknowns and the noise integrated out, and the variances' prior.
 
     The noise variance has a scaled inverse chi-squared prior, so the readings have Student's distribution; its
     constants, which depend on no scale, are left out.
@@ -61,7 +61,7 @@ def test_no_scales_are_more_probable(seed: int, sizes: list[float], freedom: flo
     columns, values, owner = problem(seed, sizes)
     found = solve(columns, values, owner, freedom=freedom)
     assert found.total == pytest.approx(
-        marginal(np.log(found.scales), columns, values, owner, freedom, LOG_SIZE_STD), abs=1e-5
+        marginal(np.log(found.group_variances), columns, values, owner, freedom, LOG_SIZE_STD), abs=1e-5
     )
     assert found.total > brute(columns, values, owner, freedom, LOG_SIZE_STD) - 5e-3
 
@@ -71,7 +71,7 @@ def test_large_unknowns_are_released_and_absent_ones_held() -> None:
     found = solve(columns, values, owner)
     free = np.linalg.lstsq(columns, values, rcond=None)[0]
     large, absent = owner == 0, owner == 1
-    assert found.scales[0] > 1e3 and found.scales[1] < 0.3
+    assert found.group_variances[0] > 1e3 and found.group_variances[1] < 0.3
     np.testing.assert_allclose(found.values[large], free[large], atol=0.2)
     assert np.abs(found.values[absent]).max() < np.abs(free[absent]).max()
 
@@ -81,8 +81,8 @@ def test_what_the_data_do_not_see_keeps_its_prior_and_stays_at_zero() -> None:
     columns = np.column_stack([columns, columns[:, 0]])  # the same as a free column
     found = solve(columns, values, np.array([-1, -1, 0, 0, 0, 1]))
     assert abs(found.values[-1]) < 1e-4
-    assert found.covariance[-1, -1] == pytest.approx(found.phi * found.scales[1], rel=1e-3)
-    assert found.scales[1] == pytest.approx(1.0, abs=0.1)  # nothing but its own prior speaks of it
+    assert found.covariance[-1, -1] == pytest.approx(found.phi * found.group_variances[1], rel=1e-3)
+    assert found.group_variances[1] == pytest.approx(1.0, abs=0.1)  # nothing but its own prior speaks of it
 
 
 @settings(max_examples=30, deadline=None)
@@ -93,10 +93,12 @@ def test_the_slope_vanishes_and_the_curvature_is_the_numerical_one(
     seed: int, sizes: list[float], freedom: float
 ) -> None:
     columns, values, owner = problem(seed, sizes)
-    ended = solve(columns, values, owner, freedom=freedom, done=1e-12)
-    found = solve(columns, values, owner, freedom=freedom, start=ended.scales)  # its curvature is the one where it is
-    assert found.steps == 1
-    logs, step = np.log(found.scales), 1e-2  # shorter ones drown in the rounding of a covariance of 1e8
+    ended = solve(columns, values, owner, freedom=freedom, tolerance=1e-12)
+    found = solve(
+        columns, values, owner, freedom=freedom, start=ended.group_variances
+    )  # its curvature is the one where it is
+    assert found.evaluations == 1
+    logs, step = np.log(found.group_variances), 1e-2  # shorter ones drown in the rounding of a covariance of 1e8
 
     def at(change: np.ndarray) -> float:
         return marginal(logs + change, columns, values, owner, freedom, LOG_SIZE_STD)
@@ -115,7 +117,7 @@ def test_order_of_the_unknowns_does_not_matter() -> None:
     np.testing.assert_allclose(other.values, one.values[order], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(other.covariance, one.covariance[np.ix_(order, order)], rtol=1e-7, atol=1e-12)
     for found, own in ((one, columns), (other, columns[:, order])):
-        whole = (own.T @ own + np.diag(1.0 / found.prior))[np.ix_(found.order, found.order)]
+        whole = (own.T @ own + np.diag(1.0 / found.prior_variance))[np.ix_(found.order, found.order)]
         np.testing.assert_allclose(found.cholesky @ found.cholesky.T, whole, rtol=1e-9, atol=1e-8)
         np.testing.assert_array_equal(found.cholesky, np.tril(found.cholesky))
 
@@ -123,23 +125,23 @@ def test_order_of_the_unknowns_does_not_matter() -> None:
 def test_a_good_start_saves_steps_and_changes_nothing() -> None:
     columns, values, owner = problem(4, [0.3, 200.0])
     cold = solve(columns, values, owner)
-    warm = solve(columns, values, owner, start=cold.scales)
-    assert warm.steps == 1 < cold.steps
+    warm = solve(columns, values, owner, start=cold.group_variances)
+    assert warm.evaluations == 1 < cold.evaluations
     assert warm.total == pytest.approx(cold.total, abs=1e-2)
 
 
 def test_bounds_hold_and_a_fixed_group_is_not_learned() -> None:
     columns, values, owner = problem(2, [50.0, 0.0, 5.0])
     found = solve(columns, values, owner, floor=np.array([1e-2, 0.5, 1.0]), ceiling=np.array([9.0, 100.0, 1.0]))
-    assert found.scales[0] == pytest.approx(9.0)
-    assert found.scales[1] == pytest.approx(0.5)
-    assert found.scales[2] == 1.0
+    assert found.group_variances[0] == pytest.approx(9.0)
+    assert found.group_variances[1] == pytest.approx(0.5)
+    assert found.group_variances[2] == 1.0
 
 
 def test_without_a_prior_an_absent_group_vanishes() -> None:
     columns, values, owner = problem(2, [0.0])
     values = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
-    assert solve(columns, values, owner, width=np.inf).scales[0] < 1e-4
+    assert solve(columns, values, owner, log_size_std=np.inf).group_variances[0] < 1e-4
 
 
 def test_rounding_of_strong_columns_does_no_harm() -> None:
@@ -148,9 +150,11 @@ def test_rounding_of_strong_columns_does_no_harm() -> None:
     columns = np.column_stack([columns, columns[:, 0] + columns[:, 1]]) * np.append(strong, 1e6)
     owner = np.append(owner, -1)
     found = solve(columns, values, owner)
-    assert np.isfinite(found.total) and found.steps < 30
+    assert np.isfinite(found.total) and found.evaluations < 30
     left = values - columns @ found.values
-    assert found.left == pytest.approx(left @ left + found.values**2 @ (1.0 / found.prior), rel=1e-6)
+    assert found.penalised_square == pytest.approx(
+        left @ left + found.values**2 @ (1.0 / found.prior_variance), rel=1e-6
+    )
 
 
 def test_only_free_columns_are_least_squares() -> None:
@@ -159,16 +163,16 @@ def test_only_free_columns_are_least_squares() -> None:
     expected = np.linalg.lstsq(columns, values, rcond=None)
     np.testing.assert_allclose(found.values, expected[0], rtol=1e-2)
     assert found.phi == pytest.approx(expected[1][0] / ROWS, rel=1e-2)
-    assert found.scales.shape == (0,) and found.curvature.shape == (0, 0)
+    assert found.group_variances.shape == (0,) and found.curvature.shape == (0, 0)
 
 
 def test_no_noise_is_finer_than_the_last_digit_of_a_reading() -> None:
     """Where it would be, it is known, and rows count by chi-squared alone: half of what they miss by more."""
-    phi, tail = noise_of(np.array([5.0, 9.0, 200.0]), 30.0, 10.0, 1.0)
+    phi, tail = profile_noise(np.array([5.0, 9.0, 200.0]), 30.0, 10.0, 1.0)
     np.testing.assert_allclose(phi, [1.0, 1.0, 210.0 / 40.0])
     assert tail[0] - tail[1] == pytest.approx((9.0 - 5.0) / 2.0)
     columns, values, owner = problem(3, [1.0])
-    assert solve(columns, values, owner, freedom=0.0).phi < 2.0 == solve(columns, values, owner, finest=2.0).phi
+    assert solve(columns, values, owner, freedom=0.0).phi < 2.0 == solve(columns, values, owner, least_phi=2.0).phi
 
 
 def test_stated_scatter_is_what_repeated_problems_scatter_by() -> None:
@@ -189,9 +193,9 @@ def test_no_more_is_still_to_be_had_than_was_asked_for(done: float) -> None:
     for seed in range(40):
         columns, values, owner = problem(seed, list(np.exp(random.normal(0.0, 2.5, 3))))
         start = np.exp(random.normal(0.0, 1.0, 3))
-        exact, found = (solve(columns, values, owner, start=start, done=each) for each in (1e-9, done))
+        exact, found = (solve(columns, values, owner, start=start, tolerance=each) for each in (1e-9, done))
         assert found.total > exact.total - 2.0 * done
-        assert found.steps <= exact.steps
+        assert found.evaluations <= exact.evaluations
 
 
 def test_what_ends_before_the_total_that_was_asked_for_would_not_have_reached_it() -> None:
@@ -201,9 +205,9 @@ def test_what_ends_before_the_total_that_was_asked_for_would_not_have_reached_it
         start = np.exp(random.normal(0.0, 2.0, 3))
         whole = solve(columns, values, owner, start=start)
         least = whole.total + random.uniform(-3.0, 3.0)
-        found = solve(columns, values, owner, start=start, least=least)
-        ended, spared = ended + found.ended, spared + whole.steps - found.steps
-        assert whole.total < least if found.ended else found.total == whole.total
+        found = solve(columns, values, owner, start=start, least_total=least)
+        ended, spared = ended + found.stopped_early, spared + whole.evaluations - found.evaluations
+        assert whole.total < least if found.stopped_early else found.total == whole.total
     assert ended > 40 and spared > ended / 2
 
 
@@ -220,4 +224,4 @@ def test_evidence_of_unknowns_that_are_zero_is_that_of_a_problem_without_them() 
         )  # fmt: skip
 
     gained = known(np.array([0, 1, 2, 5])).total - known(np.arange(6)).total
-    np.testing.assert_allclose(known(np.arange(6)).zeroed(np.array([3, 4])), gained, rtol=1e-9)
+    np.testing.assert_allclose(known(np.arange(6)).savage_dickey(np.array([3, 4])), gained, rtol=1e-9)

@@ -29,7 +29,7 @@ def learned(seed: int, busy: int, each: int, alike: float) -> Posterior:
 def nats_of(known: Posterior, joint: np.ndarray, sound: tuple[int, ...]) -> float:
     """What is gained where just these joints are sound, worked out as the posterior does."""
     some = np.flatnonzero(np.isin(joint, sound))
-    return known.zeroed(some) - log(comb(JOINTS, len(sound)) * JOINTS)
+    return known.savage_dickey(some) - log(comb(JOINTS, len(sound)) * JOINTS)
 
 
 @pytest.mark.parametrize("each", [1, 3])
@@ -41,7 +41,7 @@ def test_sound_joints_are_those_of_all_ways_to_choose_that_gain_most(busy: int, 
         known = learned(seed, busy, each, alike)
         ways = [some for count in range(1, JOINTS) for some in combinations(range(JOINTS), count)]
         most = max(nats_of(known, joint, some) for some in ways)
-        found = idle_joints(joint, known.values, known.inverse, known.prior, known.phi)
+        found = idle_joints(joint, known.values, known.inverse, known.prior_variance, known.phi)
         if found is None:
             assert most < 0.1
             best += 1
@@ -66,13 +66,13 @@ def test_either_of_two_joints_that_look_alike_may_be_sound_but_not_both() -> Non
         np.zeros(4, int),
         freedom=1e6,
     )
-    found = idle_joints(np.arange(4), known.values, known.inverse, known.prior, known.phi)
+    found = idle_joints(np.arange(4), known.values, known.inverse, known.prior_variance, known.phi)
     assert found is not None and found.columns[2:].all() and not found.columns[:2].all()
 
 
 def test_what_is_given_back_with_a_sound_joint_is_taken_off_the_odds() -> None:
     known, joint = learned(3, 1, 1, 0.0), np.arange(JOINTS)
-    plain = idle_joints(joint, known.values, known.inverse, known.prior, known.phi)
-    given = idle_joints(joint, known.values, known.inverse, known.prior, known.phi, np.full(JOINTS, 0.25))
+    plain = idle_joints(joint, known.values, known.inverse, known.prior_variance, known.phi)
+    given = idle_joints(joint, known.values, known.inverse, known.prior_variance, known.phi, np.full(JOINTS, 0.25))
     assert plain is not None and given is not None and (plain.columns == given.columns).all()
     assert given.nats - plain.nats == pytest.approx(0.25 * plain.columns.sum())

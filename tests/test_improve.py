@@ -45,11 +45,13 @@ class Endless:
     def looked_at(self) -> int:
         return self.screens
 
-    def score(self, keys: Sequence[str], memory: Memory, scales: object = None, least: float = 0.0) -> SimpleNamespace:
+    def score(
+        self, keys: Sequence[str], memory: Memory, variances: object = None, least: float = 0.0
+    ) -> SimpleNamespace:
         self.scored += 1
         total = -100.0 * abs(len(keys) - 8) + 0.4 * self.scored
         return SimpleNamespace(
-            keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, forms={}, worth=lambda key: 99.0
+            keys=tuple(sorted(keys)), memory=memory, total=total, variances={}, forms={}, worth=lambda key: 99.0
         )
 
     def screen(self, state: SimpleNamespace, allowed: object) -> list[Gain]:
@@ -75,10 +77,12 @@ class Crowded:
         self.system = SimpleNamespace(atoms=named)
         self.totals = {"a": 0.0, "b": -5.0, "ac": -9.0, "bc": -5.0 + after, "c": -90.0, "": -99.0}
 
-    def score(self, keys: Sequence[str], memory: Memory, scales: object = None, least: float = 0.0) -> SimpleNamespace:
+    def score(
+        self, keys: Sequence[str], memory: Memory, variances: object = None, least: float = 0.0
+    ) -> SimpleNamespace:
         total = self.totals.get("".join(sorted(keys)), -90.0)
         return SimpleNamespace(
-            keys=tuple(sorted(keys)), memory=memory, total=total, scales={}, forms={}, worth=lambda key: 99.0
+            keys=tuple(sorted(keys)), memory=memory, total=total, variances={}, forms={}, worth=lambda key: 99.0
         )
 
     def screen(self, state: SimpleNamespace, allowed: Callable[[SimpleNamespace], bool]) -> list[Gain]:

@@ -28,7 +28,7 @@ class Noted:
 
     def start(self, total: float = 0.0) -> SimpleNamespace:
         return SimpleNamespace(
-            keys=tuple(self.worth), memory=WHITE, total=total, scales={}, worth=lambda key: self.worth[key]
+            keys=tuple(self.worth), memory=WHITE, total=total, variances={}, worth=lambda key: self.worth[key]
         )
 
     def screen(self, state: object, allowed: object) -> list[Gain]:

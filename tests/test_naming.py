@@ -45,12 +45,12 @@ class Sums:
             )
         self.system = SimpleNamespace(atoms=atoms, rows=range(50), errs_by_pose=lambda memory: memory.pose > 0.0)
 
-    def score(self, keys, memory, scales=None, least=None):
+    def score(self, keys, memory, variances=None, least=None):
         named = tuple(sorted(keys))
-        return SimpleNamespace(keys=named, total=self.totals["".join(named)], memory=memory, scales={}, forms={})
+        return SimpleNamespace(keys=named, total=self.totals["".join(named)], memory=memory, variances={}, forms={})
 
     def screen(self, state, allowed):
-        gain = SimpleNamespace(key="v", scales=None)
+        gain = SimpleNamespace(key="v", variances=None)
         return [gain] if allowed(self.system.atoms["v"]) and "v" not in state.keys else []
 
 

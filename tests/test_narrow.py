@@ -46,7 +46,7 @@ def test_fewer_columns_have_the_evidence_and_the_values_of_all() -> None:
         told.append((found, atom.amplitudes(found.values, scale if atom.turned is None else narrowed.scale(scale))))
     (whole, plain), (few, mapped) = told
     np.testing.assert_allclose(few.total, whole.total, atol=0.01)
-    np.testing.assert_allclose(few.scales, whole.scales, rtol=0.02)
+    np.testing.assert_allclose(few.group_variances, whole.group_variances, rtol=0.02)
     error = np.sqrt(np.diag(whole.covariance)) * scale[KNOWN:]
     assert np.abs((mapped - plain) / error).max() < 0.02
 

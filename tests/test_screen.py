@@ -16,7 +16,7 @@ from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock
 from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, JointWave, _telling
-from ptt.fitting.evidence import maximise, noise_of
+from ptt.fitting.evidence import maximise, profile_noise
 from ptt.run.noise import Noise
 
 ROWS, FREEDOM = 40, 60.0
@@ -25,8 +25,8 @@ ROWS, FREEDOM = 40, 60.0
 def white(count: int) -> dict[str, object]:
     """What a system says of its noise: white, of so many coordinates, as fine as any."""
     return {
-        "freedom": FREEDOM, "spare": float(count), "finest": 0.0,
-        "nats_of_noise": lambda left: noise_of(left, float(count), FREEDOM)[1],
+        "freedom": FREEDOM, "spare": float(count), "least_phi": 0.0,
+        "nats_of_noise": lambda left: profile_noise(left, float(count), FREEDOM)[1],
     }  # fmt: skip
 
 
@@ -68,7 +68,7 @@ def test_a_gain_is_the_evidence_of_both_together_less_that_of_the_set(width: int
     assert [gain.key for gain in first] == ["10"] and list(screen.gains) == ["10"]
     for gain in screen.best(lambda atom: True):
         both = np.concatenate([own, np.arange(int(gain.key), int(gain.key) + width)])
-        prior = np.concatenate([fixed[group], np.full(width, gain.scales[0])])
+        prior = np.concatenate([fixed[group], np.full(width, gain.variances[0])])
         np.testing.assert_allclose(gain.nats, evidence(columns[:, both], prior, values) - alone, atol=1e-7)
 
 
@@ -136,7 +136,7 @@ def test_no_atom_does_more_in_the_place_of_another_than_it_is_predicted() -> Non
     assert scorer.replacements(scorer.score((), WHITE), (), lambda atom: True, 5.0) == {}
     for key in state.keys:
         chosen = [other for other in state.keys if other != key]
-        prior = {other: state.scales[other] for other in chosen}
+        prior = {other: state.variances[other] for other in chosen}
         own = np.concatenate([atoms[other].columns for other in chosen])
         sums = system.sums_of(own, WHITE)
         fixed = np.concatenate([prior[other] for other in chosen])

@@ -69,7 +69,7 @@ def moved_of(found: Weighed, changes: Sequence[Change]) -> tuple[Moved, ...]:
     others = [found.columns_of(change) for change in found.changed if change.ways.shape[1] < CURVE]
     loose = np.isin(columns, np.concatenate([np.zeros(0, dtype=int), *others]))
     looked_at = np.concatenate([_prior_of(change, found) for change in changes])
-    prior = np.where(loose, UNGROUPED_VARIANCE, np.concatenate([state.posterior.prior[kept], looked_at]))
+    prior = np.where(loose, UNGROUPED_VARIANCE, np.concatenate([state.posterior.prior_variance[kept], looked_at]))
     sums = system.sums_of(columns, state.memory)
     covariance = inverse(sums.gram + np.diag(1.0 / prior))
     values, error = covariance @ sums.side, state.posterior.phi * covariance
@@ -102,7 +102,7 @@ def _prior_of(change: Change, found: Weighed) -> np.ndarray:
     if width < CURVE:
         return np.full(width, UNGROUPED_VARIANCE)
     named = change.key in found.state.keys
-    return found.state.posterior.prior[found.state.of(change.key)] if named else np.ones(width)
+    return found.state.posterior.prior_variance[found.state.of(change.key)] if named else np.ones(width)
 
 
 def every_value(found: Weighed) -> tuple[Moved, ...]:

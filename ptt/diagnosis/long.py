@@ -92,7 +92,7 @@ def diagnose_long(
     rest = _rest(found, problem, seed)
     if rest.significant and (new := _new(found, told)):  # what leaves a rest is not named for all rows' sake alone
         fewer = without(found.state, *new)
-        found = replace(found, state=found.scorer.score(fewer, found.state.memory, found.state.scales))
+        found = replace(found, state=found.scorer.score(fewer, found.state.memory, found.state.variances))
         rest = _rest(found, problem, seed)
     result = conclude(found, rest, model, problem, known, tell, seed, steps)
     how = (

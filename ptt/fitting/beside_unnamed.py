@@ -39,7 +39,7 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
     every, total = sizes_beside(fitted, problem)
     base, best, some = learn_beside(fitted, total, ()), learn_beside(fitted, total, every), every
     while some:
-        least = min(some, key=lambda size: float(best.scales[groups_of(some, fitted)[size.effect.key]].max()))
+        least = min(some, key=lambda size: float(best.group_variances[groups_of(some, fitted)[size.effect.key]].max()))
         fewer = tuple(size for size in some if size is not least)
         other = learn_beside(fitted, total, fewer)
         if other.total < best.total + EXCLUSION_NATS:

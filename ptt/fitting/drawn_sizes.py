@@ -115,16 +115,16 @@ def learn_beside(
     more = sum(map(len, groups.values()))
     every = np.concatenate(columns).astype(int)
     fixed = np.array([kind != "free" for kind in layout.kinds] + [False] * more, dtype=bool)
-    scales = np.concatenate([prior.scales, np.full(more, 1.0 if held is None else held)])
+    variances = np.concatenate([prior.group_variances, np.full(more, 1.0 if held is None else held)])
     fixed[len(layout.kinds) :] = held is not None
-    begun = scales.copy()
-    begun[: len(layout.kinds)] = prior.scales if start is None else start
+    begun = variances.copy()
+    begun[: len(layout.kinds)] = prior.group_variances if start is None else start
     if small is not None:  # and all others large, so that they can take its place
         begun = np.where(fixed, begun, np.maximum(begun, 1.0))
         begun[small] = SMALL_VARIANCE
-    wide = prior.crowding * fitted.scatter
+    wide = prior.design_effect * fitted.scatter
     return maximise(
-        gram[np.ix_(every, every)] / wide, side[every] / wide, square / wide, count / prior.crowding,
-        np.concatenate(owner).astype(int), freedom=np.inf, start=begun, wide=FRAME_VARIANCE,
-        floor=np.where(fixed, scales, LEAST_VARIANCE), ceiling=np.where(fixed, scales, MOST_VARIANCE),
+        gram[np.ix_(every, every)] / wide, side[every] / wide, square / wide, count / prior.design_effect,
+        np.concatenate(owner).astype(int), freedom=np.inf, start=begun, ungrouped_variance=FRAME_VARIANCE,
+        floor=np.where(fixed, variances, LEAST_VARIANCE), ceiling=np.where(fixed, variances, MOST_VARIANCE),
     )  # fmt: skip

@@ -78,7 +78,7 @@ def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
     gram, side, _, _ = linear.total()
     layout, own = fitted.layout, fitted.layout.owner >= 0
     simple, more = np.arange(len(layout.scale)), np.concatenate([trial.columns for trial in linear.trials])
-    prior, wide = fitted.prior, fitted.prior.crowding * fitted.scatter
+    prior, wide = fitted.prior, fitted.prior.design_effect * fitted.scatter
     solved = inverse(gram[np.ix_(simple, simple)] + np.diag(wide / np.maximum(prior.variance, fitted.sizes**2)))
     left = side - gram[:, simple[own]] @ fitted.unknowns[own]
     cross = gram[np.ix_(simple, more)]

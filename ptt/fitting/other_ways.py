@@ -77,8 +77,8 @@ def _with_size(fitted: FitResult, total: Total, size: DrawnSize) -> list[Posteri
         if kinds[number] != "free":
             continue
         there = learn_beside(fitted, total, (size,), held=1.0, small=number)
-        if there.scales[number] < GONE_SHARE * fitted.prior.scales[number]:
-            start, known = there.scales[: len(kinds)], np.array([way.total for way in ways])
+        if there.group_variances[number] < GONE_SHARE * fitted.prior.group_variances[number]:
+            start, known = there.group_variances[: len(kinds)], np.array([way.total for way in ways])
             again = [learn_beside(fitted, total, (size,), held=width, start=start) for width in TRIED_VARIANCES]
             ways += [way for way in again if np.abs(known - way.total).min() > SAME_NATS]
     return ways

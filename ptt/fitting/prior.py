@@ -1,4 +1,4 @@
-"""How large the unknowns of a fit may be before the rows speak: learned from the rows, one size for each parameter."""
+"""Prior variances of a fit's unknowns, learned from the rows by empirical Bayes: one for each parameter."""
 
 from dataclasses import dataclass
 
@@ -22,29 +22,29 @@ APART_VARIANCE = 1.0
 
 @dataclass(frozen=True)
 class Prior:
-    """Variances before the rows, and how much wider than stated the rows scatter.
+    """Normal prior of the unknowns, and how much more than stated the rows scatter.
 
     Attributes:
-        variance: (u,) of each unknown, in usual sizes squared.
-        scales: (g,) the same for each group of the layout.
+        variance: (u,) prior variance of each unknown, in usual sizes squared.
+        group_variances: (g,) the same for each group of the layout.
+        centre: (u,) prior mean of each unknown: of searched parameters where the search left them, of all others zero.
         widening: variance of the rows over that of the noise that whitened them, at least one.
-        crowding: rows that say the same as one row, as `crowding_of` tells.
-        centre: (u,) where each unknown is before the rows: what is searched where the search left it, all else zero.
+        design_effect: rows that count as one independent row (`design_effect_of`).
     """
 
     variance: np.ndarray
-    scales: np.ndarray
+    group_variances: np.ndarray
     centre: np.ndarray
     widening: float = 1.0
-    crowding: float = 1.0
+    design_effect: float = 1.0
 
     @property
     def weight(self) -> np.ndarray:
-        """What the prior adds to the diagonal of the normal equations, (u,)."""
-        return self.widening * self.crowding / self.variance
+        """Prior precision on the diagonal of the normal equations, in the weight of one row, (u,)."""
+        return self.widening * self.design_effect / self.variance
 
     def pull(self, unknowns: np.ndarray) -> np.ndarray:
-        """What the prior holds against unknowns, (u,): half the gradient of `cost`."""
+        """Half the gradient of `cost` at some unknowns, (u,)."""
         return self.weight * (unknowns - self.centre)
 
     def cost(self, unknowns: np.ndarray) -> float:
@@ -52,13 +52,13 @@ class Prior:
         return float((unknowns - self.centre) @ self.pull(unknowns))
 
     def sizes(self, layout: Layout) -> np.ndarray:
-        """How large each unknown may be, (u,) in usual sizes: the usual size, more where the rows ask for it."""
+        """How large each unknown may be, (u,) in usual sizes: the root of its prior variance, but at least one."""
         free = np.array([kind == "free" for kind in layout.kinds] + [False])[layout.group]
         return np.where(free, np.sqrt(np.maximum(self.variance, 1.0)), 1.0)
 
 
 def usual_prior(layout: Layout) -> Prior:
-    """The prior of a machine that nobody has measured.
+    """The prior before any rows: one usual size for free parameters, wider for searched ones.
 
     Args:
         layout: the unknowns.
@@ -71,17 +71,19 @@ def usual_prior(layout: Layout) -> Prior:
 
 
 def _before(layout: Layout, group: int, centre: np.ndarray) -> float:
-    """Variance of a group before the rows: lengths that joints have each of their own differ by as much as they are."""
+    """Prior variance of a group before any rows; lengths of each joint's own differ by as much as they are."""
     if layout.kinds[group] == "apart":
         return max(APART_VARIANCE, float(np.square(centre[layout.group == group]).max()))
     return SEARCHED_VARIANCE if layout.kinds[group] == "searched" else 1.0
 
 
-def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> float:
-    """How many rows say the same as one row, because what a model misses is alike at each repeat of a pose.
+def design_effect_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> float:
+    """Design effect: how many rows count as one, because what a model misses is the same at each repeat of a pose.
 
-    Seven rounds of one path are seven readings of the same miss. Taken as so many witnesses they would call for absurd
-    sizes of whatever imitates it. The variance of sums over groups of rows against that of as many independent rows.
+    Seven rounds of one path are seven readings of the same error. Taken as independent they would call for absurd
+    values of whatever imitates it. The design effect is the variance of sums over groups of rows, over that of sums of
+    as many independent rows.
+
     Source: design effect of clusters, Kish, Survey Sampling, 1965, ch. 5.
 
     Args:
@@ -95,16 +97,16 @@ def crowding_of(residual: np.ndarray, kept: np.ndarray, block: np.ndarray) -> fl
     rows = kept & (block >= 0) & np.isfinite(residual).all(axis=1)
     left, count = residual[rows], int(block[rows].max(initial=0)) + 1
     sums = np.stack([np.bincount(block[rows], column, count) for column in left.T], axis=1)
-    return design_effect(sums, float((left**2).sum()), np.bincount(block[rows], minlength=count))
+    return design_effect_of_sums(sums, float((left**2).sum()), np.bincount(block[rows], minlength=count))
 
 
-def design_effect(sums: np.ndarray, square: float, rows: np.ndarray) -> float:
-    """How much wider sums over groups of rows scatter than sums of as many independent rows.
+def design_effect_of_sums(sums: np.ndarray, square: float, rows: np.ndarray) -> float:
+    """Design effect from sums over groups of rows.
 
     Args:
         sums: residual summed over each group, (g, 3).
-        square: of the residual of all rows, summed.
-        rows: in each group, (g,): few large ones scatter by chance as that few do, and empty ones not at all.
+        square: sum of squares of the residual of all rows.
+        rows: in each group, (g,): sums over few large groups scatter more by chance.
 
     Returns:
         One for independent rows, up to the size of a group.
@@ -112,8 +114,8 @@ def design_effect(sums: np.ndarray, square: float, rows: np.ndarray) -> float:
     if square <= 0.0:
         return 1.0
     effect = float((sums**2).sum()) / square
-    alike = float(rows.sum()) ** 2 / float(np.square(rows, dtype=float).sum())  # groups of one size, Kish
-    chance = 1.0 + SURE_ERRORS * np.sqrt(2.0 / (alike * sums.shape[1]))  # chi-squared of independent rows
+    equal = float(rows.sum()) ** 2 / float(np.square(rows, dtype=float).sum())  # number of groups, were all of one size
+    chance = 1.0 + SURE_ERRORS * np.sqrt(2.0 / (equal * sums.shape[1]))  # chi-squared of independent rows
     return effect if effect > chance else 1.0
 
 
@@ -123,17 +125,17 @@ def learn_prior(
     unknowns: np.ndarray,
     noise: Noise,
     start: Prior,
-    crowding: float = 1.0,
+    design_effect: float = 1.0,
 ) -> Prior:
-    """Learn how large each group of unknowns is, where a fit stands.
+    """Learn the prior variance of each group of free unknowns at a fit, and how much the rows scatter beside it.
 
     Args:
-        total: of the rows that count, linearised there.
+        total: normal sums of the rows that count, linearised there: J^T J, J^T r, r^T r and the number of coordinates.
         layout: the unknowns.
         unknowns: (u,) in usual sizes.
         noise: that whitened the rows.
-        start: to start from.
-        crowding: rows that count as one.
+        start: prior to start from.
+        design_effect: rows that count as one.
 
     Returns:
         The prior.
@@ -141,24 +143,27 @@ def learn_prior(
     if "free" not in layout.kinds:
         return start
     gram, slope, left, count = total
-    side = slope + gram @ unknowns  # of the readings, not of what is left of them
+    side = slope + gram @ unknowns  # J^T y of the readings, not of their residual
     square = left + float(unknowns @ (slope + side))
     fixed = np.array([kind != "free" for kind in layout.kinds])
-    scales, wider = start.scales, start.widening
+    variances, wider = start.group_variances, start.widening
     for _ in range(LEARNING_TURNS):
         found = maximise(
-            gram / (wider * crowding), side / (wider * crowding), square / (wider * crowding), count / crowding,
-            layout.group,
-            freedom=min(3.0 * noise.freedom, MOST_FREEDOM), start=scales, wide=FRAME_VARIANCE,
-            floor=np.where(fixed, scales, LEAST_VARIANCE), ceiling=np.where(fixed, scales, MOST_VARIANCE),
+            gram / (wider * design_effect), side / (wider * design_effect), square / (wider * design_effect),
+            count / design_effect, layout.group,
+            freedom=min(3.0 * noise.freedom, MOST_FREEDOM), start=variances, ungrouped_variance=FRAME_VARIANCE,
+            floor=np.where(fixed, variances, LEAST_VARIANCE), ceiling=np.where(fixed, variances, MOST_VARIANCE),
         )  # fmt: skip
-        before, wider, scales = wider, max(wider * found.phi, 1.0), np.where(fixed, scales, found.scales)
+        before, wider = wider, max(wider * found.phi, 1.0)
+        variances = np.where(fixed, variances, found.group_variances)
         if abs(np.log(wider / before)) < SETTLED_SCATTER:
             break
-    return _prior(layout, scales, start.centre, wider, crowding)
+    return _prior(layout, variances, start.centre, wider, design_effect)
 
 
 def _prior(
-    layout: Layout, scales: np.ndarray, centre: np.ndarray, widening: float = 1.0, crowding: float = 1.0
+    layout: Layout, group_variances: np.ndarray, centre: np.ndarray, widening: float = 1.0, design_effect: float = 1.0
 ) -> Prior:
-    return Prior(np.append(scales, FRAME_VARIANCE)[layout.group], scales, centre, widening, crowding)
+    return Prior(
+        np.append(group_variances, FRAME_VARIANCE)[layout.group], group_variances, centre, widening, design_effect
+    )

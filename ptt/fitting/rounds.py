@@ -26,7 +26,7 @@ class RowSums(Protocol):
         ...
 
     @property
-    def crowding(self) -> float:
+    def design_effect(self) -> float:
         """How many of them say the same as one."""
         ...
 
@@ -77,11 +77,11 @@ def settle(
     Returns:
         Where it ended.
     """
-    unknowns, status, settled, crowding = start, "nothing to fit", False, 1.0
+    unknowns, status, settled, design_effect = start, "nothing to fit", False, 1.0
     for attempt in range(1 + MOST_ROUNDS):
         if attempt:  # before a first fit all is smooth
-            crowding = rows(unknowns, choice).crowding
-        before, prior = prior, learn_prior(rows(unknowns, choice).total, layout, unknowns, noise, prior, crowding)
+            design_effect = rows(unknowns, choice).design_effect
+        before, prior = prior, learn_prior(rows(unknowns, choice).total, layout, unknowns, noise, prior, design_effect)
         if settled and _near(before, prior):
             prior = before
             break
@@ -99,7 +99,7 @@ def settle(
 
 def _near(one: Prior, other: Prior) -> bool:
     """Tell sizes so alike that no unknown would move by what matters."""
-    return bool(np.abs(np.log(one.scales / other.scales)).max(initial=0.0) < SETTLED_VARIANCES)
+    return bool(np.abs(np.log(one.group_variances / other.group_variances)).max(initial=0.0) < SETTLED_VARIANCES)
 
 
 def _equations(

@@ -13,7 +13,7 @@ from ptt.fitting.gauss_newton import TOLERANCE
 from ptt.fitting.layout import Layout, lay_out
 from ptt.fitting.long import LongEvaluator, LongSystem
 from ptt.fitting.outliers import inside, linear_residual
-from ptt.fitting.prior import Prior, crowding_of, usual_prior
+from ptt.fitting.prior import Prior, design_effect_of, usual_prior
 from ptt.fitting.reach import require_reach
 from ptt.fitting.result import FitResult
 from ptt.fitting.rounds import Settled, settle
@@ -120,8 +120,8 @@ class _RowSums:
         return self.evaluate(self.unknowns).sums(self.kept)
 
     @property
-    def crowding(self) -> float:
-        return crowding_of(self.evaluate(self.unknowns).residual, self.kept, self.block)
+    def design_effect(self) -> float:
+        return design_effect_of(self.evaluate(self.unknowns).residual, self.kept, self.block)
 
     @property
     def sifted(self) -> np.ndarray:

@@ -43,7 +43,7 @@ def state_fit(
     widening, informed = max(1.0, chi2 / freedom), information + np.diag(layout.held.astype(float))
     # Small learned sizes make good values, but one parameter may be large where its fellows are not.
     sizes = prior.sizes(layout)
-    wide = widening * prior.crowding
+    wide = widening * prior.design_effect
     solved = inverse(information + np.diag(wide / np.maximum(prior.variance, sizes**2)))
     more = witness(solved, wide) if witness else None
     covariance = wide * solved if more is None else wide * solved + solved @ more @ solved

@@ -14,7 +14,7 @@ import numpy as np
 from ptt.fitting.layout import Layout
 from ptt.fitting.long import add_totals
 from ptt.fitting.outliers import MOST_EXCEPTIONS, limit_of
-from ptt.fitting.prior import design_effect
+from ptt.fitting.prior import design_effect_of_sums
 from ptt.fitting.whitened import Total, build_whitened
 from ptt.fleet.log import Log, LogState, Part, enter_part, hand_on, read_part
 from ptt.progress import Progress, unwatched
@@ -51,9 +51,9 @@ class Share:
     distant: tuple[np.ndarray, np.ndarray]
 
     @property
-    def crowding(self) -> float:
-        """How many rows say the same as one row, as `ptt.fitting.prior.crowding_of` tells."""
-        return design_effect(self.poses[:, :3], float(self.poses[:, 3].sum()), self.poses[:, 4])
+    def design_effect(self) -> float:
+        """How many rows say the same as one row, as `ptt.fitting.prior.design_effect_of` tells."""
+        return design_effect_of_sums(self.poses[:, :3], float(self.poses[:, 3].sum()), self.poses[:, 4])
 
     @property
     def sifted(self) -> np.ndarray:

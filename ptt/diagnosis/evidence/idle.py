@@ -6,7 +6,7 @@ from math import comb, log
 
 import numpy as np
 
-from ptt.fitting.posterior import nats_of_zero
+from ptt.fitting.posterior import savage_dickey_nats
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def _nats_of_zeros(
         own = np.concatenate(owned)
         variance = inverse[own, own]
         return np.asarray(0.5 * (np.log(prior[own] / variance) - values[own] ** 2 / (variance * phi)))
-    return np.array([nats_of_zero(values[own], inverse[np.ix_(own, own)], prior[own], phi) for own in owned])
+    return np.array([savage_dickey_nats(values[own], inverse[np.ix_(own, own)], prior[own], phi) for own in owned])
 
 
 def _solved(matrix: np.ndarray, side: np.ndarray) -> np.ndarray:

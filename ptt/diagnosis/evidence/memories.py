@@ -95,7 +95,9 @@ def prior_of(memory: Memory, system: System) -> float:
 def _ways(system: System, state: State) -> np.ndarray:
     """Combinations of a state's columns of unit variance that say all but a tenth of a nat, (p, r)."""
     gram = system.sums_of(state.columns, state.memory).gram
-    size = np.minimum(np.sqrt(state.posterior.prior), MOST_SIGNAL / np.sqrt(np.maximum(gram.diagonal(), 1e-300)))
+    size = np.minimum(
+        np.sqrt(state.posterior.prior_variance), MOST_SIGNAL / np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    )
     strength, ways = np.linalg.eigh(gram * size[:, None] * size)
     kept = np.cumsum(np.maximum(strength, 0.0)) > NEGLIGIBLE_VARIANCE
     return np.asarray(size[:, None] * ways[:, kept])

@@ -300,5 +300,5 @@ def _saturated(
         raise too_few(problem)
     start = {key: sizes[name] for name, key in one_each.items() if sizes and name in sizes}
     state = Scorer(system, model.keys).score(tuple(one_each.values()), WHITE, start)
-    learned = {name: state.scales[key] * state.posterior.phi for name, key in one_each.items()}
+    learned = {name: state.variances[key] * state.posterior.phi for name, key in one_each.items()}
     return noise_left(system, state), learned

@@ -68,10 +68,10 @@ def nats_of_form(state: State, atom: Atom, scale: np.ndarray, *, new: bool) -> f
 
 def _nats_of_product(state: State, atom: Atom) -> float:
     """What is still to be added for an effect whose further values are none, or else products of its first one."""
-    if atom.effect is None or not atom.effect.product or atom.key not in state.scales or len(atom.columns) < 2:
+    if atom.effect is None or not atom.effect.product or atom.key not in state.variances or len(atom.columns) < 2:
         return 0.0
     own, posterior = state.of(atom.key), state.posterior
-    width = posterior.phi * float(state.scales[atom.key][0])
+    width = posterior.phi * float(state.variances[atom.key][0])
     values, covariance = posterior.values[own], state.covariance[np.ix_(own, own)]
     more = (atom.effect.stands_for_away / causes(atom.effect) - 1.0) * atom.odds
     away = nats_of_product(values, covariance, width) - more
@@ -83,10 +83,10 @@ def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
 
     What a joint would gain by saying less, where they are not, is left aside: the odds count which joints have any.
     """
-    if atom.reach is None or atom.key not in state.scales:
+    if atom.reach is None or atom.key not in state.variances:
         return 0.0
     (values, spread), size = state.amounts([atom], scale), atom.sizes(scale)
-    widest, nats = state.posterior.phi * float(state.scales[atom.key].max()), 0.0
+    widest, nats = state.posterior.phi * float(state.variances[atom.key].max()), 0.0
     for own in np.arange(len(values)).reshape(2, -1).T:  # of each joint both, in usual sizes of the second
         unit = np.array([atom.reach, 1.0]) / size[own[1]]
         both = unit[:, None] * spread[np.ix_(own, own)] * unit

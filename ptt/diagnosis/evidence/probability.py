@@ -78,7 +78,7 @@ def near_sets(scorer: Scorer, state: State) -> Iterator[tuple[float, State]]:
     for other in sorted(near, key=lambda other: -other.total)[:MOST_SETS]:
         if (other.keys, other.memory) != (state.keys, state.memory):
             odds = float(np.exp(min(other.total - state.total, 0.0) / TEMPER))
-            yield odds, scorer.score(other.keys, other.memory, other.scales)
+            yield odds, scorer.score(other.keys, other.memory, other.variances)
 
 
 def _names(state: State, scorer: Scorer) -> frozenset[str]:

@@ -87,8 +87,12 @@ class Scorer:
         """
         order = tuple(sorted({*keys, *self.given}))
         seen = self.scored.get((order, memory))
-        if seen is None or not (seen.is_whole or seen.total < least) or (seen.posterior.ended and seen.total >= least):
-            seen = self._score(order, memory, (start or {}) if seen is None else seen.scales, least)
+        if (
+            seen is None
+            or not (seen.is_whole or seen.total < least)
+            or (seen.posterior.stopped_early and seen.total >= least)
+        ):
+            seen = self._score(order, memory, (start or {}) if seen is None else seen.variances, least)
             self._keep(seen)
         return seen
 
@@ -116,12 +120,12 @@ class Scorer:
         beside = prior_of(memory, system) - odds - sums.log_noise
         posterior = self._learned(atoms, sums, system.spare, begin, least - beside)
         gained = self._at_few_joints(atoms, posterior, owner, first)
-        if posterior.ended and posterior.total + gained > least - beside:
-            posterior = self._learned(atoms, sums, system.spare, posterior.scales)
+        if posterior.stopped_early and posterior.total + gained > least - beside:
+            posterior = self._learned(atoms, sums, system.spare, posterior.group_variances)
             gained = self._at_few_joints(atoms, posterior, owner, first)
         total = posterior.total + gained + beside
-        scales = {atom.key: posterior.scales[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
-        state = State(keys, memory, total, posterior, columns, owner.astype(int), scales)
+        variances = {atom.key: posterior.group_variances[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
+        state = State(keys, memory, total, posterior, columns, owner.astype(int), variances)
         new = [atom for atom in atoms if atom.key not in self.given]
         if is_impossible(state, atoms, new) or self._is_at_an_end(new) or self._undoes(state):
             return replace(state, total=-np.inf)
@@ -147,14 +151,14 @@ class Scorer:
                 continue
             own, back = np.flatnonzero(owner == index), None
             if atom.leg is not None:
-                widths = posterior.scales[first[index] : first[index + 1]]
+                widths = posterior.group_variances[first[index] : first[index + 1]]
                 back = (np.square(0.5 * np.log(widths) / LOG_SIZE_STD) / 2.0 / np.bincount(atom.group))[atom.group]
-            inverse, prior = posterior.inverse_of(own), posterior.prior[own]
+            inverse, prior = posterior.inverse_of(own), posterior.prior_variance[own]
             idle = idle_joints(joint, posterior.values[own], inverse, prior, posterior.phi, back)
             if idle is not None:
                 most, odds = max(most, idle.nats), odds + idle.odds
                 off += own[idle.columns].tolist()
-        return max(posterior.zeroed(np.array(off)) - odds, most) if off else 0.0
+        return max(posterior.savage_dickey(np.array(off)) - odds, most) if off else 0.0
 
     def _learned(
         self, atoms: Sequence[Atom], sums: MemorySums, count: float, begin: np.ndarray, least: float = -np.inf
@@ -163,12 +167,12 @@ class Scorer:
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
         frame = np.full(len(self.system.frame), -1)
         group = np.concatenate([frame, *(a.group + first[i] for i, a in enumerate(atoms))])
-        width = np.concatenate([np.zeros(0), *(np.full(a.groups, LOG_SIZE_STD if a.effect else np.inf) for a in atoms)])
+        log_std = [np.full(atom.groups, LOG_SIZE_STD if atom.effect else np.inf) for atom in atoms]
         ceiling = np.concatenate([np.zeros(0), *(a.most for a in atoms)])
         return maximise(
             sums.gram, sums.side, sums.square, count, group.astype(int),
-            freedom=self.system.freedom, start=begin, width=width, ceiling=ceiling, done=LEARNING_TOLERANCE,
-            least=least, finest=self.system.finest,
+            freedom=self.system.freedom, start=begin, log_size_std=np.concatenate([np.zeros(0), *log_std]),
+            ceiling=ceiling, tolerance=LEARNING_TOLERANCE, least_total=least, least_phi=self.system.least_phi,
         )  # fmt: skip
 
     def without_rows(
@@ -189,7 +193,7 @@ class Scorer:
         for part in hidden:
             gram, side = sums.gram - part.gram[np.ix_(place, place)], sums.side - part.side[place]
             less, count = MemorySums(gram, side, sums.square - part.energy, 0.0), self.system.spare - 3.0 * part.rows
-            yield self._learned(atoms, less, max(count, 1.0), state.posterior.scales)
+            yield self._learned(atoms, less, max(count, 1.0), state.posterior.group_variances)
 
     def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:
         """What every atom would add to a state, the best shape of each name; best first."""

@@ -42,12 +42,12 @@ class Gain:
     Attributes:
         nats: added to the total.
         key: of the atom.
-        scales: its variances, (g,).
+        variances: its variances, (g,).
     """
 
     nats: float
     key: str
-    scales: np.ndarray
+    variances: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class Screen:
             gram: of what the set leaves of them, (w, w).
             side: (w,).
         """
-        prior = np.full(len(gram), float(self.gains[atom.key].scales[0]))
+        prior = np.full(len(gram), float(self.gains[atom.key].variances[0]))
         spread = inverse(gram + np.diag(1.0 / prior))
         idle = idle_joints(joint, spread @ side, spread, prior, self.basis.posterior.phi)
         if idle is not None:
@@ -178,16 +178,16 @@ class Screen:
 
     def _noise_gain(self, taken: np.ndarray, spread: np.ndarray) -> np.ndarray:
         """Nats that a smaller sum of squares is worth, the white variance being learned, less half of the spread."""
-        left, nats = self.basis.posterior.left, self.system.nats_of_noise
+        left, nats = self.basis.posterior.penalised_square, self.system.nats_of_noise
         return nats(np.maximum(left - taken, 1e-9)) - nats(left) - 0.5 * spread
 
     def _learned(self, atom: Atom, gram: np.ndarray, side: np.ndarray) -> Gain:
         """The same where an atom has several variances."""
-        left, system = self.basis.posterior.left, self.system
+        left, system = self.basis.posterior.penalised_square, self.system
         work_out = partial(
-            maximise, square=left, count=system.spare, owner=atom.group, freedom=system.freedom, finest=system.finest,
-            done=SCREEN_TOLERANCE, start=self.begun.get((atom.name, atom.groups)), ceiling=atom.most,
-            width=LOG_SIZE_STD if atom.effect else np.inf,
+            maximise, square=left, count=system.spare, group=atom.group, freedom=system.freedom,
+            least_phi=system.least_phi, tolerance=SCREEN_TOLERANCE, start=self.begun.get((atom.name, atom.groups)),
+            ceiling=atom.most, log_size_std=LOG_SIZE_STD if atom.effect else np.inf,
         )  # fmt: skip
         try:
             own = work_out(gram, side)
@@ -195,8 +195,8 @@ class Screen:
             strength, ways = np.linalg.eigh(gram)
             seen = ways[:, strength > np.abs(strength[0])]
             own = work_out(seen @ (seen.T @ gram @ seen) @ seen.T, seen @ (seen.T @ side))
-        self.begun[atom.name, atom.groups] = own.scales
-        return Gain(own.total - float(system.nats_of_noise(left)) - atom.odds, atom.key, own.scales)
+        self.begun[atom.name, atom.groups] = own.group_variances
+        return Gain(own.total - float(system.nats_of_noise(left)) - atom.odds, atom.key, own.group_variances)
 
 
 def left_beside(whole: np.ndarray, half: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ class State:
         posterior: of the frame and the atoms.
         columns: indices of the posterior's columns in the system.
         owner: (p,) number of the atom of each column, -1 for the frame.
-        scales: learned variances of each atom, by key.
+        variances: learned variances of each atom, by key.
         forms: nats that the form of an atom's values is worth beside that of a linear prior, by key; none by default.
     """
 
@@ -34,7 +34,7 @@ class State:
     posterior: Posterior
     columns: np.ndarray
     owner: np.ndarray
-    scales: Mapping[str, np.ndarray]
+    variances: Mapping[str, np.ndarray]
     forms: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -72,7 +72,7 @@ class State:
     @property
     def decided(self) -> float:
         """Degrees of freedom that the readings decide."""
-        return len(self.columns) - float((np.diag(self.inverse) / self.posterior.prior).sum())
+        return len(self.columns) - float((np.diag(self.inverse) / self.posterior.prior_variance).sum())
 
     @property
     def std(self) -> np.ndarray:
@@ -92,8 +92,10 @@ class State:
         values = [atom.amplitudes(self.posterior.values[self.of(atom.key)], scale) for atom in atoms]
         size = np.concatenate([atom.sizes(scale) for atom in atoms])
         ways = linalg.block_diag(*(np.eye(len(a.columns)) if a.turned is None else a.turned.ways for a in atoms))
-        groups = [(atom.group if atom.turned is None else atom.turned.group, self.scales[atom.key]) for atom in atoms]
-        before = np.sqrt(phi * np.concatenate([scales[group] for group, scales in groups]))
+        groups = [
+            (atom.group if atom.turned is None else atom.turned.group, self.variances[atom.key]) for atom in atoms
+        ]
+        before = np.sqrt(phi * np.concatenate([variances[group] for group, variances in groups]))
         unseen = before[:, None] * (np.eye(len(ways)) - ways @ ways.T) * before
         spread = ways @ self.covariance[np.ix_(own, own)] @ ways.T + unseen
         return np.concatenate(values), size[:, None] * spread * size
@@ -107,8 +109,8 @@ class State:
         """
         own, phi, size = self.of(atom.key), self.posterior.phi, atom.sizes(scale)
         if atom.turned is None:
-            return self.std[own] * size, np.sqrt(self.posterior.prior[own] * phi) * size
-        ways, before = atom.turned.ways, self.scales[atom.key][atom.turned.group] * phi
+            return self.std[own] * size, np.sqrt(self.posterior.prior_variance[own] * phi) * size
+        ways, before = atom.turned.ways, self.variances[atom.key][atom.turned.group] * phi
         unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
         after = np.einsum("ij,jk,ik->i", ways, phi * self.inverse[np.ix_(own, own)], ways, optimize=True) + unseen
         return np.sqrt(after) * size, np.sqrt(before) * size

@@ -69,9 +69,9 @@ def _worth(scorer: "Scorer", state: "State", key: str) -> float:
     own, posterior, atom = state.of(key), state.posterior, scorer.system.atoms[key]
     spread = state.inverse[np.ix_(own, own)]
     values = posterior.values[own]
-    left, nats = posterior.left, scorer.system.nats_of_noise
+    left, nats = posterior.penalised_square, scorer.system.nats_of_noise
     taken = float(values @ np.linalg.solve(spread, values))
-    volume = np.linalg.slogdet(spread)[1] - np.log(posterior.prior[own]).sum()
+    volume = np.linalg.slogdet(spread)[1] - np.log(posterior.prior_variance[own]).sum()
     return float(nats(left) - nats(left + taken) + 0.5 * volume) - atom.odds + state.forms.get(key, 0.0)
 
 

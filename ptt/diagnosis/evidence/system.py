@@ -14,7 +14,7 @@ from ptt.diagnosis.noise.wander import Clock, innovations
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
 from ptt.fitting.alike import times_of
-from ptt.fitting.evidence import noise_of
+from ptt.fitting.evidence import profile_noise
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult
 from ptt.run.noise import Noise
@@ -63,7 +63,7 @@ class System(ABC):
         return float(max(self.count - len(self.frame), 1))
 
     @cached_property
-    def finest(self) -> float:
+    def least_phi(self) -> float:
         """White variance that no set leaves less of, in units of the noise: that of the last digit of a reading."""
         return self.noise.least * self._noises
 
@@ -74,14 +74,14 @@ class System(ABC):
 
     def nats_of_noise(self, left: np.ndarray | float) -> np.ndarray:
         """Log evidence of white noise, its variance learned, where sets leave sums of squares, (..) in noise units."""
-        return noise_of(np.asarray(left), self.spare, self.freedom, self.finest)[1]
+        return profile_noise(np.asarray(left), self.spare, self.freedom, self.least_phi)[1]
 
     def shares_by_pose(self, memory: Memory) -> bool:
         """Whether a memory holds errors that come back with their pose, which no machine's scatter does.
 
         Where nothing else scatters, what rounding leaves of readings comes back as well.
         """
-        return memory.pose > ROUNDING_FACTOR * self.finest and not self.by_visit
+        return memory.pose > ROUNDING_FACTOR * self.least_phi and not self.by_visit
 
     def errs_by_pose(self, memory: Memory) -> bool:
         """The same, and by more than rounding of commands leaves: something is there that no effect describes."""

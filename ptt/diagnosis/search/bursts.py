@@ -37,7 +37,7 @@ def broken_beams(found: Found) -> np.ndarray:
     if not crowd and state.memory.wander is None and not holds_unknown(system, state.keys, state.memory):
         return rows
     for keys in _less(found, crowd):
-        left = robustly_left(system, found.scorer.score(keys, WHITE, state.scales))
+        left = robustly_left(system, found.scorer.score(keys, WHITE, state.variances))
         far = stand_out(left, np.ones(len(left), dtype=bool), least=0.0)
         if 0 < far.sum() <= max(BROKEN_ROWS, MOST_BROKEN_SHARE * len(left)):
             rows[system.rows[far]] = True

@@ -41,7 +41,7 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
     if "time" not in problem.view.varies or seen or len(time) < SPECTRUM_ROWS or np.ptp(time) == 0.0:
         return None
     bends = [key for key in state.keys if (block := system.atoms[key].block) is not None and block.on[0] == "time"]
-    straight = scorer.score(without(state, *bends), state.memory, state.scales)
+    straight = scorer.score(without(state, *bends), state.memory, state.variances)
     white, ones = system.innovation(straight.columns, straight.posterior.values, straight.memory), np.ones(len(time))
     gain = np.sum(
         [squares_over(time, axis, ones, FEWEST_CYCLES, FREQUENCY_STEP, len(turns)) for axis in white.T], axis=0

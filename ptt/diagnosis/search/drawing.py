@@ -65,10 +65,10 @@ def _without(scorer: Scorer, state: State, named: State, gone: Sequence[str], *,
         scorer.system, scorer.given, scorer.steps, barred | bending - {atoms[key].name for key in named.keys},
         fields=fields,
     )  # fmt: skip
-    named = plain.score(named.keys, named.memory, named.scales)
+    named = plain.score(named.keys, named.memory, named.variances)
     best = max(named, improve(plain, named), key=lambda one: _once_one_is_off(plain, one))
     every = Scorer(scorer.system, scorer.given, scorer.steps, barred, fields=fields)
-    other = improve(every, every.score(best.keys, best.memory, best.scales))
+    other = improve(every, every.score(best.keys, best.memory, best.variances))
     more = _once_one_is_off(every, other) - _once_one_is_off(plain, best)
     least = PLAIN_NATS if _unknowns(every, other) - _unknowns(plain, best) else LEAST_NATS
     allowed = _unknowns(every, other) <= _unknowns(scorer, state)

@@ -179,7 +179,7 @@ def _search(scorer: Scorer, state: State, known: set[str]) -> tuple[Scorer, Stat
         found = improve(scorer, state, partial(_is_other, frozenset(small)))
         atoms = scorer.system.atoms
         new = [key for key in found.keys if atoms[key].name not in known and key not in scorer.given]
-        less = {key: scorer.score(without(found, key), found.memory, found.scales).total for key in new}
+        less = {key: scorer.score(without(found, key), found.memory, found.variances).total for key in new}
         little = {
             atoms[key].name for key in new if found.total - less[key] < 0.5 * LEAST_VARIANCE_SHARE * scorer.system.count
         }

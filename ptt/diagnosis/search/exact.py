@@ -125,7 +125,7 @@ def _bent(scorer: Scorer, state: State) -> list[State]:
     gradual = [key for key in loose(scorer, state) if _is_gradual(atoms[key].effect)]
     if not gradual or any(_is_play(atoms[key].effect) for key in state.keys):
         return []
-    rest = scorer.score(without(state, *gradual), state.memory, state.scales)
+    rest = scorer.score(without(state, *gradual), state.memory, state.variances)
     found = scorer.screen(rest, lambda atom: _is_play(atom.effect))[:1]
     return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN_NATS]
 
@@ -141,7 +141,7 @@ def _plainer(scorer: Scorer, state: State) -> list[State]:
         own = atoms[key]
         if own.effect is None or is_sudden(own) or np.abs(state.posterior.values[state.of(key)]).max() < LARGE_SIZES:
             continue
-        rest = scorer.score(without(state, key), state.memory, state.scales)
+        rest = scorer.score(without(state, key), state.memory, state.variances)
         others = scorer.screen(rest, partial(_is_commoner, own))[:TRIED]
         ways += [added(scorer, rest, gain) for gain in others if gain.nats > SEEN_NATS]
     return ways
@@ -156,7 +156,7 @@ def _at_names(asked: Asked, found: Found, named: State, problem: Problem) -> Fou
     """What is found where names alone are fitted; None where that lies too far behind."""
     state, nothing = found.state, np.zeros_like(found.carried)
     current = _straightened(moved(replace(found, state=named), asked.model, problem), found, named)
-    most = state.posterior.left + 2.0 * state.posterior.phi * HOPEFUL_NATS
+    most = state.posterior.penalised_square + 2.0 * state.posterior.phi * HOPEFUL_NATS
     fitted = fit_less(current, problem, nothing, found.gross, found.noise, most)
     if fitted.status == HOPELESS:
         return None

@@ -93,7 +93,7 @@ def _improved(scorer: Scorer, state: State) -> State:
     """The best set that moves lead to; where the noise remembers more than a tracker's does, also without that."""
     starts = [state]
     if scorer.system.clock.is_fault(state.memory.wander):  # it may be the machine that it follows
-        starts.append(scorer.score(state.keys, WHITE, state.scales))
+        starts.append(scorer.score(state.keys, WHITE, state.variances))
     return max((improve(scorer, each) for each in starts), key=lambda end: end.total)
 
 

@@ -164,7 +164,7 @@ def _finest(found: Found, atom: Atom, problem: Problem) -> Shape:
         return atom.shape
     state = found.state
     scorer = with_shapes(Scorer(rows_of(found.system).only(state.keys), found.scorer.given), {atom.name: shapes})
-    rest = scorer.score(without(state, atom.key), state.memory, state.scales)
+    rest = scorer.score(without(state, atom.key), state.memory, state.variances)
     nats = {gain.key: gain.nats for gain in scorer.all_gains(rest, lambda other: other.name == atom.name)}
     gains = np.array([nats.get(shape_key(atom.name, shape), -np.inf) for shape in shapes])
     if meant:

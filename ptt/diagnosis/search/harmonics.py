@@ -52,7 +52,7 @@ def with_harmonics(
             continue
         wider = _with_waves(scorer, waves, problem)
         atoms = [atom for key, atom in wider.system.atoms.items() if key not in scorer.system.atoms]
-        every = wider.score((*start.keys, *(atom.key for atom in atoms)), start.memory, start.scales)
+        every = wider.score((*start.keys, *(atom.key for atom in atoms)), start.memory, start.variances)
         if (
             every.total + sum(atom.odds for atom in atoms) < state.total - HOPEFUL_NATS
         ):  # as if those of no use cost nothing
@@ -147,7 +147,7 @@ def plainly(scorer: Scorer, state: State) -> State:
         What else it says, as itself where it has none.
     """
     bends = [key for key in loose(scorer, state) if len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS]
-    return scorer.score(without(state, *bends), WHITE, state.scales) if bends else state
+    return scorer.score(without(state, *bends), WHITE, state.variances) if bends else state
 
 
 def _taken(along: JointWave, lead: float, off: float = 0.0) -> np.ndarray:

@@ -31,7 +31,7 @@ def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
         memory, gained = scorer.best_memory(state)
         if memory == state.memory or gained <= 0.0:
             return state
-        other = scorer.score(state.keys, memory, state.scales)
+        other = scorer.score(state.keys, memory, state.variances)
         if not other.total > state.total + LEAST_NATS:
             return state
         state = other

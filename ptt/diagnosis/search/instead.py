@@ -43,7 +43,7 @@ def _named_instead(scorer: Scorer, best: State) -> State:
     blocks = [key for key in loose(scorer, best) if scorer.system.atoms[key].block is not None]
     if not blocks:
         return best
-    fewer = scorer.score(without(best, *blocks), best.memory, best.scales)
+    fewer = scorer.score(without(best, *blocks), best.memory, best.variances)
     named = improve(scorer, fewer, is_effect, swaps=False)
     for key in loose(scorer, named):
         if key in named.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
@@ -65,7 +65,7 @@ def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str], memory: Memo
     """
     rest = without(best, *gone)
     drawn = {atom.name for atom in scorer.system.atoms.values() if is_drawn(atom)}
-    all_of_them = scorer.score((*rest, *_coming(scorer, rest, drawn)), memory, best.scales)
+    all_of_them = scorer.score((*rest, *_coming(scorer, rest, drawn)), memory, best.variances)
     fewer = improve(scorer, all_of_them, _is_none, swaps=False)
     return improve(scorer, fewer, is_plain, swaps=False)
 
@@ -84,7 +84,7 @@ def _instead_of(scorer: Scorer, best: State, key: str) -> State:
 
     Swaps one for one never find those: none of them alone is worth as much.
     """
-    fewer = scorer.score(without(best, key), best.memory, best.scales)
+    fewer = scorer.score(without(best, key), best.memory, best.variances)
     if not worth_a_try(scorer, fewer, is_plain):
         return best
     plain = improve(scorer, fewer, is_plain, swaps=False)
@@ -104,7 +104,7 @@ def _beside(scorer: Scorer, best: State, key: str) -> State:
     tried = [added(scorer, best, gain) for gain in near[:TRIED]]
     lenders = _lenders(scorer, best, key)
     if lenders:
-        tried.append(scorer.score((*without(best, key), *lenders), best.memory, best.scales))
+        tried.append(scorer.score((*without(best, key), *lenders), best.memory, best.variances))
     other = max(tried, key=lambda state: state.total, default=best)
     return improve(scorer, other) if other.total > best.total + LEAST_NATS else best
 
@@ -138,7 +138,7 @@ def commoner(scorer: Scorer, state: State, key: str) -> State | None:
     rest = without(state, key)
     names = set(effect.stands_for) - {scorer.system.atoms[other].name for other in rest}
     coming = _coming(scorer, rest, names)
-    return scorer.score((*rest, *coming), state.memory, state.scales) if 0 < len(names) == len(coming) else None
+    return scorer.score((*rest, *coming), state.memory, state.variances) if 0 < len(names) == len(coming) else None
 
 
 def _lenders(scorer: Scorer, state: State, key: str) -> list[str]:
@@ -166,7 +166,7 @@ def _asked_of_tracker(scorer: Scorer, best: State) -> State:
     for key in loose(scorer, best):
         atom = scorer.system.atoms[key]
         if key in best.keys and atom.effect is not None:
-            fewer = scorer.score(without(best, key), best.memory, best.scales)
+            fewer = scorer.score(without(best, key), best.memory, best.variances)
             other = improve(scorer, fewer, _is_of_machine if is_metrology(atom) else is_metrology, swaps=False)
             if other.total > best.total + LEAST_NATS:
                 best = improve(scorer, other)

@@ -114,7 +114,7 @@ def is_broad(atom: Atom) -> bool:
 def _instead(scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed = is_law) -> State:
     """The best set with laws in the place of some of its atoms; the set as it is where none does better."""
     sudden = any(is_sudden(scorer.system.atoms[key]) for key in gone)
-    fewer = scorer.score(without(state, *gone), state.memory, state.scales)
+    fewer = scorer.score(without(state, *gone), state.memory, state.variances)
     laws = improve(scorer, fewer, allowed, swaps=False)
     if laws.total < state.total - HOPEFUL_NATS:
         return state
@@ -133,7 +133,7 @@ def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> S
     known = sum(is_block(atom) for atom in system.atoms.values())
     odds = odds_of_block(known + sum(len({block.name for block in blocks}) for blocks in places))
     few = Scorer(system.only(state.keys), scorer.given)
-    beside = [few.score(keys, state.memory, state.scales) for keys in dict.fromkeys(map(tuple, sets))]
+    beside = [few.score(keys, state.memory, state.variances) for keys in dict.fromkeys(map(tuple, sets))]
     few.system.sums(state.memory)  # which the laws of every place are set beside
     kept = list[Block]()
     for blocks in places:

@@ -38,7 +38,7 @@ def _wanders(atom: Atom) -> bool:
 
 def added(scorer: Scorer, state: State, gain: Gain, least: float = -np.inf) -> State:
     """A state with what the screen proposes, its variances learned on from there; `least` as in `Scorer.score`."""
-    return scorer.score((*state.keys, gain.key), state.memory, {**state.scales, gain.key: gain.scales}, least)
+    return scorer.score((*state.keys, gain.key), state.memory, {**state.variances, gain.key: gain.variances}, least)
 
 
 def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
@@ -72,7 +72,7 @@ def _less(scorer: Scorer, state: State, gone: Sequence[str], moves: Sequence[Sta
     found = list[State]()
     for key in gone:
         least = _least(state, [*moves, *found])
-        found.append(scorer.score(without(state, key), state.memory, state.scales, least))
+        found.append(scorer.score(without(state, key), state.memory, state.variances, least))
     return found
 
 
@@ -107,12 +107,12 @@ def remember_instead(scorer: Scorer, state: State, key: str) -> State:
         state: a set.
         key: of the atom that goes.
     """
-    return _again_remembering(scorer, scorer.score(without(state, key), state.memory, state.scales))
+    return _again_remembering(scorer, scorer.score(without(state, key), state.memory, state.variances))
 
 
 def _again_remembering(scorer: Scorer, state: State) -> State:
     """The same atoms with the memory of the noise that suits them."""
-    return scorer.score(state.keys, scorer.best_memory(state)[0], state.scales)
+    return scorer.score(state.keys, scorer.best_memory(state)[0], state.variances)
 
 
 def _less_remembering(scorer: Scorer, white: State, allowed: Allowed) -> list[State]:
@@ -134,16 +134,16 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     moves: list[State] = []
     memory, gained = scorer.best_memory(state)
     if gained > 0.0 and memory != state.memory:
-        moves.append(scorer.score(state.keys, memory, state.scales))
+        moves.append(scorer.score(state.keys, memory, state.variances))
         if moves[0].total > state.total + MEMORY_FIRST:
             return moves
     may_go = loose(scorer, state)
     less = list[tuple[State, set[str] | None]]()
     for key, others in scorer.replacements(state, may_go, allowed, SCREEN_ERROR).items():
         if others:
-            less.append((scorer.score(without(state, key), state.memory, state.scales), others))
+            less.append((scorer.score(without(state, key), state.memory, state.variances), others))
     if state.memory != WHITE:
-        moves.append(scorer.score(state.keys, WHITE, state.scales))
+        moves.append(scorer.score(state.keys, WHITE, state.variances))
         less.append((moves[-1], None))
         moves += _less_remembering(scorer, moves[-1], allowed)
     else:

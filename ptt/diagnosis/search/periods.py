@@ -80,7 +80,7 @@ def period_left(
     free = free_in_place(state, scorer.system) if line is None else ()
     if not free:
         return line
-    straight = scorer.score(without(state, *free), state.memory, state.scales)
+    straight = scorer.score(without(state, *free), state.memory, state.variances)
     return find_period(scorer, straight, problem, offered, waves)
 
 

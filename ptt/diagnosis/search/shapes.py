@@ -106,7 +106,7 @@ def best_meanings(scorer: Scorer, state: State) -> State:
             continue
         others = [other for other in atoms.values() if other.name == atoms[key].name and other.key != key]
         fewer = without(state, key)
-        tried = [scorer.score([*fewer, other.key], state.memory, state.scales) for other in others]
+        tried = [scorer.score([*fewer, other.key], state.memory, state.variances) for other in others]
         state = max([state, *tried], key=lambda each: each.total)
     return state
 

@@ -114,7 +114,7 @@ def robustly_left(system: RowSystem, state: State) -> np.ndarray:
     """
     chosen, known = state.columns, np.append(system.base_values.ravel(), np.zeros(len(state.columns)))
     fixed = system.base_columns[..., chosen].reshape(system.base_values.size, len(chosen))
-    base = np.concatenate([fixed, np.diag(state.posterior.prior**-0.5)])
+    base = np.concatenate([fixed, np.diag(state.posterior.prior_variance**-0.5)])
     return linear_residual(system.values, system.columns[..., chosen], known, base)[0]
 
 
@@ -196,7 +196,7 @@ def unlike(moments: Sequence[Shape]) -> tuple[Shape, ...]:
 def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:
     """Where a sudden effect does best beside a state less some of it."""
     system = rows_of(scorer.system)
-    still = scorer.score(without(state, *gone), WHITE, state.scales)
+    still = scorer.score(without(state, *gone), WHITE, state.variances)
     left = np.zeros((system.at.problem.table.rows, 3))
     left[system.rows] = system.left(still.columns, still.posterior.values)
     frame = np.zeros((*left.shape, len(system.frame)))

@@ -63,7 +63,7 @@ def absent_effects(scorer: Scorer, state: State, *, drawn: bool = False) -> tupl
         follow = np.empty_like(half)  # how the values of the set go with those of the effect
         follow[posterior.order] = -dtrtrs(posterior.cholesky, half, lower=1, trans=1)[0]
         left = _seen(left_beside(sums.gram[own, own][None], half.T[None])[0])
-        spread = inverse(left + np.diag(1.0 / gain.scales[atom.group]))
+        spread = inverse(left + np.diag(1.0 / gain.variances[atom.group]))
         values = spread @ (sums.side[own] + follow.T @ sums.side[:width])
         squares = posterior.phi * spread + np.outer(values, values)
         odds = float(np.exp(min(gain.nats + atom.odds, 0.0) - atom.odds / TEMPER))

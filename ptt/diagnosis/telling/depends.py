@@ -37,12 +37,12 @@ def with_suspect(scorer: Scorer, state: State) -> State:
     Returns:
         The set with one more block; as it is where no block would add anything.
     """
-    plain = scorer.score(state.keys, WHITE, state.scales)
+    plain = scorer.score(state.keys, WHITE, state.variances)
     blocks = scorer.screen(plain, is_block)
     if not blocks:
         return state
     best = blocks[0]
-    more = scorer.score((*state.keys, best.key), WHITE, {**state.scales, best.key: best.scales})
+    more = scorer.score((*state.keys, best.key), WHITE, {**state.variances, best.key: best.variances})
     return more if more.total > plain.total else state
 
 

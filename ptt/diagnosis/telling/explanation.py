@@ -160,7 +160,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
             continue
         if first_of(atom.name, {atom.name, *(atoms[given].name for given in scorer.given)}) != atom.name:
             continue  # a second knock, on the model as given, says what the first does
-        state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.scales})
+        state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.variances})
         parameters = _told(state, atom, found.system.scale, problem)
         after = held_out(scorer, (gain.key,)) * 1e3
         chance = min(chances.effects.get(atom.name, 0.0), MOST_UNNAMED if atom.name in unnamed else 1.0)

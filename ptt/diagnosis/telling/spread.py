@@ -55,7 +55,7 @@ def square_errors(scorer: Scorer, state: State, atom: Atom) -> np.ndarray:
     of the American Statistical Association 84 (1989).
     """
     own, phi, inverse = state.of(atom.key), state.posterior.phi, state.inverse
-    covariance, prior = phi * inverse[np.ix_(own, own)], state.posterior.prior
+    covariance, prior = phi * inverse[np.ix_(own, own)], state.posterior.prior_variance
     wider = {}
     for name, group in _groups(scorer, state):
         across = inverse[np.ix_(own, group)]
@@ -69,7 +69,7 @@ def square_errors(scorer: Scorer, state: State, atom: Atom) -> np.ndarray:
     known = _of_values(atom, covariance, scorer.system.scale)
     if atom.turned is None:
         return known
-    ways, before = atom.turned.ways, state.scales[atom.key][atom.turned.group] * phi
+    ways, before = atom.turned.ways, state.variances[atom.key][atom.turned.group] * phi
     before = before * np.array([wider.get((atom.key, group), _wider(0.0)) for group in atom.turned.group.tolist()])
     unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
     return np.asarray(known + unseen * atom.sizes(scorer.system.scale) ** 2)

@@ -190,7 +190,7 @@ def _with_means(scorer: Scorer, state: State, less: State) -> list[float]:
     opens = scorer.opens(less.keys)
     means = [key for key, block in blocks.items() if block.is_curve and block.place.part in varied]
     return [
-        scorer.score((*less.keys, key), less.memory, less.scales).total + atoms[key].odds
+        scorer.score((*less.keys, key), less.memory, less.variances).total + atoms[key].odds
         for key in means
         if opens(atoms[key])
     ]
@@ -249,7 +249,7 @@ def share_of(scorer: Scorer, key: str) -> float:
 
 
 def _less(scorer: Scorer, state: State, key: str) -> State:
-    return scorer.score(without(state, key), state.memory, state.scales)
+    return scorer.score(without(state, key), state.memory, state.variances)
 
 
 def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:

@@ -82,7 +82,7 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
     parts, system = parts_of(state, scorer.system), scorer.system
 
     def left_by(keys: Sequence[str]) -> np.ndarray:
-        other = scorer.score(keys, state.memory, state.scales)
+        other = scorer.score(keys, state.memory, state.variances)
         return system.everywhere(system.left(other.columns, other.posterior.values), problem.table.rows)[rows]
 
     whole, by_names = left_by(state.keys), left_by(without(state, *parts))
@@ -94,13 +94,13 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
     left, amounts = sum(parts.values(), whole), _amounts(state, system, list(parts))
 
     def beside(keys: Sequence[str]) -> np.ndarray:
-        other = parts_of(scorer.score(keys, state.memory, state.scales), system)
+        other = parts_of(scorer.score(keys, state.memory, state.variances), system)
         return left_by(keys) if fight else left - sum(other.values())
 
     first = dict(zip(parts, np.cumsum([0, *(_block(system, key).width for key in parts)]), strict=False))
     found = list[Unknown]()
     for key, energy in _energies(scorer, state, list(parts), beside):
-        nats = state.total - scorer.score(without(state, key), state.memory, state.scales).total
+        nats = state.total - scorer.score(without(state, key), state.memory, state.variances).total
         block, own = _block(system, key), first[key] + np.arange(_block(system, key).width)
         found.append(Unknown(block, nats, energy, parts[key], None if key in back else amounts, own))
     return Unnamed(left, tuple(sorted(found, key=lambda item: -item.energy)))
@@ -121,7 +121,7 @@ def _energies(
     before = whole = _spread(beside(chosen))
     for _ in blocks:
         others = [(*chosen, key) for key in blocks if key not in chosen]
-        chosen = max(others, key=lambda keys: scorer.score(keys, state.memory, state.scales).total)
+        chosen = max(others, key=lambda keys: scorer.score(keys, state.memory, state.variances).total)
         after = min(before, _spread(beside(chosen)))
         yield chosen[-1], (before - after) / max(whole, 1e-300)
         before = after

@@ -153,7 +153,7 @@ def _depends_on(
         return depends
     backward = [key for key in state.keys if found.system.atoms[key].name in naming.backward]
     gone = without(state, *naming.named.unproven, *backward)
-    suspect = with_suspect(scorer, scorer.score(gone, state.memory, state.scales))
+    suspect = with_suspect(scorer, scorer.score(gone, state.memory, state.variances))
     rows = slice(None) if found.sample is None else numbers(found.sample)
     return dependences(unnamed_of(scorer, suspect, problem, rows), shown)
 

@@ -13,7 +13,7 @@ from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
-FEATURE_SIZE = 0.02  # mm at the tool: unit of a block's features, which the learned variance scales
+FEATURE_SIZE = 0.02  # mm at the tool: unit of a block's features, which the learned variance variances
 STILL_LEVER = 1e-6  # mm or less of the tool per mm or rad of a place: it moves nothing
 
 PlaceKind = Literal["tool", "slider", "joint", "rail", "link", "set-up"]
