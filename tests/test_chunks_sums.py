@@ -10,7 +10,7 @@ from chunked_run import problem as problem
 
 from ptt.diagnosis.evidence.ansatz import Ansatz, open_long_run
 from ptt.diagnosis.evidence.candidates import present_candidates
-from ptt.diagnosis.evidence.hidden import held_out
+from ptt.diagnosis.evidence.held_out import held_out_rms
 from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system, rows_of
 from ptt.diagnosis.evidence.sampled import spread
 from ptt.diagnosis.evidence.score import Scorer
@@ -96,9 +96,9 @@ def test_sums_over_chunks_are_those_of_the_whole(
     states = [Scorer(system).score(keys, WHITE) for system in (summed, whole)]
     assert states[0].total == pytest.approx(states[1].total, abs=1e-3)
     np.testing.assert_allclose(states[0].posterior.values, states[1].posterior.values, atol=1e-5)
-    errors = [held_out(Scorer(system), keys) for system in (summed, whole)]
+    errors = [held_out_rms(Scorer(system), keys) for system in (summed, whole)]
     assert errors[0] == pytest.approx(errors[1], rel=1e-6) and 0.0 < errors[0] < 1.0
-    left = [system.left(s.columns, s.posterior.values) for system, s in zip((summed, whole), states, strict=True)]
+    left = [system.residual(s.columns, s.posterior.values) for system, s in zip((summed, whole), states, strict=True)]
     np.testing.assert_allclose(*left, atol=1e-4)
 
 
@@ -119,7 +119,7 @@ def test_candidates_of_a_share_of_the_rows_say_about_what_all_rows_say(
     np.testing.assert_allclose(few.side, all_.side, rtol=1e-9)
     assert np.linalg.eigvalsh(share.sums(WHITE).gram)[0] > -1e-9 * np.trace(all_.gram)
     told = [Scorer(system) for system in (share, every)]
-    held = [held_out(scorer, ("backlash", "windup")) for scorer in told]
+    held = [held_out_rms(scorer, ("backlash", "windup")) for scorer in told]
     assert held[0] == pytest.approx(held[1], rel=1e-9)
     gains = [
         {

@@ -84,7 +84,7 @@ def test_a_row_that_a_law_that_bends_reaches_after_all_is_no_gross_error():
 def test_sets_of_which_a_curve_stands_aside_do_not_say_whether_the_whole_predicts(monkeypatch):
     found = explained(*rails(4.0))
     assert set(found.state.keys) == {"guide-straightness", "tower-position", "tower-tilt"}
-    real = steps.hold_back
+    real = steps.cross_validate
 
     def hide(scorer, keys, key):
         trial = real(scorer, keys, key)
@@ -93,7 +93,7 @@ def test_sets_of_which_a_curve_stands_aside_do_not_say_whether_the_whole_predict
         )
         return trial if "guide-straightness" in keys else unfaithful
 
-    monkeypatch.setattr(steps, "hold_back", hide)
+    monkeypatch.setattr(steps, "cross_validate", hide)
     assert not hide(found.scorer, ["tower-tilt"], "tower-tilt").faithful
     assert steps.name_steps(found.scorer, found.state).faithful
 

@@ -249,7 +249,7 @@ def test_what_wanders_is_held_against_the_scatter_of_all_axes(size):
             memory=Memory(Wander(share, constant)), columns=None, posterior=SimpleNamespace(values=None)
         )
         system = SimpleNamespace(
-            clock=clock, left=lambda columns, values: white + moved, in_mm=lambda values: values,
+            clock=clock, residual=lambda columns, values: white + moved, in_mm=lambda values: values,
             innovation=lambda columns, values, memory: innovations(white + moved, memory.wander, clock)[0],
         )  # fmt: skip
         return noises.wanders_beyond(system, state)

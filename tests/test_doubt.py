@@ -11,8 +11,8 @@ from ptt.challenge.cases import draw, plan
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.evidence.hidden import held_out, lowers
-from ptt.diagnosis.evidence.hidden_trial import HiddenMemo
+from ptt.diagnosis.evidence.held_out import held_out_rms, lowers_held_out_error
+from ptt.diagnosis.evidence.held_out_trial import HeldOutMemo
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.telling.doubt import tool_doubt
@@ -47,7 +47,7 @@ def test_a_slip_that_may_be_a_knock_is_a_doubt_of_what_commands_of_it_reach(monk
     result = diagnose(Model(file), problem)
     assert result.suggested == (("homing-slip", "setup-jump"),)
     found, last = seen["found"], result.candidates[0]
-    plain, doubt = held_out(found.scorer, found.state.keys), tool_doubt(found.scorer, found.state)
+    plain, doubt = held_out_rms(found.scorer, found.state.keys), tool_doubt(found.scorer, found.state)
     assert last.heldout_after == pytest.approx(1e3 * plain) and last.tool_doubt == pytest.approx(1e3 * doubt)
     assert last.to_dict()["heldout_rms_um"]["after"] == pytest.approx(1e3 * plain)
     words = f"the readings leave the tool position uncertain by up to {1e3 * doubt:.1f} um"
@@ -82,9 +82,9 @@ def test_a_curve_that_strays_at_one_end_of_the_travel_takes_no_other_name_along(
     rows, before = np.full(4, 100), np.full(4, 4.0)
     scorer = SimpleNamespace(
         score=lambda keys, memory: SimpleNamespace(keys=keys),
-        hidden_memo=HiddenMemo(squares={(): (before, rows), ("map", "play"): (np.array(after), rows)}),
+        held_out_memo=HeldOutMemo(squares={(): (before, rows), ("map", "play"): (np.array(after), rows)}),
     )
-    assert lowers(scorer, ("map", "play"), doubt) is is_lower
+    assert lowers_held_out_error(scorer, ("map", "play"), doubt) is is_lower
 
 
 def numbers(*values: float) -> torch.Tensor:

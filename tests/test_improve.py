@@ -42,7 +42,7 @@ class Endless:
         self.given, self.screens, self.scored = (), 0, 0
 
     @property
-    def looked_at(self) -> int:
+    def screened_count(self) -> int:
         return self.screens
 
     def score(
@@ -141,12 +141,12 @@ def test_moments_are_dated_before_any_swap_is_looked_for(monkeypatch):
 def test_a_search_without_end_gives_the_best_so_far_after_so_many_screens():
     scorer, rounds = Endless(), 0
     state = scorer.score([f"a{i}" for i in range(8)], WHITE)
-    while scorer.looked_at < MOST_SCREENS:  # as a search starts anew from one end and another
+    while scorer.screened_count < MOST_SCREENS:  # as a search starts anew from one end and another
         state, rounds = improve(scorer, state), rounds + 1
     assert rounds < MOST_SCREENS / 10
-    before, looked_at = state.total, scorer.looked_at
+    before, looked_at = state.total, scorer.screened_count
     again = improve(scorer, state)
-    assert again.total >= before and scorer.looked_at <= looked_at + MOST_MOVES < MOST_SCREENS + 10 * MOST_MOVES
+    assert again.total >= before and scorer.screened_count <= looked_at + MOST_MOVES < MOST_SCREENS + 10 * MOST_MOVES
 
 
 @pytest.mark.parametrize(

@@ -223,7 +223,7 @@ def test_rows_that_are_hidden_tell_nothing_not_even_how_large_a_curve_is() -> No
     def predicted(of: RowSystem) -> np.ndarray:
         scorer = Scorer(of)
         state = scorer.score(("slider 1 on b1", "rail 2 on b2"), WHITE)
-        part = list(of.hidden(state.columns))[hidden]
+        part = list(of.held_out_blocks(state.columns))[hidden]
         told = next(scorer.without_rows(state, [part]))
         return np.asarray(of.columns[of.block == hidden][:, :, state.columns] @ told.values)
 

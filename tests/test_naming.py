@@ -9,7 +9,7 @@ from test_diagnosis_search import hidden
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.evidence.hidden_trial import HiddenTrial
+from ptt.diagnosis.evidence.held_out_trial import HeldOutTrial
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.telling import steps
 from ptt.model.model import Model
@@ -21,7 +21,7 @@ def test_what_does_not_predict_hidden_readings_is_no_name(monkeypatch):
     _, problem = hidden("tower-position", 33, rows=100)
     named = diagnose(Model(MACHINE), problem)
     assert named.verdict == "missing" and named.suggested[0][0] == "tower-position"
-    monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(-9.0))  # as if more were worse
+    monkeypatch.setattr(steps, "cross_validate", lambda *_: gaining(-9.0))  # as if more were worse
     doubted = diagnose(Model(MACHINE), problem)
     assert doubted.verdict == "unknown" and not doubted.suggested
     assert doubted.depends_on  # what it follows is said all the same
@@ -56,15 +56,15 @@ class Sums:
 
 def gaining(more):
     """A trial in which each of ten blocks is worse by so much without an atom."""
-    return HiddenTrial(np.full(10, 3.0), np.full(10, 3.0 + more), 100.0, np.zeros(1), 30, np.full(10, more))
+    return HeldOutTrial(np.full(10, 3.0), np.full(10, 3.0 + more), 100.0, np.zeros(1), 30, np.full(10, more))
 
 
 def predict(monkeypatch, error):
     """Hidden readings are missed by what `error` says of a set, in each of ten blocks alike."""
-    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: error(keys))
+    monkeypatch.setattr(steps, "held_out_rms", lambda scorer, keys: error(keys))
     each = np.ones(10)
     monkeypatch.setattr(
-        "ptt.diagnosis.evidence.hidden.hidden_squares", lambda scorer, keys: (error(keys) ** 2 * each, each)
+        "ptt.diagnosis.evidence.held_out.held_out_squares", lambda scorer, keys: (error(keys) ** 2 * each, each)
     )
 
 
@@ -83,7 +83,7 @@ def test_a_name_beside_an_unknown_says_more_than_another_unknown_in_its_place(mo
     """And it predicts hidden readings by more than chance lets it do; one that takes most may be near."""
     scorer = Sums({"eu": 100.0, "u": 30.0, "uv": instead})
     predict(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
-    monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(more))
+    monkeypatch.setattr(steps, "cross_validate", lambda *_: gaining(more))
     monkeypatch.setattr(steps, "tool_doubt", lambda *_: 0.0)
     for name, answer in (("share_of", 0.5), ("ties", ()), ("_in_order", ["e"] if sure else [])):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
@@ -116,7 +116,7 @@ def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypat
         )  # fmt: skip
     scorer.opens = lambda keys: lambda atom: not there
     predict(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys) - ("u" in keys))
-    monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(9.0))
+    monkeypatch.setattr(steps, "cross_validate", lambda *_: gaining(9.0))
     for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ()), ("_leads", False)):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
     assert [step.key for step in steps.name_steps(scorer, scorer.score("eu", WHITE)).steps] == named
@@ -126,7 +126,7 @@ def test_a_curve_says_more_than_the_mean_of_an_unknown_that_varies_one(monkeypat
 def test_what_comes_back_with_its_pose_is_an_unknown_beside_which_a_name_takes_more(monkeypatch, worth, pose, named):
     scorer = Sums({"e": 100.0, "": 100.0 - worth, "v": 100.0 - worth})
     predict(monkeypatch, lambda keys: 9.0 - 2.0 * ("e" in keys))
-    monkeypatch.setattr(steps, "hold_back", lambda scorer, keys, key: gaining(9.0 if len(keys) else 0.0))
+    monkeypatch.setattr(steps, "cross_validate", lambda scorer, keys, key: gaining(9.0 if len(keys) else 0.0))
     monkeypatch.setattr(steps, "_leads", lambda *_: False)
     for name, answer in (("tool_doubt", 0.0), ("share_of", 0.5), ("ties", ())):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
@@ -139,7 +139,7 @@ def test_beside_an_unknown_what_the_tracker_does_is_named_if_hidden_readings_gai
     scorer = Sums({"eu": 100.0, "e": 90.0, "u": 30.0, "uv": 40.0})
     scorer.system.atoms["e"].effect.stage = "metrology"
     predict(monkeypatch, lambda keys: beside if "e" in keys else 9.0)
-    monkeypatch.setattr(steps, "hold_back", lambda *_: gaining(9.0))
+    monkeypatch.setattr(steps, "cross_validate", lambda *_: gaining(9.0))
     for name, answer in (("tool_doubt", 20.0), ("share_of", 0.5), ("ties", ())):
         monkeypatch.setattr(steps, name, lambda *_, answer=answer: answer)
     assert [step.key for step in steps.name_steps(scorer, scorer.score("eu", WHITE)).steps] == named
@@ -148,7 +148,7 @@ def test_beside_an_unknown_what_the_tracker_does_is_named_if_hidden_readings_gai
 def test_the_first_step_is_the_one_that_predicts_hidden_readings_best_whatever_takes_most(monkeypatch):
     """A curve may take most of the readings by values that are far off until others stand beside it."""
     errors = {"": 150.0, "e": 600.0, "f": 60.0, "g": 90.0, "ef": 20.0, "fg": 30.0, "eg": 300.0, "efg": 6.0}
-    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
+    monkeypatch.setattr(steps, "held_out_rms", lambda scorer, keys: errors["".join(sorted(keys))])
     totals = dict.fromkeys(errors, 50.0)
     assert steps._in_order(Sums(totals), ["e", "f", "g"]) == ["f", "e", "g"]
     alone = Sums(totals | {"f": -np.inf})  # it would need values that cannot be
@@ -157,9 +157,9 @@ def test_the_first_step_is_the_one_that_predicts_hidden_readings_best_whatever_t
 
 def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_well(monkeypatch):
     errors = {"": 61.0, "e": 62.0, "f": 20.0, "ef": 25.0}  # beside unknowns both may look needed
-    monkeypatch.setattr(steps, "held_out", lambda scorer, keys: errors["".join(sorted(keys))])
+    monkeypatch.setattr(steps, "held_out_rms", lambda scorer, keys: errors["".join(sorted(keys))])
     without = {"ef": {"e": 20.0, "f": 62.0}, "f": {"f": 61.0}}
     monkeypatch.setattr(
-        steps, "hold_back", lambda scorer, keys, key: gaining(without["".join(keys)][key] - errors["".join(keys)])
+        steps, "cross_validate", lambda scorer, keys, key: gaining(without["".join(keys)][key] - errors["".join(keys)])
     )
     assert steps._delivered(Sums({}), ["e", "f"], 0.0) == ["f"]

@@ -43,7 +43,7 @@ def test_fewer_columns_have_the_evidence_and_the_values_of_all() -> None:
         own = all_[:, :, atom.columns].reshape(3 * ROWS, -1)
         found = maximise(own.T @ own, own.T @ values.ravel(), values.ravel() @ values.ravel(), values.size, atom.group,
                       freedom=50.0, ceiling=atom.most)  # fmt: skip
-        told.append((found, atom.amplitudes(found.values, scale if atom.turned is None else narrowed.scale(scale))))
+        told.append((found, atom.amplitudes(found.values, scale if atom.reduction is None else narrowed.scale(scale))))
     (whole, plain), (few, mapped) = told
     np.testing.assert_allclose(few.total, whole.total, atol=0.01)
     np.testing.assert_allclose(few.group_variances, whole.group_variances, rtol=0.02)

@@ -49,7 +49,7 @@ def test_one_value_is_named_alone_where_its_whole_effect_would_do_as_well(wound:
 
 def test_the_evidence_for_a_change_is_enough_whatever_hidden_readings_say(wound, monkeypatch) -> None:
     """What was uncertain then predicts hidden readings as well as a change does, only not as probably."""
-    monkeypatch.setattr("ptt.diagnosis.telling.steps.held_out", lambda scorer, keys: 1.0)
+    monkeypatch.setattr("ptt.diagnosis.telling.steps.held_out_rms", lambda scorer, keys: 1.0)
     moved = {**WOUND["drive"], "homing_mm": (-0.40, 0.0, 0.0)}
     found = look(wound, run_of(5, drive=moved, geometry=WOUND["geometry"]))
     assert found.verdict == "changed" and [item.moved.name for item in found.changed] == ["offset_mm 1"]

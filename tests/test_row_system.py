@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ptt.diagnosis.evidence import hidden as hidden_module
+from ptt.diagnosis.evidence import held_out as held_out_module
 from ptt.diagnosis.evidence import memories
 from ptt.diagnosis.evidence.atoms import BLOCK_ODDS, MEMORY_ODDS, Atom
-from ptt.diagnosis.evidence.hidden import held_out, hold_back
+from ptt.diagnosis.evidence.held_out import cross_validate, held_out_rms
 from ptt.diagnosis.evidence.memories import prior_of
 from ptt.diagnosis.evidence.row_sums import SumsOfRows
 from ptt.diagnosis.evidence.row_system import RowSystem
@@ -114,12 +114,12 @@ def test_columns_of_blocks_are_their_features_in_units_of_noise() -> None:
 
 def test_what_hidden_rows_say_is_asked_of_them_once(monkeypatch: pytest.MonkeyPatch) -> None:
     scorer = Scorer(system_of())
-    first, error = hold_back(scorer, ("a", "b"), "a"), held_out(scorer, ("a", "b"))
+    first, error = cross_validate(scorer, ("a", "b"), "a"), held_out_rms(scorer, ("a", "b"))
     told = np.array([_left_out(("a", "b"), block) for block in range(4)])
     np.testing.assert_allclose(error, np.sqrt(told.sum() / ROWS), rtol=1e-6)
-    fewer = hold_back(scorer, ("a", "b"), "b")
-    monkeypatch.setattr(hidden_module, "_predicted", None)
-    assert hold_back(scorer, ("b", "a"), "a") is first and held_out(scorer, ("b", "a")) == error
+    fewer = cross_validate(scorer, ("a", "b"), "b")
+    monkeypatch.setattr(held_out_module, "_predicted", None)
+    assert cross_validate(scorer, ("b", "a"), "a") is first and held_out_rms(scorer, ("b", "a")) == error
     np.testing.assert_allclose(fewer.with_it, first.with_it, rtol=1e-12)  # of the same set
     assert not np.allclose(fewer.without, first.without)
 

@@ -25,7 +25,7 @@ ROWS, FREEDOM = 40, 60.0
 def white(count: int) -> dict[str, object]:
     """What a system says of its noise: white, of so many coordinates, as fine as any."""
     return {
-        "freedom": FREEDOM, "spare": float(count), "least_phi": 0.0,
+        "freedom": FREEDOM, "restricted_count": float(count), "least_phi": 0.0,
         "nats_of_noise": lambda left: profile_noise(left, float(count), FREEDOM)[1],
     }  # fmt: skip
 
@@ -140,7 +140,7 @@ def test_no_atom_does_more_in_the_place_of_another_than_it_is_predicted() -> Non
         own = np.concatenate([atoms[other].columns for other in chosen])
         sums = system.sums_of(own, WHITE)
         fixed = np.concatenate([prior[other] for other in chosen])
-        posterior = maximise(sums.gram, sums.side, sums.square, system.spare, np.repeat(np.arange(2), 3),
+        posterior = maximise(sums.gram, sums.side, sums.square, system.restricted_count, np.repeat(np.arange(2), 3),
                              freedom=FREEDOM, start=fixed, floor=fixed, ceiling=fixed)  # fmt: skip
         screen = Screen(system, Basis(own, posterior, WHITE), scorer.opens(chosen), {})
         gains = {gain.key: gain.nats for gain in screen.best(lambda atom: True)}

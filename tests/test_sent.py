@@ -50,7 +50,7 @@ def test_no_memory_of_the_noise_keeps_what_is_sent_from_the_readings() -> None:
     unknown = next(key for key in atoms if key == "slider 1 on b1")
 
     def error(state: State) -> float:
-        left = scorer.system.in_mm(scorer.system.left(state.columns, state.posterior.values))
+        left = scorer.system.in_mm(scorer.system.residual(state.columns, state.posterior.values))
         return float(np.sqrt(np.square(left).sum(axis=1).mean()))
 
     beside = scorer.score((*names, unknown), Memory(Wander(2.0, 800.0)))

@@ -174,7 +174,7 @@ def _left(found: Weighed) -> np.ndarray:
     named = found.scorer.score(keys, found.state.memory)
     columns, values = named.columns, named.posterior.values
     if not frame.held.shape[1]:
-        return system.left(columns, values)
+        return system.residual(columns, values)
     other = ~np.isin(columns, found.frame)  # the frame is the reflectors', which the readings pull away from them
     on_rows, on_base = (
         (side[:, :, columns[other]] @ values[other]).ravel()

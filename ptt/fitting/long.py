@@ -168,7 +168,7 @@ def _joined(parts: list[Prediction]) -> Prediction:
     )  # fmt: skip
 
 
-def hidden_residual(fitted: FitResult, problem: Problem, parts: Sequence[np.ndarray]) -> np.ndarray:
+def held_out_residual(fitted: FitResult, problem: Problem, parts: Sequence[np.ndarray]) -> np.ndarray:
     """Residual of every row from a fit that did not see it: one step of Gauss-Newton away from the fit of all rows.
 
     Args:

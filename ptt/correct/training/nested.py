@@ -10,7 +10,7 @@ from ptt.correct.training.physics import fit_physics, keep_physics, sound
 from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, inputs_of, learn_rest, step_of
 from ptt.fitting.chunks import LONG
-from ptt.fitting.long import hidden_residual
+from ptt.fitting.long import held_out_residual
 from ptt.fitting.solve import hold_to_base, rms
 from ptt.model.model import Model
 from ptt.progress import Progress
@@ -126,7 +126,7 @@ def _one_step_residual(model: Model, problem: Problem, protocol: Protocol) -> np
     whole = fit_physics(model, problem, lean=True).fitted
     assert whole is not None
     shown = np.any(protocol.folds, axis=0)
-    return np.where(shown[:, None], hidden_residual(whole, problem, protocol.folds), np.nan)
+    return np.where(shown[:, None], held_out_residual(whole, problem, protocol.folds), np.nan)
 
 
 def better_space(networks: Mapping[Space, RbfTraining]) -> Space:

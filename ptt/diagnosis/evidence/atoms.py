@@ -1,4 +1,4 @@
-"""Atoms: everything that may be part of an explanation, each with its columns and its price."""
+"""Atoms: everything that may be part of an explanation, each with its columns and its prior odds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ SHAPE_POWER = 0.75  # exponent of the number of shapes tried: neighbouring shape
 
 
 @dataclass(frozen=True)
-class Rotation:
-    """How the values of an effect or a block follow from those of the fewer columns that its rows tell apart.
+class Reduction:
+    """An orthonormal basis of the directions of an atom's values that the rows show: values = basis @ reduced values.
 
     Attributes:
-        ways: (w, r) orthonormal columns.
-        group: which learned variance each value has, (w,).
+        basis: (w, r) orthonormal columns.
+        group: number of the learned variance of each value, (w,) int.
         scale: (w,) size of a unit of each value.
     """
 
-    ways: np.ndarray
+    basis: np.ndarray
     group: np.ndarray
     scale: np.ndarray
 
@@ -38,30 +38,30 @@ class Atom:
     """A named effect in one shape, or a block of unknown physics.
 
     Attributes:
-        key: its own among all atoms.
+        key: unique among all atoms; shapes of one effect have different keys.
         name: what is reported: the effect's key or the block's name.
         columns: indices of its m columns in the system.
-        group: which learned variance each column has, (m,) int from 0; an effect has one for each kind of parameter.
-        most: largest variance of each group, (g,).
+        group: number of the learned prior variance of each column, (m,) int from 0; an effect has one for each kind of
+            parameter.
+        most: upper bound of each prior variance, (g,).
         odds: nats of prior odds against it.
         bounded: columns whose value cannot be negative, (m,) bool.
         effect: the effect; None for a block.
         shape: the effect's searched and given parameters; None where the effect is in the model.
         block: the block; None for an effect.
-        turned: rotation from its columns to its values; None where each column is a value.
+        reduction: how its values follow from its columns; None where each column is a value.
         joint: joint (from 0) whose value each column is, (m,) int; None where not every column is of one joint, where
             values have several units, or where there are few joints.
-        leg: joint whose values each learned variance is of, (g,) int; None where variances are shared between joints.
+        leg: joint whose values each prior variance is of, (g,) int; None where joints share variances.
         fine: which variances are those of fine detail, which can imitate other effects, (g,) bool; None for none.
-        tested: whether the readings hold what tells it from an offset. Play that no reversal shows, or a spring under
-            one load only, is not tested, and is never preferred as the plainest explanation.
+        tested: whether the run varies what tells it from an offset. Play in a run without reversals, or a spring under
+            a single load, is not tested, and is never preferred as the plainest explanation.
         since: time from which a sudden effect that is in the model acts, s; None for all others.
-        reach: largest ratio of a joint's second value to its first that is plausible, in their units, as of a length
-            to a height; None for any.
-        within: (m, 2) bounds of its values, in units of its columns. Below the first the cause would be another one;
-            above the second much speaks for another one. None for no bounds.
-        largest: (m,) values, in units of its columns, beyond which the cause cannot be what it is called, in this
-            shape; None for no limit.
+        reach: largest plausible ratio of a joint's second value to its first, in their units, as of a length to a
+            height; None for any.
+        within: (m, 2) bounds of its values, in units of its columns: below the first the cause must be another one,
+            above the second it probably is. None for no bounds.
+        largest: (m,) largest possible values in this shape, in units of its columns; None for no limit.
     """
 
     key: str
@@ -74,7 +74,7 @@ class Atom:
     effect: Effect | None = None
     shape: Mapping[str, Tensor] | None = None
     block: Block | None = None
-    turned: Rotation | None = None
+    reduction: Reduction | None = None
     joint: np.ndarray | None = None
     leg: np.ndarray | None = None
     fine: np.ndarray | None = None
@@ -86,7 +86,7 @@ class Atom:
 
     @property
     def moment(self) -> float | None:
-        """By the clock, from when on something sudden is there; None of what is not."""
+        """Time from which a sudden effect acts, s by the clock; None for effects that are not sudden."""
         return self.since if self.shape is None or not is_sudden(self) else float(self.shape["after"])
 
     @property
@@ -95,17 +95,17 @@ class Atom:
         return len(self.most)
 
     def amplitudes(self, values: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """Its linear values in their units from those of its columns, (w,).
+        """The atom's linear values in their units, (w,), from the values of its columns.
 
         Args:
             values: of its columns.
             scale: (P,) of all columns of the system.
         """
-        return self.sizes(scale) * (values if self.turned is None else self.turned.ways @ values)
+        return self.sizes(scale) * (values if self.reduction is None else self.reduction.basis @ values)
 
     def sizes(self, scale: np.ndarray) -> np.ndarray:
-        """Units of its linear values, (w,); `scale` as in `amplitudes`."""
-        return scale[self.columns] if self.turned is None else self.turned.scale
+        """Size of a unit of each linear value, (w,); `scale` as in `amplitudes`."""
+        return scale[self.columns] if self.reduction is None else self.reduction.scale
 
 
 def is_effect(atom: Atom) -> bool:
@@ -119,12 +119,12 @@ def is_block(atom: Atom) -> bool:
 
 
 def is_any(atom: Atom) -> bool:
-    """Whether an atom is one at all: where all of them may be taken."""
+    """True of every atom: the predicate that allows all."""
     return True
 
 
 def is_field(atom: Atom) -> bool:
-    """Whether an atom is an unknown that varies with the place alone."""
+    """Whether an atom is an unknown that depends on position alone."""
     return atom.block is not None and set(atom.block.on) <= set(COORDINATES)
 
 
@@ -134,36 +134,36 @@ def holds_sizes(atom: Atom) -> bool:
 
 
 def is_drawn(atom: Atom) -> bool:
-    """Whether an atom is a size of the drawing that is off."""
+    """Whether an atom is an effect that corrects a size of the drawing."""
     return atom.effect is not None and atom.effect.of_drawing
 
 
 def is_sudden(atom: Atom) -> bool:
-    """Whether an atom is an effect that comes at a moment, and stays."""
+    """Whether an atom is an effect that begins at one moment and stays."""
     return isinstance(atom.effect, Sudden)
 
 
 def is_metrology(atom: Atom) -> bool:
-    """Whether an atom is an effect that leaves the machine as it is: the tracker alone says otherwise."""
+    """Whether an atom is an effect of the metrology: it changes the readings, not the machine."""
     return atom.effect is not None and atom.effect.stage == "metrology"
 
 
 def causes(effect: Effect) -> int:
-    """How many commoner causes an effect looks like together; one where it looks like itself alone."""
+    """Number of commoner causes that together look like an effect; one where none do."""
     return max(len(effect.stands_for), 1)
 
 
 def odds_of_block(blocks: int) -> float:
-    """Nats against one block out of those that the run can show."""
+    """Prior odds in nats against one block, given how many the run can show."""
     return BLOCK_ODDS + float(np.log(max(blocks, 1)))
 
 
 def atoms_of_blocks(blocks: Sequence[Block], place: int, odds: float) -> dict[str, Atom]:
-    """Atoms of blocks whose columns stand one behind the other.
+    """Atoms of blocks whose columns are consecutive.
 
     Args:
         blocks: the blocks.
-        place: of the first column.
+        place: index of the first column.
         odds: nats against one of them.
 
     Returns:

@@ -122,7 +122,7 @@ def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> l
         found += [Memory(None, float(size)) for size in POSE_RATIOS]
     if not len(system.clock.constants):
         return found
-    left, alone = system.left(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
+    left, alone = system.residual(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
     if (
         alone.pose
         and isinstance(system, RowSystem)

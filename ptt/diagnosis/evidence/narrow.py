@@ -1,7 +1,8 @@
-"""Wide atoms in as few columns as the rows can tell apart: of a field or a map, a path shows but a few ways.
+"""Wide atoms reduced to the directions that the rows show: of a field or a map, one path shows but a few.
 
-Unknowns that share one prior variance may be turned into others that do, so nothing of an explanation changes. Atoms of
-one width come to lie side by side, so that what is worked out for all of them at once is read as it lies in memory.
+Independent unknowns with one common prior variance stay so under a rotation, so each group of columns can be expressed
+in the eigenvectors of its Gram matrix, and those of negligible eigenvalue dropped. Atoms of equal width are stored side
+by side, so that batched products over them need no copies.
 """
 
 from collections.abc import Collection, Mapping
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import Atom, Rotation
+from ptt.diagnosis.evidence.atoms import Atom, Reduction
 
 CHEAP_COLUMNS = 50  # columns up to which an atom costs a search little
 # Columns from which an effect is a map of harmonics whose columns are mostly alike: fewer pay on any run
@@ -21,48 +22,48 @@ LEAST_SIGNAL = 1e-3  # variance over noise that a direction has to put into the 
 
 @dataclass(frozen=True)
 class Narrowed:
-    """Atoms on fewer columns.
+    """Atoms on fewer columns: unchanged columns first, then those of reduced atoms.
 
     Attributes:
         atoms: by key, each with its new columns.
-        place: old index -> new index of each column that stays as it is, -1 for the others.
-        stay: these columns by their old index, in their new order.
-        turned: keys of the atoms whose columns are new, in the order in which their columns follow the others.
-        old: columns that these had, by key.
+        place: new index of each old column that is kept, -1 for the others.
+        stay: old indices of the kept columns, in their new order.
+        reduced: keys of the reduced atoms, in the order of their columns.
+        old: key of a reduced atom -> its old columns.
     """
 
     atoms: dict[str, Atom]
     place: np.ndarray
     stay: np.ndarray
-    turned: tuple[str, ...]
+    reduced: tuple[str, ...]
     old: Mapping[str, np.ndarray]
 
     def columns(self, columns: np.ndarray) -> np.ndarray:
-        """Old columns (.., P) as the new ones."""
-        if not self.turned:
+        """The new columns from old ones, (.., P) each."""
+        if not self.reduced:
             return columns
         behind = columns.transpose()  # as they lie in memory, one behind the other
         first = len(self.stay)
-        found = np.empty((first + sum(len(self.atoms[key].columns) for key in self.turned), *behind.shape[1:]))
+        found = np.empty((first + sum(len(self.atoms[key].columns) for key in self.reduced), *behind.shape[1:]))
         np.take(behind, self.stay, axis=0, out=found[:first], mode="clip")  # without a check it needs no second copy
-        for key in self.turned:
-            turn = self.atoms[key].turned
-            assert turn is not None
-            own, last = behind[self.old[key]], first + turn.ways.shape[1]
+        for key in self.reduced:
+            reduction = self.atoms[key].reduction
+            assert reduction is not None
+            own, last = behind[self.old[key]], first + reduction.basis.shape[1]
             width = int(np.prod(own.shape[1:]))
-            found[first:last] = (turn.ways.T @ own.reshape(len(own), width)).reshape(last - first, *own.shape[1:])
+            found[first:last] = (reduction.basis.T @ own.reshape(len(own), width)).reshape(last - first, *own.shape[1:])
             first = last
         return found.transpose()
 
     def scale(self, scale: np.ndarray) -> np.ndarray:
-        """Sizes of the units of the new columns, (P,); those of turned ones are in their turn."""
-        if not self.turned:
+        """Size of a unit of each new column, (P,); those of reduced atoms are in their `Reduction`."""
+        if not self.reduced:
             return scale
-        return np.concatenate([scale[self.stay], *(np.ones(len(self.atoms[k].columns)) for k in self.turned)])
+        return np.concatenate([scale[self.stay], *(np.ones(len(self.atoms[k].columns)) for k in self.reduced)])
 
 
 def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) -> Narrowed:
-    """Turn the columns of wide atoms, group by group, to the directions that the rows show.
+    """Reduce wide atoms, group by group, to the directions that the rows show.
 
     Args:
         atoms: by key.
@@ -84,17 +85,17 @@ def narrow(atoms: Mapping[str, Atom], columns: np.ndarray, scale: np.ndarray) ->
     for key in wide:
         atom = atoms[key]
         behind = columns.transpose()[atom.columns]
-        ways, group = _seen(behind.reshape(len(behind), behind[0].size), atom.group, atom.most)
+        basis, group = _seen(behind.reshape(len(behind), behind[0].size), atom.group, atom.most)
         own = np.arange(first, first + len(group))
-        turn = Rotation(ways, atom.group, scale[atom.columns])
+        reduction = Reduction(basis, atom.group, scale[atom.columns])
         free = np.zeros(len(own), dtype=bool)
-        found[key] = replace(atom, columns=own, group=group, bounded=free, turned=turn, joint=None)
+        found[key] = replace(atom, columns=own, group=group, bounded=free, reduction=reduction, joint=None)
         first += len(group)
     return Narrowed(found, place, stay, tuple(wide), {key: atoms[key].columns for key in wide})
 
 
 def _by_width(atoms: Mapping[str, Atom], wide: Collection[str], count: int) -> np.ndarray:
-    """Columns that stay as they are: first those of no atom, then atoms by their width, of one width effects first."""
+    """Kept columns: first those of no atom, then atoms by width, effects before blocks of the same width."""
     own = [atom for key, atom in atoms.items() if key not in wide]
     own.sort(key=lambda atom: (len(atom.columns), atom.effect is None))
     free = np.ones(count, dtype=bool)
@@ -112,15 +113,15 @@ def _pays(atom: Atom, coordinates: int) -> bool:
 
 
 def _seen(flat: np.ndarray, group: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions of unknowns whose columns rows (w, m) show, one group at a time, (w, r), and the group of each."""
-    ways, owner = [], []
+    """Directions that the rows show of columns (w, m), one group at a time, (w, r), and the group of each."""
+    basis, owner = [], []
     for index, largest in enumerate(most):
         own = np.flatnonzero(group == index)
-        strength, turned = np.linalg.eigh(flat[own] @ flat[own].T)
-        kept = np.flatnonzero(strength > max(EIGENVALUE_ROUNDING * strength[-1], LEAST_SIGNAL / largest))
+        eigenvalues, vectors = np.linalg.eigh(flat[own] @ flat[own].T)
+        kept = np.flatnonzero(eigenvalues > max(EIGENVALUE_ROUNDING * eigenvalues[-1], LEAST_SIGNAL / largest))
         kept = kept if len(kept) else np.array([len(own) - 1])
         part = np.zeros((len(flat), len(kept)))
-        part[own] = turned[:, kept]
-        ways.append(part)
+        part[own] = vectors[:, kept]
+        basis.append(part)
         owner.append(np.full(len(kept), index))
-    return np.concatenate(ways, axis=1), np.concatenate(owner)
+    return np.concatenate(basis, axis=1), np.concatenate(owner)

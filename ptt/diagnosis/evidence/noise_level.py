@@ -84,7 +84,7 @@ def _by_visit(left: Noise, state: State) -> Noise:
 
 def _noise_of(left: np.ndarray, system: System, state: State, taken: float = 0.0) -> Noise:
     """The noise of what is left, (m, 3) whitened, once a set and so many values beside it are taken."""
-    freedom = max(system.count - state.decided - taken, 1.0)
+    freedom = max(system.count - state.effective_parameters - taken, 1.0)
     scatter = system.in_mm(left)
     covariance = scatter.T @ scatter * (3.0 / freedom)
     # An axis that blocks follow to the last digit tells no noise.
@@ -104,7 +104,7 @@ def visit_left(system: System, state: State) -> Noise:
     """
     wander, left = state.memory.wander, noise_left(system, state)
     if wander is not None and not system.clock.is_slow(wander):
-        left = _noise_of(system.left(state.columns, state.posterior.values), system, state)
+        left = _noise_of(system.residual(state.columns, state.posterior.values), system, state)
     return _by_visit(left, state) if system.by_visit else left
 
 
@@ -129,7 +129,7 @@ def wanders_beyond(system: System, state: State) -> bool:
         return False
     if clock.is_fault(wander):
         return True
-    left = system.in_mm(system.left(state.columns, state.posterior.values))
+    left = system.in_mm(system.residual(state.columns, state.posterior.values))
     left = left - left.mean(axis=0)
     whole, follows = np.square(left).mean(axis=0), ~clock.starts[1:]
     if clock.is_slow(wander):

@@ -1,4 +1,4 @@
-"""Normal sums worked out from rows as they are asked for; columns lie one behind the other, so few of many are near."""
+"""Normal sums worked out lazily from rows. Each column is contiguous in memory, so a few of many are read quickly."""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums, PoseParts, as_sums, entries, of_poses, run_of
+from ptt.diagnosis.noise.memory import HeldOutBlock, Memory, MemorySums, PoseParts, as_sums, entries, of_poses, run_of
 from ptt.diagnosis.noise.poses import Poses, PosesBeside
 from ptt.diagnosis.noise.wander import Clock, filtered
 
@@ -17,29 +17,29 @@ WHOLE_SHARE = 0.3  # share of the columns from which whole rows of the Gram matr
 
 @dataclass(frozen=True)
 class LazySums(MemorySums):
-    """Normal sums that are worked out as they are asked for.
+    """Normal sums whose Gram matrix is filled in as it is asked for.
 
-    Most columns never meet: a screen sets each atom against itself and against the few of an explanation.
+    Most of it never is: a screen needs the products of each atom with itself and with the few atoms of a set.
 
     Attributes:
-        there: which rows of the gram are worked out, (P,) bool.
+        there: which rows of the Gram matrix are filled in, (P,) bool.
     """
 
     there: np.ndarray = field(kw_only=True)
 
     @abstractmethod
     def products(self, some: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
-        """Entries of the gram, (s, o), from the rows."""
+        """Products of some columns with others, (s, o), from the rows."""
 
     def _room(self, more: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Gram with room for more columns behind those that are there, which rows are worked out, and their numbers."""
+        """A Gram matrix with room for more columns, which of its rows are filled in, (P,) bool, and their indices."""
         before, known = len(self.there), np.flatnonzero(self.there)
         gram, there = np.empty((before + more,) * 2), np.concatenate([self.there, np.zeros(more, dtype=bool)])
         gram[known, :before] = self.gram[known]
         return gram, there, known
 
     def of(self, chosen: np.ndarray) -> MemorySums:
-        """Normal sums of chosen columns; what these lack is worked out among them alone: most sets lead no further."""
+        """Normal sums of chosen columns; missing products are not kept, as most sets lead nowhere."""
         gram, there = entries(self.gram, chosen, chosen), self.there[chosen]
         if not there.all():
             lack = np.flatnonzero(~there)
@@ -48,7 +48,7 @@ class LazySums(MemorySums):
         return MemorySums(gram, self.side[chosen], self.square, self.log_noise)
 
     def across(self, chosen: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
-        """Rows of the gram, (p, o); where many others are asked for, the rows are worked out whole and kept."""
+        """Entries of the Gram matrix, (p, o); where many others are asked for, whole rows are filled in and kept."""
         lack = chosen[~self.there[chosen]]
         if len(lack) and (isinstance(others, slice) or len(others) > WHOLE_SHARE * len(self.there)):
             self.gram[lack], self.there[lack] = self.products(lack, slice(None)), True
@@ -61,16 +61,16 @@ class LazySums(MemorySums):
 
 @dataclass(frozen=True)
 class SumsOfRows(LazySums):
-    """Of rows that are white.
+    """Normal sums of rows with independent errors.
 
     Attributes:
-        white: (P, r).
+        white: the whitened columns, each as a row, (P, r).
     """
 
     white: np.ndarray = field(kw_only=True)
 
     def products(self, some: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
-        """Entries of the gram, (s, o)."""
+        """Products of some columns with others, (s, o)."""
         return np.asarray(self.white[some] @ self.white[others].T)
 
     def _blocks(self, columns: np.ndarray) -> np.ndarray:
@@ -78,7 +78,7 @@ class SumsOfRows(LazySums):
         return np.asarray(own @ own.transpose(0, 2, 1))
 
     def widened(self, white: np.ndarray, values: np.ndarray) -> "SumsOfRows":
-        """The same with columns (w, r) behind those that are there; what was worked out stays."""
+        """Sums with further columns (w, r) appended; what was filled in stays."""
         gram, there, known = self._room(len(white))
         gram[known, len(self.white) :] = self.white[known] @ white.T
         return SumsOfRows(
@@ -89,15 +89,15 @@ class SumsOfRows(LazySums):
 
 @dataclass(frozen=True)
 class SumsOfPoses(LazySums):
-    """Of rows whose poses have errors to themselves.
+    """Normal sums of rows with a random error of each pose.
 
-    The inverse of the covariance I + v 1 1^T of k visits of a pose is I - v / (1 + k v) 1 1^T: the sums are those of
-    white rows less a share of those of each pose's mean.
+    The inverse of the covariance I + v 1 1^T of k visits of a pose is I - v / (1 + k v) 1 1^T (Sherman-Morrison), so
+    the sums are those of white rows less a share of the sums over pose means.
 
     Attributes:
-        plain: without those errors.
-        means: root of k times the mean over the visits of each pose, (P, 3 poses).
-        share: k v / (1 + k v) of each, (3 poses,).
+        plain: sums without those errors.
+        means: mean of each column over the visits of each pose, times the root of k, (P, 3 poses).
+        share: k v / (1 + k v) of each pose and axis, (3 poses,).
     """
 
     plain: MemorySums = field(kw_only=True)
@@ -105,16 +105,16 @@ class SumsOfPoses(LazySums):
     share: np.ndarray = field(kw_only=True)
 
     def products(self, some: np.ndarray, others: np.ndarray | slice) -> np.ndarray:
-        """Entries of the gram, (s, o)."""
+        """Products of some columns with others, (s, o)."""
         return self.plain.across(some, others) - (self.means[some] * self.share) @ self.means[others].T
 
     def widened(self, plain: MemorySums, means: np.ndarray, values: np.ndarray) -> "SumsOfPoses":
-        """The same with columns behind those that are there.
+        """Sums with further columns appended.
 
         Args:
-            plain: without errors of poses, of all columns.
-            means: of all columns.
-            values: of the readings, (3 poses,).
+            plain: sums without errors of poses, of all columns.
+            means: of all columns, as in the attributes.
+            values: the same of the readings, (3 poses,).
         """
         before = len(self.there)
         gram, there, known = self._room(len(means) - before)
@@ -131,13 +131,13 @@ class SumsOfPoses(LazySums):
 
 
 def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all_of_them: bool = True) -> MemorySums:
-    """Normal sums of white columns (P, r) and readings (r,); where rows are many, sums of all take less room.
+    """Normal sums of whitened columns and readings, lazy unless rows are so many that the whole Gram matrix is cheap.
 
     Args:
-        white: the columns.
-        values: the readings.
+        white: the columns, each as a row, (P, r).
+        values: the readings, (r,).
         log_noise: half the log-determinant of the noise's covariance.
-        all_of_them: whether sums of all may be worked out at once.
+        all_of_them: whether the whole Gram matrix may be worked out at once.
     """
     side, square, width = white @ values, float(values @ values), len(white)
     if all_of_them and white.shape[1] > WHOLE_GRAM_ROWS * width:
@@ -149,14 +149,14 @@ def sums_of_rows(white: np.ndarray, values: np.ndarray, log_noise: float, *, all
 def sums_of_poses(
     plain: MemorySums, means: np.ndarray, values: np.ndarray, poses: Poses | PosesBeside, size: float
 ) -> MemorySums:
-    """Normal sums where each pose has an error to itself.
+    """Normal sums with a random error of each pose.
 
     Args:
-        plain: without those errors.
+        plain: sums without those errors.
         means: of the columns, as `Poses.means` has them, (P, 3 poses).
         values: of the readings, (3 poses,).
         poses: of the rows.
-        size: variance of the errors over that of the white noise.
+        size: variance of the errors over the white variance.
     """
     share, log_noise = poses.share(size)
     width = len(means)
@@ -169,15 +169,15 @@ def sums_of_poses(
 
 @dataclass
 class FewSums:
-    """Normal sums of a few columns under any memory of the noise; what memories share is worked out once.
+    """Normal sums of a few columns under any memory of the noise, with what the memories share cached.
 
     Attributes:
-        rows: gives the columns, and the readings as the last, (P + 1, 3, m) whitened.
-        base: sums of the base reflectors, (P + 1, P + 1), or a single zero.
+        rows: gives the columns and, as the last, the readings, (P + 1, 3, m) whitened.
+        base: products of the base reflectors, (P + 1, P + 1), or a single zero for none.
         clock: of the rows.
         poses: of the rows.
-        white: sums under white noise, base reflectors included; None where nobody has worked them out.
-        means: of the columns and the readings as `Poses.means` has them, (P + 1, 3, poses); None likewise.
+        white: products under white noise, base reflectors included, (P + 1, P + 1); None to be worked out.
+        means: pose means of columns and readings (`Poses.means`), (P + 1, 3, poses); None to be worked out.
     """
 
     rows: Callable[[], np.ndarray]
@@ -218,13 +218,13 @@ class FewSums:
 
 
 @dataclass(frozen=True)
-class HiddenRows(Hidden):
-    """A held-out block of travel whose rows are there.
+class HeldOutRows(HeldOutBlock):
+    """A held-out block of travel with its b rows.
 
     Attributes:
         columns: (p, 3, b) whitened.
-        values: (3, b).
-        unit: of the noise, mm, (3, 3).
+        values: readings, (3, b) whitened.
+        unit: inverse whitener, which takes whitened vectors to mm, (3, 3).
     """
 
     columns: np.ndarray
@@ -233,19 +233,19 @@ class HiddenRows(Hidden):
 
     def square(self, values: np.ndarray) -> float:
         """Sum of squares that a solution leaves in the block, mm^2."""
-        told = values @ flattened(self.columns)
-        return float(np.square(self.unit @ (self.values - told.reshape(self.values.shape))).sum())
+        predicted = values @ flattened(self.columns)
+        return float(np.square(self.unit @ (self.values - predicted.reshape(self.values.shape))).sum())
 
 
-def hide_rows(columns: np.ndarray, values: np.ndarray, unit: np.ndarray) -> Hidden:
-    """A held-out block from its rows, arguments as of `HiddenRows`."""
+def held_out_rows(columns: np.ndarray, values: np.ndarray, unit: np.ndarray) -> HeldOutBlock:
+    """A held-out block from its rows; arguments as the attributes of `HeldOutRows`."""
     flat = flattened(columns)
     energy = float(np.square(values).sum())
-    return HiddenRows(flat @ flat.T, flat @ values.ravel(), energy, values.shape[1], columns, values, unit)
+    return HeldOutRows(flat @ flat.T, flat @ values.ravel(), energy, values.shape[1], columns, values, unit)
 
 
 def flattened(rows: np.ndarray) -> np.ndarray:
-    """Columns (p, 3, m) as (p, 3 m); there may be none."""
+    """Columns (p, 3, m) as (p, 3 m), also where p is zero."""
     return rows.reshape(len(rows), rows.shape[1] * rows.shape[2])
 
 

@@ -1,4 +1,4 @@
-"""The linearised problem with its rows: columns of everything that may explain the readings, one behind the other."""
+"""The linearised problem with its rows: contiguous columns of everything that may explain the readings."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -14,12 +14,12 @@ from ptt.diagnosis.evidence.row_sums import (
     SumsOfPoses,
     SumsOfRows,
     flattened,
-    hide_rows,
+    held_out_rows,
     sums_of_poses,
     sums_of_rows,
 )
 from ptt.diagnosis.evidence.system import System, clock_of, straightened, whitened
-from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums, as_joined, base_sums
+from ptt.diagnosis.noise.memory import WHITE, HeldOutBlock, Memory, MemorySums, as_joined, base_sums
 from ptt.diagnosis.noise.poses import Poses, poses_of
 from ptt.diagnosis.noise.wander import Wander, filtered
 from ptt.diagnosis.unknown.blocks import Block, Period, unknown_blocks
@@ -39,19 +39,19 @@ KEPT_MEMORIES = 3  # memories of the noise whose sums are kept
 
 @dataclass
 class RowSystem(System):
-    """A system whose rows are there.
+    """A system that holds its m rows.
 
     Attributes:
         columns: (m, 3, P) whitened.
-        values: (m, 3) whitened.
-        poses: rows that may err alike: of one pose, or of one visit.
-        block: (m,) int, held-out block of travel, -1 for none.
-        levers: joint -> how it moves each reading, (m, 3) whitened.
-        at: where columns of further shapes come from.
+        values: readings, (m, 3) whitened.
+        poses: groups of rows with a common random error: those of one pose, or of one visit.
+        block: held-out block of travel of each row, (m,) int, -1 for none.
+        levers: joint -> shift of each reading per `FEATURE_SIZE` of the joint, (m, 3) whitened.
+        at: the linearisation, which gives columns of further shapes.
         base_columns: of the base reflectors, (b, 3, P) in units of their own noise.
-        base_values: (b, 3).
-        asked_little: so that sums of all its columns do not pay, however many rows there are.
-        one_memory: a wander and errors of poses are not asked for at once: the sums of chunks know one of them.
+        base_values: readings of the base reflectors, (b, 3).
+        asked_little: whether so few sets are scored that sums of all columns do not pay.
+        one_memory: whether a wander and errors of poses are never combined, as sums of chunks have only one of them.
     """
 
     columns: np.ndarray
@@ -78,11 +78,11 @@ class RowSystem(System):
 
     @cached_property
     def flat(self) -> np.ndarray:
-        """The columns one behind the other, (P, 3, m)."""
+        """The columns, each contiguous in memory, (P, 3, m)."""
         return np.ascontiguousarray(self.columns.transpose(2, 1, 0))
 
     def sums(self, memory: Memory) -> MemorySums:
-        """Normal sums of all columns; the last few memories are kept."""
+        """Normal sums of all columns; those of the last few memories are cached."""
         if memory not in self._sums:
             if len(self._sums) > KEPT_MEMORIES:
                 self._sums.pop(next(key for key in self._sums if key != WHITE))
@@ -90,7 +90,7 @@ class RowSystem(System):
         return self._sums[memory]
 
     def forget(self) -> None:
-        """Let go of the sums of all columns, which fill gigabytes for thousands of readings of an arm."""
+        """Drop the sums of all columns, which fill gigabytes for thousands of readings of an arm."""
         super().forget()
         self._sums.clear()
         self.__dict__.pop("_means", None)
@@ -102,12 +102,12 @@ class RowSystem(System):
         return sums_of_rows(*self._white(None, memory.wander), all_of_them=not self.asked_little)
 
     def _beside_poses(self, plain: MemorySums, means: np.ndarray, memory: Memory) -> MemorySums:
-        """Sums where poses have errors to themselves, from those without and the means of their columns."""
+        """Sums with random errors of poses, from those without and the pose means of the columns."""
         values = self._means_of(self.values.T[None], memory.wander)[0]
         return sums_of_poses(plain, means, values, self.poses.beside(memory.wander, self.clock), memory.pose)
 
     def _means_of(self, rows: np.ndarray, wander: Wander | None) -> np.ndarray:
-        """Means of the poses of columns (p, 3, m), or what stands for them beside a wander, (p, 3 poses)."""
+        """Pose means of columns (p, 3, m), or their counterpart under a wander (`PosesBeside.means`), (p, 3 poses)."""
         return flattened(self.poses.beside(wander, self.clock).means(filtered(rows, wander, self.clock)[0]))
 
     @cached_property
@@ -115,7 +115,7 @@ class RowSystem(System):
         return self._means_of(self.flat, None)
 
     def sums_of(self, chosen: np.ndarray, memory: Memory) -> MemorySums:
-        """Normal sums of chosen columns, from those of all where they are there."""
+        """Normal sums of chosen columns, from those of all columns where these are cached."""
         if memory in self._sums:
             return super().sums_of(chosen, memory)
         white, values, log_noise = self._white(chosen, memory.wander)
@@ -126,7 +126,7 @@ class RowSystem(System):
         return self._beside_poses(sums, means, memory).of(np.arange(len(chosen)))
 
     def gram_after(self, chosen: np.ndarray) -> np.ndarray:
-        """As of every system; what is sudden acts on each row."""
+        """As `System.gram_after`, with sudden effects acting on all rows."""
         gram, place = super().gram_after(chosen), {column: number for number, column in enumerate(chosen)}
         slips = [atom for atom in self.atoms.values() if is_sudden(atom) and set(atom.columns) <= set(place)]
         during = self.columns[:, :, chosen]
@@ -136,50 +136,50 @@ class RowSystem(System):
             after[:, :, [place[column] for column in atom.columns]] = self.at.columns(atom.effect, ALWAYS)[self.rows]
         return gram + (_gram(after) - _gram(during) if slips else 0.0)
 
-    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], MemorySums]:
-        """Normal sums of combinations of chosen columns, under any memory; what is there already is used."""
+    def among(self, chosen: np.ndarray, basis: np.ndarray) -> Callable[[Memory], MemorySums]:
+        """As `System.among`, using cached sums."""
 
         def joined() -> np.ndarray:
             rows = self.flat[chosen]
-            columns = (ways.T @ flattened(rows)).reshape(ways.shape[1], *rows.shape[1:])
+            columns = (basis.T @ flattened(rows)).reshape(basis.shape[1], *rows.shape[1:])
             return np.concatenate([columns, self.values.T[None]])
 
-        base = self.base_columns[:, :, chosen] @ ways
+        base = self.base_columns[:, :, chosen] @ basis
         more = base_sums(base, self.base_values) if len(self.base_values) else np.zeros((1, 1))
         white = means = None
         if WHITE in self._sums:
-            white = as_joined(super().among(chosen, ways)(WHITE))
+            white = as_joined(super().among(chosen, basis)(WHITE))
         if "_means" in self.__dict__:
             own = self.poses.means(self.values.T)[None]  # shape: (1, 3, poses)
-            means = np.concatenate([(ways.T @ self._means[chosen]).reshape(ways.shape[1], *own.shape[1:]), own])
+            means = np.concatenate([(basis.T @ self._means[chosen]).reshape(basis.shape[1], *own.shape[1:]), own])
         return FewSums(joined, more, self.clock, self.poses, white, means).of
 
-    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """What a solution of chosen columns leaves, (m, 3) whitened."""
+    def residual(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Residual of a solution of chosen columns, (m, 3) whitened."""
         rows = self.flat[chosen]
         return self.values - (values @ flattened(rows)).reshape(rows.shape[1:]).T
 
     def base_squares(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """What a solution leaves of each reading of base reflectors, (b,) in noise units."""
+        """Squared residual of each reading of base reflectors, (b,) in noise units squared."""
         return np.asarray(np.square(self.base_values - self.base_columns[:, :, chosen] @ values).sum(axis=1))
 
-    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
-        """Sums of chosen columns over each held-out block of travel."""
+    def held_out_blocks(self, chosen: np.ndarray) -> Iterator[HeldOutBlock]:
+        """Rows and sums of chosen columns over each held-out block of travel."""
         columns, unit = self.flat[chosen], np.linalg.inv(self.noise.whitener)
         for index in np.unique(self.block[self.block >= 0]):
             own = np.flatnonzero(self.block == index)
-            yield hide_rows(columns[:, :, own], self.values.T[:, own], unit)
+            yield held_out_rows(columns[:, :, own], self.values.T[:, own], unit)
 
     def widened(
         self, atoms: dict[str, Atom], columns: np.ndarray, scale: np.ndarray, on_base: np.ndarray | None = None
     ) -> "RowSystem":
-        """The same with further atoms; sums that were worked out stay.
+        """A system with further atoms; cached sums are extended.
 
         Args:
-            atoms: by key; their columns are numbered on from those that are there.
+            atoms: by key; their columns are numbered on from the present ones.
             columns: of these atoms, (m, 3, w) whitened.
             scale: (w,) size of a unit of each.
-            on_base: the same columns at the base reflectors, (b, 3, w); None where these stand still.
+            on_base: the same columns at the base reflectors, (b, 3, w); None where they do not act on these.
         """
         more = np.ascontiguousarray(columns.transpose(2, 1, 0))
         flat = np.concatenate([self.flat, more])
@@ -191,7 +191,7 @@ class RowSystem(System):
         )  # fmt: skip
         if "_means" in self.__dict__:
             wider.__dict__["_means"] = np.concatenate([self._means, flattened(self.poses.means(more))])
-        for memory, sums in sorted(self._sums.items(), key=lambda item: item[0].pose > 0.0):  # those rest on the others
+        for memory, sums in sorted(self._sums.items(), key=lambda item: item[0].pose > 0.0):  # these use the others
             if isinstance(sums, SumsOfRows):
                 white, values, _ = wider._white(np.arange(len(self.flat), len(flat)), memory.wander)
                 wider._sums[memory] = sums.widened(white, values)
@@ -202,7 +202,7 @@ class RowSystem(System):
         return wider
 
     def only(self, keys: Sequence[str]) -> "RowSystem":
-        """The same with the frame and a few atoms alone, to be asked little."""
+        """A system of the frame and a few atoms alone, for few sets."""
         atoms = [self.atoms[key] for key in keys]
         chosen = np.concatenate([self.frame, *(atom.columns for atom in atoms)]).astype(int)
         place = np.zeros(len(self.flat), dtype=int)
@@ -214,11 +214,14 @@ class RowSystem(System):
         )  # fmt: skip
 
     def _white(self, chosen: np.ndarray | None, wander: Wander | None) -> tuple[np.ndarray, np.ndarray, float]:
-        """Columns and readings that are white beside a wander, base reflectors behind them, (p, r) and (r,).
+        """Columns and readings filtered by a wander, base reflectors appended.
 
         Args:
             chosen: (p,) indices; None for all.
-            wander: of the tracker.
+            wander: of the tracker; None for white noise.
+
+        Returns:
+            Columns (p, r), readings (r,), and half the log-determinant of the noise's covariance.
         """
         index = slice(None) if chosen is None else chosen
         white, log_noise = filtered(self.flat[index], wander, self.clock)
@@ -231,10 +234,10 @@ class RowSystem(System):
 
 
 def rows_of(system: System) -> RowSystem:
-    """A system as what it has to be where readings are looked at one by one.
+    """The system, where it holds its rows.
 
     Raises:
-        TypeError: it keeps sums alone, as that of a long run.
+        TypeError: it keeps only sums, as of a long run.
     """
     if not isinstance(system, RowSystem):
         raise TypeError("this looks at readings one by one, and of a long run only their sums are kept")
@@ -255,7 +258,7 @@ def build_row_system(
     *,
     unknown: bool = True,
 ) -> RowSystem:
-    """Linearise around a model, with all effects and all blocks beside it.
+    """Linearise at a model, with columns of all candidate effects and all unknown blocks.
 
     Args:
         fitted: the model.
@@ -264,10 +267,10 @@ def build_row_system(
         noise: the noise floor.
         freedom: degrees of freedom behind it.
         rows: rows that count, (n,) bool.
-        periods: joint (None: time) and length of periods that were seen.
-        shapes: of candidates by key; None asks each.
-        span: of the run that the problem is a part of; None for all of it.
-        linear: all effects in these shapes, where they are linearised there already.
+        periods: joint (None: time) and length of waves that spectra showed.
+        shapes: key -> shapes of each candidate; None for those that each searches by itself.
+        span: of the run that the problem is a sample of; None where it is the run.
+        linear: the effects' columns in these shapes, where they were linearised already.
         unknown: with blocks; else effects alone.
 
     Returns:
@@ -293,7 +296,7 @@ def build_row_system(
 
 
 def _side_by_side(known: np.ndarray, blocks: Sequence[Block], noise: Noise, rows: np.ndarray) -> np.ndarray:
-    """Columns that are there already (n, 3, p), and behind them those of blocks, of the rows that count."""
+    """Given columns (n, 3, p) and those of blocks on the rows that count, in one array, (m, 3, P)."""
     some = slice(None) if rows.all() else rows
     place, width = known.shape[2], sum(block.width for block in blocks)
     flat = np.empty((place + width, 3, int(rows.sum())))
@@ -304,12 +307,12 @@ def _side_by_side(known: np.ndarray, blocks: Sequence[Block], noise: Noise, rows
 
 
 def _levers(linear: Linear, noise: Noise, rows: np.ndarray) -> dict[int, np.ndarray]:
-    """How each joint moves the readings that count."""
+    """Joint -> shift of each reading that counts per `FEATURE_SIZE` of the joint, (m, 3) whitened."""
     assert linear.at is not None
     by_joint = linear.at.chain.by_joint.numpy()[rows] * FEATURE_SIZE
     return {j: by_joint[:, :, j] @ noise.whitener.T for j in range(by_joint.shape[2])}
 
 
 def _gram(columns: np.ndarray) -> np.ndarray:
-    """Products of columns (m, 3, p) with each other, (p, p)."""
+    """Gram matrix of columns (m, 3, p), (p, p)."""
     return np.asarray(np.tensordot(columns, columns, axes=((0, 1), (0, 1))))

@@ -1,4 +1,4 @@
-"""Score of a set of atoms: log evidence at the learned variances, and log prior odds."""
+"""Score of a set of atoms: log evidence at the learned prior variances, plus log prior odds."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
@@ -8,15 +8,15 @@ from itertools import combinations
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, is_any, is_field
-from ptt.diagnosis.evidence.hidden_trial import HiddenMemo
+from ptt.diagnosis.evidence.held_out_trial import HeldOutMemo
 from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.memories import best_memory, prior_of
 from ptt.diagnosis.evidence.possible import is_impossible, nats_of_form
-from ptt.diagnosis.evidence.screen import Basis, Begun, Gain, Screen
+from ptt.diagnosis.evidence.screen import Basis, Gain, LastVariances, Screen
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.swap import replacements
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.memory import Hidden, Memory, MemorySums
+from ptt.diagnosis.noise.memory import HeldOutBlock, Memory, MemorySums
 from ptt.effects.sudden import EDGE
 from ptt.fitting.evidence import LOG_SIZE_STD, maximise
 from ptt.fitting.posterior import Posterior
@@ -30,7 +30,22 @@ LEARNING_TOLERANCE = 0.05  # nats at which learning of variances may end while s
 
 
 class Scorer:
-    """Scores sets of atoms of one system and remembers them."""
+    """Scores sets of atoms of one system and remembers them.
+
+    Attributes:
+        system: the linearised problem.
+        given: keys of the model's own effects, which are part of every set.
+        steps: how many effects may be added to them.
+        barred: names of atoms that may not be added.
+        fields: whether unknowns of position alone, and errors of each pose, may be.
+        screened: (keys, memory) of a set -> its screen.
+        scored: (keys, memory) of a set -> the set.
+        with_factor: the scored sets whose Cholesky factors are kept, the oldest first.
+        last_variances: where screens start to learn the variances of atoms with several.
+        known_gains: (keys, memory) of sets whose screen was let go -> its gains.
+        best_memories: (keys, memory) of a set -> the memory of the noise that suits it, and the nats that it gains.
+        held_out_memo: results on held-out blocks.
+    """
 
     def __init__(
         self, system: System, given: Sequence[str] = (), steps: int = 12, barred: Set[str] = frozenset(), *,
@@ -42,34 +57,35 @@ class Scorer:
             system: the linearised problem.
             given: atoms of the model as given, which are part of every set and cost nothing.
             steps: how many effects may be added to them.
-            barred: names of atoms that may not: an exact fit does without them, or sizes of the drawing say as much.
-            fields: whether unknowns that vary with the place alone may, and errors that each pose has to itself.
+            barred: names of atoms that may not be added: an exact fit does without them, or sizes of the drawing
+                explain as much.
+            fields: whether unknowns of position alone may be added, and errors that each pose has to itself.
         """
         self.system, self.given = system, tuple(key for key in given if key in system.atoms)
         self.steps, self.barred, self.fields = steps, barred, fields
         self.screened: dict[tuple[tuple[str, ...], Memory], Screen] = {}
         self.scored: dict[tuple[tuple[str, ...], Memory], State] = {}
-        self.whole: deque[State] = deque()
-        self.begun: Begun = {}
-        self.known: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
-        self.suiting: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
-        self.hidden_memo = HiddenMemo()
+        self.with_factor: deque[State] = deque()
+        self.last_variances: LastVariances = {}
+        self.known_gains: dict[tuple[tuple[str, ...], Memory], dict[str, Gain]] = {}
+        self.best_memories: dict[tuple[tuple[str, ...], Memory], tuple[Memory, float]] = {}
+        self.held_out_memo = HeldOutMemo()
 
     def widened(self, system: System) -> "Scorer":
-        """The same for a system with atoms beside those that it has: what was scored and screened stays known to both.
+        """A scorer for a system with further atoms, which knows all that was scored and screened so far.
 
-        What the wider one learns it keeps to itself, for this one would not know the atoms of its sets.
+        What it learns stays its own, since this one does not have the new atoms.
         """
         wider = Scorer(system, self.given, self.steps, self.barred, fields=self.fields)
-        wider.scored, wider.whole = dict(self.scored), deque(self.whole)
-        wider.begun, wider.suiting = dict(self.begun), dict(self.suiting)
-        wider.known = self.known | {where: screen.gains for where, screen in self.screened.items()}
+        wider.scored, wider.with_factor = dict(self.scored), deque(self.with_factor)
+        wider.last_variances, wider.best_memories = dict(self.last_variances), dict(self.best_memories)
+        wider.known_gains = self.known_gains | {where: screen.gains for where, screen in self.screened.items()}
         return wider
 
     @property
-    def looked_at(self) -> int:
-        """Number of sets that were screened."""
-        return len(self.known.keys() | self.screened.keys())
+    def screened_count(self) -> int:
+        """Number of sets that were screened so far."""
+        return len(self.known_gains.keys() | self.screened.keys())
 
     def score(
         self, keys: Sequence[str], memory: Memory, start: Mapping[str, np.ndarray] | None = None, least: float = -np.inf
@@ -80,7 +96,7 @@ class Scorer:
             keys: of the atoms.
             memory: of the noise.
             start: variances to start from, by key.
-            least: total below which nobody wants to know it: it may then be somewhere short of the maximum.
+            least: total below which the set is of no interest: its score may then be short of the maximum.
 
         Returns:
             The set.
@@ -97,16 +113,16 @@ class Scorer:
         return seen
 
     def _keep(self, state: State) -> None:
-        """Keep a set, and of those of long ago only what they said, where their factors would fill gigabytes."""
+        """Keep a set; of the oldest ones drop the factors, which would fill gigabytes, but no scores and gains."""
         self.scored[state.keys, state.memory] = state
-        self.whole.append(state)
-        while len(self.whole) > max(MOST_FACTOR_NUMBERS // max(state.posterior.cholesky.size, 1), 1):
-            where = self.whole[0].keys, self.whole[0].memory
-            first = self.whole.popleft()
+        self.with_factor.append(state)
+        while len(self.with_factor) > max(MOST_FACTOR_NUMBERS // max(state.posterior.cholesky.size, 1), 1):
+            where = self.with_factor[0].keys, self.with_factor[0].memory
+            first = self.with_factor.popleft()
             if self.scored[where] is first:
                 self.scored[where] = first.without_factor()
             if where in self.screened:
-                self.known[where] = self.screened.pop(where).gains
+                self.known_gains[where] = self.screened.pop(where).gains
 
     def _score(self, keys: tuple[str, ...], memory: Memory, start: Mapping[str, np.ndarray], least: float) -> State:
         system, atoms = self.system, [self.system.atoms[key] for key in keys]
@@ -118,10 +134,10 @@ class Scorer:
         sums = system.sums_of(columns, memory)
         odds = sum(atom.odds for atom in atoms if atom.key not in self.given)
         beside = prior_of(memory, system) - odds - sums.log_noise
-        posterior = self._learned(atoms, sums, system.spare, begin, least - beside)
+        posterior = self._learned(atoms, sums, system.restricted_count, begin, least - beside)
         gained = self._at_few_joints(atoms, posterior, owner, first)
         if posterior.stopped_early and posterior.total + gained > least - beside:
-            posterior = self._learned(atoms, sums, system.spare, posterior.group_variances)
+            posterior = self._learned(atoms, sums, system.restricted_count, posterior.group_variances)
             gained = self._at_few_joints(atoms, posterior, owner, first)
         total = posterior.total + gained + beside
         variances = {atom.key: posterior.group_variances[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
@@ -135,12 +151,12 @@ class Scorer:
     def _at_few_joints(
         self, atoms: Sequence[Atom], posterior: Posterior, owner: np.ndarray, first: np.ndarray
     ) -> float:
-        """Nats that a set gains with each effect at no more joints than show it, less the odds of just these.
+        """Nats that a set gains by restricting each effect to the joints that show it, less the odds of that choice.
 
-        One width for all joints makes a fault of one joint alone pay for every sound one, while an unknown is of one
-        joint from the start. So does a curve of one joint, by the prior of the widths of all others, which is given
-        back: at the most, for where they are learned to be is no longer asked. Values and errors stay those of all
-        joints: that the others are sound is no reading.
+        With one prior variance for all joints, a fault of one joint pays for every sound one, while an unknown block is
+        of one joint from the start. Where each joint has a variance of its own (curves), the log-normal prior of those
+        of sound joints costs as well; it is given back in full, though their variances are not learned anew. Values
+        and standard errors stay those with all joints, for no reading says that the others are sound.
 
         Source: Dickey, The weighted likelihood ratio, Annals of Mathematical Statistics 42 (1971), at held widths.
         """
@@ -163,7 +179,7 @@ class Scorer:
     def _learned(
         self, atoms: Sequence[Atom], sums: MemorySums, count: float, begin: np.ndarray, least: float = -np.inf
     ) -> Posterior:
-        """Variances and values of the frame and some atoms, from sums of their columns."""
+        """Posterior of the frame and some atoms, their prior variances learned, from normal sums of their columns."""
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
         frame = np.full(len(self.system.frame), -1)
         group = np.concatenate([frame, *(a.group + first[i] for i, a in enumerate(atoms))])
@@ -176,32 +192,33 @@ class Scorer:
         )  # fmt: skip
 
     def without_rows(
-        self, state: State, hidden: Iterable[Hidden], among: Sequence[int] | None = None
+        self, state: State, held_out: Iterable[HeldOutBlock], among: Sequence[int] | None = None
     ) -> Iterator[Posterior]:
-        """What a state would be had some rows never been read: how wide its columns are is learned anew as well.
+        """Posteriors of a set without some rows, the prior variances learned without them too.
 
         Args:
-            state: of white noise.
-            hidden: some rows, and some others.
-            among: places of its columns among those of the hidden sums; None where these are of the same.
+            state: a set under white noise.
+            held_out: the rows to leave out, block by block.
+            among: places of the set's columns among those of the blocks; None where these are the same.
 
         Yields:
-            The posterior of its columns without each of them.
+            The posterior without each block.
         """
         sums, atoms = self.system.sums_of(state.columns, state.memory), [self.system.atoms[key] for key in state.keys]
         place = np.arange(len(state.columns)) if among is None else np.asarray(among, dtype=int)
-        for part in hidden:
-            gram, side = sums.gram - part.gram[np.ix_(place, place)], sums.side - part.side[place]
-            less, count = MemorySums(gram, side, sums.square - part.energy, 0.0), self.system.spare - 3.0 * part.rows
+        for block in held_out:
+            gram, side = sums.gram - block.gram[np.ix_(place, place)], sums.side - block.side[place]
+            less = MemorySums(gram, side, sums.square - block.energy, 0.0)
+            count = self.system.restricted_count - 3.0 * block.rows
             yield self._learned(atoms, less, max(count, 1.0), state.posterior.group_variances)
 
     def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:
-        """What every atom would add to a state, the best shape of each name; best first."""
+        """What every allowed atom would add to a set, only the best shape of each name; best first."""
         apart = self._is_apart(state)
         return self._screen(state).best(lambda atom: allowed(atom) and apart(atom))
 
     def all_gains(self, state: State, allowed: Callable[[Atom], bool]) -> list[Gain]:
-        """The same of every shape, in no order."""
+        """What every allowed atom would add to a set, in every shape and in no order."""
         apart = self._is_apart(state)
         return [gain for _, gain in self._screen(state).each(lambda atom: allowed(atom) and apart(atom))]
 
@@ -215,12 +232,12 @@ class Scorer:
         where = state.keys, state.memory
         if where not in self.screened:
             basis = Basis(state.columns, state.posterior, state.memory)
-            self.screened[where] = Screen(self.system, basis, self.opens(state.keys), self.begun)
-            self.screened[where].gains |= self.known.get(where, {})
+            self.screened[where] = Screen(self.system, basis, self.opens(state.keys), self.last_variances)
+            self.screened[where].gains |= self.known_gains.get(where, {})
         return self.screened[where]
 
     def opens(self, keys: Sequence[str]) -> Callable[[Atom], bool]:
-        """Whether an atom may be added to a set."""
+        """A predicate: whether an atom may be added to the set of these keys."""
         atoms = [self.system.atoms[key] for key in keys]
         names, effects = {atom.name for atom in atoms} | self.barred, [atom.name for atom in atoms if atom.effect]
         full = len(effects) - len(self.given) >= self.steps
@@ -232,35 +249,35 @@ class Scorer:
         return opens
 
     def _is_at_an_end(self, new: Sequence[Atom]) -> bool:
-        """Whether too few readings tell what was before or after a moment, once those that are gross are left out."""
+        """Whether an event has too few readings before or after its moment, gross errors left out."""
         time = self.system.clock.time
         before = [int((time <= atom.moment).sum()) for atom in new if atom.moment is not None]
         return any(min(count, len(time) - count) < EDGE for count in before)
 
     def _undoes(self, state: State) -> bool:
-        """Whether something takes back, within a few readings, what something of another kind did: they are gross."""
+        """Whether one event takes back, within a few readings, what another did: those readings are gross errors."""
         atoms, time = [self.system.atoms[key] for key in state.keys], self.system.clock.in_order
         dated = [(float(atom.moment), atom) for atom in atoms if atom.moment is not None]
         for (moment, one), (other, two) in combinations(dated, 2):
-            if one.shape is two.shape is None:  # what the model has it may keep
+            if one.shape is two.shape is None:  # both are in the model already
                 continue
             if 0 < abs(int(np.searchsorted(time, moment, "right") - np.searchsorted(time, other, "right"))) < EDGE:
                 after, both = self.system.clock.time > max(moment, other), (*state.of(one.key), *state.of(two.key))
                 first = state.of(one.key if moment < other else two.key)
-                left, lost = (self._told(state, np.array(own))[after] for own in (both, first))
-                if np.square(left).sum() < UNDONE_SHARE * np.square(lost).sum():
+                remains, done = (self._contribution(state, np.array(own))[after] for own in (both, first))
+                if np.square(remains).sum() < UNDONE_SHARE * np.square(done).sum():
                     return True
         return False
 
-    def _told(self, state: State, own: np.ndarray) -> np.ndarray:
-        """What some of a state's values put into the readings, (m, 3) whitened."""
-        nothing = self.system.left(state.columns[:0], state.posterior.values[:0])
-        return nothing - self.system.left(state.columns[own], state.posterior.values[own])
+    def _contribution(self, state: State, own: np.ndarray) -> np.ndarray:
+        """What some of a set's values contribute to the readings, (m, 3) whitened."""
+        nothing = self.system.residual(state.columns[:0], state.posterior.values[:0])
+        return nothing - self.system.residual(state.columns[own], state.posterior.values[own])
 
     def _is_apart(self, state: State) -> Callable[[Atom], bool]:
-        """Whether an atom happens as far from what happened alike in a set as from the ends of a run, or just then.
+        """A predicate: whether an event is at the same moment as those of its kind in a set, or `EDGE` readings apart.
 
-        What came and went within a few readings is a gross error of theirs. What the model has may come back to it.
+        What came and went within a few readings is a gross error of those. Events of the model may be added again.
         """
         time, atoms = self.system.clock.in_order, [self.system.atoms[key] for key in state.keys]
         happened = [(type(atom.effect), atom.moment) for atom in atoms if atom.moment is not None]
@@ -275,13 +292,13 @@ class Scorer:
         return is_apart if happened else is_any
 
     def best_memory(self, state: State) -> tuple[Memory, float]:
-        """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total."""
+        """The best memory of the noise for a set, its variances held, and the nats that it adds to the total."""
         where = state.keys, state.memory
-        if where not in self.suiting:
-            self.suiting[where] = best_memory(self.system, state, poses=self.fields)
-        return self.suiting[where]
+        if where not in self.best_memories:
+            self.best_memories[where] = best_memory(self.system, state, poses=self.fields)
+        return self.best_memories[where]
 
 
 def _excluded(atom: Atom, effects: Sequence[str]) -> bool:
-    """Whether an effect is in part the same thing as one that is there."""
+    """Whether an effect is in part the same thing as one of the named effects."""
     return atom.effect is not None and rival(atom.effect, effects) is not None

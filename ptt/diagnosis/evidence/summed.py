@@ -29,7 +29,7 @@ class Contribution:
     """What one chunk contributes; parts add up in any order.
 
     Attributes:
-        hidden: held-out block -> its sums in noise units and in mm, and its rows.
+        by_block: held-out block -> its sums in noise units and in mm, and its rows.
         share: the same of the share of rows that candidates are summed over, where that is not all of them.
         other: sums under the memory of the noise, where it has one.
         rows: rows that count, (m,) bool.
@@ -37,7 +37,7 @@ class Contribution:
         linear: what the columns are, without their rows.
     """
 
-    hidden: dict[int, Held]
+    by_block: dict[int, Held]
     share: dict[int, Held]
     other: tuple[np.ndarray, float] | None
     rows: np.ndarray
@@ -65,11 +65,11 @@ def sum_up(
     def work(chunk: Problem) -> Contribution:
         return sum_chunk(chunk, run, at, trials, kept, sift)
 
-    hidden, share = dict[int, Held](), dict[int, Held]()
+    by_block, share = dict[int, Held](), dict[int, Held]()
     other: tuple[np.ndarray, float] | None = None
     rows, gross = [], []
     for part in map_chunks(work, run.chunks):
-        for sums, more in ((hidden, part.hidden), (share, part.share)):
+        for sums, more in ((by_block, part.by_block), (share, part.share)):
             for index, held in more.items():
                 _add(sums, index, held)
         if part.other is not None:
@@ -80,8 +80,8 @@ def sum_up(
     if share:
         own, end = len(at.fitted.unknowns), next(iter(share.values()))[0].shape[0]
         behind = end - 1 - sum(len(atom.columns) for atom in at.blocks)
-        hidden = spread(hidden, share, np.concatenate([np.arange(own), np.arange(behind, end)]))
-    system = _system(run, at, {} if sift else trials, sample, linear, np.concatenate(rows), hidden, other)
+        by_block = spread(by_block, share, np.concatenate([np.arange(own), np.arange(behind, end)]))
+    system = _system(run, at, {} if sift else trials, sample, linear, np.concatenate(rows), by_block, other)
     return system, np.concatenate(gross)
 
 
@@ -99,7 +99,7 @@ def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np
     Returns:
         The chunk's part.
     """
-    hidden, share = dict[int, Held](), dict[int, Held]()
+    by_block, share = dict[int, Held](), dict[int, Held]()
     rows, gross, joined = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
     times = share_of_rows(run.problem.table.rows) if at.memory == WHITE and trials and not sift else 1
     for part in [chunk] if sift else (make() for make in cut(chunk, SLAB_ROWS)):
@@ -107,7 +107,7 @@ def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np
         there = linear.rows & kept[numbers(part)]
         far = _gross(part, run, at, trials, linear, columns, there) if sift else np.zeros_like(there)
         there = there & ~far
-        both = _sum_rows(part, run, at, linear, columns, there, hidden)
+        both = _sum_rows(part, run, at, linear, columns, there, by_block)
         if at.memory != WHITE:  # which goes on from one slab into the next
             joined.append(both)
         if times > 1:
@@ -122,18 +122,18 @@ def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np
     if at.memory != WHITE:
         clock = replace(clock_of(chunk, counted), registered=False)  # within a run a wander may be anywhere
         other = sum_rows(np.concatenate(joined), at.memory, clock, run.pose[numbers(chunk)[counted]])
-    return Contribution(hidden, share, other, counted, np.concatenate(gross), linear.without_rows())
+    return Contribution(by_block, share, other, counted, np.concatenate(gross), linear.without_rows())
 
 
 def _sum_rows(
     part: Problem, run: LongRun, at: Ansatz, linear: Linear, columns: np.ndarray, there: np.ndarray,
-    hidden: dict[int, Held],
+    by_block: dict[int, Held],
 ) -> np.ndarray:  # fmt: skip
     """Add the sums of rows that are there to those of their blocks; their columns and readings, (r, 3, P + 1)."""
     both = np.concatenate([columns, linear.values[:, :, None]], axis=2)
     both = both if there.all() else both[there]
     for index, stretch in _stretches(run.block[numbers(part)[there]]):
-        _add(hidden, index, block_sums(both[stretch], at.noise))
+        _add(by_block, index, block_sums(both[stretch], at.noise))
     return both
 
 
@@ -168,15 +168,15 @@ def left_of(run: LongRun, at: Ansatz, system: SummedSystem, chosen: np.ndarray, 
     return np.concatenate(list(map_chunks(work, run.chunks)))
 
 
-def _add(hidden: dict[int, Held], index: int, own: Held) -> None:
+def _add(by_block: dict[int, Held], index: int, own: Held) -> None:
     """Add the sums of some rows to those of their block."""
-    if index not in hidden:
-        hidden[index] = own
+    if index not in by_block:
+        by_block[index] = own
         return
-    white, in_mm, rows = hidden[index]
+    white, in_mm, rows = by_block[index]
     white += own[0]
     in_mm += own[1]
-    hidden[index] = white, in_mm, rows + own[2]
+    by_block[index] = white, in_mm, rows + own[2]
 
 
 def _stretches(block: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
@@ -203,7 +203,7 @@ def _gross(
 
 def _system(
     run: LongRun, at: Ansatz, trials: Trials, sample: Problem, linear: Linear, rows: np.ndarray,
-    hidden: dict[int, Held], other: tuple[np.ndarray, float] | None,
+    by_block: dict[int, Held], other: tuple[np.ndarray, float] | None,
 ) -> SummedSystem:  # fmt: skip
     counts = {key: len(tuple(effect.search(sample.view))) for key, (effect, _) in trials.items()}
     linear = replace(linear, trials=tuple(replace(t, trials=counts[t.effect.key]) for t in linear.trials))
@@ -213,14 +213,14 @@ def _system(
         atoms[atom.key] = replace(atom, columns=np.arange(place, place + len(atom.columns)))
         place += len(atom.columns)
     base = base_sums(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, place - len(linear.scale))]), linear.base_values)
-    white = sum((own[0] for own in hidden.values()), base)
+    white = sum((own[0] for own in by_block.values()), base)
     total = {WHITE: as_sums(white, 0.0)}
     if other is not None:
         total[at.memory] = as_sums(other[0] + base, other[1])
     scale = np.concatenate([linear.scale, np.ones(place - len(linear.scale))])
     there, pose = np.flatnonzero(rows), run.pose[rows]
     system = SummedSystem(
-        there, linear.frame, atoms, clock_of(run.problem, rows), at.noise, at.freedom, scale, total, hidden,
+        there, linear.frame, atoms, clock_of(run.problem, rows), at.noise, at.freedom, scale, total, by_block,
         linear.base_values.size, len(pose) - len(np.unique(pose)), lambda chosen, values: np.zeros((0, 3)),
         by_visit=run.by_visit, aside=run.problem.rounding[1],
     )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.sampled import Held
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.memory import Hidden, HiddenSums, Memory, MemorySums
+from ptt.diagnosis.noise.memory import HeldOutBlock, HeldOutSums, Memory, MemorySums
 
 
 @dataclass
@@ -16,14 +16,14 @@ class SummedSystem(System):
 
     Attributes:
         total: by memory of the noise; there are no others.
-        hidden_sums: held-out block -> joined sums in noise units and in mm, and its rows.
+        held_out_sums: held-out block -> joined sums in noise units and in mm, and its rows.
         extra: coordinates of base reflectors.
         visits: beyond the first of each pose.
         look: what a solution leaves of all rows, by another pass over them.
     """
 
     total: dict[Memory, MemorySums]
-    hidden_sums: dict[int, Held]
+    held_out_sums: dict[int, Held]
     extra: int
     visits: int
     look: Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -48,7 +48,7 @@ class SummedSystem(System):
         """Normal sums of all columns."""
         return self.total[memory]
 
-    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+    def residual(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
         """What a solution leaves, (m, 3) whitened; the last few are kept."""
         key = chosen.tobytes() + values.tobytes()
         if key not in self._left:
@@ -57,10 +57,10 @@ class SummedSystem(System):
             self._left[key] = self.look(chosen, values)
         return self._left[key]
 
-    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
+    def held_out_blocks(self, chosen: np.ndarray) -> Iterator[HeldOutBlock]:
         """Sums of chosen columns over each held-out block of travel."""
         both = np.ix_(*(np.append(chosen, len(self.scale)),) * 2)
-        for index, (white, in_mm, rows) in self.hidden_sums.items():
+        for index, (white, in_mm, rows) in self.held_out_sums.items():
             if index >= 0:
                 kept = white[both]
-                yield HiddenSums(kept[:-1, :-1], kept[:-1, -1], float(kept[-1, -1]), rows, in_mm[both])
+                yield HeldOutSums(kept[:-1, :-1], kept[:-1, -1], float(kept[-1, -1]), rows, in_mm[both])

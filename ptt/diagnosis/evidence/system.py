@@ -9,7 +9,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.effect_atoms import straight_sizes
-from ptt.diagnosis.noise.memory import WHITE, Hidden, Memory, MemorySums
+from ptt.diagnosis.noise.memory import WHITE, HeldOutBlock, Memory, MemorySums
 from ptt.diagnosis.noise.wander import Clock, innovations
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
@@ -25,18 +25,20 @@ ROUNDING_FACTOR = 2.0  # times the variance of rounding up to which errors of a 
 
 @dataclass
 class System(ABC):
-    """Columns of the frame and of all atoms, and the readings, as far as a search asks for them.
+    """y = F phi + sum X_k beta_k + noise: the readings, columns of the frame and of all atoms, and their sums.
+
+    `RowSystem` holds the rows; `SummedSystem` holds only sums, for long runs.
 
     Attributes:
-        rows: which rows of the run count, (m,) int.
-        frame: columns of frames and mounts.
+        rows: numbers of the rows of the run that count, (m,) int.
+        frame: indices of the columns of frames and mounts, which are in every set.
         atoms: by key.
         clock: when the rows were read.
-        noise: that whitened it.
-        freedom: degrees of freedom of coordinates behind the noise, zero where it is only a guess.
+        noise: the noise that whitened readings and columns.
+        freedom: degrees of freedom, in coordinates, behind that noise; zero where it is only a guess.
         scale: (P,) size of a unit of each column.
-        by_visit: whether what a memory calls a pose is one visit, so that it is a machine's scatter and no fault.
-        aside: root mean square by which rounding of commands may put poses aside, mm.
+        by_visit: whether errors "of a pose" are those of single visits: a scatter of the machine, then, and no fault.
+        aside: root mean square position error that rounding of the commands may cause, mm.
     """
 
     rows: np.ndarray
@@ -52,130 +54,130 @@ class System(ABC):
     @property
     @abstractmethod
     def count(self) -> int:
-        """Number of coordinates."""
+        """Number of coordinates, base reflectors included."""
 
     @property
-    def spare(self) -> float:
-        """Coordinates that tell of the scatter: where a frame stands is no news of it, however little it scatters.
+    def restricted_count(self) -> float:
+        """Coordinates less those that the frame takes, as in restricted maximum likelihood (REML).
 
-        Source: restricted likelihood, Patterson and Thompson, Biometrika 58 (1971), with a flat prior of the frame.
+        Source: Patterson and Thompson, Biometrika 58 (1971), with a flat prior of the frame.
         """
         return float(max(self.count - len(self.frame), 1))
 
     @cached_property
     def least_phi(self) -> float:
-        """White variance that no set leaves less of, in units of the noise: that of the last digit of a reading."""
-        return self.noise.least * self._noises
+        """Lower bound of the white variance, in units of the noise: the rounding error of the readings' last digit."""
+        return self.noise.least * self._per_mm2
 
     @property
-    def _noises(self) -> float:
-        """Variance of one coordinate in units of the noise, of 1 mm^2."""
+    def _per_mm2(self) -> float:
+        """A variance of 1 mm^2 of one coordinate, in units of the noise: the mean over axes of its inverse variance."""
         return float(np.trace(np.linalg.inv(self.noise.covariance))) / 3.0
 
     def nats_of_noise(self, left: np.ndarray | float) -> np.ndarray:
-        """Log evidence of white noise, its variance learned, where sets leave sums of squares, (..) in noise units."""
-        return profile_noise(np.asarray(left), self.spare, self.freedom, self.least_phi)[1]
+        """Log evidence's term of the white noise, its variance profiled out, for penalised sums of squares, (..)."""
+        return profile_noise(np.asarray(left), self.restricted_count, self.freedom, self.least_phi)[1]
 
     def shares_by_pose(self, memory: Memory) -> bool:
-        """Whether a memory holds errors that come back with their pose, which no machine's scatter does.
+        """Whether a memory has errors that repeat with their pose and exceed the rounding of the readings.
 
-        Where nothing else scatters, what rounding leaves of readings comes back as well.
+        Rounding errors of the readings repeat as well where nothing else scatters.
         """
         return memory.pose > ROUNDING_FACTOR * self.least_phi and not self.by_visit
 
     def errs_by_pose(self, memory: Memory) -> bool:
-        """The same, and by more than rounding of commands leaves: something is there that no effect describes."""
-        return self.shares_by_pose(memory) and memory.pose > ROUNDING_FACTOR * self.aside**2 / 3.0 * self._noises
+        """Whether errors repeat with their pose beyond rounding of readings and commands: then an unknown is there."""
+        return self.shares_by_pose(memory) and memory.pose > ROUNDING_FACTOR * self.aside**2 / 3.0 * self._per_mm2
 
     @property
     @abstractmethod
     def repeats(self) -> int:
-        """Visits beyond the first of each pose."""
+        """Number of visits beyond the first of each pose."""
 
     @abstractmethod
     def sums(self, memory: Memory) -> MemorySums:
-        """Normal sums of all columns."""
+        """Normal sums of all columns under a memory of the noise."""
 
     @abstractmethod
-    def left(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """What solutions of chosen columns leave, (m, 3) whitened.
+    def residual(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """Residual y - X b, (m, 3) whitened.
 
         Args:
-            chosen: (p,) indices.
-            values: (p,).
+            chosen: indices of the columns X, (p,).
+            values: b, (p,).
         """
 
     @abstractmethod
-    def hidden(self, chosen: np.ndarray) -> Iterator[Hidden]:
-        """Sums of chosen columns over each held-out block of travel."""
+    def held_out_blocks(self, chosen: np.ndarray) -> Iterator[HeldOutBlock]:
+        """Sums of chosen columns over each block of travel that is held out in turn."""
 
     def base_squares(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray | None:
-        """Sums of squares that a solution of chosen columns leaves of base reflectors.
+        """Squared residuals of base reflectors.
 
         Args:
             chosen: (p,) indices.
             values: (p,).
 
         Returns:
-            Of each reading, (b,) in noise units; None where readings are no longer known one by one.
+            Of each of their readings, (b,) in noise units squared; None where only sums are kept.
         """
         return None
 
     @property
     def memories(self) -> tuple[Memory, ...] | None:
-        """The only memories whose sums there are; None for any."""
+        """The only memories under which sums are available; None where any is."""
         return None
 
     def sums_of(self, chosen: np.ndarray, memory: Memory) -> MemorySums:
         """Normal sums of chosen columns."""
         return self.sums(memory).of(chosen)
 
-    def among(self, chosen: np.ndarray, ways: np.ndarray) -> Callable[[Memory], MemorySums]:
-        """Normal sums of combinations of chosen columns, under any memory.
+    def among(self, chosen: np.ndarray, basis: np.ndarray) -> Callable[[Memory], MemorySums]:
+        """A function that gives normal sums of linear combinations of chosen columns under any memory.
 
         Args:
             chosen: (p,) indices.
-            ways: (p, r) the combinations.
+            basis: (p, r) weights of the combinations.
         """
 
         def sums(memory: Memory) -> MemorySums:
             own = self.sums_of(chosen, memory)
-            return MemorySums(ways.T @ own.gram @ ways, ways.T @ own.side, own.square, own.log_noise)
+            return MemorySums(basis.T @ own.gram @ basis, basis.T @ own.side, own.square, own.log_noise)
 
         return sums
 
     def gram_after(self, chosen: np.ndarray) -> np.ndarray:
-        """Products of chosen columns as they would be once the run is over: what slipped on the way stays so.
+        """Gram matrix of chosen columns for the machine as the run left it: sudden effects act on all rows.
 
         Args:
             chosen: (p,) indices.
 
         Returns:
-            (p, p); of a long run whose rows are gone those of the run itself.
+            (p, p); where only sums are kept, the Gram matrix of the run itself.
         """
         return self.sums_of(chosen, WHITE).gram
 
     def forget(self) -> None:
-        """Let go of what can be worked out again: the next system takes as much memory as this one."""
+        """Drop caches, since the next system takes as much memory as this one."""
         self.__dict__.pop("families", None)
 
     def innovation(self, chosen: np.ndarray, values: np.ndarray, memory: Memory) -> np.ndarray:
-        """What a solution leaves beyond what the wander predicts, (m, 3) in noise units."""
-        return innovations(self.left(chosen, values), memory.wander, self.clock)[0]
+        """Innovations of a solution's residual under the wander, (m, 3) in noise units."""
+        return innovations(self.residual(chosen, values), memory.wander, self.clock)[0]
 
     def in_mm(self, left: np.ndarray) -> np.ndarray:
-        """Whitened readings (m, 3) in mm."""
+        """Whitened vectors (m, 3) in mm."""
         return left @ np.linalg.inv(self.noise.whitener).T
 
     def everywhere(self, left: np.ndarray, rows: int) -> np.ndarray:
-        """Whitened readings (m, 3) in mm, NaN on the rows of the run that do not count, (rows, 3)."""
+        """Whitened vectors (m, 3) in mm at their rows of the run, (rows, 3); NaN on rows that do not count."""
         whole = np.full((rows, 3), np.nan)
         whole[self.rows] = self.in_mm(left)
         return whole
 
     @cached_property
     def families(self) -> list[tuple[tuple[Atom, ...], np.ndarray]]:
-        """Atoms of one width side by side, so that alike ones are screened together, and their columns (a, w)."""
+        """Runs of atoms with equally many adjacent columns, to be screened in one batch, and their columns (a, w)."""
         families: list[list[Atom]] = []
         for atom in sorted(self.atoms.values(), key=lambda atom: int(atom.columns[0])):
             before = families[-1][-1].columns if families else atom.columns
@@ -186,7 +188,7 @@ class System(ABC):
 
 
 def straightened(linear: Linear, fitted: FitResult, problem: Problem) -> Linear:
-    """The same with the straight parts of curves in sizes that they have over the visited travel."""
+    """The linearised problem with the straight parts of curves in the size that they have over the visited travel."""
     more = np.ones(linear.columns.shape[2])
     for term, free in zip(fitted.layout.terms, fitted.layout.free, strict=True):
         more[linear.present[term.effect.key]] = straight_sizes(term.effect, problem)[free]
@@ -204,7 +206,7 @@ def straightened(linear: Linear, fitted: FitResult, problem: Problem) -> Linear:
 
 
 def clock_of(problem: Problem, rows: np.ndarray) -> Clock:
-    """When rows were read: by the clock, else by their number; each run starts anew, a gap is as long as it took.
+    """When rows were read: by the clock, else by their number; each run starts anew.
 
     Args:
         problem: n rows.
@@ -218,7 +220,7 @@ def clock_of(problem: Problem, rows: np.ndarray) -> Clock:
 
 
 def whitened(blocks: Sequence[Block], noise: Noise, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
-    """Columns of blocks side by side in units of noise.
+    """Columns of blocks, whitened.
 
     Args:
         blocks: the blocks.
@@ -226,19 +228,19 @@ def whitened(blocks: Sequence[Block], noise: Noise, rows: np.ndarray | slice = s
         rows: which rows, m of them.
 
     Returns:
-        (m, 3, sum of their widths); in memory they lie one behind the other, as a system keeps them.
+        (m, 3, sum of their widths), a transposed view: in memory each column is contiguous, as a system keeps them.
     """
-    ways, found = dict[int, np.ndarray](), list[np.ndarray]()
+    at_place, found = dict[int, np.ndarray](), list[np.ndarray]()
     for block in blocks:
-        if id(block.place) not in ways:  # many act at one place
+        if id(block.place) not in at_place:  # many blocks share a place
             slopes = FEATURE_SIZE * (noise.whitener @ block.place.slopes[rows])
-            ways[id(block.place)] = np.ascontiguousarray(slopes.transpose(2, 1, 0))  # shape: (w, 3, m)
+            at_place[id(block.place)] = np.ascontiguousarray(slopes.transpose(2, 1, 0))  # shape: (w, 3, m)
         shapes = np.ascontiguousarray(block.shapes[rows].T)
-        own = ways[id(block.place)][:, None] * shapes[None, :, None]
+        own = at_place[id(block.place)][:, None] * shapes[None, :, None]
         found.append(own.reshape(-1, *own.shape[2:]))
     return np.concatenate(found).transpose(2, 1, 0)
 
 
 def holds_unknown(system: System, keys: Iterable[str], memory: Memory) -> bool:
-    """Whether a set says what no effect describes: a block, or errors that come back with their pose."""
+    """Whether a set has an unknown: a block, or errors that repeat with their pose."""
     return any(system.atoms[key].block is not None for key in keys) or system.errs_by_pose(memory)

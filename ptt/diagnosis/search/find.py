@@ -139,7 +139,7 @@ def _more_than_nothing(found: Found, problem: Problem) -> Found:
     scorer, state = found.scorer, found.state
     if loose(scorer, state) or problem.noise is None:
         return found
-    left = found.system.in_mm(found.system.left(state.columns, state.posterior.values))
+    left = found.system.in_mm(found.system.residual(state.columns, state.posterior.values))
     if np.sqrt(np.square(left).sum(axis=1).mean()) <= QUIET_EXCESS * stated_of(problem.noise, problem.rounding[1])[1]:
         return found
     best = max(scorer.scored.values(), key=lambda other: other.total)

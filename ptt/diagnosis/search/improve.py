@@ -52,7 +52,7 @@ def improve(scorer: Scorer, state: State, allowed: Allowed = is_any, *, swaps: b
     """
     for _ in range(MOST_MOVES):
         best = max(plain_moves(scorer, state, allowed), key=lambda other: other.total, default=state)
-        if swaps and best.total < state.total + SLOW_BELOW and scorer.looked_at < MOST_SCREENS:
+        if swaps and best.total < state.total + SLOW_BELOW and scorer.screened_count < MOST_SCREENS:
             slow = slow_moves(scorer, state, allowed)
             best = max([best, *slow], key=lambda other: other.total)
             if not best.total > state.total + LEAST_NATS:

@@ -145,10 +145,10 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     if problem.noise is not None and np.nanmean(np.square(residual)) < problem.noise.least:
         return Rest((), ())  # less than the last digit of a reading
     every, residual = residual, _of_visits(residual, state, problem)
-    against, lack = "repeats", lack_of_fit_of(problem, residual, round(state.decided)).p_value
+    against, lack = "repeats", lack_of_fit_of(problem, residual, round(state.effective_parameters)).p_value
     if lack is None:
         against = "visits to a pose from any side"
-        lack = lack_of_fit_of(problem, residual, round(state.decided), from_any_side=True).p_value
+        lack = lack_of_fit_of(problem, residual, round(state.effective_parameters), from_any_side=True).p_value
     field = _field(problem, residual)
     place, where = off_alike(problem, residual)
     depends = dependence_of(problem, residual, seed=seed)

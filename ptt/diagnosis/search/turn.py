@@ -95,11 +95,11 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: 
     columns, values = state.columns, state.posterior.values
     left = [robustly_left(system, state) if robust else system.innovation(columns, values, state.memory)]
     if state.memory.wander is not None and not robust:
-        left.append(system.left(columns, values))
+        left.append(system.residual(columns, values))
     here, problem = np.ones(len(left[0]), dtype=bool), system.at.problem
     places, found = places_of(problem)[system.rows], gross.copy()
     for white in left:
-        white = white * np.sqrt(system.count / max(system.count - state.decided, 1.0))
+        white = white * np.sqrt(system.count / max(system.count - state.effective_parameters, 1.0))
         far = stand_out(white, here, least=0.0)
         found[system.rows[alone(far, white, here, places, int(gross.sum()))]] = True
     return found if are_exceptions(found, problem.used) else gross
@@ -120,7 +120,7 @@ def robustly_left(system: RowSystem, state: State) -> np.ndarray:
 
 def in_company(system: RowSystem, state: State) -> np.ndarray:
     """Rows that an explanation cannot reach, and that do not stand alone: a place or a stretch has them, (n,) bool."""
-    left = system.left(state.columns, state.posterior.values)
+    left = system.residual(state.columns, state.posterior.values)
     here, problem = np.ones(len(left), dtype=bool), system.at.problem
     far, found = stand_out(left, here, least=0.0), np.zeros(problem.table.rows, dtype=bool)
     found[system.rows] = far & ~alone(far, left, here, places_of(problem)[system.rows])
@@ -198,7 +198,7 @@ def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Su
     system = rows_of(scorer.system)
     still = scorer.score(without(state, *gone), WHITE, state.variances)
     left = np.zeros((system.at.problem.table.rows, 3))
-    left[system.rows] = system.left(still.columns, still.posterior.values)
+    left[system.rows] = system.residual(still.columns, still.posterior.values)
     frame = np.zeros((*left.shape, len(system.frame)))
     frame[system.rows] = system.columns[:, :, system.frame]
     return best_moment(system.at, frame, left, np.isin(np.arange(len(left)), system.rows), effect)

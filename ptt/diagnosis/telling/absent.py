@@ -8,7 +8,7 @@ from scipy.linalg.lapack import dtrtrs
 from ptt.diagnosis.evidence.atoms import Atom, is_drawn, is_effect
 from ptt.diagnosis.evidence.probability import LEAST_ODDS, TEMPER
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.screen import left_beside
+from ptt.diagnosis.evidence.screen import schur_complement
 from ptt.diagnosis.evidence.state import State
 from ptt.fitting.factor import inverse
 
@@ -62,7 +62,7 @@ def absent_effects(scorer: Scorer, state: State, *, drawn: bool = False) -> tupl
         half = dtrtrs(posterior.cholesky, sums.gram[posterior.order, own], lower=1)[0]
         follow = np.empty_like(half)  # how the values of the set go with those of the effect
         follow[posterior.order] = -dtrtrs(posterior.cholesky, half, lower=1, trans=1)[0]
-        left = _seen(left_beside(sums.gram[own, own][None], half.T[None])[0])
+        left = _seen(schur_complement(sums.gram[own, own][None], half.T[None])[0])
         spread = inverse(left + np.diag(1.0 / gain.variances[atom.group]))
         values = spread @ (sums.side[own] + follow.T @ sums.side[:width])
         squares = posterior.phi * spread + np.outer(values, values)

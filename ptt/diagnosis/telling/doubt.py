@@ -36,7 +36,7 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
         own = _machine(scorer, one)
         place, apart = np.searchsorted(columns, one.columns[own]), _values(one, own, columns) - told
         loose = float((seen[np.ix_(place, place)] * one.covariance[np.ix_(own, own)]).sum())
-        squares.append(float(apart @ seen @ apart) + max(loose - one.decided * one.posterior.phi, 0.0))
+        squares.append(float(apart @ seen @ apart) + max(loose - one.effective_parameters * one.posterior.phi, 0.0))
     odds, own = [odds for odds, _ in sets], _machine(scorer, state)
     place = np.searchsorted(columns, state.columns[own])
     for absent in absent_effects(scorer, state):

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, is_effect
 from ptt.diagnosis.evidence.candidates import first_of
-from ptt.diagnosis.evidence.hidden import held_out
+from ptt.diagnosis.evidence.held_out import held_out_rms
 from ptt.diagnosis.evidence.probability import Probability
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import own_drift, unwitnessed
@@ -152,7 +152,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
     nothing = scorer.score((), found.state.memory)
     taken = {atoms[step.key].name for step in named}
     unnamed = {atoms[key].name for key in found.state.keys} - taken
-    before = held_out(scorer, ()) * 1e3
+    before = held_out_rms(scorer, ()) * 1e3
     result: list[Candidate] = []
     for gain in scorer.screen(nothing, is_effect):
         atom = atoms[gain.key]
@@ -162,7 +162,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
             continue  # a second knock, on the model as given, says what the first does
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.variances})
         parameters = _told(state, atom, found.system.scale, problem)
-        after = held_out(scorer, (gain.key,)) * 1e3
+        after = held_out_rms(scorer, (gain.key,)) * 1e3
         chance = min(chances.effects.get(atom.name, 0.0), MOST_UNNAMED if atom.name in unnamed else 1.0)
         share = share_of(scorer, gain.key)
         result.append(

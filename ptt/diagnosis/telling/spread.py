@@ -67,19 +67,19 @@ def square_errors(scorer: Scorer, state: State, atom: Atom) -> np.ndarray:
             covariance + (wider[name] - 1.0) * unseen + np.outer(moved, moved) * (2.0 / max(decided, LEAST_VALUES))
         )
     known = _of_values(atom, covariance, scorer.system.scale)
-    if atom.turned is None:
+    if atom.reduction is None:
         return known
-    ways, before = atom.turned.ways, state.variances[atom.key][atom.turned.group] * phi
-    before = before * np.array([wider.get((atom.key, group), _wider(0.0)) for group in atom.turned.group.tolist()])
+    ways, before = atom.reduction.basis, state.variances[atom.key][atom.reduction.group] * phi
+    before = before * np.array([wider.get((atom.key, group), _wider(0.0)) for group in atom.reduction.group.tolist()])
     unseen = before * np.maximum(1.0 - np.square(ways).sum(axis=1), 0.0)
     return np.asarray(known + unseen * atom.sizes(scorer.system.scale) ** 2)
 
 
 def _of_values(atom: Atom, covariance: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Mean squares of an atom's linear values in their units, (w,), from a covariance of its columns."""
-    if atom.turned is None:
+    if atom.reduction is None:
         return np.asarray(np.diag(covariance) * atom.sizes(scale) ** 2)
-    ways = atom.turned.ways
+    ways = atom.reduction.basis
     return np.asarray(np.einsum("ij,jk,ik->i", ways, covariance, ways, optimize=True) * atom.sizes(scale) ** 2)
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_metrology, is_sudden
-from ptt.diagnosis.evidence.hidden import held_out, hold_back, left_of, lowers
-from ptt.diagnosis.evidence.hidden_trial import HiddenTrial
+from ptt.diagnosis.evidence.held_out import cross_validate, held_out_rms, lowers_held_out_error, residual_square
+from ptt.diagnosis.evidence.held_out_trial import HeldOutTrial
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import holds_unknown
@@ -116,22 +116,22 @@ def _ahead_of_unknowns(scorer: Scorer, state: State, keys: Sequence[str]) -> dic
 def _borne_out(scorer: Scorer, every: Sequence[str], likely: Sequence[str]) -> tuple[list[str], bool]:
     """The likely effects that hidden readings speak for, and whether the whole set predicts these."""
     beside = {key: _beside(scorer, every, key) for key in likely}
-    trials = {key: hold_back(scorer, beside[key], key) for key in likely}
+    trials = {key: cross_validate(scorer, beside[key], key) for key in likely}
     whole = [key for key in likely if len(beside[key]) == len(every)]  # nothing stands aside
     faithful = all(trials[key].faithful for key in whole or likely)
     atoms = scorer.system.atoms
     speaking = [
-        key for key in likely if trials[key].speaks(PLAIN_NATS) or (faithful and _is_silent(atoms[key], trials[key]))
+        key for key in likely if trials[key].supports(PLAIN_NATS) or (faithful and _is_silent(atoms[key], trials[key]))
     ]
     return speaking, faithful
 
 
 def _harmless(scorer: Scorer, order: list[str], doubt: float) -> list[str]:
     """Of steps beside an unknown those whose commands do no harm: all, those of the tracker alone, or none."""
-    if lowers(scorer, tuple(order), doubt):
+    if lowers_held_out_error(scorer, tuple(order), doubt):
         return order
     order = [key for key in order if is_metrology(scorer.system.atoms[key])]
-    return order if lowers(scorer, tuple(order)) else []  # a drift and a knock that undo each other, say
+    return order if lowers_held_out_error(scorer, tuple(order)) else []  # a drift and a knock that undo each other, say
 
 
 def _steps(
@@ -142,9 +142,9 @@ def _steps(
     sure: Mapping[str, float],
 ) -> tuple[Step, ...]:
     """The steps with what each does to the error on hidden blocks."""
-    steps, before = list[Step](), held_out(scorer, ())
+    steps, before = list[Step](), held_out_rms(scorer, ())
     for index, key in enumerate(order):
-        after = held_out(scorer, tuple(order[: index + 1]))
+        after = held_out_rms(scorer, tuple(order[: index + 1]))
         steps.append(Step(key, worth[key], others[key], share_of(scorer, key), before, after, sure[key]))
         before = after
     return tuple(steps)
@@ -156,7 +156,7 @@ def _leads(scorer: Scorer, key: str) -> bool:
     Blocks that bend to anything can do the work of such a one within a few nats, once it is out. No form of theirs that
     is only approximate leaves as much over.
     """
-    return hold_back(scorer, (key,), key).speaks(share=LEADING_SHARE)
+    return cross_validate(scorer, (key,), key).supports(share=LEADING_SHARE)
 
 
 def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
@@ -202,16 +202,16 @@ def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
     Blocks may be needed to make good for what an effect does that is not there.
     """
     while named:
-        trials = {key: hold_back(scorer, _beside(scorer, named, key), key) for key in named}
+        trials = {key: cross_validate(scorer, _beside(scorer, named, key), key) for key in named}
         silent = [key for key, trial in trials.items() if not share and _is_silent(scorer.system.atoms[key], trial)]
-        vain = [key for key, trial in trials.items() if key not in silent and not trial.speaks(share=share)]
+        vain = [key for key, trial in trials.items() if key not in silent and not trial.supports(share=share)]
         if not vain:
             break
-        named = [key for key in named if key != max(vain, key=lambda key: held_out(scorer, (key,)))]
+        named = [key for key in named if key != max(vain, key=lambda key: held_out_rms(scorer, (key,)))]
     return named
 
 
-def _is_silent(atom: Atom, trial: HiddenTrial) -> bool:
+def _is_silent(atom: Atom, trial: HeldOutTrial) -> bool:
     """Whether an effect is a size of the drawing of which held-out rows tell nothing: few poses show but all together.
 
     Nothing contradicts it then, and that a size is off asks for no more proof than what is read.
@@ -245,7 +245,7 @@ def _lends(scorer: Scorer, curve: str, key: str) -> bool:
 def share_of(scorer: Scorer, key: str) -> float:
     """Share of what the model as given leaves that one atom takes by itself."""
     nothing, alone = scorer.score((), WHITE), scorer.score((key,), WHITE)
-    return float(max(0.0, 1.0 - left_of(scorer, alone) / max(left_of(scorer, nothing), 1e-300)))
+    return float(max(0.0, 1.0 - residual_square(scorer, alone) / max(residual_square(scorer, nothing), 1e-300)))
 
 
 def _less(scorer: Scorer, state: State, key: str) -> State:
@@ -262,7 +262,7 @@ def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
     rest = list(keys)
 
     def after(key: str) -> tuple[bool, float]:
-        return not np.isfinite(scorer.score((*order, key), WHITE).total), held_out(scorer, (*order, key))
+        return not np.isfinite(scorer.score((*order, key), WHITE).total), held_out_rms(scorer, (*order, key))
 
     while rest:
         best = min(rest, key=after)

@@ -83,7 +83,7 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
 
     def left_by(keys: Sequence[str]) -> np.ndarray:
         other = scorer.score(keys, state.memory, state.variances)
-        return system.everywhere(system.left(other.columns, other.posterior.values), problem.table.rows)[rows]
+        return system.everywhere(system.residual(other.columns, other.posterior.values), problem.table.rows)[rows]
 
     whole, by_names = left_by(state.keys), left_by(without(state, *parts))
     most = LARGER_FACTOR**2 * _spread(by_names)

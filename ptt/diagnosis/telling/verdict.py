@@ -184,6 +184,6 @@ def _errors(found: Found, keys: tuple[str, ...]) -> dict[str, dict[str, float]]:
     """Error of the model as given, and with the steps as they are sent, um."""
     system, errors = found.system, dict[str, dict[str, float]]()
     for name, state in (("before", found.scorer.score((), WHITE)), ("after", sent_state(found, keys))):
-        left = system.in_mm(system.left(state.columns, state.posterior.values))
+        left = system.in_mm(system.residual(state.columns, state.posterior.values))
         errors[name] = rms(left, np.ones(len(left), dtype=bool))
     return errors

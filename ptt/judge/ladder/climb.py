@@ -13,7 +13,7 @@ from ptt.errors import PosesError, UntestedError
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import LONG
 from ptt.fitting.held_frame import with_frame_doubt
-from ptt.fitting.long import hidden_residual
+from ptt.fitting.long import held_out_residual
 from ptt.fitting.masked import masked_effects
 from ptt.fitting.opening import told_aside, untold_rows, without_opening
 from ptt.fitting.report import report_fit
@@ -208,7 +208,7 @@ def _fitted(
         fits.append(residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, there, noise, last))
         # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
         if problem.table.rows > LONG:
-            held_out.append(_judged(hidden_residual(fits[-1], there, hidden), there, hidden))
+            held_out.append(_judged(held_out_residual(fits[-1], there, hidden), there, hidden))
         else:
             given = rung if kind == "given" else fits[-1].model
             held_out.append(_held_out(given, kind, there, fits[-1].noise, hidden))
