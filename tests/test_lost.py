@@ -9,7 +9,7 @@ import torch
 from told_models import term
 
 from ptt.challenge.challenge import bench as bench_machine
-from ptt.diagnosis.evidence.memories import _ways
+from ptt.diagnosis.evidence.memories import _signal_basis
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.lost import lost_by_one
 from ptt.effects import library
@@ -109,6 +109,6 @@ def test_columns_without_bound_do_not_drown_those_beside_them():
     gram, prior = columns.T @ columns, np.array([1e60, 1e60, 1e40, 1.0, 1.0, 1.0])
     system = SimpleNamespace(sums_of=lambda columns, memory: SimpleNamespace(gram=gram))
     state = SimpleNamespace(columns=np.arange(6), memory=WHITE, posterior=SimpleNamespace(prior=prior))
-    ways = _ways(system, state)
+    ways = _signal_basis(system, state)
     np.testing.assert_allclose((ways @ ways.T).diagonal()[3:], 1.0, rtol=1e-3)  # what the weak ones may be stays
     assert np.linalg.eigvalsh(np.eye(ways.shape[1]) + ways.T @ gram @ ways).min() > 0.9

@@ -1,4 +1,4 @@
-"""Ansatz: a long run as chunks are made of it, and what all of them are linearised at."""
+"""A long run in chunks, and the point at which all chunks are linearised."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,21 +18,21 @@ from ptt.run.holdout import blocks_beside, sharing_groups
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-Chunks = Sequence[Callable[[], Problem]]
-Trials = Mapping[str, tuple[Effect, Sequence[Shape]]]  # candidates by key, each in the shapes that are summed
+Chunks = Sequence[Callable[[], Problem]]  # makers of the chunks, in order
+Trials = Mapping[str, tuple[Effect, Sequence[Shape]]]  # key -> candidate and the shapes in which it is summed
 
 
 @dataclass(frozen=True)
 class LongRun:
-    """A long run as chunks are made of it.
+    """A long run in chunks.
 
     Attributes:
-        problem: all rows.
+        problem: all n rows.
         chunks: makers of its chunks, in order.
-        span: what it covers.
+        span: ranges and contexts of the run.
         block: held-out block of each row, (n,) int.
-        pose: (n,) int, equal for rows that may err alike: of one pose, or of one visit.
-        by_visit: whether of one visit.
+        pose: group of rows with a common random error, (n,) int: a pose, or a visit.
+        by_visit: whether the groups are visits.
     """
 
     problem: Problem
@@ -45,13 +45,13 @@ class LongRun:
 
 @dataclass(frozen=True)
 class Ansatz:
-    """What all chunks are linearised at.
+    """The point at which all chunks are linearised, and the unknown blocks beside it.
 
     Attributes:
-        fitted: the model; its layout and unknowns.
-        blocks: atoms of the blocks that stand beside it, in the order of their columns.
-        periods: joint (None: time) and length of periods among them.
-        noise: the noise floor.
+        fitted: the model with its layout and unknowns.
+        blocks: atoms of the blocks, in the order of their columns.
+        periods: joint (None: time) and length of the waves among the blocks.
+        noise: the noise floor, which whitens.
         freedom: degrees of freedom behind it.
         memory: of the noise.
     """
@@ -65,12 +65,12 @@ class Ansatz:
 
 
 def open_long_run(problem: Problem, chunks: Chunks, span: Span) -> LongRun:
-    """A long run with its held-out blocks and poses.
+    """Find held-out blocks and groups of rows of a long run.
 
     Args:
         problem: all rows.
         chunks: makers of its chunks.
-        span: what it covers.
+        span: ranges and contexts of the run.
 
     Returns:
         The run.
@@ -82,17 +82,17 @@ def open_long_run(problem: Problem, chunks: Chunks, span: Span) -> LongRun:
 def columns_of(
     chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, names: Sequence[str] | None = None
 ) -> tuple[Linear, np.ndarray]:
-    """Columns of the model, of candidates and of blocks, on a chunk.
+    """Linearise a chunk.
 
     Args:
         chunk: m rows.
         run: the run.
-        at: what it is linearised at.
+        at: where it is linearised.
         trials: candidates.
-        names: of the blocks that are wanted; None for all.
+        names: names of the wanted blocks; None for all.
 
     Returns:
-        The linearised chunk, and its columns with those of blocks at the end, (m, 3, P).
+        The linearised chunk, and whitened columns of the model, the candidates and the blocks, (m, 3, P).
     """
     shapes = {key: shapes for key, (_, shapes) in trials.items()}
     linear = linear_columns(at.fitted, chunk, [effect for effect, _ in trials.values()], at.noise, shapes)

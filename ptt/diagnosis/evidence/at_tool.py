@@ -1,4 +1,4 @@
-"""What errors and effects come to at the tool, where a set-up that is fitted has taken its share."""
+"""Size of errors and effects at the tool, after the rigid motion that a fitted tracker frame takes of them."""
 
 from collections.abc import Iterator
 
@@ -10,15 +10,15 @@ from ptt.model.model import Term
 from ptt.run.problem import Problem
 
 
-def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
-    """What a rigid motion of each set-up leaves of errors on the rows that count; all where no frame is fitted.
+def without_rigid_motion(error: np.ndarray, problem: Problem) -> np.ndarray:
+    """Errors on the rows that count, less the best-fitting small rigid motion of each frame that is fitted.
 
     Args:
         error: of the tool or of its readings, (n, 3) mm.
-        problem: n rows.
+        problem: n rows, of which m count.
 
     Returns:
-        (m, 3) mm.
+        (m, 3) mm; unchanged where no frame is fitted.
     """
     left, place = error[problem.used].copy(), problem.view.p.numpy()[problem.used]
     for own in _set_ups(problem):
@@ -27,10 +27,11 @@ def off_set_up(error: np.ndarray, problem: Problem) -> np.ndarray:
 
 
 def _rigid_part(moved: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """The shift and small turn that suit motions of points best, at each of them: (n, 3) and (n, 3) mm -> (n, 3) mm.
+    """Least-squares small rigid motion of points at `place` (n, 3) mm that moved by `moved` (n, 3) mm: (n, 3) mm.
 
-    About the points' middle shift and turn do not mix: the shift is the mean, and the turn w solves J w = sum p x m
-    with the points' inertia J. A turn about a line that all of them lie on moves none, and is none.
+    About the centroid shift and rotation decouple: the shift is the mean motion, and the rotation w solves
+    J w = sum p x m with the inertia J of the points p and their motions m. A rotation about a line on which all points
+    lie is set to zero.
     """
     shift, arm = moved.mean(axis=0), place - place.mean(axis=0)
     second = arm.T @ arm
@@ -41,14 +42,14 @@ def _rigid_part(moved: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 
 def _set_ups(problem: Problem) -> Iterator[np.ndarray]:
-    """Which of the rows that count are of each set-up, (m,) bool; none where no frame is fitted."""
+    """For each fitted frame, which of the rows that count are in it, (m,) bool; none where no frame is fitted."""
     if problem.frames:
         frame = problem.frame[problem.used]
         yield from (frame == index for index in np.unique(frame))
 
 
 def moved_by(term: Term, problem: Problem) -> np.ndarray:
-    """How far an effect alone moves the tool as it is read, less what a frame that is fitted takes of it, (m, 3) mm.
+    """Shift of the readings by an effect alone, less what a fitted frame takes of it, (m, 3) mm.
 
     Args:
         term: the effect, at its values.
@@ -56,10 +57,10 @@ def moved_by(term: Term, problem: Problem) -> np.ndarray:
     """
     view = problem.view
     moved = predict([(term.effect, term.theta)], view).reading - predict([], view).reading
-    return off_set_up(moved.detach().numpy(), problem)
+    return without_rigid_motion(moved.detach().numpy(), problem)
 
 
 def at_tool_um(term: Term, problem: Problem) -> float:
-    """The same as a root mean square, um."""
+    """Root mean square length of `moved_by`, um."""
     left = moved_by(term, problem)
     return 1e3 * float(np.sqrt(np.square(left).sum(axis=1).mean())) if len(left) else 0.0

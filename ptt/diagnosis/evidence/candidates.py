@@ -11,7 +11,7 @@ from ptt.run.problem import Problem
 
 # Labels of further sudden events: each of three sliders may slip, and a tracker be knocked, at its own time
 EVENT_LABELS = ("second", "third")
-# Labels of the further ones of an effect, of which a machine may well have several.
+# Effect -> labels of further instances, of which a machine may have several.
 FURTHER_LABELS = {"once-per-rev": ("harmonic 2",), "homing-slip": EVENT_LABELS, "setup-jump": EVENT_LABELS}
 
 
@@ -24,7 +24,7 @@ def present_candidates(
         fitted: the present model.
         problem: the readings.
         known: effects by name.
-        seen: further ones of an effect that what was left asks for.
+        seen: further instances of an effect that the residual asks for (harmonics of a turn).
 
     Returns:
         Candidates, and name -> what it needs.
@@ -51,14 +51,14 @@ def present_candidates(
 
 
 def first_of(name: str, names: Collection[str]) -> str:
-    """What an effect goes by among others: a second knock without a first is the first.
+    """Canonical key of an event among others: a second knock without a first is the first.
 
     Args:
         name: key of the effect.
-        names: of all that are there, its own included.
+        names: keys of all effects of the set, its own included.
 
     Returns:
-        The key.
+        The key; of effects other than events the given one.
     """
     base = name.partition("[")[0]
     if FURTHER_LABELS.get(base) != EVENT_LABELS:
@@ -68,11 +68,11 @@ def first_of(name: str, names: Collection[str]) -> str:
 
 
 def _next_label(cls: type[Effect], keys: Sequence[str]) -> Effect | None:
-    """The effect itself, or, where it is in the model, the next of its kind if it can have one."""
+    """An effect of the class with the first label that is not among the keys; None where all are taken."""
     labels = ("", *FURTHER_LABELS.get(cls.name, ()))
     return next((cls(label) for label, key in zip(labels, _keys(cls.name), strict=True) if key not in keys), None)
 
 
 def _keys(name: str) -> list[str]:
-    """Keys of an effect and of the further ones of its kind."""
+    """Keys of an effect and of its further instances."""
     return [name, *(key_of(name, label) for label in FURTHER_LABELS.get(name, ()))]

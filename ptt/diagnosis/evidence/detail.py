@@ -1,4 +1,4 @@
-"""Effects with their fine detail from the start: a rough curve is one cause, not an unknown of each joint's travel."""
+"""Effects with their fine detail as atoms: a rough curve is then one cause, not an unknown of each joint's travel."""
 
 from dataclasses import replace
 
@@ -15,24 +15,24 @@ from ptt.run.problem import Problem
 
 
 def follows_travel(state: State, system: System, problem: Problem) -> bool:
-    """Whether an explanation has an unknown that follows the travel of the joint at which it acts."""
+    """Whether a set has an unknown that depends on the travel of the joint at which it acts."""
     blocks = [block for key in state.keys if (block := system.atoms[key].block) is not None]
     letter = problem.file.machine.letter
     return any(block.place.joint is not None and block.on == (f"{letter}{block.place.joint + 1}",) for block in blocks)
 
 
 def with_detail(scorer: Scorer, problem: Problem) -> Scorer:
-    """The same problem with further forms of its effects that have fine detail, tried with all of it.
+    """Add atoms for the effects that have fine detail, with all of it.
 
-    That a curve is there and that it is rough are two statements, and cost as much: a spot or a step of one joint is no
-    curve only because a rough one could take its form.
+    That a curve is there and that it is rough are two statements, so such an atom costs a second name: else a spot or a
+    step of one joint would be named as a rough curve.
 
     Args:
         scorer: of a linearised problem.
         problem: its readings.
 
     Returns:
-        A scorer that knows what was scored before.
+        A scorer that keeps what was scored before.
     """
     system = rows_of(scorer.system)
     for atom in list(system.atoms.values()):

@@ -1,4 +1,4 @@
-"""Effects as atoms: what their values share, how large they may be, and what their name costs."""
+"""Effects as atoms: which values share a prior variance, how large they may be, and the prior odds of a name."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,13 +21,13 @@ FEW_JOINTS = 3  # joints up to which the odds of choosing some of them cost what
 
 
 def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
-    """Nats against one effect out of those that the data can test, in one of its shapes."""
+    """Prior odds in nats against an effect, given the number of testable effects and of shapes tried."""
     each = EFFECT_ODDS + float(np.log(max(effects, 1)))
     return causes(effect) * each + SHAPE_POWER * float(np.log(max(shapes, 1))) + effect.odds_of_kind
 
 
 def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Sequence[Effect]) -> dict[str, Atom]:
-    """Atoms of the effects in a model and of the candidates beside it.
+    """Atoms of the effects in a model and of candidates in all their shapes.
 
     Args:
         linear: their columns.
@@ -36,7 +36,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         candidates: effects that may be added.
 
     Returns:
-        The atoms by key; those of candidates are numbered by shape.
+        The atoms by key; a candidate's key is its name and the number of the trial.
     """
     names = {effect.name for effect in candidates} | {term.effect.name for term in fitted.model.terms}
     atoms: dict[str, Atom] = {}
@@ -51,7 +51,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         atom = _in_shape(atom, shape_of(own.effect, own.theta, problem.view.joints), problem, free)
         since = float(own.theta[-1]) if is_sudden(atom) else None
         atoms[key] = replace(atom, since=since, tested=_is_tested(atom, problem))
-    like: dict[str, Atom] = {}  # of each effect its first shape
+    like: dict[str, Atom] = {}  # key of an effect -> atom of its first shape
     for number, trial in enumerate(linear.trials):
         key, name = f"{trial.effect.key}#{number}", trial.effect.key
         if name not in like:
@@ -64,7 +64,7 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
 
 
 def _in_shape(atom: Atom, shape: Mapping[str, Tensor], problem: Problem, chosen: np.ndarray | slice) -> Atom:
-    """The same with the largest values that its cause can have in this shape."""
+    """The atom with the largest values that its cause can make in this shape."""
     assert atom.effect is not None
     largest = atom.effect.largest(shape)
     if not largest:
@@ -78,7 +78,7 @@ def _in_shape(atom: Atom, shape: Mapping[str, Tensor], problem: Problem, chosen:
 
 
 def _is_tested(atom: Atom, problem: Problem) -> bool:
-    """Whether the readings hold what tells an effect from a size of the drawing: both sides of a joint, two loads."""
+    """Whether the run varies what tells an effect from a size of the drawing: both directions of arrival, two loads."""
     effect, view = atom.effect, problem.view
     if effect is not None and "direction" in effect.requires:
         return bool(problem.two_sided.any())
@@ -97,13 +97,13 @@ def effect_atom(
     """An effect as an atom.
 
     Args:
-        key: its own among all atoms.
+        key: unique among all atoms.
         columns: indices of its columns, one for each linear value, or for each that is free.
         effect: the effect.
         problem: n rows.
         odds: nats of prior odds against it.
         shape: its searched and given parameters; None where it is in the model.
-        free: of all its values those that have a column, bool; None for as many of the first as there are columns.
+        free: which of all its values have a column, bool; None for the first ones, as many as there are columns.
     """
     chosen = slice(0, len(columns)) if free is None else free
     kinds = _kinds_of_values(effect, problem.view.joints, chosen)
@@ -111,7 +111,8 @@ def effect_atom(
     group = np.unique(kinds.group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, MOST_EFFECT_VARIANCE)
     most[group[kinds.near_zero]] = MOST_HELD_VARIANCE
-    # Lengths and angles of a link are causes each of its own: one link off in all is no plainer than several in one.
+    # Only for effects of one kind of value: a link off in all of its lengths and angles is no plainer than several
+    # links off in one.
     one_kind = len({parameter.unit for parameter in effect.parameters if parameter.role == "linear"}) == 1
     alike = one_kind and len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= FEW_JOINTS
     fine = np.isin(np.arange(len(most)), group[kinds.fine])
@@ -124,15 +125,15 @@ def effect_atom(
 
 @dataclass(frozen=True)
 class ValueKinds:
-    """Of what kind each of w values of an effect is.
+    """Kinds of the w values of an effect.
 
     Attributes:
-        group: values of one number share a variance, (w,) int.
-        non_negative: whether it cannot be negative, (w,) bool.
-        near_zero: whether the effect is defined without it, so that it is near zero, (w,) bool.
-        joint: number of the joint that it belongs to, -1 for none, (w,) int.
-        fine: whether it is fine detail, (w,) bool.
-        within: sizes that its cause can have, lowest and highest, (w, 2) in usual sizes.
+        group: values of one number share a prior variance, (w,) int.
+        non_negative: whether a value cannot be negative, (w,) bool.
+        near_zero: whether a value is kept near zero by the definition of the effect, (w,) bool.
+        joint: joint of each value, -1 for none, (w,) int.
+        fine: whether a value is fine detail of a curve, (w,) bool.
+        within: lowest and highest size that the cause can have, (w, 2) in usual sizes.
     """
 
     group: np.ndarray
@@ -144,7 +145,7 @@ class ValueKinds:
 
 
 def _kinds_of_values(effect: Effect, joints: int, chosen: np.ndarray | slice) -> ValueKinds:
-    """Kinds of the chosen ones among all values of an effect on a mechanism with k joints."""
+    """Kinds of the chosen values of an effect on a mechanism with k joints."""
     each = effect.parameters
     sizes = [parameter.size(joints) for parameter in each]
     return ValueKinds(
@@ -158,13 +159,13 @@ def _kinds_of_values(effect: Effect, joints: int, chosen: np.ndarray | slice) ->
 
 
 def _groups(effect: Effect, joints: int) -> np.ndarray:
-    """Number of each value's variance, (w,).
+    """Number of each value's prior variance, (w,).
 
-    Linear values share one variance, but curves have one a joint, because one joint alone may have a curve: many
-    superfluous values beside the few that matter would cost an effect its evidence. Curves of one joint share theirs,
-    and so does their straight part. Fine detail has one a joint as well: one screw alone may be rough, and what is a
-    spot or a step of it a law tells. What is kept near zero has one a joint altogether: where zero lies divides cosines
-    from sines, which nature does not; waves have one for each band of how often they come.
+    Linear values share one variance. Curves have one for each joint, since one joint alone may have a curve, and many
+    superfluous values beside the few that matter would cost the effect its evidence. Curves of the same joint share
+    theirs. Fine detail has one for each joint as well, as one screw alone may be rough. Waves have one for each band of
+    frequencies, and cosines and sines share it, since the phase depends on where zero happens to lie. A parameter that
+    is kept near zero or is not linear has a variance of its own.
     """
     group, first, curves = list[np.ndarray](), 1, 0
     bands = 1 + max((number for parameter in effect.parameters for number in parameter.bands), default=0)
@@ -185,31 +186,31 @@ def _groups(effect: Effect, joints: int) -> np.ndarray:
 
 
 def _joint_of(parameter: Parameter, joints: int) -> np.ndarray:
-    """Of each value of a parameter the joint that it belongs to; -1 for none."""
+    """Joint of each value of a parameter; -1 for none."""
     size = parameter.size(joints)
     own = parameter.per_joint and size == joints * parameter.count
     return np.repeat(np.arange(joints), parameter.count) if own else np.full(size, -1)
 
 
 def _legs(group: np.ndarray, joint: np.ndarray) -> np.ndarray | None:
-    """Of each variance, the joint whose values it is of; None where one is of several, and where joints are few."""
+    """Joint of each prior variance; None where one belongs to several joints, and where joints are few."""
     legs = [np.unique(joint[group == number]) for number in range(int(group.max(initial=-1)) + 1)]
     few = joint.max(initial=0) < FEW_JOINTS or len(legs) < 2
     return None if few or any(len(each) > 1 or each[0] < 0 for each in legs) else np.concatenate(legs)
 
 
 def straight_sizes(effect: Effect, problem: Problem) -> np.ndarray:
-    """How many usual sizes the straight part of a curve is beside the curve, for each of an effect's values.
+    """Factor on the usual size of each value: above one for the straight part of a curve seen over part of its travel.
 
-    A curve has no straight part over its whole travel. The share f of the travel that was visited sees one: a curve
-    whose slope wanders at random has a level of 1/f - 1 times its bow there, and about as much slope.
+    A curve has no straight part over its whole travel, but over the visited share f of it it has one: a curve whose
+    slope is a random walk has a level of 1/f - 1 times its bow there, and about as much slope.
 
     Args:
         effect: the effect.
         problem: n rows.
 
     Returns:
-        (w,) of all its parameters in their order; one for all but what others lend their cause to.
+        (w,) of all its parameters in their order; one for all that is not the straight part of a curve.
     """
     low, high = problem.view.covered
     ends = problem.view.travel_limits

@@ -1,4 +1,4 @@
-"""Joints that show nothing of an effect: of seven one may have play, and the others are no evidence against it."""
+"""Joints that an effect does without: if one of seven joints has play, the other six are no evidence against it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from ptt.fitting.posterior import savage_dickey_nats
 
 @dataclass(frozen=True)
 class Idle:
-    """Joints of an effect that are best said to be sound.
+    """Joints of an effect that are better left out.
 
     Attributes:
-        columns: theirs, (m,) bool.
-        nats: by which readings are likelier where these are zero, less the odds.
-        odds: nats against just the others, less what is given back.
+        columns: whether each column is of such a joint, (m,) bool.
+        nats: log evidence gained by setting these columns to zero, less `odds`.
+        odds: prior odds in nats against this choice of joints, less what is given back.
     """
 
     columns: np.ndarray
@@ -32,23 +32,23 @@ def idle_joints(
     phi: float,
     back: np.ndarray | None = None,
 ) -> Idle | None:
-    """The joints that are best said to be sound, found one after the other.
+    """The joints whose values are better set to zero, found greedily by Savage-Dickey ratios, prior variances held.
 
-    Each is the one whose zero is likeliest beside the zeros of those before: where the columns of two joints are alike
-    either may be sound, but not both.
+    Each step conditions on the zeros of the joints before it: where the columns of two joints are alike, either may be
+    left out but not both.
 
     Args:
-        joint: whose value each column is, (m,) int.
+        joint: joint of each column, (m,) int.
         values: posterior means, (m,).
-        inverse: their covariance in units of `phi`, (m, m).
-        prior: variance of each before the data, in units of `phi`, (m,).
+        inverse: posterior covariance in units of `phi`, (m, m).
+        prior: prior variance of each, in units of `phi`, (m,).
         phi: white variance.
-        back: nats that are given back with each column of a sound joint, (m,); None for none.
+        back: nats given back with each column of a joint that is left out, (m,); None for none.
 
     Returns:
-        The joints; None where all of them are better left in.
+        The joints; None where all of them are better kept.
 
-    Source: Dickey, The weighted likelihood ratio, Annals of Mathematical Statistics 42 (1971), at held widths.
+    Source: Dickey, The weighted likelihood ratio, Annals of Mathematical Statistics 42 (1971).
     """
     busy = [np.flatnonzero(joint == each) for each in np.unique(joint)]
     joints, columns, gained, best = len(busy), np.zeros(len(joint), dtype=bool), 0.0, None
@@ -62,16 +62,16 @@ def idle_joints(
         odds = log(comb(joints, len(busy)) * joints) - (0.0 if back is None else float(back[columns].sum()))
         if gained - odds > (0.0 if best is None else best.nats):
             best = Idle(columns.copy(), gained - odds, odds)
-        ways = _solved(inverse[np.ix_(own, own)], inverse[own])
-        values, inverse = values - values[own] @ ways, inverse - inverse[:, own] @ ways
+        regression = _solved(inverse[np.ix_(own, own)], inverse[own])
+        values, inverse = values - values[own] @ regression, inverse - inverse[:, own] @ regression
     return best
 
 
 def _nats_of_zeros(
     owned: Sequence[np.ndarray], values: np.ndarray, inverse: np.ndarray, prior: np.ndarray, phi: float
 ) -> np.ndarray:
-    """Log of what each joint's values are believed to be at zero after the data over what they were before."""
-    if all(len(own) == 1 for own in owned):  # as most effects have them: all at once takes a tenth of the time
+    """Savage-Dickey ratio of each joint's values at zero, nats."""
+    if all(len(own) == 1 for own in owned):  # as in most effects; all at once takes a tenth of the time
         own = np.concatenate(owned)
         variance = inverse[own, own]
         return np.asarray(0.5 * (np.log(prior[own] / variance) - values[own] ** 2 / (variance * phi)))

@@ -1,4 +1,8 @@
-"""Which memory of the noise suits a set of atoms: a wander of the tracker, errors that belong to a pose, or both."""
+"""Selection of the noise's memory for a set of atoms: a wander of the tracker, random errors of poses, or both.
+
+Wanders are compared on a grid of variances (shares) and time constants: a coarse look at the residual first, then
+coordinate steps by the evidence with the set's columns marginalised.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -29,19 +33,19 @@ POSE_RATIO_STEP = 4.0
 # Nats behind the best kind of wander on every other grid point, which the finer steps cannot make up
 FAR_BEHIND_ON_GRID = 20.0
 FAR_BEHIND = 200.0  # nats by which a memory may lie behind another before its grid is searched no further
-Value = Callable[[Memory], float]
+Value = Callable[[Memory], float]  # log evidence and log prior of a memory, nats
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A wander on the grid of those that are tried.
+    """A point of the grid of wanders.
 
     Attributes:
-        share: number of its share.
-        slow: number of its time constant.
-        axes: of the wander.
+        share: index of its share in `SHARES`.
+        slow: index of its time constant.
+        axes: how the share differs between axes, as of `Wander`.
         constants: time constants of the grid.
-        most: number of the largest share that the run allows.
+        most: index of the largest share that the run allows.
     """
 
     share: int
@@ -56,21 +60,21 @@ class Spot:
         return Memory(Wander(float(SHARES[self.share]), float(self.constants[self.slow]), self.axes))
 
     def beside(self, share: int, slow: int) -> "Spot | None":
-        """So many steps on; None beyond the grid."""
+        """The grid point so many steps away; None beyond the grid."""
         there = replace(self, share=self.share + share, slow=self.slow + slow)
         inside = 0 <= there.share <= self.most and 0 <= there.slow < len(self.constants)
         return there if inside else None
 
 
 def best_memory(system: System, state: State, *, poses: bool = True) -> tuple[Memory, float]:
-    """The memory of the noise that suits a state's atoms at their variances, and what it adds to the total.
+    """The best memory of the noise for a set at its learned variances, and the nats that it adds to the total.
 
     Args:
         system: the linearised problem.
         state: the set.
-        poses: whether each pose may have errors to itself.
+        poses: whether poses may have random errors.
     """
-    among = system.among(state.columns, _ways(system, state))
+    among = system.among(state.columns, _signal_basis(system, state))
     seen: dict[Memory, float] = {}
 
     def value(memory: Memory) -> float:
@@ -86,25 +90,25 @@ def best_memory(system: System, state: State, *, poses: bool = True) -> tuple[Me
 
 
 def prior_of(memory: Memory, system: System) -> float:
-    """Log prior odds of a memory of the noise; errors that come back with their pose are as much as any unknown."""
+    """Log prior odds of a memory of the noise; errors that repeat with their pose cost as much as an unknown block."""
     wander = 0.0 if memory.wander is None else memory.wander.log_prior - MEMORY_ODDS
     poses = BLOCK_ODDS if system.errs_by_pose(memory) else MEMORY_ODDS
     return wander - (poses if memory.pose else 0.0)
 
 
-def _ways(system: System, state: State) -> np.ndarray:
-    """Combinations of a state's columns of unit variance that say all but a tenth of a nat, (p, r)."""
+def _signal_basis(system: System, state: State) -> np.ndarray:
+    """Combinations of a set's columns, of unit prior variance, with all but a tenth of a nat of signal, (p, r)."""
     gram = system.sums_of(state.columns, state.memory).gram
     size = np.minimum(
         np.sqrt(state.posterior.prior_variance), MOST_SIGNAL / np.sqrt(np.maximum(gram.diagonal(), 1e-300))
     )
-    strength, ways = np.linalg.eigh(gram * size[:, None] * size)
-    kept = np.cumsum(np.maximum(strength, 0.0)) > NEGLIGIBLE_VARIANCE
-    return np.asarray(size[:, None] * ways[:, kept])
+    eigenvalues, vectors = np.linalg.eigh(gram * size[:, None] * size)
+    kept = np.cumsum(np.maximum(eigenvalues, 0.0)) > NEGLIGIBLE_VARIANCE
+    return np.asarray(size[:, None] * vectors[:, kept])
 
 
 def _evidence(sums: MemorySums, system: System) -> float:
-    """Log evidence of columns of unit variance."""
+    """Log evidence of columns with unit prior variance."""
     factor = factor_of(sums.gram, 1.0)
     along = lapack.dtrtrs(factor, sums.side, lower=1)[0] if len(factor) else sums.side
     left = max(sums.square - float(along @ along), 1e-12)
@@ -112,13 +116,13 @@ def _evidence(sums: MemorySums, system: System) -> float:
 
 
 def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> list[Memory]:
-    """Errors of poses of all sizes without a wander, and the best wander of each kind, alone and beside these.
+    """Memories to compare: errors of poses of all sizes, and the best wander of each kind, alone and beside these.
 
-    A wander is not looked for where errors of poses alone are far ahead of it, which then hide what it does; unless it
-    may lie beside them, which is asked of a few hundred poses.
+    Both together are tried up to `MOST_POSES` poses. With more, a wander is looked for only by itself, and only where
+    its first grid point is not far behind the best errors of poses.
     """
     found = [state.memory]
-    if poses and system.repeats >= LEAST_REPEATS:  # first: they cost little, and may leave nothing to a wander
+    if poses and system.repeats >= LEAST_REPEATS:  # first, as they cost little and may leave nothing to a wander
         found += [Memory(None, float(size)) for size in POSE_RATIOS]
     if not len(system.clock.constants):
         return found
@@ -137,7 +141,7 @@ def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> l
 
 
 def _beside_poses(system: RowSystem, left: np.ndarray, poses: Memory, value: Value) -> list[Memory]:
-    """The best wander of each kind beside errors of poses, and these as large as they may be then, or none of them."""
+    """The best wander of each kind alone, and beside errors of poses of the same or a neighbouring size."""
 
     def beside(memory: Memory) -> float:
         return value(replace(memory, pose=poses.pose))
@@ -150,7 +154,7 @@ def _beside_poses(system: RowSystem, left: np.ndarray, poses: Memory, value: Val
 
 
 def _rough_spots(system: System, left: np.ndarray) -> list[Spot]:
-    """Where on the grid the wander of a residual lies, by its kinds, the likelier first; no kind that is far behind."""
+    """The likeliest coarse grid point of each kind of wander, likeliest kind first, without those far behind."""
     spots = sorted(
         (_rough_spot(system, left, axes) for axes in kinds_of_wander(system.noise)), key=lambda item: -item[1]
     )
@@ -158,7 +162,7 @@ def _rough_spots(system: System, left: np.ndarray) -> list[Spot]:
 
 
 def _best_beside(spot: Spot, value: Value) -> Spot:
-    """The best wander of a kind by coordinate steps over the grid."""
+    """The best wander of a kind, by coordinate ascent over the grid."""
     for _ in range(3):
         before, spot = spot, _uphill(_uphill(spot, 1, 0, value), 0, 1, value)
         if spot is before:
@@ -167,10 +171,10 @@ def _best_beside(spot: Spot, value: Value) -> Spot:
 
 
 def _rough_spot(system: System, left: np.ndarray, axes: Axes) -> tuple[Spot, float]:
-    """Where on the grid the wander of a state's residual lies, its atoms held, and how likely it makes the residual.
+    """The likeliest coarse grid point for a residual, the set's values held, and its log likelihood.
 
-    A frame that was registered is off by no more than readings scatter, or than the run shows of a wander about its
-    mean: one that outlasts the run would else shift all of it for nothing.
+    Where the frame was registered at the start of a run, the share is limited to one grid step above what the residual
+    about its run means shows, or to below one: a wander that outlasts the run could else shift all of it at no cost.
     """
     clock, most = system.clock, len(SHARES) - 1
     if clock.registered:
@@ -189,7 +193,7 @@ def _likeliest(system: System, left: np.ndarray, axes: Axes, most: int) -> tuple
 
 
 def _uphill(spot: Spot, share: int, slow: int, value: Value) -> Spot:
-    """The local maximum that single steps along one side of the grid lead to."""
+    """The local maximum reached by single steps along one axis of the grid."""
     for sign in (1, -1):
         while (there := spot.beside(sign * share, sign * slow)) and value(there.memory) > value(spot.memory):
             spot = there

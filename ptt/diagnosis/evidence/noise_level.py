@@ -1,4 +1,4 @@
-"""The noise floor: what is known of it before a search, and what the search says of it."""
+"""The noise floor: as stated before a search, and as estimated from what the search leaves."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -38,13 +38,13 @@ TOO_MANY_SHAPES = 12  # shapes from which an effect is left out of the saturated
 
 
 def starting_noise(problem: Problem) -> tuple[Noise, float]:
-    """The noise floor as far as it is known, and the degrees of freedom of coordinates behind it.
+    """The noise floor as stated or guessed, and the degrees of freedom (in coordinates) behind it.
 
     Args:
         problem: the readings.
 
     Returns:
-        The noise, and zero where it is only a guess.
+        The noise and its degrees of freedom, zero where it is only a guess or the rows tell better.
     """
     given = problem.noise
     if given is None:
@@ -53,50 +53,50 @@ def starting_noise(problem: Problem) -> tuple[Noise, float]:
         return replace(guess, covariance=at_least(guess.covariance, least), least=least), 0.0
     if given.source != "repeats":
         return given, STATED_FREEDOM
-    if sharing_groups(problem.table, problem.used)[1]:  # of one visit or of all: the rows say what visits share
+    if sharing_groups(problem.table, problem.used)[1]:  # repeats within a visit do not show what differs between visits
         return given, 0.0
     return given, min(3.0 * given.freedom, MOST_REPEAT_FREEDOM)
 
 
 def noise_left(system: System, state: State, beside: np.ndarray | None = None) -> Noise:
-    """What a set of atoms leaves, by coordinates, less errors that come back with their pose: these are no noise.
+    """Noise estimated from a set's innovations, less errors that repeat with their pose, which are no noise.
 
     Args:
         system: the linearised problem.
         state: the set.
-        beside: shapes that no atom has yet and that are no noise either, (m, s); None for none.
+        beside: further regressors that are no noise but no atoms yet, (m, s); None for none.
 
     Returns:
-        The noise; its degrees of freedom are those that the atoms do not use up.
+        The noise, with the degrees of freedom that set and regressors leave.
     """
     innovation, taken = system.innovation(state.columns, state.posterior.values, state.memory), 0
     if beside is not None:
         values, _, taken, _ = np.linalg.lstsq(beside, innovation, rcond=None)
         innovation = innovation - beside @ values
-    left = _noise_of(innovation, system, state, 3.0 * taken)
+    left = _noise_from(innovation, system, state, 3.0 * taken)
     return _by_visit(left, state) if system.shares_by_pose(state.memory) else left
 
 
 def _by_visit(left: Noise, state: State) -> Noise:
-    """What one visit scatters by, of what visits of a pose scatter by together with the errors that they share."""
+    """The noise of one visit, given the total scatter of visits with random errors of poses."""
     return replace(left, covariance=at_least(left.covariance / (1.0 + state.memory.pose), left.least))
 
 
-def _noise_of(left: np.ndarray, system: System, state: State, taken: float = 0.0) -> Noise:
-    """The noise of what is left, (m, 3) whitened, once a set and so many values beside it are taken."""
+def _noise_from(left: np.ndarray, system: System, state: State, taken: float = 0.0) -> Noise:
+    """Noise covariance of a residual (m, 3) whitened, after a set and `taken` further values were fitted."""
     freedom = max(system.count - state.effective_parameters - taken, 1.0)
     scatter = system.in_mm(left)
     covariance = scatter.T @ scatter * (3.0 / freedom)
-    # An axis that blocks follow to the last digit tells no noise.
+    # Along an axis that blocks follow to the last digit the residual does not show the noise.
     narrowest = max(LEAST_AXIS_RATIO * float(np.linalg.eigvalsh(covariance)[-1]), system.noise.least)
     return Noise(at_least(covariance, narrowest), SATURATED, freedom, least=system.noise.least)
 
 
 def visit_left(system: System, state: State) -> Noise:
-    """What a set of atoms leaves of readings of one visit: a tracker's scatter, less what the machine comes back by.
+    """Noise of single visits that a set leaves, comparable to a stated tracker noise or to repeats at a held pose.
 
-    What is stated of a tracker, and what its readings of a held pose scatter by, is no more than that. A wander that
-    forgets within a few rows is scatter by another name, and counts.
+    Scatter of the machine between visits is taken off. A wander that decays within a few rows is white noise by another
+    name, and counts as noise.
 
     Args:
         system: the linearised problem.
@@ -104,21 +104,22 @@ def visit_left(system: System, state: State) -> Noise:
     """
     wander, left = state.memory.wander, noise_left(system, state)
     if wander is not None and not system.clock.is_slow(wander):
-        left = _noise_of(system.residual(state.columns, state.posterior.values), system, state)
+        left = _noise_from(system.residual(state.columns, state.posterior.values), system, state)
     return _by_visit(left, state) if system.by_visit else left
 
 
 def wanders_beyond(system: System, state: State) -> bool:
-    """Whether the memory of the noise has taken what no tracker does by itself, on all axes together or on one.
+    """Whether the wander is more than a tracker's, on all axes together or on a single one: then it is the machine's.
 
-    Air and stand move a reading along every axis alike; what bends or warms moves one. The memory has one share,
-    the mean of all axes, so an axis is asked for itself. What was predicted of one that lasts is held against the
-    scatter of all axes together, for along its beam a tracker scatters by a tenth of what it does across, and its
-    stand moves it no less. What forgets within a few rows is no stand that leans to one side as it warms: there
-    axes are asked whether what their rows share with those before is alike, in mm as air moves them or as each
-    scatters, by Fisher's test with as many degrees of freedom as the run has times in which the wander forgets.
-    What an axis shares is known no better than to its scatter over the root of the rows; of the accused one only
-    what is sure counts.
+    Air and the tracker's stand move readings along all axes; something that bends or warms moves one. The wander has
+    one share for all axes, so each axis is examined by itself.
+
+    A slow wander: the variance that it predicts of one axis is compared with the white variance of all axes together.
+    Along its beam a tracker scatters a tenth of what it does across, but its stand moves it no less there.
+
+    A fast one (a few rows): the lag-one covariances of the axes have to be alike, in mm (as air moves them) or in
+    proportion to each axis's white variance. They are compared by F tests with as many degrees of freedom as the run
+    has correlation times. Of the axis that is accused `SURE_ERRORS` standard errors are taken off.
 
     Args:
         system: the linearised problem.
@@ -135,13 +136,13 @@ def wanders_beyond(system: System, state: State) -> bool:
     if clock.is_slow(wander):
         new = system.in_mm(system.innovation(state.columns, state.posterior.values, state.memory))
         return bool((whole - new.var(axis=0) > FAULT_SHARE * new.var(axis=0).mean()).any())
-    shared = np.maximum((left[1:] * left[:-1])[follows].mean(axis=0), 0.0)
-    white = whole - shared
+    lagged = np.maximum((left[1:] * left[:-1])[follows].mean(axis=0), 0.0)  # lag-one covariance of each axis
+    white = whole - lagged
     error = whole / np.sqrt(len(left))
-    sure, seen = np.maximum(shared - SURE_ERRORS * error, 0.0), np.maximum(shared, error)
-    free = max(clock.span / (2.0 * wander.constant), 1.0)
+    sure, seen = np.maximum(lagged - SURE_ERRORS * error, 0.0), np.maximum(lagged, error)
+    freedom = max(clock.span / (2.0 * wander.constant), 1.0)
     unlike = [
-        3.0 * f_sf(own / ((each.sum() - each) / 2.0), free, 2.0 * free) < ONE_AXIS_CHANCE
+        3.0 * f_sf(own / ((each.sum() - each) / 2.0), freedom, 2.0 * freedom) < ONE_AXIS_CHANCE
         for own, each in ((sure, seen), (sure / white, seen / white))
     ]
     return bool(np.logical_and(*unlike).any())
@@ -150,17 +151,17 @@ def wanders_beyond(system: System, state: State) -> bool:
 def noise_again(
     problem: Problem, system: System, state: State, *, settled: bool = False, beside: np.ndarray | None = None
 ) -> Noise:
-    """How coordinates share the noise, told again by what a set of atoms leaves.
+    """The noise to whiten the next linearisation with, updated by what a set leaves.
 
     Args:
         problem: the readings.
         system: the linearised problem.
         state: the set.
-        settled: it is the set that the problem was linearised at; else it may change, and half of the way is enough.
+        settled: whether the problem was linearised at this set; else the set may change, and half a step is taken.
         beside: as of `noise_left`.
 
     Returns:
-        The noise to whiten with; repeats keep theirs unless they are outdone.
+        The noise; that of repeats is kept unless the set leaves significantly less (`outdone`).
     """
     given, left = problem.noise, noise_left(system, state, beside)
     if given is None:
@@ -169,17 +170,17 @@ def noise_again(
         return left if outdone(given, left) else given
     if settled:
         return replace(system.noise, covariance=left.covariance)
-    if given.source == MACHINE_FILE:  # it says how wide, not along which axis: that the rows tell, at once
+    if given.source == MACHINE_FILE:  # it gives one figure: how the axes share it, the rows tell at once
         share = 0.5 * (1.0 + (system.noise.total / left.total) ** 2)
         return replace(system.noise, covariance=share * left.covariance)
     return replace(system.noise, covariance=0.5 * (left.covariance + system.noise.covariance))
 
 
 def noise_after(problem: Problem, system: System, state: State) -> Noise:
-    """The noise floor as it is reported: what was known, unless the search says otherwise.
+    """The noise floor that is reported: the one that was known, unless the best explanation contradicts it.
 
-    Repeats that were read before and after a knock scatter by the knock: where the best explanation leaves
-    significantly less than repeats do, it tells the noise.
+    Repeats read before and after a knock scatter by the knock: where the best explanation leaves significantly less
+    than the repeats scatter by, the noise is what it leaves.
 
     Args:
         problem: the readings.
@@ -200,9 +201,9 @@ def noise_after(problem: Problem, system: System, state: State) -> Noise:
 
 
 def outdone(given: Noise, left: Noise) -> bool:
-    """Whether repeats scatter by significantly more, in any direction, than an explanation leaves.
+    """F test: whether repeats scatter significantly more, along any direction, than an explanation leaves.
 
-    Repeats that were read before and after a knock, or while the tracker wandered, do.
+    So do repeats that were read before and after a knock, or while the tracker wandered.
 
     Args:
         given: what was known of the noise.
@@ -219,10 +220,10 @@ def outdone(given: Noise, left: Noise) -> bool:
 
 
 def stated_noise(problem: Problem, system: System, state: State) -> Noise | None:
-    """The noise that an explanation may be held against: as it was known, but for repeats that it outdoes.
+    """The stated noise that an explanation is compared with, rounding of commands added.
 
-    These scatter by what changed between them, and what the tracker states counts again. Rounding of commands adds to
-    either.
+    Repeats count unless the explanation leaves significantly less (`outdone`): they then scatter by what changed
+    between them, and the figure stated beside them, if any, counts.
 
     Args:
         problem: the readings.
@@ -238,14 +239,14 @@ def stated_noise(problem: Problem, system: System, state: State) -> Noise | None
             return None
         source, total = given.stated
         given = Noise(np.eye(3) * total**2 / 3.0, source)
-    aside = problem.rounding[1]
-    if given is None or not aside:
+    rounding_mm = problem.rounding[1]
+    if given is None or not rounding_mm:
         return given
-    return replace(given, covariance=given.covariance + np.eye(3) * aside**2 / 3.0)
+    return replace(given, covariance=given.covariance + np.eye(3) * rounding_mm**2 / 3.0)
 
 
 def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:
-    """The noise floor: the problem's own, else what a model with everything in it leaves.
+    """The noise floor: the problem's own, else what the saturated model leaves, which has all effects and blocks.
 
     Args:
         model: the model as given.
@@ -256,16 +257,16 @@ def saturated_floor(model: Model, problem: Problem, known: Library) -> Noise:
         The noise.
 
     Raises:
-        TableError: nothing tells the noise, or everything has far more values than the readings have coordinates.
+        TableError: nothing tells the noise, or the saturated model has far more values than there are coordinates.
     """
     if problem.noise is not None:
         return problem.noise
-    noise, sizes = _saturated(model, problem, known, starting_noise(problem)[0])
+    noise, variances = _saturated(model, problem, known, starting_noise(problem)[0], {})
     if noise.freedom < LEAST_FREEDOM:
         raise too_few(problem)
     for _ in range(SATURATED_ROUNDS - 1):
-        finer, sizes = _saturated(model, problem, known, noise, sizes)
-        if finer.freedom < LEAST_FREEDOM:  # the finer the noise, the more of the curves is seen, until nothing is left
+        finer, variances = _saturated(model, problem, known, noise, variances)
+        if finer.freedom < LEAST_FREEDOM:  # each round sees more of the curves, until they explain everything
             break
         noise = finer
     return noise
@@ -280,15 +281,15 @@ def too_few(problem: Problem) -> TooFewError:
     )
 
 
-Sizes = Mapping[str, np.ndarray]  # name of an atom -> its variances, in units of the usual sizes
+Variances = Mapping[str, np.ndarray]  # name of an atom -> its learned prior variances, in usual sizes squared
 
 
 def _saturated(
-    model: Model, problem: Problem, known: Library, noise: Noise, sizes: Sizes | None = None
-) -> tuple[Noise, Sizes]:
-    """What everything at once leaves, each effect and each block as wide as the data make it; and how wide that is.
+    model: Model, problem: Problem, known: Library, noise: Noise, known_variances: Variances
+) -> tuple[Noise, Variances]:
+    """The noise that the saturated model leaves, and the prior variances that were learned for its atoms.
 
-    The sizes do not depend on the noise that they are told in, so the next round begins where the last one ended.
+    Times the white variance they do not depend on the assumed noise, so the next round starts from them.
     """
     fitted = fit(model, problem, noise=noise)
     candidates, _ = present_candidates(fitted, problem, known)
@@ -298,7 +299,7 @@ def _saturated(
     one_each = {atom.name: key for key, atom in system.atoms.items()}
     if sum(len(system.atoms[key].columns) for key in one_each.values()) > MOST_COLUMNS_RATIO * 3.0 * rows.sum():
         raise too_few(problem)
-    start = {key: sizes[name] for name, key in one_each.items() if sizes and name in sizes}
+    start = {key: known_variances[name] for name, key in one_each.items() if name in known_variances}
     state = Scorer(system, model.keys).score(tuple(one_each.values()), WHITE, start)
     learned = {name: state.variances[key] * state.posterior.phi for name, key in one_each.items()}
     return noise_left(system, state), learned

@@ -1,4 +1,4 @@
-"""Possible: whether an effect can have the values that a set asks for, and what values of unusual form cost."""
+"""Plausibility of an effect's fitted values: what physics excludes, and what unusual values or patterns cost."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,12 +14,12 @@ UNUSUAL_NATS = 25.0  # nats against a value larger than its cause has ever been 
 
 
 def is_impossible(state: State, atoms: Sequence[Atom], new: Sequence[Atom]) -> bool:
-    """Whether a value is clearly below what physics lets it be.
+    """Whether a fitted value is clearly below its physical lower bound.
 
     Args:
         state: a set.
-        atoms: of it.
-        new: of these those that no file holds: what it holds is there.
+        atoms: of the set.
+        new: those of them that are not in the model as given, whose lower bound of `Atom.within` applies too.
     """
     return any(
         (_values(state, atom)[atom.bounded] < -CLEARLY_BEYOND * _errors(state, atom)[atom.bounded]).any()
@@ -33,10 +33,10 @@ def is_impossible(state: State, atoms: Sequence[Atom], new: Sequence[Atom]) -> b
 
 
 def beyond_machines(state: State, atoms: Mapping[str, Atom], scale: np.ndarray) -> tuple[str, ...]:
-    """Effects of a machine with values that no machine has, or that are none of what they are called.
+    """Keys of a machine's effects with values that no machine has, or that their cause cannot make.
 
-    A drawing may be off by as much. Yet where a model was moved that far, the tangent there is no longer the one at
-    which other effects were judged, and one of these may explain the same at usual values.
+    A drawing may be off by as much. But a model moved that far has another tangent than the one at which other effects
+    were compared, and one of these may explain the same with usual values.
 
     Args:
         state: a set.
@@ -54,48 +54,48 @@ def beyond_machines(state: State, atoms: Mapping[str, Atom], scale: np.ndarray) 
 
 
 def nats_of_form(state: State, atom: Atom, scale: np.ndarray, *, new: bool) -> float:
-    """Nats for or against the form that an effect's values have, its columns and their width apart.
+    """Nats for or against the pattern of an effect's values, beyond what their normal prior says.
 
     Args:
         state: a set.
         atom: of it.
         scale: (P,) of all columns of the system.
-        new: whether no file holds it.
+        new: whether it is not in the model as given.
     """
     nats = _nats_of_product(state, atom)
-    return nats + _nats_beyond_reach(state, atom, scale) + _nats_unheard_of(state, atom) if new else nats
+    return nats + _nats_beyond_reach(state, atom, scale) + _nats_of_unusual_size(state, atom) if new else nats
 
 
 def _nats_of_product(state: State, atom: Atom) -> float:
-    """What is still to be added for an effect whose further values are none, or else products of its first one."""
+    """Nats of a prior under which an effect's further values are zero, or else products with its first one."""
     if atom.effect is None or not atom.effect.product or atom.key not in state.variances or len(atom.columns) < 2:
         return 0.0
     own, posterior = state.of(atom.key), state.posterior
-    width = posterior.phi * float(state.variances[atom.key][0])
+    prior_variance = posterior.phi * float(state.variances[atom.key][0])
     values, covariance = posterior.values[own], state.covariance[np.ix_(own, own)]
     more = (atom.effect.stands_for_away / causes(atom.effect) - 1.0) * atom.odds
-    away = nats_of_product(values, covariance, width) - more
-    return float(np.logaddexp(away, nats_of_none(values, covariance, width)) - np.log(2.0))
+    product = nats_of_product(values, covariance, prior_variance) - more
+    return float(np.logaddexp(product, nats_of_none(values, covariance, prior_variance)) - np.log(2.0))
 
 
 def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
-    """Nats against second values of joints that are further than their first ones may well make them.
+    """Nats against second values of joints that are larger than `Atom.reach` times their first values.
 
-    What a joint would gain by saying less, where they are not, is left aside: the odds count which joints have any.
+    A joint within its reach gains nothing: the odds count already which joints have values at all.
     """
     if atom.reach is None or atom.key not in state.variances:
         return 0.0
-    (values, spread), size = state.amounts([atom], scale), atom.sizes(scale)
+    (values, covariance), size = state.amounts([atom], scale), atom.sizes(scale)
     widest, nats = state.posterior.phi * float(state.variances[atom.key].max()), 0.0
-    for own in np.arange(len(values)).reshape(2, -1).T:  # of each joint both, in usual sizes of the second
+    for own in np.arange(len(values)).reshape(2, -1).T:  # both values of each joint, in usual sizes of the second
         unit = np.array([atom.reach, 1.0]) / size[own[1]]
-        both = unit[:, None] * spread[np.ix_(own, own)] * unit
+        both = unit[:, None] * covariance[np.ix_(own, own)] * unit
         nats += min(nats_of_product(unit * values[own], both, widest), 0.0)
     return nats
 
 
-def _nats_unheard_of(state: State, atom: Atom) -> float:
-    """Nats against an effect that is clearly larger than its cause has ever been, or can be in its shape."""
+def _nats_of_unusual_size(state: State, atom: Atom) -> float:
+    """Nats against an effect that is clearly larger than usual for its cause, or than possible in its shape."""
     beyond = _is_too_large(state, atom)
     if atom.within is not None:
         beyond |= bool((_values(state, atom) > atom.within[:, 1] + CLEARLY_BEYOND * _errors(state, atom)).any())
@@ -103,7 +103,7 @@ def _nats_unheard_of(state: State, atom: Atom) -> float:
 
 
 def _is_too_large(state: State, atom: Atom) -> bool:
-    """Whether a value is clearly larger than its cause can make it in this shape."""
+    """Whether a value is clearly larger than its cause can make in this shape."""
     if atom.largest is None:
         return False
     return bool((np.abs(_values(state, atom)) > atom.largest + CLEARLY_BEYOND * _errors(state, atom)).any())

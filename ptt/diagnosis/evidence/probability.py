@@ -1,4 +1,4 @@
-"""Probability of every statement, from all sets of atoms that the search looked at."""
+"""Probabilities of names and verdicts, from all sets of atoms that the search scored."""
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Sequence
@@ -22,11 +22,11 @@ VERDICTS = ("missing", "nothing-missing", "unknown")
 
 @dataclass(frozen=True)
 class Probability:
-    """What the explored sets say together.
+    """Posterior probabilities over the scored sets.
 
     Attributes:
-        effects: name -> probability that it is part of the explanation.
-        verdict: of each verdict.
+        effects: name of an effect -> probability that it is part of the explanation.
+        verdict: verdict -> its probability.
     """
 
     effects: dict[str, float]
@@ -34,13 +34,13 @@ class Probability:
 
 
 def weigh_sets(scorer: Scorer) -> Probability:
-    """Weigh every set that was scored by its tempered posterior odds.
+    """Weigh every scored set by exp(score / `TEMPER`).
 
     Args:
         scorer: after the last search.
 
     Returns:
-        The probabilities; shapes of one effect count as one.
+        The probabilities; of sets that differ only in shapes or values of the memory, the best one counts.
     """
     best: dict[tuple[frozenset[str], bool, bool], State] = {}
     for state in sorted(scorer.scored.values(), key=lambda state: -state.total):
@@ -64,14 +64,14 @@ def weigh_sets(scorer: Scorer) -> Probability:
 
 
 def near_sets(scorer: Scorer, state: State) -> Iterator[tuple[float, State]]:
-    """Sets that do nearly as well as one that is told.
+    """Sets that do nearly as well as the reported one.
 
     Args:
         scorer: that has scored them.
-        state: the one that is told.
+        state: the reported set.
 
     Yields:
-        The odds of another beside it, at most one, and that set with its factor.
+        Tempered odds of another set against it, at most one, and that set with its Cholesky factor.
     """
     least = state.total + TEMPER * np.log(LEAST_ODDS)
     near = [other for other in scorer.scored.values() if other is not state and least < other.total < np.inf]
@@ -82,13 +82,13 @@ def near_sets(scorer: Scorer, state: State) -> Iterator[tuple[float, State]]:
 
 
 def _names(state: State, scorer: Scorer) -> frozenset[str]:
-    """What a set adds to the model as given; a second of its kind without a first is the first."""
+    """Names that a set adds to the model as given; a second of a kind without a first counts as the first."""
     names = {scorer.system.atoms[key].name for key in state.keys}
     return frozenset(first_of(name, names) for name in names - set(scorer.given))
 
 
 def _faulty_memories(scorer: Scorer, states: Sequence[State]) -> frozenset[Memory]:
-    """Memories of the noise that have taken what no tracker does, by the best set (they come best first) of each."""
+    """Memories of the noise that are more than a tracker's; of each, the first of the states (best first) is tested."""
     first: dict[Memory, State] = {}
     for state in states:
         first.setdefault(state.memory, state)
@@ -96,7 +96,7 @@ def _faulty_memories(scorer: Scorer, states: Sequence[State]) -> frozenset[Memor
 
 
 def verdict_of(state: State, scorer: Scorer, beyond: Collection[Memory]) -> str:
-    """Which verdict a set of atoms is; `beyond` are memories of the noise that are more than a tracker's."""
+    """The verdict that a set implies; `beyond` are memories of the noise that are more than a tracker's."""
     atoms = [scorer.system.atoms[key] for key in state.keys if key not in scorer.given]
     if holds_unknown(scorer.system, state.keys, state.memory) or state.memory in beyond:
         return "unknown"

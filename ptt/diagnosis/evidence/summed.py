@@ -1,4 +1,4 @@
-"""Normal sums of a long run, chunk by chunk, and what a solution leaves of its rows."""
+"""Normal sums of a long run, chunk by chunk, and residuals of its rows by a further pass over them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -26,15 +26,15 @@ MOST_STRETCHES = 50
 
 @dataclass(frozen=True)
 class Contribution:
-    """What one chunk contributes; parts add up in any order.
+    """Sums of one chunk of m rows; those of different chunks are added.
 
     Attributes:
         by_block: held-out block -> its sums in noise units and in mm, and its rows.
-        share: the same of the share of rows that candidates are summed over, where that is not all of them.
-        other: sums under the memory of the noise, where it has one.
+        share: the same over the subsample for candidates (`sampled`); empty where these are summed over all rows.
+        other: sums under the memory of the noise and half its log-determinant; None for white noise.
         rows: rows that count, (m,) bool.
         gross: rows left out as gross errors, (m,) bool.
-        linear: what the columns are, without their rows.
+        linear: description of the columns, without their rows.
     """
 
     by_block: dict[int, Held]
@@ -52,11 +52,11 @@ def sum_up(
 
     Args:
         run: the long run.
-        at: what its chunks are linearised at.
-        trials: candidates beside it.
-        sample: some rows of the run, which tell what the shapes of an effect are.
+        at: where its chunks are linearised.
+        trials: candidates.
+        sample: some rows of the run, on which effects list their shapes.
         kept: rows that may count, (n,) bool.
-        sift: look for gross errors; the candidates then only serve to tell them.
+        sift: look for gross errors; the candidates then only serve to recognise them.
 
     Returns:
         The system, and rows left out as gross errors, (n,) bool.
@@ -91,7 +91,7 @@ def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np
     Args:
         chunk: its rows, entered as the chunk before left them.
         run: the run.
-        at: as all chunks.
+        at: where it is linearised.
         trials: candidates.
         kept: rows that may count, (n,) bool.
         sift: as in `sum_up`.
@@ -111,7 +111,7 @@ def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np
         if at.memory != WHITE:  # which goes on from one slab into the next
             joined.append(both)
         if times > 1:
-            # Not the same rows of each slab, or of a cycle as long as one the same places would always be passed over.
+            # Another part of each slab, or on a cycle as long as a slab the same poses would always be left out.
             some = cut(part, -(-part.table.rows // times))
             few = some[int(numbers(part)[0]) // SLAB_ROWS % len(some)]()
             linear, columns = columns_of(few, run, at, trials)
@@ -120,7 +120,7 @@ def sum_chunk(chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, kept: np
         gross.append(far)
     other, counted = None, np.concatenate(rows)
     if at.memory != WHITE:
-        clock = replace(clock_of(chunk, counted), registered=False)  # within a run a wander may be anywhere
+        clock = replace(clock_of(chunk, counted), registered=False)  # a chunk starts within a run, not at registration
         other = sum_rows(np.concatenate(joined), at.memory, clock, run.pose[numbers(chunk)[counted]])
     return Contribution(by_block, share, other, counted, np.concatenate(gross), linear.without_rows())
 
@@ -129,7 +129,7 @@ def _sum_rows(
     part: Problem, run: LongRun, at: Ansatz, linear: Linear, columns: np.ndarray, there: np.ndarray,
     by_block: dict[int, Held],
 ) -> np.ndarray:  # fmt: skip
-    """Add the sums of rows that are there to those of their blocks; their columns and readings, (r, 3, P + 1)."""
+    """Add sums of the r rows that count to their held-out blocks; returns their columns and readings, (r, 3, P + 1)."""
     both = np.concatenate([columns, linear.values[:, :, None]], axis=2)
     both = both if there.all() else both[there]
     for index, stretch in _stretches(run.block[numbers(part)[there]]):
@@ -137,15 +137,17 @@ def _sum_rows(
     return both
 
 
-def left_of(run: LongRun, at: Ansatz, system: SummedSystem, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """What a solution leaves of all rows that count.
+def residual_of_rows(
+    run: LongRun, at: Ansatz, system: SummedSystem, chosen: np.ndarray, values: np.ndarray
+) -> np.ndarray:
+    """Residual of a solution on all m rows that count, by a pass over the chunks.
 
     Args:
         run: the run.
-        at: what it was linearised at.
+        at: where it was linearised.
         system: the sums.
-        chosen: (p,) columns.
-        values: (p,).
+        chosen: indices of the columns, (p,).
+        values: of the columns, (p,).
 
     Returns:
         (m, 3) whitened.
@@ -169,7 +171,7 @@ def left_of(run: LongRun, at: Ansatz, system: SummedSystem, chosen: np.ndarray, 
 
 
 def _add(by_block: dict[int, Held], index: int, own: Held) -> None:
-    """Add the sums of some rows to those of their block."""
+    """Add the sums of some rows to those of their held-out block."""
     if index not in by_block:
         by_block[index] = own
         return
@@ -180,7 +182,7 @@ def _add(by_block: dict[int, Held], index: int, own: Held) -> None:
 
 
 def _stretches(block: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
-    """Rows of each block: as they stand where blocks are long, which spares a copy."""
+    """Rows of each held-out block: as slices, which copy nothing, unless these are many and short."""
     edges = np.flatnonzero(np.diff(block, prepend=-2, append=-2))
     if len(edges) - 1 > MOST_STRETCHES:
         yield from ((int(index), np.flatnonzero(block == index)) for index in np.unique(block))
@@ -191,7 +193,7 @@ def _stretches(block: np.ndarray) -> Iterator[tuple[int, slice | np.ndarray]]:
 def _gross(
     chunk: Problem, run: LongRun, at: Ansatz, trials: Trials, linear: Linear, columns: np.ndarray, rows: np.ndarray
 ) -> np.ndarray:
-    """Lone rows of a chunk that neither the model and its blocks nor all candidates can explain, (m,) bool."""
+    """Isolated rows of a chunk that neither the model and its blocks nor all candidates explain, (m,) bool."""
     simple = np.arange(columns.shape[2])
     if inside(linear.residual, rows)[rows].all():
         return np.zeros_like(rows)
@@ -224,5 +226,5 @@ def _system(
         linear.base_values.size, len(pose) - len(np.unique(pose)), lambda chosen, values: np.zeros((0, 3)),
         by_visit=run.by_visit, aside=run.problem.rounding[1],
     )  # fmt: skip
-    system.look = lambda chosen, values: left_of(run, at, system, chosen, values)
+    system.residual_by_pass = lambda chosen, values: residual_of_rows(run, at, system, chosen, values)
     return system

@@ -1,4 +1,4 @@
-"""A system whose rows are gone: normal sums of a long run."""
+"""The linearised problem of a long run, of which only normal sums are kept."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -15,18 +15,18 @@ class SummedSystem(System):
     """A system that keeps sums only.
 
     Attributes:
-        total: by memory of the noise; there are no others.
-        held_out_sums: held-out block -> joined sums in noise units and in mm, and its rows.
-        extra: coordinates of base reflectors.
-        visits: beyond the first of each pose.
-        look: what a solution leaves of all rows, by another pass over them.
+        total: memory of the noise -> sums; no other memories are available.
+        held_out_sums: held-out block -> products of columns and readings in noise units and in mm, and its rows.
+        extra: number of coordinates of base reflectors.
+        visits: number of visits beyond the first of each pose.
+        residual_by_pass: (columns, values) -> residual of all rows, by another pass over them.
     """
 
     total: dict[Memory, MemorySums]
     held_out_sums: dict[int, Held]
     extra: int
     visits: int
-    look: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    residual_by_pass: Callable[[np.ndarray, np.ndarray], np.ndarray]
     _left: dict[bytes, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -41,7 +41,7 @@ class SummedSystem(System):
 
     @property
     def memories(self) -> tuple[Memory, ...]:
-        """Those that there are sums of."""
+        """Those with sums."""
         return tuple(self.total)
 
     def sums(self, memory: Memory) -> MemorySums:
@@ -49,12 +49,12 @@ class SummedSystem(System):
         return self.total[memory]
 
     def residual(self, chosen: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """What a solution leaves, (m, 3) whitened; the last few are kept."""
+        """Residual of a solution, (m, 3) whitened; the last few are cached."""
         key = chosen.tobytes() + values.tobytes()
         if key not in self._left:
             if len(self._left) > 3:
                 self._left.pop(next(iter(self._left)))
-            self._left[key] = self.look(chosen, values)
+            self._left[key] = self.residual_by_pass(chosen, values)
         return self._left[key]
 
     def held_out_blocks(self, chosen: np.ndarray) -> Iterator[HeldOutBlock]:

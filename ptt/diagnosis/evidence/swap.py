@@ -1,17 +1,18 @@
-"""Swaps: which atoms may do the work of one of a set, told beside the whole set, before any is screened without it.
+"""Swaps: which atoms may replace one of a set, bounded from the screen beside the whole set.
 
-Without an atom a of a set S, its values held at b_a and the variances of the others as they are, the others move so
-that what is left grows by X u,
+Take an atom a with values b_a out of a set S, the prior variances of the others held. The values of the others adjust,
+and the residual grows by X u,
 
     u = Sigma[:, a] Sigma_aa^-1 b_a,
 
-X the columns of the set and Sigma its covariance. An atom of columns Z that is screened beside S has Z^T r in the sums
-of what is left; beside S less a it has Z^T r + Z^T X u, and its Schur complement is larger. So it takes at most
+where X are the columns of the set and Sigma its posterior covariance. An atom with columns Z screened beside S has the
+products Z^T r with the residual r; beside S less a it has Z^T r + Z^T X u, and a larger Schur complement. So it
+explains at most
 
     (Z^T r + h)^T M (Z^T r + h) - (Z^T r)^T M (Z^T r),   h = Z^T X u,   M = (complement beside S + 1 / variance)^-1,
 
-more of the sum of squares than it does beside S, at the largest variance that it may have: an upper bound of what the
-screen beside S less a would say. Hardly any atom passes it, so hardly any is screened.
+more of the sum of squares than it does beside S, at its largest allowed prior variance. Only atoms that this upper
+bound lets through have to be screened beside S less a: hardly any.
 """
 
 from collections.abc import Collection, Sequence
@@ -41,7 +42,7 @@ def replacements(
         near: nats by which one may be worth less than the atom that goes.
 
     Returns:
-        For each key those that may do as well, and those that it alone keeps out.
+        Key of an atom of the set -> keys of atoms that may do as well, and of those that it alone excludes.
     """
     if not keys:
         return {}
@@ -65,18 +66,18 @@ def replacements(
 
 
 def _worth(scorer: "Scorer", state: "State", key: str) -> float:
-    """What the screen would say of an atom of a set beside the others, their variances as they are, and its form."""
+    """The screen's gain of an atom of the set beside the others, all variances held, and the nats of its form."""
     own, posterior, atom = state.of(key), state.posterior, scorer.system.atoms[key]
-    spread = state.inverse[np.ix_(own, own)]
+    inverse = state.inverse[np.ix_(own, own)]
     values = posterior.values[own]
-    left, nats = posterior.penalised_square, scorer.system.nats_of_noise
-    taken = float(values @ np.linalg.solve(spread, values))
-    volume = np.linalg.slogdet(spread)[1] - np.log(posterior.prior_variance[own]).sum()
-    return float(nats(left) - nats(left + taken) + 0.5 * volume) - atom.odds + state.forms.get(key, 0.0)
+    square, nats = posterior.penalised_square, scorer.system.nats_of_noise
+    explained = float(values @ np.linalg.solve(inverse, values))
+    log_det = np.linalg.slogdet(inverse)[1] - np.log(posterior.prior_variance[own]).sum()
+    return float(nats(square) - nats(square + explained) + 0.5 * log_det) - atom.odds + state.forms.get(key, 0.0)
 
 
 def _pull(state: "State", key: str) -> np.ndarray:
-    """How the values of a set and of an atom of it, held, move what is left when the atom goes, (p,)."""
+    """The vector u above, (p,), the atom's own values included: without it the residual grows by X u."""
     own = state.of(key)
     rows = state.inverse[:, own]
     return np.asarray(rows @ np.linalg.solve(rows[own], state.posterior.values[own]))
@@ -85,7 +86,7 @@ def _pull(state: "State", key: str) -> np.ndarray:
 def _more(
     scorer: "Scorer", state: "State", atoms: Collection[Atom], columns: np.ndarray, pulls: np.ndarray
 ) -> np.ndarray:
-    """Nats that atoms of one width w may take beyond those that they take beside the whole set, (atoms, keys)."""
+    """Upper bound of the nats that atoms of w columns gain beyond their gain beside the whole set, (atoms, keys)."""
     posterior, sums = state.posterior, scorer.system.sums(state.memory)
     count, width = columns.shape
     order, own = posterior.order, columns.ravel()

@@ -1,13 +1,13 @@
-"""Whether anything at rest was read along a run: else a machine that moves as a whole looks like a tracker that does.
+"""Whether base reflectors were read along a run: without them a drift of the whole machine looks like the tracker's.
 
-The stand of a tracker grows with the room as a frame does, by 15 to 35 um/K.
+The stand of a tracker grows with room temperature as a machine's frame does, by 15 to 35 um/K.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.evidence.at_tool import at_tool_um, moved_by, off_set_up
+from ptt.diagnosis.evidence.at_tool import at_tool_um, moved_by, without_rigid_motion
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import few_enough
@@ -24,7 +24,7 @@ CLEAR_GROWTH = 30.0  # chi-squared from which the readings show that a growth is
 
 
 def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
-    """Say that a tracker's drift may as well be the machine's, or a growth the tracker's, where nothing shows which.
+    """A sentence that a tracker's drift may be the machine's, or a growth the tracker's, where no reading tells.
 
     Args:
         term: an effect at its values.
@@ -32,7 +32,7 @@ def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
         noise: the noise floor.
 
     Returns:
-        One sentence; none for what is neither, or was seen at rest.
+        One sentence; none for other effects, or where base reflectors were read.
     """
     if _is_unwitnessed(term, problem):
         return [DRIFT_OPEN]
@@ -40,15 +40,15 @@ def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
 
 
 def own_drift(terms: Sequence[Term], problem: Problem, noise: Noise) -> float:
-    """How far the tool may be elsewhere, as nothing shows whether it or the tracker moved, root mean square, mm.
+    """Root mean square doubt in the tool's position, mm, as no reading tells whether machine or tracker moved.
 
     Args:
-        terms: what is named, at its values.
+        terms: the named effects, at their values.
         problem: n rows.
         noise: the noise floor.
 
     Returns:
-        Zero where base reflectors saw which it is, or nothing moves as a whole.
+        Zero where base reflectors tell, or nothing moves the machine as a whole.
     """
     square = 0.0
     for term in terms:
@@ -63,11 +63,7 @@ def own_drift(terms: Sequence[Term], problem: Problem, noise: Noise) -> float:
 
 
 def drifts(effect: Effect) -> bool:
-    """Whether an effect is a drift of the tracker, which a machine that drifts looks like.
-
-    Args:
-        effect: any.
-    """
+    """Whether an effect is a gradual drift of the tracker, which a drift of the machine looks like."""
     return effect.stage == "metrology" and effect.follows_clock and not isinstance(effect, Sudden)
 
 
@@ -76,25 +72,25 @@ def _is_unwitnessed(term: Term, problem: Problem) -> bool:
 
 
 def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
-    """Whether a growth is, to the readings, a shift of all of them with the warmth."""
+    """Whether a growth with temperature looks, in these readings, like a common shift with temperature."""
     if term.effect.stage == "metrology" or "temperature" not in term.effect.requires or _was_watched(problem):
         return False
-    few = few_enough(problem)  # what they show, all rows show
+    few = few_enough(problem)  # what a sample shows, all rows show
     if few is not problem and _beside_warmth(term, few, noise) >= CLEAR_GROWTH:
         return False
     return _beside_warmth(term, problem, noise) < CLEAR_GROWTH
 
 
 def _beside_warmth(term: Term, problem: Problem, noise: Noise) -> float:
-    """Chi-squared of what an effect does beside any shift of all readings with the warmth."""
+    """Chi-squared of an effect's shifts that no common shift in proportion to temperature explains."""
     left, warmth = moved_by(term, problem).ravel(), problem.view.warmth.numpy()[:, None]
-    warm = np.stack([off_set_up(warmth * axis, problem).ravel() for axis in np.eye(3)], axis=1)
+    warm = np.stack([without_rigid_motion(warmth * axis, problem).ravel() for axis in np.eye(3)], axis=1)
     rest = (left - warm @ np.linalg.lstsq(warm, left, rcond=None)[0]).reshape(-1, 3)
     return float(np.square(rest @ noise.whitener.T).sum())
 
 
 def _was_watched(problem: Problem) -> bool:
-    """Whether base reflectors were read over half of the time of each frame."""
+    """Whether base reflectors were read over `WATCHED_SHARE` of the time of each frame."""
     if problem.base is None:
         return False
     time, frame = problem.view.time.numpy()[problem.used], problem.frame[problem.used]

@@ -1,4 +1,4 @@
-"""Gains: how a filter of a wander weighs the rows of one axis, and what these predict of each other."""
+"""Kalman filter of an Ornstein-Uhlenbeck wander along one axis: gains, innovations and their variances."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,12 +13,12 @@ MANY_COLUMNS = 200  # columns from which a loop over rows is faster than one bid
 
 @dataclass(frozen=True)
 class Gains:
-    """How a filter weighs the rows: the predicted state s follows s_i = keep_(i-1) s_(i-1) + take_(i-1) x_(i-1).
+    """Kalman gains for rows x: the predicted state s follows s_i = keep_(i-1) s_(i-1) + take_(i-1) x_(i-1), s_0 = 0.
 
     Attributes:
-        keep: (n - 1,).
-        take: (n - 1,).
-        root: of the variance of each innovation, (n,).
+        keep: weight of the state before, (n - 1,).
+        take: weight of the row before, (n - 1,).
+        root: standard deviation of each innovation x_i - s_i, (n,).
         log_noise: half the log-determinant of the noise's covariance along one axis.
     """
 
@@ -28,58 +28,53 @@ class Gains:
     log_noise: float
 
     @cached_property
-    def stretches(self) -> tuple[np.ndarray, np.ndarray]:
-        """Weights of the state before each stretch of w rows and of its readings, (s, w + 1, w) and (s, w + 1).
+    def batches(self) -> tuple[np.ndarray, np.ndarray]:
+        """Weights of batches of w rows: for the scaled innovations, (s, w + 1, w), and for the next state, (s, w + 1).
 
-        Of the innovations of its rows in units of their error, and of the state behind the last.
+        Both apply to the state before the batch followed by its w rows. Innovations are over their standard deviations.
         """
         count = len(self.root)
-        keep, take, root = np.zeros(
-            (3, -(-count // BATCH_ROWS) * BATCH_ROWS)
-        )  # behind the last row nothing is predicted
+        keep, take, root = np.zeros((3, -(-count // BATCH_ROWS) * BATCH_ROWS))  # padded behind the last row
         keep[: count - 1], take[: count - 1], root[:count], root[count:] = self.keep, self.take, self.root, 1.0
         return _triangles(*(part.reshape(-1, BATCH_ROWS) for part in (keep, take, root)))
 
 
 def gains_of(share: float, decay: np.ndarray, begun: np.ndarray) -> Gains:
-    """Gains and variances of the innovations, which depend on when rows were read alone.
+    """Gains and innovation variances, which depend only on when rows were read.
+
+    With k the share of the state that is kept from row to row, x_i - k x_(i-1) has variance 1 + q + k^2, q being the
+    process noise added on the way, and covariance -k with its neighbours. The innovations' variances are the pivots of
+    that tridiagonal matrix.
 
     Args:
-        share: variance of the wander over that of the white noise.
-        decay: what each row keeps of the state before it, (n,).
-        begun: what each row that keeps nothing has of that variance, (n,); one at the others.
-
-    Where each row keeps k of the state before it, row less k times the row before it has variance 1 + q + k^2, q what
-    the wander gains on the way, and covariance -k with its neighbours: the innovations' variances are the pivots of
-    that tridiagonal matrix.
+        share: variance of the wander over the white variance.
+        decay: share k of the state before that each row keeps, (n,); zero at the first row of a run.
+        begun: share of its variance that the wander has at rows that keep nothing, (n,); one at the others.
     """
     squares = np.square(decay)
-    widths = 1.0 + squares + (1.0 - squares) * share * begun
-    if len(widths) > 1:  # LAPACK's pivots; none is below one
-        widths = lapack.dpttrf(widths, decay[1:])[0]
-    keeps = decay[1:] / widths[:-1]
-    return Gains(keeps, decay[1:] - keeps, np.sqrt(widths), 0.5 * float(np.log(widths).sum()))
+    variances = 1.0 + squares + (1.0 - squares) * share * begun
+    if len(variances) > 1:  # LAPACK's pivots; none is below one
+        variances = lapack.dpttrf(variances, decay[1:])[0]
+    keep = decay[1:] / variances[:-1]
+    return Gains(keep, decay[1:] - keep, np.sqrt(variances), 0.5 * float(np.log(variances).sum()))
 
 
 def filter_rows(rows: np.ndarray, gains: Gains, white: np.ndarray) -> None:
-    """Innovations of rows (r, n) of one axis, or of axes that wander alike.
-
-    Within a stretch they are a triangle of weights times the readings, and the state with which it begins goes on into
-    each of them.
+    """Scaled innovations of r series of n rows each, batch by batch: a triangular product, and the state carried on.
 
     Args:
-        rows: the rows.
+        rows: the series, (r, n), of one axis or of axes with the same gains.
         gains: of the wander.
-        white: where they are put, (r, n).
+        white: receives the innovations over their standard deviations, (r, n).
     """
     for first in range(0, len(rows), BATCH_COLUMNS):
-        _filter(rows[first : first + BATCH_COLUMNS], *gains.stretches, white[first : first + BATCH_COLUMNS])
+        _filter(rows[first : first + BATCH_COLUMNS], *gains.batches, white[first : first + BATCH_COLUMNS])
 
 
 def _filter(rows: np.ndarray, weights: np.ndarray, onward: np.ndarray, white: np.ndarray) -> None:
-    """The same of so few rows that they stay in the cache; all stretches at once but for the states between them."""
+    """As `filter_rows` for so few series that they stay in the cache; only the states run from batch to batch."""
     (count, length), full = rows.shape, rows.shape[1] // BATCH_ROWS
-    both = np.zeros((len(weights), count, 1 + BATCH_ROWS))  # the state before each stretch, and its readings
+    both = np.zeros((len(weights), count, 1 + BATCH_ROWS))  # the state before each batch, and its rows
     both[:full, :, 1:] = _cut(rows, full)
     both[full:, :, 1 : 1 + length - full * BATCH_ROWS] = rows[:, full * BATCH_ROWS :]
     for now, then, weight in zip(both[:-1], both[1:], onward[:-1], strict=True):
@@ -89,27 +84,27 @@ def _filter(rows: np.ndarray, weights: np.ndarray, onward: np.ndarray, white: np
 
 
 def _cut(rows: np.ndarray, count: int) -> np.ndarray:
-    """Stretches of rows (r, n), (count, r, w): the same numbers in memory."""
+    """Batches of w rows of series (r, n), (count, r, w): a view."""
     return rows[:, : count * BATCH_ROWS].reshape(len(rows), count, BATCH_ROWS).transpose(1, 0, 2)
 
 
 def predict(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
-    """States that readings (n, c) predict, each from the rows before it; `Gains` says how they are weighed."""
+    """Predicted states of c series of n rows, (n, c) each, with the weights of `Gains`."""
     return (_row_by_row if flat.shape[1] > MANY_COLUMNS else all_rows)(flat, keep, take)
 
 
 def all_rows(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
-    """The predicted states of a few columns: a bidiagonal system."""
+    """`predict` for a few series, by solving one bidiagonal system."""
     side = np.zeros(flat.shape, order="F")
-    if len(flat) > 1 and flat.shape[1]:  # of no column at all LAPACK would write the first one, past the end
+    if len(flat) > 1 and flat.shape[1]:  # with no column at all LAPACK would write out of bounds
         side[1:] = take[:, None] * flat[:-1]
-        # No state decays by less than nothing, so no rows are exchanged.
+        # The diagonal is one and `keep` at most one, so LAPACK exchanges no rows.
         side = lapack.dgtsv(-keep, np.ones(len(flat)), np.zeros(len(flat) - 1), side, overwrite_b=1)[3]
     return np.asarray(side)
 
 
 def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndarray:
-    """The same where columns are many: a row of them at a time stays in the cache, which is ten times faster."""
+    """`predict` for many series: one row of all of them at a time stays in the cache, which is ten times faster."""
     state = np.zeros_like(flat)
     for row in range(1, len(flat)):
         np.multiply(flat[row - 1], take[row - 1], out=state[row])
@@ -118,7 +113,7 @@ def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndar
 
 
 def _triangles(keep: np.ndarray, take: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of all stretches at once, (s, w) each, as `Gains.stretches` has them: first what predicts each row."""
+    """`Gains.batches` from keep, take and root of all batches, (s, w) each."""
     count, width = keep.shape
     weights = np.zeros((count, width + 1, width + 1))
     weights[:, 0, 0] = 1.0

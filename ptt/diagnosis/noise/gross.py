@@ -1,4 +1,4 @@
-"""Gross errors: readings that neither the present model nor any effect that might be missing can explain."""
+"""Gross errors: readings that neither the present model nor any effect that might be missing explains."""
 
 import numpy as np
 
@@ -31,17 +31,17 @@ def gross_errors(
 ) -> np.ndarray:
     """Find gross errors.
 
-    A row that the present model misses by far may be a broken beam or the very trace of what is missing (the rows
-    just after a reversal, say). So it only counts as gross if a model with everything that might be missing misses it
-    too; where rows are too few for that, the present model decides.
+    A row far from the present model may be a broken beam or the trace of what is missing (rows just after a reversal,
+    for instance). So it counts as gross only if a model with everything that might be missing is far from it too. Where
+    rows are too few for that, the present model decides.
 
     Args:
         columns: (n, 3, P) whitened, in usual sizes.
         values: (n, 3) whitened.
         rows: rows that count, (n,) bool.
-        simple: columns of the present model.
-        saturated: columns of the saturated model.
-        places: of the rows, as `places_of` has them, (n, c).
+        simple: indices of the columns of the present model.
+        saturated: indices of the columns of the saturated model.
+        places: of the rows, from `places_of`, (n, c).
 
     Returns:
         (n,) bool.
@@ -55,16 +55,16 @@ def gross_errors(
 def far_rows(
     columns: np.ndarray, values: np.ndarray, rows: np.ndarray, chosen: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rows far from a robust fit: least squares reweighted with Cauchy weights, row by row.
+    """Rows far from a robust fit: iteratively reweighted least squares with Cauchy weights by row.
 
     Args:
-        columns: (n, 3, P) whitened, in usual sizes; a prior one usual size wide holds what the rows do not see.
+        columns: (n, 3, P) whitened, in usual sizes; the prior standard deviation of each is one.
         values: (n, 3) whitened.
         rows: rows that count, (n,) bool.
-        chosen: columns of the model.
+        chosen: indices of the columns of the model.
 
     Returns:
-        (n,) bool, and what the fit leaves, (n, 3), zero on rows that do not count.
+        (n,) bool, and the residual, (n, 3), zero on rows that do not count.
     """
     width = len(chosen)
     left = np.zeros_like(values)
@@ -73,37 +73,37 @@ def far_rows(
 
 
 def stand_out(left: np.ndarray, rows: np.ndarray, least: float = 1.0) -> np.ndarray:
-    """Rows that lie far outside the bulk of what is left.
+    """Rows whose residual lies far outside the bulk.
 
     Args:
-        left: (n, 3) in units of noise.
+        left: residual, (n, 3) in units of noise.
         rows: rows that count, (n,) bool.
-        least: variance that the bulk has at the least: what is known of the noise before anything is explained.
+        least: lower bound of the bulk's variance, as known of the noise before anything is explained.
 
     Returns:
         (n,) bool.
     """
     squared = np.square(left).sum(axis=1)
-    width = max(least, float(np.median(squared[rows])) / chi2_median(3)) if rows.any() else 1.0
-    return rows & (squared > NOISE_TAIL * width * chi2_isf(LOST_CHANCE / max(int(rows.sum()), 1), 3))
+    variance = max(least, float(np.median(squared[rows])) / chi2_median(3)) if rows.any() else 1.0
+    return rows & (squared > NOISE_TAIL * variance * chi2_isf(LOST_CHANCE / max(int(rows.sum()), 1), 3))
 
 
 def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int = 0) -> np.ndarray:
-    """Far rows that stand alone: several in a row with one shift are a knock, a slip or another reflector.
+    """Far rows that stand alone, and so are gross errors rather than something systematic.
 
-    Broken beams may follow each other too, but each is off by something of its own. They also come wherever the machine
-    stands, however it came and whatever it carries: far rows that crowd in one place or under one load, or that most
-    visits of a pose have alike, are that place's or load's.
+    Several in a row with one shift are a knock, a slip or another reflector; broken beams may follow each other too,
+    but each is off differently. Broken beams also come at any place, direction of arrival and load: far rows that crowd
+    in one place or under one load, or that most visits of a pose have alike, belong to that place or load.
 
     Args:
         far: (n,) bool.
-        left: what a model leaves, (n, 3) in units of noise.
+        left: residual, (n, 3) in units of noise.
         used: rows whose readings count, (n,) bool.
-        places: of the rows, as `places_of` has them, (n, c).
+        places: of the rows, from `places_of`, (n, c).
         gone: how many other rows were set aside already.
 
     Returns:
-        (n,) bool; none where so many are far that the model is to blame.
+        (n,) bool; none where so many rows are far that the model is to blame.
     """
     company, size, count = np.zeros(len(far), dtype=int), np.linalg.norm(left, axis=1), len(far)
     for step in range(1, STRETCH_GAP + 1):
@@ -118,15 +118,15 @@ def alone(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarra
 
 
 def are_exceptions(far: np.ndarray, used: np.ndarray) -> bool:
-    """Whether some of the used rows, (n,) bool each, are few enough to be gross errors: chance may spoil some more."""
+    """Whether far rows are few enough to be gross errors, one standard deviation allowed; (n,) bool each."""
     most = MOST_FAR_ROWS * float(used.sum())
     return bool(far.sum() <= most + np.sqrt(most))
 
 
 def places_of(problem: Problem) -> np.ndarray:
-    """Where the machine stood at each row, how far it came, and what it carried how fast, (n, 2 k + 5).
+    """Tool position, joint values, steps of the joints, load and feed of each row, (n, 2 k + 5).
 
-    Tool position, joint values, steps of joints; load and feed, zero where nobody recorded them.
+    Load and feed are zero where they were not recorded.
     """
     q, p, table = problem.view.q.numpy(), problem.view.p.numpy(), problem.table
     levels = [np.zeros(len(q)) if each is None else np.nan_to_num(each) for each in (table.payload_kg, table.feed_mm_s)]
@@ -134,7 +134,7 @@ def places_of(problem: Problem) -> np.ndarray:
 
 
 def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int) -> np.ndarray:
-    """Far rows that miss a pose as most other visits of it do; broken beams agree by chance alone, and not mostly."""
+    """Far rows that are off like most other visits of their pose, and more often than broken beams agree by chance."""
     pose = same_places(places[:, :3])
     alike, visits = alike_visits(far, left, pose), np.bincount(pose, used)
     share = (far.sum() + gone) / max(used.sum() + gone, 1)
@@ -144,7 +144,7 @@ def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarr
 
 
 def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Far rows of a load or a feed that has more of them than chance would put there: most of its rows, at that."""
+    """Far rows of a load or feed most of whose rows are far, and more than chance would have it."""
     found = np.zeros_like(far)
     for column in places.T[-LEVEL_COLUMNS:]:
         levels = np.unique(column[used])
@@ -159,7 +159,7 @@ def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np
 
 
 def _crowded(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Far rows next to each other in one measure of place and off along one line: more than chance would put there."""
+    """Far rows that are neighbours in a measure of place and off along one line, more often than by chance."""
     crowded, rows = np.zeros_like(far), np.flatnonzero(used)
     expected = far.sum() ** 2 / max(len(rows), 1) * _share_along(left[far & used])
     chance = CROWD_CHANCE / (places.shape[1] - LEVEL_COLUMNS + 1)
@@ -176,13 +176,13 @@ def _crowded(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.nda
 
 
 def _along(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """Whether shifts (..., 3) lie along one line, either way: a place errs along its own, a broken beam to any side."""
+    """Whether two shifts (..., 3) lie along one line, either way, as errors of one place do, unlike broken beams."""
     size = np.linalg.norm(one, axis=-1) * np.linalg.norm(two, axis=-1)
     return np.abs((one * two).sum(axis=-1)) > ALONG_COSINE * size
 
 
 def _share_along(left: np.ndarray) -> float:
-    """Share of the pairs of shifts (m, 3) along one line, wherever they are: all, where trackers err along the beam."""
+    """Share of all pairs of shifts (m, 3) along one line: large where a tracker errs along its beam."""
     own, count = 1.0 - ALONG_COSINE, len(left)
     if count < 2:
         return own
@@ -192,7 +192,7 @@ def _share_along(left: np.ndarray) -> float:
 
 
 def in_one_place(far: np.ndarray, left: np.ndarray, used: np.ndarray, tool: np.ndarray) -> tuple[np.ndarray, float]:
-    """Far rows that have others, passed at another time and off along one line, among their neighbours in space.
+    """Far rows with far neighbours in space that were passed at another time and are off along the same line.
 
     Args:
         far: (n,) bool.
@@ -201,7 +201,7 @@ def in_one_place(far: np.ndarray, left: np.ndarray, used: np.ndarray, tool: np.n
         tool: where each was taken, (n, 3) mm.
 
     Returns:
-        (n,) bool; and the chance that as many of their neighbours are far wherever they lie.
+        (n,) bool; and the p-value of so many pairs if gross errors were spread at random.
     """
     near, rows, here = np.zeros(len(far), dtype=int), np.flatnonzero(used), np.flatnonzero(far & used)
     if len(here) < 2:
@@ -222,11 +222,11 @@ def in_one_place(far: np.ndarray, left: np.ndarray, used: np.ndarray, tool: np.n
 
 
 def has_a_place(gross: np.ndarray, left: np.ndarray, problem: Problem) -> bool:
-    """Whether readings that were set aside lie next to each other in space, off along one line; broken beams do not.
+    """Whether readings set aside are neighbours in space and off along one line, which broken beams are not.
 
     Args:
         gross: (n,) bool.
-        left: how far each is off, (n, 3); NaN where nobody knows.
+        left: how far each is off, (n, 3); NaN where not known.
         problem: n rows.
     """
     known = gross & np.isfinite(left).all(axis=1)

@@ -1,4 +1,4 @@
-"""Poses: which rows are visits of which, and what errors that belong to a pose share."""
+"""Poses: which rows are visits of which pose, and sums for a random error common to the visits of each pose."""
 
 from dataclasses import dataclass, field
 
@@ -16,9 +16,9 @@ class Poses:
     """Which rows of one clock are visits of which pose.
 
     Attributes:
-        order: the rows, pose by pose, (m,) int.
-        first: place of the first visit of each pose in this order.
-        visits: of each pose.
+        order: the rows sorted by pose, (m,) int.
+        first: place of the first visit of each pose in this order, (poses,).
+        visits: number of visits of each pose, (poses,).
     """
 
     order: np.ndarray
@@ -29,24 +29,33 @@ class Poses:
     )
 
     def means(self, rows: np.ndarray) -> np.ndarray:
-        """Root of the visits times the mean of each pose, (.., poses) of rows (.., m)."""
+        """Mean over the visits of each pose, times the root of their number, (.., poses), from rows (.., m)."""
         ordered = np.take(rows, self.order, axis=-1)  # twice as fast as an index behind an ellipsis
         return np.asarray(np.add.reduceat(ordered, self.first, axis=-1) / np.sqrt(self.visits))
 
     def shrunk(self, rows: np.ndarray, size: float) -> np.ndarray:
-        """What rows (.., m) say of the errors of their poses, where these are of a size, (.., m)."""
-        told, times = np.empty_like(rows), size * self.visits
+        """Posterior mean of the pose error at each row, (.., m), from rows (.., m).
+
+        Args:
+            rows: residuals in noise units.
+            size: variance of pose errors over the white variance.
+        """
+        errors, times = np.empty_like(rows), size * self.visits
         each = self.means(rows) / np.sqrt(self.visits) * times / (1.0 + times)
-        told[..., self.order] = np.repeat(each, self.visits, axis=-1)
-        return told
+        errors[..., self.order] = np.repeat(each, self.visits, axis=-1)
+        return errors
 
     def share(self, size: float) -> tuple[np.ndarray, float]:
-        """What errors of a size take off three coordinates' means, (3 poses,); half the log-determinant they cost."""
+        """Shares k v / (1 + k v) of each axis and pose, (3 poses,), and half the log-determinant that pose errors add.
+
+        Args:
+            size: v, variance of pose errors over the white variance; k is the number of visits.
+        """
         times = size * self.visits
         return np.tile(times / (1.0 + times), 3), 1.5 * float(np.log1p(times).sum())
 
     def beside(self, wander: Wander | None, clock: Clock) -> "Poses | PosesBeside":
-        """The same for rows that are white beside a wander."""
+        """The counterpart for rows that were filtered by a wander."""
         if wander is None:
             return self
         weights, visits = list[tuple[slice, np.ndarray]](), np.empty((3, len(self.visits)))
@@ -56,7 +65,7 @@ class Poses:
         return PosesBeside(tuple(weights), visits)
 
     def _beside(self, share: float, constant: float, clock: Clock) -> tuple[np.ndarray, np.ndarray]:
-        """Visits and weights of the combinations along one axis; what was worked out once is kept."""
+        """Eigenvalues and scaled eigenvectors of the filtered visits along one axis; cached."""
         if (share, constant) not in self._ways:
             if len(self._ways) * len(self.visits) * len(self.order) > MOST_WEIGHT_NUMBERS:
                 self._ways.clear()
@@ -71,21 +80,21 @@ class Poses:
 
 @dataclass(frozen=True)
 class PosesBeside:
-    """Combinations of poses whose errors, beside a wander, are told one by one.
+    """Independent combinations of poses beside a wander.
 
-    With Z the visits of the poses and L the filter of the wander, errors of variance v have the covariance
-    v (L Z) (L Z)^T among innovations. Along its eigenvectors it is what the means of poses are among white readings.
+    With Z the incidence matrix of visits and L the filter of the wander, pose errors of variance v have the covariance
+    v (L Z)(L Z)^T among innovations. Along its eigenvectors they are independent, as pose means are among white rows.
 
     Attributes:
-        weights: of the rows in each combination, (poses, m), by the axes that wander alike.
-        visits: that each combination counts for, (3, poses).
+        weights: axes with the same gains, and the weights of the rows in each combination, (poses, m).
+        visits: eigenvalue of each combination, in place of a number of visits, (3, poses).
     """
 
     weights: tuple[tuple[slice, np.ndarray], ...]
     visits: np.ndarray
 
     def means(self, rows: np.ndarray) -> np.ndarray:
-        """What stands for means of poses, (.., 3, poses) of rows (.., 3, m) that are white beside the wander."""
+        """Counterpart of `Poses.means`, (.., 3, poses), from rows filtered by the wander, (.., 3, m)."""
         means = np.empty((*rows.shape[:-1], self.visits.shape[1]))
         for axes, weights in self.weights:
             own = rows[..., axes, :]
@@ -93,13 +102,13 @@ class PosesBeside:
         return means
 
     def share(self, size: float) -> tuple[np.ndarray, float]:
-        """As of `Poses`."""
+        """As `Poses.share`."""
         times = size * self.visits
         return (times / (1.0 + times)).ravel(), 0.5 * float(np.log1p(times).sum())
 
 
 def poses_of(pose: np.ndarray) -> Poses:
-    """Poses of rows (m,) int, equal for visits of one pose."""
+    """Poses from a label of each row, (m,) int, equal for visits of one pose."""
     order = np.argsort(pose, kind="stable")
     first = np.flatnonzero(np.diff(pose[order], prepend=pose[order[:1]] - 1))
     return Poses(order, first, np.diff(np.append(first, len(order))))

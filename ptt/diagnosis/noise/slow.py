@@ -1,4 +1,4 @@
-"""A wander as it is told: what a run shows of it, and how long it lasts."""
+"""A wander as it is reported: how much of it a run shows, and how long it lasts."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,19 @@ SECONDS = "s"
 
 
 def share_within(wander: Wander, span: float) -> float:
-    """Share of a wander's variance about its mean over a span, in the unit of its time constant."""
+    """Expected variance of a wander about its mean over a span, over the white variance.
+
+    Args:
+        wander: the wander.
+        span: length of the run, in the unit of the time constant.
+    """
     times = wander.constant / max(span, 1e-9)
     return wander.share * (1.0 - 2.0 * times * (1.0 + times * float(np.expm1(-1.0 / times))))
 
 
 @dataclass(frozen=True)
 class Slow:
-    """A wander as it is told.
+    """A wander as it is reported.
 
     Attributes:
         wander: the wander.
@@ -31,12 +36,12 @@ class Slow:
 
     @property
     def size(self) -> float:
-        """What the run shows of it, over the noise: of what outlasts the run the frame takes the most."""
+        """Standard deviation that the run shows of it, over the noise: the frame takes the mean of a slow one."""
         return float(np.sqrt(share_within(self.wander, self.span)))
 
     @property
     def lasts(self) -> str:
-        """How long it lasts: what outlasts the run has no length that the run could tell."""
+        """How long it lasts, in words; a run does not tell a time constant longer than itself."""
         if self.wander.constant > self.span:
             return "over longer than the run"
         return f"over about {float(f'{self.wander.constant:.2g}'):g} {self.unit}"

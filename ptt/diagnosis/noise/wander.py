@@ -1,4 +1,4 @@
-"""The tracker's wander: noise with a memory, filtered off columns and readings alike, run by run."""
+"""The tracker's wander: Ornstein-Uhlenbeck noise, filtered off columns and readings by a Kalman filter, run by run."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,8 +17,8 @@ LONGEST_RUNS = 4.0
 SHORTEST_STEPS = 4.0  # shortest time constant in steps between rows: below, a wander is white noise by another name
 LEAST_WANDER_ROWS = 12  # rows from which a wander is looked for
 USUAL_SHARE, SHARE_LOG_STD = 0.5, np.log(4.0)  # median and log standard deviation of the log-normal prior of the share
-Axes = tuple[float, float, float]
-AS_NOISE: Axes = (1.0, 1.0, 1.0)
+Axes = tuple[float, float, float]  # factor on the share along each axis of the noise
+AS_NOISE: Axes = (1.0, 1.0, 1.0)  # a wander that is distributed over the axes as the white noise is
 # Ratio of the variances of a tracker's two axes across its beam, as the range to the readings differs
 BLUNT_RATIO = 4.0
 # Ratio of the noise's axis variances from which a stand's and the air's wander differ: one step of `SHARES`
@@ -28,15 +28,15 @@ FAULT_SHARE = 10.0  # share from which a wander is no tracker's: air and stand w
 
 @dataclass(frozen=True)
 class Wander:
-    """An Ornstein-Uhlenbeck wander under white noise.
+    """An Ornstein-Uhlenbeck process beside white noise.
 
-    Air bends a beam and so moves readings as the noise does, most of all across the beam; a stand that leans moves
-    them along every axis alike.
+    Air bends the beam and so moves readings as the noise does, mostly across the beam; a leaning stand moves them
+    equally along all axes.
 
     Attributes:
-        share: its variance over that of the white noise, the mean of all axes of both.
+        share: its variance over the white variance, both averaged over the axes.
         constant: its time constant, s (rows where there is no clock).
-        axes: by which the share is larger along each axis of the noise.
+        axes: factor on the share along each axis of the noise.
     """
 
     share: float
@@ -45,7 +45,7 @@ class Wander:
 
     @property
     def parts(self) -> tuple[tuple[slice, float], ...]:
-        """Axes of the noise that wander alike, and their share."""
+        """Axes of the noise with the same share, and that share."""
         if len(set(self.axes)) == 1:
             return ((slice(None), self.share * self.axes[0]),)
         return tuple((slice(k, k + 1), self.share * times) for k, times in enumerate(self.axes))
@@ -57,10 +57,10 @@ class Wander:
 
 
 def kinds_of_wander(noise: Noise) -> tuple[Axes, ...]:
-    """By which a wander's share is larger along each axis of the noise: of the air, and of a stand.
+    """Axis factors of the wanders to try: that of the air (as the noise), and that of a stand (equal in mm).
 
-    A tracker is sharp along its beam and blunt across it, both ways. Noise of which one axis alone is loud is what a
-    machine has left of its own way, and that says nothing of a stand.
+    The second only where the noise looks like a tracker's: small along the beam, larger and similar on the two axes
+    across it. If one axis alone is noisy, that is a residual of the machine and says nothing about a stand.
     """
     squares = 1.0 / np.square(noise.whitener).sum(axis=1)
     sharp, blunt, bluntest = np.sort(squares).tolist()
@@ -75,9 +75,10 @@ class Clock:
     """When the rows were read.
 
     Attributes:
-        time: (n,) s, or the row's number.
+        time: (n,) s, or row numbers where there is no clock.
         starts: first row of each run, (n,) bool.
-        registered: the frame was registered as each run began: it is trusted, or told by reflectors fixed to the base.
+        registered: whether the frame was registered at the start of each run: it is trusted, or given by base
+            reflectors.
     """
 
     time: np.ndarray
@@ -88,23 +89,23 @@ class Clock:
 
     @cached_property
     def in_order(self) -> np.ndarray:
-        """The times, earliest first, (n,)."""
+        """The times in ascending order, (n,)."""
         return np.sort(self.time)
 
     @cached_property
     def step(self) -> float:
-        """Median time between rows of a run, zero where there is none."""
+        """Median time between rows of a run; zero where time stands still."""
         steps = np.diff(self.time)[~self.starts[1:]]
         return float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
 
     @cached_property
     def span(self) -> float:
-        """Time from the first row of a run to its last, of all runs together."""
+        """Time from the first row of a run to its last, summed over the runs."""
         return float(self.lasts.sum())
 
     @cached_property
     def constants(self) -> np.ndarray:
-        """Time constants worth trying; none where rows are too few."""
+        """Grid of time constants to try; empty where rows are too few."""
         if len(self.time) < LEAST_WANDER_ROWS or not self.step:
             return np.zeros(0)
         shortest = SHORTEST_STEPS * self.step
@@ -118,17 +119,17 @@ class Clock:
         return np.bincount(run[1:], step, minlength=int(run[-1]) + 1)
 
     def gains(self, share: float, constant: float) -> Gains:
-        """How a filter of a wander along one axis weighs the rows; what was worked out once is kept."""
+        """Kalman gains of a wander along one axis; cached."""
         if (share, constant) not in self._gains:
             self._gains[share, constant] = gains_of(share, self.decays(constant), self.begun(constant))
         return self._gains[share, constant]
 
     def begun(self, constant: float) -> np.ndarray:
-        """Share of its variance that a wander has at the first row of each run, (n,); one at the others.
+        """Initial variance of a wander at the first row of each run, over its stationary one, (n,); one at other rows.
 
-        Where a frame was registered as the run began, the stand has until then come no further than it does from the
-        first row to the last: a wander that outlasts the run would else shift such a frame for nothing, which is what
-        zeros and towers do. A frame that is fitted takes that level itself.
+        A frame registered at the start of the run is then off by no more than the wander moves from the first row to
+        the last. With the stationary variance, a wander slower than the run could shift such a frame at no cost, as
+        joint zeros and tower positions do. A fitted frame takes that level itself.
         """
         whole = np.ones(len(self.time))
         if not self.registered:
@@ -137,29 +138,29 @@ class Clock:
         return np.where(self.starts, -np.expm1(-2.0 * self.lasts / constant)[run], whole)
 
     def about_means(self, left: np.ndarray) -> np.ndarray:
-        """Rows (n, ..) less their mean in each run."""
+        """Values of rows (n, ..) less their mean over each run."""
         first = np.flatnonzero(self.starts)
         count = np.diff(np.append(first, len(left)))
         return np.asarray(left - np.repeat((np.add.reduceat(left, first).T / count).T, count, axis=0))
 
     def decays(self, constant: float) -> np.ndarray:
-        """Share of a wander that each row keeps of the row before it, (n,); none where a run starts."""
+        """exp(-dt / constant) from each row's predecessor, (n,); zero where a run starts."""
         if constant not in self._decays:
             step = np.diff(self.time, prepend=self.time[:1])
             self._decays[constant] = kept_shares(step, self.starts, constant)
         return self._decays[constant]
 
     def is_fault(self, wander: Wander | None) -> bool:
-        """Whether a wander is more than a tracker does by itself."""
+        """Whether a wander is slow and larger than a tracker's own."""
         return wander is not None and wander.share > FAULT_SHARE and self.is_slow(wander)
 
     def is_slow(self, wander: Wander) -> bool:
-        """Whether a wander lasts so many rows that it is more than white noise by another name."""
+        """Whether the time constant spans so many rows that the wander is not white noise by another name."""
         return wander.constant > SHORTEST_STEPS * self.step
 
 
 def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
-    """What each row says beyond what the wander of those before it predicted (a Kalman filter, which is linear).
+    """Scaled innovations of rows under a wander, by a Kalman filter.
 
     Args:
         values: (n, 3, ...) in noise units.
@@ -167,7 +168,7 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
         clock: of the rows.
 
     Returns:
-        The same shape, white under the wander; and half the log-determinant of the noise's covariance.
+        Innovations over their standard deviations, in the same shape; and half the log-determinant of the covariance.
     """
     if wander is None:
         return values, 0.0
@@ -183,7 +184,7 @@ def innovations(values: np.ndarray, wander: Wander | None, clock: Clock) -> tupl
 
 
 def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.ndarray, float]:
-    """The same where the rows come last: some rows at a time are one product of matrices.
+    """As `innovations` with the rows as the last axis, which allows products of matrices.
 
     Args:
         rows: (.., 3, n) in noise units.
@@ -191,7 +192,7 @@ def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.
         clock: of the rows.
 
     Returns:
-        The same shape, white under the wander; and half the log-determinant of the noise's covariance.
+        Innovations over their standard deviations, in the same shape; and half the log-determinant of the covariance.
     """
     if wander is None:
         return rows, 0.0
@@ -205,16 +206,16 @@ def filtered(rows: np.ndarray, wander: Wander | None, clock: Clock) -> tuple[np.
 
 
 def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np.ndarray:
-    """How likely each wander makes what is left, its white variance at the best, up to a constant, (w,) nats.
+    """Log likelihood plus log prior of each wander given a residual, the white variance profiled out, (w,) nats.
 
     Args:
-        left: (n, 3) in noise units.
+        left: residual, (n, 3) in noise units.
         wanders: to be compared.
         clock: of the rows.
     """
     shares = [[share for axes, share in wander.parts for _ in range(3)[axes]] for wander in wanders]
     gains = [clock.gains(share, one.constant) for one, own in zip(wanders, shares, strict=True) for share in own]
-    # The axes behind each other for every wander: nothing is predicted from one to the next.
+    # The axes of all wanders are concatenated to one series; zero gains in between decouple them.
     keep, take = np.zeros((2, len(gains), len(left)))
     for index, each in enumerate(gains):
         keep[index, :-1], take[index, :-1] = each.keep, each.take

@@ -12,7 +12,7 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.instead import drawn_instead
-from ptt.diagnosis.search.moves import LEAST_NATS, loose
+from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import PLAIN_NATS
 
 EVEN_ODDS = float(np.log(2.0))  # nats against one more size of the drawing, once one is off: even odds
@@ -36,9 +36,9 @@ def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     """
     atoms, tried = scorer.system.atoms, set[tuple[object, ...]]()
     kinds = [(is_field, True), (is_field, False), (holds_sizes, True), (is_block, False)]
-    kinds += [(partial(_is, key), True) for key in loose(scorer, state) if _may_be_sizes(atoms[key])]
+    kinds += [(partial(_is, key), True) for key in droppable(scorer, state) if _may_be_sizes(atoms[key])]
     for kind, poses in kinds:
-        gone = [key for key in loose(scorer, state) if kind(atoms[key])]
+        gone = [key for key in droppable(scorer, state) if kind(atoms[key])]
         go = scorer.system.errs_by_pose(state.memory) and not poses
         memory = replace(state.memory, pose=0.0) if go else state.memory
         asked = (state.keys, state.memory, memory, *gone)
@@ -117,12 +117,12 @@ def _is(key: str, atom: Atom) -> bool:
 
 def _sizes(scorer: Scorer, state: State) -> set[str]:
     """Names of the sizes of the drawing that are off."""
-    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    atoms = [scorer.system.atoms[key] for key in droppable(scorer, state)]
     return {atom.name for atom in atoms if is_drawn(atom)}
 
 
 def _once_one_is_off(scorer: Scorer, state: State) -> float:
     """Total of a set where each size of the drawing beyond the first costs no name."""
-    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    atoms = [scorer.system.atoms[key] for key in droppable(scorer, state)]
     odds = sorted((atom.odds for atom in atoms if is_drawn(atom)), reverse=True)
     return state.total + sum(each - EVEN_ODDS for each in odds[1:])

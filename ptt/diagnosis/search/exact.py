@@ -15,7 +15,7 @@ from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.found import Found, is_better, moved
 from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
 from ptt.diagnosis.search.instead import is_plain, refilled
-from ptt.diagnosis.search.moves import SEEN_NATS, TRIED, added, loose
+from ptt.diagnosis.search.moves import SEEN_NATS, TRIED, added, droppable
 from ptt.diagnosis.search.plainest import plainest
 from ptt.effects import Effect
 from ptt.fitting.gauss_newton import HOPELESS
@@ -46,7 +46,7 @@ def without_needless(found: Found, problem: Problem) -> Model:
         return whole.model
     lenders = {name for term in terms for parameter in term.effect.parameters for name in parameter.lent}
     # What a curve beside it would take over stays as well.
-    held = [key for key in loose(scorer, state) if key in whole.model.keys and key not in lenders]
+    held = [key for key in droppable(scorer, state) if key in whole.model.keys and key not in lenders]
     while held and len(whole.model.terms) > 1:
         fits = {key: _spared(found, whole, problem, key) for key in sorted(held, key=state.worth)}
         less = {key: fewer for key, fewer in fits.items() if fewer is not None}
@@ -122,7 +122,7 @@ def _bent(scorer: Scorer, state: State) -> list[State]:
     Along the tangent of play that its rows have not taken up yet, wind-up says more.
     """
     atoms = scorer.system.atoms
-    gradual = [key for key in loose(scorer, state) if _is_gradual(atoms[key].effect)]
+    gradual = [key for key in droppable(scorer, state) if _is_gradual(atoms[key].effect)]
     if not gradual or any(_is_play(atoms[key].effect) for key in state.keys):
         return []
     rest = scorer.score(without(state, *gradual), state.memory, state.variances)
@@ -137,7 +137,7 @@ def _plainer(scorer: Scorer, state: State) -> list[State]:
     knows: which of them is said would hang on which of them came first.
     """
     atoms, ways = scorer.system.atoms, list[State]()
-    for key in loose(scorer, state):
+    for key in droppable(scorer, state):
         own = atoms[key]
         if own.effect is None or is_sudden(own) or np.abs(state.posterior.values[state.of(key)]).max() < LARGE_SIZES:
             continue

@@ -17,9 +17,9 @@ from ptt.diagnosis.search.follow import follow
 from ptt.diagnosis.search.found import Found, carried_by, moved, says_more
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.laws import by_laws, with_atoms
-from ptt.diagnosis.search.moves import loose
+from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.names import names_alone
-from ptt.diagnosis.search.plainest import PLAIN_NATS, is_told, plainest
+from ptt.diagnosis.search.plainest import PLAIN_NATS, is_in_model, plainest
 from ptt.diagnosis.search.rest import QUIET_EXCESS, stated_of
 from ptt.diagnosis.search.turn import (
     Turn,
@@ -137,7 +137,7 @@ def _masked(asked: Asked, rows: np.ndarray) -> Asked:
 def _more_than_nothing(found: Found, problem: Problem) -> Found:
     """What is likeliest, where nothing is said for being plain alone though the error is beyond what is stated."""
     scorer, state = found.scorer, found.state
-    if loose(scorer, state) or problem.noise is None:
+    if droppable(scorer, state) or problem.noise is None:
         return found
     left = found.system.in_mm(found.system.residual(state.columns, state.posterior.values))
     if np.sqrt(np.square(left).sum(axis=1).mean()) <= QUIET_EXCESS * stated_of(problem.noise, problem.rounding[1])[1]:
@@ -150,13 +150,13 @@ def _lawful(asked: Asked, found: Found, problem: Problem) -> Found:
     """The same with laws of one variable where readings prefer them; what they let in is linearised at."""
     scorer, state = by_laws(found.scorer, found.state)
     lawful = replace(found, scorer=scorer, state=state)
-    if is_told(scorer, state):
+    if is_in_model(scorer, state):
         return lawful
     return max(_told(asked, lawful, problem), found, key=_told_total)
 
 
 def _told_total(found: Found) -> float:
-    return found.state.total if is_told(found.scorer, found.state) else -np.inf
+    return found.state.total if is_in_model(found.scorer, found.state) else -np.inf
 
 
 def _told(asked: Asked, found: Found, problem: Problem) -> Found:
@@ -169,7 +169,7 @@ def _told(asked: Asked, found: Found, problem: Problem) -> Found:
     scorer = with_atoms(scorer, [block for block in blocks if block.key not in scorer.system.atoms])
     keys = [*(key for key in current.keys if key in scorer.system.atoms), *(block.key for block in blocks)]
     improve(scorer, scorer.score(keys, found.state.memory))  # what comes near has a say in probabilities
-    state = max((each for each in scorer.scored.values() if is_told(scorer, each)), key=lambda each: each.total)
+    state = max((each for each in scorer.scored.values() if is_in_model(scorer, each)), key=lambda each: each.total)
     return replace(
         found, fitted=fitted, scorer=scorer, state=scorer.score(state.keys, state.memory),
         carried=carried, untestable=untestable,

@@ -14,7 +14,7 @@ from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.gross import gross_errors, places_of
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.improve import climb
-from ptt.diagnosis.search.moves import loose, remember_instead
+from ptt.diagnosis.search.moves import droppable, remember_instead
 from ptt.diagnosis.search.rest import NOISE_EXCESS
 from ptt.diagnosis.search.search import best_of, ends_of, remembering
 from ptt.diagnosis.search.shapes import with_moments
@@ -104,7 +104,7 @@ def beside_names(scorer: Scorer, state: State, problem: Problem) -> State:
     if not names_suffice(scorer, best, problem):
         return best
     # Names came before memories of the noise: each that is not worth all too much may stand in one's place.
-    weak = [key for key in loose(scorer, best) if best.worth(key) < FAR_BEHIND]
+    weak = [key for key in droppable(scorer, best) if best.worth(key) < FAR_BEHIND]
     others = [climb(scorer, remember_instead(scorer, best, key)) for key in weak]
     return best_of(scorer, [best, *remembering(scorer, best.total), *(end for end in others if end.total > best.total)])
 
@@ -130,7 +130,7 @@ def dated(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[S
     """The same with moments to the row, and the lasting effects of a set; None where it has nothing to be dated."""
     if not _searches_moments(scorer, state):
         return scorer, None
-    scorer = with_moments(scorer, best_moments(scorer, state, loose(scorer, state), candidates))
+    scorer = with_moments(scorer, best_moments(scorer, state, droppable(scorer, state), candidates))
     atoms = scorer.system.atoms
     return scorer, [key for key in state.keys if is_effect(atoms[key]) and not is_sudden(atoms[key])]
 

@@ -22,7 +22,7 @@ from ptt.diagnosis.search.found import Found, carried_by, is_better, moved, sett
 from ptt.diagnosis.search.harmonics import with_harmonics
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.instead import refilled
-from ptt.diagnosis.search.moves import loose
+from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.periods import period_left
 from ptt.diagnosis.search.plainest import plainest
 from ptt.diagnosis.search.shapes import best_meanings, with_moments, with_other_meanings
@@ -161,7 +161,7 @@ def _without_needless(following: Turn, found: Found, problem: Problem, *, steady
 def _moved_on(model: Model, following: Turn, found: Found, problem: Problem, candidates: Sequence[Effect]) -> Turn:
     """The following turn at what was found, from the model as given."""
     scorer, state, blocks = found.scorer, found.state, _blocks(found)
-    moments = best_moments(scorer, state, loose(scorer, state), candidates)
+    moments = best_moments(scorer, state, droppable(scorer, state), candidates)
     carried = carried_by(state, found.system, problem)
     current = moved(found, model, problem)
     return replace(
@@ -179,7 +179,7 @@ def _blocks(found: Found) -> tuple[str, ...]:
 
 def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
     """The same, searched on with moments to the row."""
-    moments = best_moments(found.scorer, found.state, loose(found.scorer, found.state), candidates)
+    moments = best_moments(found.scorer, found.state, droppable(found.scorer, found.state), candidates)
     scorer = with_moments(found.scorer, moments)
     state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
     return replace(found, scorer=scorer, state=state)

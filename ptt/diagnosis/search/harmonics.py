@@ -12,7 +12,7 @@ from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.improve import HOPEFUL_NATS, SLOW_BELOW, climb, improve
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS
-from ptt.diagnosis.search.moves import loose
+from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.periods import SPECTRUM_ROWS
 from ptt.diagnosis.search.plainest import PLAIN_NATS, plainest
 from ptt.diagnosis.search.shapes import shape_key
@@ -146,7 +146,7 @@ def plainly(scorer: Scorer, state: State) -> State:
     Returns:
         What else it says, as itself where it has none.
     """
-    bends = [key for key in loose(scorer, state) if len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS]
+    bends = [key for key in droppable(scorer, state) if len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS]
     return scorer.score(without(state, *bends), WHITE, state.variances) if bends else state
 
 

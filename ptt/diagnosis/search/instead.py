@@ -7,7 +7,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
-from ptt.diagnosis.search.moves import LEAST_NATS, SCREEN_ERROR, SEEN_NATS, TRIED, added, loose, worth_a_try
+from ptt.diagnosis.search.moves import LEAST_NATS, SCREEN_ERROR, SEEN_NATS, TRIED, added, droppable, worth_a_try
 
 PLAIN_COLUMNS = 12  # columns up to which an effect is a plain one rather than a curve: four values a leg
 
@@ -23,10 +23,10 @@ def refilled(scorer: Scorer, best: State) -> State:
         The best set found.
     """
     best = _named_instead(scorer, best)
-    if smooth := [key for key in loose(scorer, best) if _goes_by_place(scorer.system.atoms[key])]:
+    if smooth := [key for key in droppable(scorer, best) if _goes_by_place(scorer.system.atoms[key])]:
         drawn = drawn_instead(scorer, best, smooth, best.memory)
         best = improve(scorer, drawn) if drawn.total > best.total + LEAST_NATS else best
-    for key in loose(scorer, best):
+    for key in droppable(scorer, best):
         for other in (_instead_of, _beside):
             if key in best.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
                 best = other(scorer, best, key)
@@ -40,12 +40,12 @@ def _named_instead(scorer: Scorer, best: State) -> State:
 
     A curve with what is a tower's in it is far too wide; the screen holds it so, and the unknown has both their parts.
     """
-    blocks = [key for key in loose(scorer, best) if scorer.system.atoms[key].block is not None]
+    blocks = [key for key in droppable(scorer, best) if scorer.system.atoms[key].block is not None]
     if not blocks:
         return best
     fewer = scorer.score(without(best, *blocks), best.memory, best.variances)
     named = improve(scorer, fewer, is_effect, swaps=False)
-    for key in loose(scorer, named):
+    for key in droppable(scorer, named):
         if key in named.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
             named = _beside(scorer, named, key)
     return named if named.total > best.total + LEAST_NATS else best
@@ -163,7 +163,7 @@ def _asked_of_tracker(scorer: Scorer, best: State) -> State:
     A machine that is corrected for what the tracker did is worse off than before, and so is one that is not for what
     it did itself. Either may have done two things at once, which no swap one for one finds.
     """
-    for key in loose(scorer, best):
+    for key in droppable(scorer, best):
         atom = scorer.system.atoms[key]
         if key in best.keys and atom.effect is not None:
             fewer = scorer.score(without(best, key), best.memory, best.variances)

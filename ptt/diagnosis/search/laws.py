@@ -22,7 +22,7 @@ from ptt.diagnosis.evidence.system import whitened
 from ptt.diagnosis.evidence.witness import drifts
 from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS
-from ptt.diagnosis.search.moves import LEAST_NATS, loose
+from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import plainest
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS, Jump, heights_of, passed_again, spells_of
@@ -50,7 +50,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     Returns:
         A scorer that knows the laws where any were tried, and the better set, as given where there is none.
     """
-    atoms, free = scorer.system.atoms, loose(scorer, state)
+    atoms, free = scorer.system.atoms, droppable(scorer, state)
     blocks = tuple(key for key in free if is_block(atoms[key]))
     sudden = tuple(key for key in free if is_sudden(atoms[key]))
     curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > PLAIN_COLUMNS)
@@ -65,7 +65,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     for gone in (*combinations(sudden, 2), *combinations(sudden, 3)):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone, is_spell)
-    happened = tuple(key for key in loose(wider, best) if _is_timed(wider.system.atoms[key]))
+    happened = tuple(key for key in droppable(wider, best) if _is_timed(wider.system.atoms[key]))
     return wider, _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > MOST_EVENTS else best
 
 
@@ -88,7 +88,7 @@ def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tupl
 
 def _moments(scorer: Scorer, state: State) -> list[float]:
     """By the clock, when something seems to have happened, in order."""
-    moments = (scorer.system.atoms[key].moment for key in loose(scorer, state))
+    moments = (scorer.system.atoms[key].moment for key in droppable(scorer, state))
     return sorted({moment for moment in moments if moment is not None})
 
 

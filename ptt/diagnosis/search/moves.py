@@ -24,7 +24,7 @@ FAR_BELOW = 8.0 * TEMPER
 MEMORY_FIRST = 60.0  # nats gained by another memory of the noise from which swaps wait: no swap gains nearly as much
 
 
-def loose(scorer: Scorer, state: State) -> tuple[str, ...]:
+def droppable(scorer: Scorer, state: State) -> tuple[str, ...]:
     """The keys of a state that may be dropped: all but those of the model as given."""
     return without(state, *scorer.given)
 
@@ -47,7 +47,7 @@ def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
     # From a set that cannot be, and stays so whatever comes, any may go.
     most = max((other.total for other in moves), default=-np.inf)
-    odds = {key: scorer.system.atoms[key].odds + SCREEN_ERROR for key in loose(scorer, state)}
+    odds = {key: scorer.system.atoms[key].odds + SCREEN_ERROR for key in droppable(scorer, state)}
     may_go = [key for key in odds if state.total + odds[key] >= most]
     if np.isfinite(state.total):
         may_go = [key for key in may_go if state.worth(key) < odds[key]]
@@ -137,7 +137,7 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
         moves.append(scorer.score(state.keys, memory, state.variances))
         if moves[0].total > state.total + MEMORY_FIRST:
             return moves
-    may_go = loose(scorer, state)
+    may_go = droppable(scorer, state)
     less = list[tuple[State, set[str] | None]]()
     for key, others in scorer.replacements(state, may_go, allowed, SCREEN_ERROR).items():
         if others:

@@ -5,7 +5,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import drifts
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS
-from ptt.diagnosis.search.moves import SEEN_NATS, loose
+from ptt.diagnosis.search.moves import SEEN_NATS, droppable
 
 PLAIN_NATS = 5.0  # nats that a further unknown or name has to gain: less is no reason to accuse a machine
 FEW_SIZES = 2  # sizes of the drawing that count as parts: where more are off, all may be
@@ -31,7 +31,7 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
     """
 
     def plain(state: State) -> tuple[float, int, int, float]:
-        least = -state.total - SEEN_NATS * is_told(scorer, state)
+        least = -state.total - SEEN_NATS * is_in_model(scorer, state)
         return _parts(scorer, state), _bends(scorer, state), _timed(scorer, state), least
 
     near = [
@@ -58,7 +58,7 @@ def _drifts_instead(scorer: Scorer, state: State, first: State) -> bool:
     return set(first.keys) < set(state.keys) and all(effect is not None and drifts(effect) for effect in more)
 
 
-def is_told(scorer: Scorer, state: State) -> bool:
+def is_in_model(scorer: Scorer, state: State) -> bool:
     """Whether the model has every effect of a set: only such have values, words and commands."""
     return all(scorer.system.atoms[key].shape is None for key in state.keys)
 
@@ -70,7 +70,7 @@ def _parts(scorer: Scorer, state: State) -> float:
     two sizes of the drawing are off further ones are hardly news.
     """
     odd = scorer.system.errs_by_pose(state.memory) or scorer.system.clock.is_fault(state.memory.wander)
-    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    atoms = [scorer.system.atoms[key] for key in droppable(scorer, state)]
     unknowns, untested = sum(atom.block is not None for atom in atoms), sum(not atom.tested for atom in atoms)
     parts = float(sum(1 if atom.effect is None else causes(atom.effect) for atom in atoms))
     more = max(sum(causes(atom.effect) for atom in atoms if atom.effect is not None and is_drawn(atom)) - FEW_SIZES, 0)
@@ -80,7 +80,7 @@ def _parts(scorer: Scorer, state: State) -> float:
 
 def _bends(scorer: Scorer, state: State) -> int:
     """Curves and unknowns of a set."""
-    unknowns = sum(scorer.system.atoms[key].block is not None for key in loose(scorer, state))
+    unknowns = sum(scorer.system.atoms[key].block is not None for key in droppable(scorer, state))
     return _curves(scorer, state) + unknowns
 
 
@@ -92,5 +92,5 @@ def _timed(scorer: Scorer, state: State) -> int:
 
 def _curves(scorer: Scorer, state: State) -> int:
     """Effects of a set that are curves of many values."""
-    atoms = [scorer.system.atoms[key] for key in loose(scorer, state)]
+    atoms = [scorer.system.atoms[key] for key in droppable(scorer, state)]
     return sum(atom.effect is not None and len(atom.columns) > PLAIN_COLUMNS for atom in atoms)

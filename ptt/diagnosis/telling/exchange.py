@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ptt.diagnosis.evidence.at_tool import off_set_up
+from ptt.diagnosis.evidence.at_tool import without_rigid_motion
 from ptt.diagnosis.evidence.probability import TEMPER
 from ptt.diagnosis.search.fits import fits_exchanged
 from ptt.diagnosis.search.found import Found
@@ -69,7 +69,7 @@ def exchanged_doubt(found: Found, others: Sequence[Exchange], problem: Problem) 
         return 0.0
     told, square = _tool_after(found.fitted.model.terms, problem), 0.0
     for odds, terms in others:
-        apart = off_set_up(_tool_after(terms, problem) - told, problem)
+        apart = without_rigid_motion(_tool_after(terms, problem) - told, problem)
         square += odds / (1.0 + odds) * float(np.square(apart).sum(axis=1).mean())
     return float(np.sqrt(square))
 

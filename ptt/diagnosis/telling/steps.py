@@ -13,7 +13,7 @@ from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.laws import is_broad
-from ptt.diagnosis.search.moves import added, loose
+from ptt.diagnosis.search.moves import added, droppable
 from ptt.diagnosis.search.plainest import PLAIN_NATS
 from ptt.diagnosis.telling.doubt import tool_doubt
 
@@ -81,7 +81,7 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     Returns:
         What it names; of a set that does not predict what it claims to only what is most of the truth by itself.
     """
-    atoms, every = scorer.system.atoms, loose(scorer, state)
+    atoms, every = scorer.system.atoms, droppable(scorer, state)
     odd = holds_unknown(scorer.system, state.keys, state.memory)
     worth = {key: state.total - _less(scorer, state, key).total for key in every if atoms[key].effect}
     clear = [key for key, nats in worth.items() if nats > (BESIDE_NATS if odd else 0.0)]

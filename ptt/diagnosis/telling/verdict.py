@@ -16,7 +16,7 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.noise.slow import SECONDS, Slow
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
-from ptt.diagnosis.search.moves import loose
+from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.rest import Objections, Rest, too_much_for_nothing
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
@@ -110,7 +110,7 @@ def conclude(
 def _perhaps(found: Found, suggested: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
     """Names that the likeliest set has beside its unknowns, and that are not sure enough to be said."""
     atoms, said = found.system.atoms, {name for step in suggested for name in step}
-    names = (atoms[key].name for key in loose(found.scorer, found.state) if atoms[key].effect is not None)
+    names = (atoms[key].name for key in droppable(found.scorer, found.state) if atoms[key].effect is not None)
     return tuple(dict.fromkeys(name for name in names if name not in said))
 
 

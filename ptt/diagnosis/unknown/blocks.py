@@ -1,4 +1,4 @@
-"""Blocks of unknown physics by construction: what varies, times smooth, times where it acts."""
+"""Blocks of unknown physics: a smooth function of something that varies, acting at one place, with one variance."""
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -27,14 +27,14 @@ class Block:
     """One kind of unknown physics.
 
     Attributes:
-        name: says it all: 'slider 2 on b2'.
+        name: where it acts and what it depends on, as in 'slider 2 on b2'.
         place: where it acts.
         on: the variables it depends on, the leading one first.
-        shapes: (n, s) of about unit size.
-        period: of a wave along the travel of a joint or over time, in its unit, as the name has it; None of any other.
-        is_law: whether it is a law of one variable.
-        jumps: of a law that jumps, the values of its variable at which it does.
-        gradual: whether it is what turns over gradually after each reversal.
+        shapes: basis functions of these at each row, (n, s), of about unit size.
+        period: of a wave along a joint's travel or over time, in its unit, as the name has it; None for others.
+        is_law: whether it is a law of one variable (`ptt.diagnosis.search.laws`).
+        jumps: of a law with jumps, the values of its variable at which it jumps.
+        gradual: whether it changes gradually after each reversal.
     """
 
     name: str
@@ -48,38 +48,38 @@ class Block:
 
     @property
     def key(self) -> str:
-        """Its own among all blocks: laws that jump elsewhere have one name."""
+        """Unique among all blocks: laws that jump at different values share a name."""
         return f"{self.name}#{' '.join(map(repr, self.jumps))}" if self.jumps else self.name
 
     @property
     def features(self) -> np.ndarray:
-        """(n, 3, m) mm, one learned variance for all of them."""
+        """Shifts of the readings by each of its m features, (n, 3, m) mm; they share one learned variance."""
         return self.place.times(self.shapes)
 
     @property
     def is_curve(self) -> bool:
-        """Whether it is a free curve over the travel of the joint that it belongs to."""
+        """Whether it is a free curve over the travel of its own joint."""
         own = None if self.place.joint is None else str(self.place.joint + 1)
         return self.period is None and len(self.on) == 1 and self.on[0][1:] == own
 
     @property
     def varies_curve(self) -> bool:
-        """Whether it is a curve over the travel of the joint that it belongs to which changes with something else."""
+        """Whether it is a curve over the travel of its own joint that changes with another variable."""
         own = None if self.place.joint is None else str(self.place.joint + 1)
         return len(self.on) > 1 and not self.reverses and any(each[1:] == own for each in self.on)
 
     def is_like(self, other: "Block") -> bool:
-        """Whether another acts where this one does and follows the same variable first."""
+        """Whether another block acts at the same place and has the same leading variable."""
         return self.place.residual == other.place.residual and self.on[0] == other.on[0]
 
     @property
     def is_spell(self) -> bool:
-        """Whether it is a law of what came at one moment and went at another."""
+        """Whether it is a law of something that began at one moment and ended at another."""
         return bool(self.jumps) and self.on == ("time",)
 
     @property
     def reverses(self) -> bool:
-        """Whether it changes sides with the way a joint came, as play does."""
+        """Whether it depends on the direction of arrival, as play does."""
         return self.on[0].rstrip("0123456789") == "direction"
 
     @property
@@ -90,7 +90,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Recipe:
-    """A block whose shapes are still to be made; all else as `Block` has it."""
+    """A block whose shapes are made only if it is wanted; attributes as of `Block`."""
 
     name: str
     place: Place
@@ -100,7 +100,7 @@ class Recipe:
     gradual: bool = False
 
 
-Period = tuple[int | None, float]  # joint, and length in its unit; of a cycle of the tool over time None, and s
+Period = tuple[int | None, float]  # joint and length in its unit; None and seconds for a cycle over time
 
 
 def unknown_blocks(
@@ -110,14 +110,14 @@ def unknown_blocks(
     span: Span | None = None,
     names: Collection[str] | None = None,
 ) -> list[Block]:
-    """Everything that the library may lack, as far as the run can show it.
+    """All blocks that the run can show.
 
     Args:
         problem: n rows.
-        chain: of the present model, for how joints and rails move the reading.
-        periods: that were seen in what was left.
-        span: of the run that the rows are a part of, by their numbers; None where they are all of it.
-        names: of the blocks that are wanted; None for all.
+        chain: linearisation of the present model, for how joints and rails move the reading.
+        periods: waves that spectra of residuals showed.
+        span: of the run that the rows are a part of; None where they are all of it.
+        names: names of the wanted blocks; None for all.
 
     Returns:
         The blocks.
@@ -143,7 +143,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
     for place in moving:
         assert place.joint is not None
         own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])
-        if place.kind == "link":  # it grows, or gives way
+        if place.kind == "link":  # it grows with temperature, or yields under load
             for context in span.contexts:
                 if context.fields:
                     yield _named(place, (context.name,), partial(_shapes, context))
@@ -174,20 +174,20 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
 
 
 def _of_rail(problem: Problem, place: Place, own: str, low: np.ndarray, span: Span) -> Iterator[Recipe]:
-    """What pushes a carriage aside besides the curve of its rail."""
+    """What moves a carriage across its rail besides the rail's own curve."""
     assert place.joint is not None
-    if span.two_sided[place.joint]:  # it tips over as its drive pulls it the other way
+    if span.two_sided[place.joint]:  # it tips as the drive pulls it the other way
         yield from _reversal(problem, place, own, low, ())
     if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
         yield _waves(place, own, problem.view.q.numpy()[:, place.joint], problem.view.lead)
     for context in span.contexts:  # and it gives way under load, or to the sun
-        changes = context.shapes - context.mean  # what it does throughout, towers and guides do
+        changes = context.shapes - context.mean  # the mean over the run belongs to towers and guides
         for way in one_way_each(place) if context.fields else ():
             yield _named(way, (context.name, own), partial(product, changes, low))
 
 
 def _of_context(tool: Place, context: Context, p: np.ndarray) -> Iterator[Recipe]:
-    """What a context does at the tool: the same everywhere, or more here than there."""
+    """Effects of a context at the tool: the same everywhere, or modulated over the workspace."""
     if not context.joints:
         yield _named(tool, (context.name,), partial(_shapes, context))
     elif context.name != "time":
@@ -205,7 +205,7 @@ def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray], ho
 
 
 def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) -> Iterator[Recipe]:
-    """Cosine and sine of each period along its joint, or over time."""
+    """Two harmonics of each period along its joint, or over time."""
     for joint, length in periods:
         place = next(place for place in places if place.joint == joint)
         if joint is None:
@@ -223,7 +223,7 @@ def _waves(place: Place, on: str, raw: np.ndarray, length: float) -> Recipe:
 def _reversal(
     problem: Problem, place: Place, own: str, low: np.ndarray, contexts: Sequence[Context]
 ) -> Iterator[Recipe]:
-    """The way a joint came, in a measure that varies with its place or with a context."""
+    """Direction of arrival of a joint, modulated by its position or by a context."""
     assert place.joint is not None
     side = problem.view.direction.numpy()[:, place.joint : place.joint + 1]
     name = f"direction{place.joint + 1}"
@@ -233,9 +233,10 @@ def _reversal(
 
 
 def _of_set_up(problem: Problem, span: Span) -> Iterator[Recipe]:
-    """Tracker and machine move against each other: with the hours, whose shift is the tracker's wander; by a column.
+    """Tracker and machine move against each other as rigid bodies, with time or with a context.
 
-    A load does not move them as one: how it tilts what it stands on goes with where it is.
+    Over time only scale and rotation, since the shift is the tracker's wander. Not with payload: how a load tilts what
+    the machine stands on depends on where the load is.
     """
     p = problem.view.p
     rigid = rigid_columns(p, length=span.radius).numpy()
@@ -247,7 +248,7 @@ def _of_set_up(problem: Problem, span: Span) -> Iterator[Recipe]:
 
 
 def _turned(problem: Problem, span: Span) -> Callable[[int], np.ndarray]:
-    """How far each joint has turned over since its reversals, and what a run began with, worked out when asked for."""
+    """A function: joint -> how far it has turned over since its reversals and what a run began with; made lazily."""
 
     @cache
     def every() -> np.ndarray:
@@ -257,14 +258,14 @@ def _turned(problem: Problem, span: Span) -> Callable[[int], np.ndarray]:
     return lambda joint: every()[:, joint]
 
 
-def _own_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
-    """A curve with its level and slope: without them offsets and leads would be named beside it."""
-    shapes = np.column_stack([np.ones(len(scaled)), scaled, cosines(scaled, OWN_COSINES)])
+def _own_travel(place: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
+    """A curve with level and slope, without which offsets and leads would be named beside it."""
+    shapes = np.column_stack([np.ones(len(place)), place, cosines(place, OWN_COSINES)])
     return np.column_stack([shapes, harmonics(raw)]) if turns else shapes
 
 
-def _others_travel(scaled: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
-    return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else modulation(scaled)
+def _others_travel(place: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
+    return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else modulation(place)
 
 
 def _shapes(context: Context) -> np.ndarray:
@@ -272,18 +273,18 @@ def _shapes(context: Context) -> np.ndarray:
 
 
 def _with_level(context: Context) -> np.ndarray:
-    """Shapes of a context; what changes with time has a mean over the run, which is nothing by itself."""
+    """Shapes of a context; of time with a level, as the mean over the run is part of what changes."""
     return np.column_stack([np.ones(len(context.shapes)), context.shapes]) if context.name == "time" else context.shapes
 
 
-def _field(scaled: np.ndarray, degree: int, first: int = 0) -> np.ndarray:
+def _field(place: np.ndarray, degree: int, first: int = 0) -> np.ndarray:
     """Products of Legendre polynomials of the coordinates up to a total degree."""
-    each = [legendre(column, degree) for column in scaled.T]
+    each = [legendre(column, degree) for column in place.T]
     powers = [power for power in np.ndindex(*(degree + 1,) * 3) if first <= sum(power) <= degree]
     return np.column_stack(
         [FIELD_DECAY ** max(sum(m) - 1, 0) * each[0][:, m[0]] * each[1][:, m[1]] * each[2][:, m[2]] for m in powers]
     )
 
 
-def _modulated_field(shapes: np.ndarray, scaled: np.ndarray, degree: int) -> np.ndarray:
-    return product(shapes, _field(scaled, degree))
+def _modulated_field(shapes: np.ndarray, place: np.ndarray, degree: int) -> np.ndarray:
+    return product(shapes, _field(place, degree))

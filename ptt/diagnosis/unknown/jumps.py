@@ -1,4 +1,4 @@
-"""Jumps: where a law of one variable may change at once."""
+"""Values at which a law of one variable may jump."""
 
 from collections.abc import Iterator, Sequence
 from itertools import combinations
@@ -14,17 +14,18 @@ END_SHARE, LEAST_END = 0.05, 3
 BROKEN_ROWS = 4  # rows as many as beams may break one after the other
 MOST_EVENTS = 3  # separate events in one run, at most: what happens more often has one recurring cause
 
-Jump = tuple[str, tuple[float, ...], np.ndarray]  # on what, at which of its values, and the rows that are elsewhere
+# Variable, its values at which the law jumps, and which rows have the jump, (n,) or (n, k) bool.
+Jump = tuple[str, tuple[float, ...], np.ndarray]
 
 
 def heights_of(visited: np.ndarray) -> np.ndarray:
-    """Middles between neighbouring heights of a joint, some rows on either side of each.
+    """Midpoints between neighbouring values of a variable, with enough rows on either side of each.
 
     Args:
         visited: values of the rows that count, (m,).
 
     Returns:
-        Ascending, as many as `HEIGHTS` at the most.
+        At most `HEIGHTS` of them, ascending.
     """
     order = np.sort(visited)
     edge = max(int(END_SHARE * len(order)), LEAST_END)
@@ -34,13 +35,13 @@ def heights_of(visited: np.ndarray) -> np.ndarray:
 
 
 def passed_again(problem: Problem) -> Iterator[Jump]:
-    """Warmth, and columns of a person's own, at which something may let go.
+    """Jumps over temperature and a user's own columns, at values that are passed to and fro.
 
     Args:
         problem: n rows.
 
     Yields:
-        What passes a value to and fro, the value, and the rows above it, (n,) bool.
+        The variable, the value, and the rows above it, (n,) bool.
     """
     for on, values in context_views(problem).items():
         if on == "temperature" or on in problem.table.watched:
@@ -51,18 +52,18 @@ def passed_again(problem: Problem) -> Iterator[Jump]:
 
 
 def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[Jump]:
-    """What came at one moment and went at another.
+    """Jumps over time: something that began at one moment and ended at another, or many events with one cause.
 
-    That a knock takes back just what another did is no accident: whatever it was came and went, and may come again. And
-    what happens again and again in one run does not happen by itself each time. What lies between two moments that are
-    but a few rows apart is broken beams.
+    That one knock exactly takes back another is no coincidence: whatever it was came and went, and may come again. More
+    than `MOST_EVENTS` events in one run are no separate ones either. Rows between moments that are only a few rows
+    apart are broken beams.
 
     Args:
         problem: n rows.
-        moments: by the clock, at which something seems to have happened, in order.
+        moments: at which something seems to have happened, by the clock, ascending.
 
     Yields:
-        'time', the moments, and the rows in between, (n,) or (n, k) bool.
+        'time', the moments, and the rows in between, (n,), or after each moment, (n, k) bool.
     """
     clock, read = problem.view.clock.numpy(), problem.used
     for first, last in combinations(moments, 2):
@@ -79,7 +80,7 @@ def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[Jump]:
 
 
 def _is_passed_again(passed: np.ndarray) -> bool:
-    """Whether a value is passed to and fro, (n,) bool by travel: what is passed once says what a moment says."""
+    """Whether a value is passed to and fro, (n,) bool in travel order: passed once, it is the same as a moment."""
     before, above = np.arange(len(passed) + 1), np.concatenate([[0], np.cumsum(passed)])
-    unlike = above + (len(passed) - before) - (above[-1] - above)  # rows unlike one step up at a moment
+    unlike = above + (len(passed) - before) - (above[-1] - above)  # rows that contradict a step up at each moment
     return bool(min(unlike.min(), len(passed) - unlike.max()) >= max(int(END_SHARE * len(passed)), LEAST_END))

@@ -1,4 +1,4 @@
-"""The moment of what happens at once: every row is tried, frames and the same effect all along taken off."""
+"""The moment of a sudden effect: every row is tried, beside frames and the same effect acting throughout."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ SEGMENTS = 40  # segments of rows within which the Gram matrix is taken to grow 
 
 @dataclass(frozen=True)
 class MomentSums:
-    """What each row says for an effect, and what segments of rows see of it and of the frames.
+    """Sums over rows and segments of rows, of f frame columns and p columns of an effect that acts throughout.
 
     Attributes:
-        side: products of the rows' columns with what is left, the frames' first, (m, f + p).
+        side: products of each row's columns with its residual, the frames' first, (m, f + p).
         lengths: rows of each segment.
-        gram: of the columns with the effect's own, (segments, f + p, p).
-        whole: of all columns, (f + p, f + p).
+        gram: products of all columns with the effect's own over each segment, (segments, f + p, p).
+        whole: products of all columns over all rows, (f + p, f + p).
         read: rows that have a reading, (m,) bool.
     """
 
@@ -33,12 +33,12 @@ class MomentSums:
 
 
 def best_moment(at: LinearPoint, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> Shape:
-    """Where a sudden effect would take most of what is left.
+    """The moment at which a sudden effect would explain most of a residual.
 
     Args:
         at: where the problem was linearised.
         frame: columns of the tracker's frames, (n, 3, f) whitened.
-        left: (n, 3) whitened.
+        left: residual, (n, 3) whitened.
         used: rows that count, (n,) bool.
         effect: the effect.
 
@@ -50,7 +50,7 @@ def best_moment(at: LinearPoint, frame: np.ndarray, left: np.ndarray, used: np.n
 
 
 def along(at: LinearPoint, frame: np.ndarray, left: np.ndarray, used: np.ndarray, effect: Sudden) -> MomentSums:
-    """What the rows of a chunk say for an effect that acts all along."""
+    """Sums of a chunk's rows for an effect that acts throughout; arguments as of `best_moment`."""
     own = at.columns(effect, ALWAYS)
     both = np.where(used[:, None, None], np.concatenate([frame, own], axis=2), 0.0)
     segments = np.array_split(both, min(SEGMENTS, len(both)))
@@ -61,7 +61,7 @@ def along(at: LinearPoint, frame: np.ndarray, left: np.ndarray, used: np.ndarray
 
 
 def joined(parts: Sequence[MomentSums]) -> MomentSums:
-    """The same of several chunks, one after the other."""
+    """Sums of several chunks, concatenated."""
     return MomentSums(
         np.concatenate([part.side for part in parts]),
         np.concatenate([part.lengths for part in parts]),
@@ -72,26 +72,27 @@ def joined(parts: Sequence[MomentSums]) -> MomentSums:
 
 
 def best_row(seen: MomentSums) -> int:
-    """The last row before the moment from which on an effect takes most beside the frames and itself all along.
+    """The last row before the moment from which on an effect explains most, beside the frames and itself throughout.
 
-    A run with frames of its own hides what came before it: with their shares left in, a moment in another run would
-    seem to take as much.
+    Without the frames fitted beside, a moment at the start of a run with a frame of its own would seem as good as the
+    true one in another run.
     """
     own = seen.gram.shape[2]
-    spread = np.linalg.pinv(seen.whole, rcond=RANK_TOLERANCE, hermitian=True)
+    inverse = np.linalg.pinv(seen.whole, rcond=RANK_TOLERANCE, hermitian=True)
     total, whole = seen.side.sum(axis=0), seen.whole[:, -own:]
     after_side = (total - np.cumsum(seen.side, axis=0))[:, -own:]
-    taken, first, passed = np.zeros(len(seen.side)), 0, np.zeros_like(whole)
+    explained, first, passed = np.zeros(len(seen.side)), 0, np.zeros_like(whole)
     for length, gram in zip(seen.lengths, seen.gram, strict=True):
         part = np.arange(1, length + 1)[:, None, None] / length
         after = whole - passed - part * gram
-        rows, known = slice(first, first + length), after.transpose(0, 2, 1) @ spread
+        rows, known = slice(first, first + length), after.transpose(0, 2, 1) @ inverse
         side = after_side[rows] - known @ total
-        taken[rows] = np.einsum("np,npq,nq->n", side, _inverse(after[:, -own:] - known @ after), side)
+        explained[rows] = np.einsum("np,npq,nq->n", side, _inverse(after[:, -own:] - known @ after), side)
         first, passed = first + length, passed + gram
     inner = np.flatnonzero(seen.read)[EDGE:-EDGE]
-    return int(inner[np.argmax(taken[inner])])
+    return int(inner[np.argmax(explained[inner])])
 
 
 def _inverse(gram: np.ndarray) -> np.ndarray:
-    return np.asarray(np.linalg.inv(gram + np.eye(gram.shape[-1])))  # one usual size: what is not seen is not blown up
+    """Inverse with a prior of one usual size, so that unseen values stay small."""
+    return np.asarray(np.linalg.inv(gram + np.eye(gram.shape[-1])))

@@ -24,12 +24,13 @@ class Place:
     """Where something unknown may act.
 
     Attributes:
-        kind: what it is: a slider, the joint of an arm, a rail across its slider's travel, a link's length, the tool.
-        residual: its name: 'slider 2', 'joint 2', 'rail 2' (both ways across it), 'tool' or 'set-up'; of one way alone
-            also 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the tool.
-        slopes: shift of the reading by each of its ways, (n, 3, w), of about unit size.
-        joint: the joint it belongs to, None for the tool.
-        lever: size of its slopes before they were made so.
+        kind: a slider, the joint of an arm, a rail across its slider's travel, a link's length, the tool, or the
+            set-up.
+        residual: its name: 'slider 2', 'joint 2', 'link 2', 'rail 2' (both directions across it), 'tool' or 'set-up';
+            of a single direction 'rail 2 outward', 'rail 2 sideways', or 'x', 'y', 'z' of the tool.
+        slopes: shift of the reading by each of its w directions, (n, 3, w), scaled to about unit size.
+        joint: the joint it belongs to, from 0; None for the tool and the set-up.
+        lever: root mean square of the slopes before scaling, mm per mm or rad.
     """
 
     kind: PlaceKind
@@ -40,11 +41,11 @@ class Place:
 
     @property
     def part(self) -> tuple[PlaceKind, int | None]:
-        """What it is a way of: rail 2, of 'rail 2 outward'."""
+        """The part of the machine, whichever of its directions: rail 2, of 'rail 2 outward'."""
         return self.kind, self.joint
 
     def times(self, shapes: np.ndarray) -> np.ndarray:
-        """Features (n, 3, w s) of shapes (n, s) that act here."""
+        """Features (n, 3, w s) mm of shapes (n, s) that act here."""
         joined = FEATURE_SIZE * self.slopes[:, :, :, None] * shapes[:, None, None, :]
         return joined.reshape(*self.slopes.shape[:2], -1)
 
@@ -54,8 +55,8 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
 
     Args:
         problem: n rows.
-        chain: of the present model, for how joints and rails move the reading.
-        levers: of each place, by its residual, where another part of the run has set them.
+        chain: linearisation of the present model, for how joints and rails move the reading.
+        levers: name of a place -> its lever, where other rows of the run have determined it.
     """
     n, k = problem.view.rows, problem.view.joints
     places = [Place("tool", "tool", np.broadcast_to(np.eye(3), (n, 3, 3)))]
@@ -79,14 +80,14 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
 
 
 def one_way_each(place: Place) -> list[Place]:
-    """A joint's or a rail's place by its ways: a rail outward and sideways, a joint as it is."""
-    ways = np.split(place.slopes, place.slopes.shape[2], axis=2)
-    called = [f"{place.residual} {to}" for to in ACROSS] if len(ways) > 1 else [place.residual]
-    return [replace(place, residual=name, slopes=way) for name, way in zip(called, ways, strict=True)]
+    """A place split into its directions: a rail outward and sideways, any other as it is."""
+    directions = np.split(place.slopes, place.slopes.shape[2], axis=2)
+    called = [f"{place.residual} {to}" for to in ACROSS] if len(directions) > 1 else [place.residual]
+    return [replace(place, residual=name, slopes=slopes) for name, slopes in zip(called, directions, strict=True)]
 
 
 def stand_of(problem: Problem) -> Place:
-    """Where a tracker stands: shift and turn of the readings, turns at the root mean square of the coordinates."""
+    """The set-up as a place: rigid motions of the readings, rotations scaled to the radius of the positions."""
     p = problem.view.p
     middle = p.mean(dim=0)
     radius = max(float((p - middle).square().sum(dim=1).mean().sqrt()), 1e-9)

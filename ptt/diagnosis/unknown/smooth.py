@@ -1,4 +1,4 @@
-"""Smooth functions by construction, over a range scaled to -1 .. 1."""
+"""Smooth basis functions over a range scaled to -1 .. 1."""
 
 import numpy as np
 
@@ -9,20 +9,20 @@ MODULATION_DECAY = 0.7  # size of each of its polynomials over the one before
 
 
 def column_ends(values: np.ndarray) -> np.ndarray:
-    """Lowest and highest of each column, (2, ...)."""
+    """Lowest and highest value of each column, (2, ...), NaN left aside."""
     return np.array([np.nanmin(values, axis=0), np.nanmax(values, axis=0)])
 
 
 def scaled(values: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Values with the ends of their range at -1 and 1."""
+    """Values mapped so that the ends (2, ...) of their range lie at -1 and 1, clipped to these."""
     low, high = ends
     return np.asarray(np.clip((2.0 * values - low - high) / np.maximum(high - low, 1e-9), -1.0, 1.0))
 
 
 def reined(values: np.ndarray) -> np.ndarray:
-    """Values of which the last few of either end lie no further out than as far again as the third from the middle.
+    """Values with the two outermost at either end clipped to twice the third outermost's distance from the median.
 
-    What one or two rows show alone is no law: it would take whatever error they have.
+    What one or two rows show alone is no law: a function with leverage there would take whatever error they have.
 
     Args:
         values: (n, ...) of columns; NaN where unknown.
@@ -42,26 +42,26 @@ def legendre(values: np.ndarray, degree: int) -> np.ndarray:
 
 
 def modulation(values: np.ndarray) -> np.ndarray:
-    """A level and smooth bends over the range, the higher ones smaller: what modulates something else, (n, s)."""
+    """Legendre polynomials of decreasing size, to modulate something else, (n, `MODULATION_DEGREE` + 1)."""
     return legendre(values, MODULATION_DEGREE) * MODULATION_DECAY ** np.arange(MODULATION_DEGREE + 1)
 
 
 def cosines(values: np.ndarray, count: int) -> np.ndarray:
-    """Cosines over the range, the k-th of size 1/k: a curve whose slope is rough rather than itself."""
+    """Cosines over the range, the k-th of size 1/k, so that the curve is smooth and its slope rough, (n, count)."""
     order = np.arange(1, count + 1)
     return np.asarray(np.sqrt(2.0) * np.cos(0.5 * np.pi * order * (values[:, None] + 1.0)) / order)
 
 
 def harmonics(angle: np.ndarray, count: int = 2) -> np.ndarray:
-    """First harmonics of a turn, the m-th of size 1/m, (n, 2 count)."""
+    """First harmonics of an angle in rad, the m-th of size 1/m, (n, 2 count)."""
     return np.column_stack([f(m * angle) / m for m in range(1, count + 1) for f in (np.cos, np.sin)])
 
 
 def product(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Every shape of one times every shape of the other, (n, a b)."""
+    """All products of shapes (n, a) and (n, b), (n, a b)."""
     return (left[:, :, None] * right[:, None, :]).reshape(len(left), -1)
 
 
 def unit(values: np.ndarray) -> np.ndarray:
-    """Values of unit mean square."""
+    """Values scaled to unit mean square."""
     return values / max(float(np.sqrt(np.square(values).mean())), 1e-9)

@@ -1,4 +1,4 @@
-"""What a run covers beside the poses: contexts, and the ranges that make shapes of a part those of the whole."""
+"""Ranges and contexts of a whole run, so that basis functions on a part of it are those of the whole."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -39,11 +39,10 @@ class Context:
         name: 'payload', 'temperature', 'time', 'speed', 'feed', 'way', 'turn', or the title of a column that a person
             wants watched.
         shapes: smooth functions of it, (n, s), of about unit size, zero where it has no effect.
-        measure: what a play may vary in proportion to, (n, m): a level, for one that stays is the simplest, and bends;
-            no columns where no play follows it.
-        fields: whether a field over the workspace may go with it beyond scale and turn.
-        joints: whether it may act on joints; what only the tool knows acts on the tool.
-        mean: of the shapes over the whole run, (s,).
+        measure: functions that may modulate play, a level first, (n, m); no columns where no play depends on it.
+        fields: whether it may modulate a field over the workspace, beyond scale and rotation.
+        joints: whether it may act on joints, or only on the tool.
+        mean: mean of the shapes over the whole run, (s,).
     """
 
     name: str
@@ -54,23 +53,24 @@ class Context:
     mean: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def of(self, rows: np.ndarray) -> "Context":
-        """The same for some of the rows, (m,) int."""
+        """The context on some of the rows, (m,) int."""
         return replace(self, shapes=self.shapes[rows], measure=self.measure[rows])
 
 
 @dataclass(frozen=True)
 class Span:
-    """What a whole run covers: shapes over a part of it are those of the whole.
+    """Ranges and contexts of a whole run.
 
     Attributes:
-        q: lowest and highest of each joint, (2, k).
-        p: of each coordinate, (2, 3).
+        q: lowest and highest value of each joint, (2, k).
+        p: lowest and highest value of each coordinate, (2, 3) mm.
         radius: root mean square of the coordinates, mm.
-        contexts: what varies beside the pose, with the shapes of all its rows.
-        two_sided: joints that came from both directions to readings that count, (k,) bool.
-        settling: how a joint may go on or come to rest over the time of the run, (n, 5).
-        begun: what is left of how each run was come to, its own columns for each, (n, k, c).
-        levers: of each place, by its residual, where another part of the run has set them.
+        contexts: what varies beside the pose, with shapes on all n rows.
+        two_sided: joints that reached readings that count from both directions, (k,) bool.
+        settling: functions of time for a joint that drifts or settles over the run, (n, 5).
+        begun: decaying memory of the direction in which each run was entered, columns of its own for each run,
+            (n, k, c).
+        levers: name of a place -> its lever, where other rows of the run have determined it.
     """
 
     q: np.ndarray
@@ -83,7 +83,7 @@ class Span:
     levers: dict[str, float] = field(default_factory=dict)
 
     def of(self, rows: np.ndarray) -> "Span":
-        """The same for some of the rows, (m,) int."""
+        """The span with functions on some of the rows, (m,) int."""
         contexts = tuple(context.of(rows) for context in self.contexts)
         return replace(self, contexts=contexts, settling=self.settling[rows], begun=self.begun[rows])
 
@@ -94,7 +94,7 @@ class Span:
 
 
 def span_of(problem: Problem) -> Span:
-    """What a run covers.
+    """Ranges and contexts of a run.
 
     Args:
         problem: the whole run.
@@ -110,7 +110,7 @@ def span_of(problem: Problem) -> Span:
 
 
 def _begun(view: View) -> np.ndarray:
-    """What is left of the way in which each run's first row was reached; none of long runs, which forget it soon."""
+    """Memory of how each run's first row was reached, (n, k, c); no columns where runs are many or long."""
     starts = view.starts.numpy()
     runs = int(starts.sum())
     if not 0 < runs <= MOST_RUNS or view.rows > MOST_REMEMBERED:
@@ -121,9 +121,9 @@ def _begun(view: View) -> np.ndarray:
 
 
 def _settling(clock: np.ndarray) -> np.ndarray:
-    """A level, a line, a bow and two that die out, (n, 5): few shapes, for what is as simple as a tracker's wander.
+    """Functions of time: a level, a line, a parabola and two decaying exponentials, (n, 5).
 
-    What changes with time has a mean over the run, which is nothing by itself.
+    Few, so that they compete with a simple wander of the tracker. The level is the mean of what changes over the run.
     """
     first, last = column_ends(clock)
     share = (clock - first) / max(float(last - first), 1e-9)
@@ -133,7 +133,7 @@ def _settling(clock: np.ndarray) -> np.ndarray:
 
 
 def _contexts(problem: Problem) -> Iterator[Context]:
-    """What the table has beside the pose and varies."""
+    """Contexts that vary in this run."""
     view = problem.view
     if "payload" in view.varies:
         load = reined(view.payload.numpy())
@@ -158,7 +158,7 @@ def _contexts(problem: Problem) -> Iterator[Context]:
     yield _context("way", reined(np.column_stack(list(came))), fields=False, joints=False)
     if feed is None or np.ptp(feed := reined(np.nan_to_num(feed))) <= FEED_SHARE * feed.max():
         yield _context("turn", turns, fields=False, joints=False)
-    else:  # how fast the machine came, also where it was read at a stop
+    else:  # the speed of the approach, also where readings were taken at a standstill
         yield _context("feed", _bowed(feed), fields=False)
         swift = np.column_stack([np.ones(view.rows), unit(feed), unit(feed**2)])
         yield _context("turn", product(turns, swift), fields=False, joints=False)
@@ -169,7 +169,7 @@ def _contexts(problem: Problem) -> Iterator[Context]:
 
 
 def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool = True, play: bool = True) -> Context:
-    """A context, its first shape the straight one; `play` where a play may vary with it."""
+    """A context whose first shape is the linear one; `play`: whether play may vary with it."""
     if not (joints and play):
         measure = np.zeros((len(shapes), 0))
     elif name == "time":
@@ -180,18 +180,18 @@ def _context(name: str, shapes: np.ndarray, *, fields: bool = True, joints: bool
 
 
 def _by_shares(values: np.ndarray) -> np.ndarray:
-    """A length or a duration, by shares, (n,): what settles forgets where it began by shares."""
+    """Logarithm of a length or a duration, (n,), as what settles decays by shares; unknown ones at the median."""
     known = np.isfinite(values) & (values > 0.0)
     return np.log(np.where(known, values, np.median(values[known])))
 
 
 def _bowed(values: np.ndarray) -> np.ndarray:
-    """What a column says in a straight line and in a bow, (n, 2)."""
+    """Linear and quadratic function of a column, (n, 2)."""
     apart = unit(values - values.mean())
     return np.column_stack([apart, unit(apart**2 - np.mean(apart**2))])
 
 
 def _memory(warm: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """How far slow bodies lag behind the temperature that was read, one column a lag."""
+    """Lag of bodies behind the measured temperature, one column for each time constant of `LAGS_S`, (n, 3)."""
     step = np.diff(time, prepend=time[:1])
     return np.column_stack([unit(trailing(warm, kept_shares(step, starts, lag)) - warm) for lag in LAGS_S])
