@@ -8,7 +8,7 @@ import torch
 from made_runs import empty_run, machine, term
 
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.search.fits import fit_less, stands
+from ptt.diagnosis.search.fits import fit_less, is_reachable
 from ptt.diagnosis.search.rest import Objections, Rest
 from ptt.model.model import Model
 from ptt.run.noise import Noise
@@ -38,7 +38,7 @@ def test_what_no_machine_does_is_unknown_and_no_error(seed: int, size: float) ->
     problem = waving(seed, size)
     found = diagnose(Model(machine()), problem)
     assert found.verdict == "unknown"
-    assert stands(found.model.terms, problem)
+    assert is_reachable(found.model.terms, problem)
     shares = np.linalg.eigvalsh(found.noise.covariance)
     assert shares[0] > 5e-4 * shares[-1]
 
@@ -46,9 +46,9 @@ def test_what_no_machine_does_is_unknown_and_no_error(seed: int, size: float) ->
 def test_a_fit_begins_within_reach_and_stays_there() -> None:
     problem = build_problem(machine(), empty_run(40).replace(measured=empty_run(40).target.copy()))
     far = Model(machine()) + term("homing-offset", problem.view, [1e4, 0.0, -1e4])
-    assert not stands(far.terms, problem)
+    assert not is_reachable(far.terms, problem)
     fitted = fit_less(far, problem, np.zeros((40, 3)), np.zeros(40, dtype=bool), NOISE)
-    assert stands(fitted.model.terms, problem)
+    assert is_reachable(fitted.model.terms, problem)
     torch.testing.assert_close(fitted.model.terms[0].theta, torch.zeros(3, dtype=torch.float64), atol=1e-3, rtol=0.0)
 
 

@@ -44,13 +44,13 @@ def test_a_drawing_may_be_off_by_what_no_machine_is(mrad: float, far: tuple[str,
 @pytest.fixture
 def barred(monkeypatch: pytest.MonkeyPatch) -> list[frozenset[str]]:
     """What each search is not to say, the first one made to miss the tilt, as one does that was led astray."""
-    begun, told = finding._begun, list[frozenset[str]]()
+    begun, told = finding._searched, list[frozenset[str]]()
 
     def led_astray(asked, first):
         told.append(frozenset(first.barred))
         return begun(asked, first if first.barred else replace(first, barred=frozenset({"tower-tilt"})))
 
-    monkeypatch.setattr(finding, "_begun", led_astray)
+    monkeypatch.setattr(finding, "_searched", led_astray)
     return told
 
 

@@ -15,7 +15,7 @@ from ptt.diagnosis.evidence.screen import TRIDIAGONAL_COLUMNS, Basis, Screen
 from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock
-from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, JointWave, _telling
+from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, JointWave, _pose_weight
 from ptt.fitting.evidence import maximise, profile_noise
 from ptt.run.noise import Noise
 
@@ -101,7 +101,7 @@ def test_a_line_in_the_spectrum_takes_what_least_squares_take() -> None:
     left, pose = random.normal(size=(50, 3)), np.tile(np.arange(10), 5)
     system = SimpleNamespace(rows=np.arange(50), poses=poses_of(pose))
     for size in (0.0, 2.0):
-        told = _telling(system, size)
+        told = _pose_weight(system, size)
         along = JointWave(0, q[:, 0], told * (slope * left).sum(axis=1), told * np.square(slope).sum(axis=1))
         turns = np.arange(8.0, 100.0, FREQUENCY_STEP)
         gain = along.over(turns[0], FREQUENCY_STEP, len(turns))

@@ -118,7 +118,7 @@ def test_an_unknown_is_asked_again_where_names_then_say_all(monkeypatch: pytest.
     monkeypatch.setattr(smooth_way, "find", find_again)
     monkeypatch.setattr(smooth_way, "holds_unknown", lambda *of: True)
     monkeypatch.setattr(smooth_way, "_turns_say_more", lambda *of: False)
-    monkeypatch.setattr(smooth_way, "names_say_all", lambda *of: names)
+    monkeypatch.setattr(smooth_way, "named_effects_suffice", lambda *of: names)
     diagnose(Model(BENCH), read(way(160, 8.0), PIECES, smooth=False))
     assert [model.file.machine.moves for model in asked] == ["smooth"] * names
 
@@ -127,7 +127,7 @@ def test_a_gross_error_asks_again_only_where_joints_came_to_it_otherwise(monkeyp
     asked = list[Model]()
     monkeypatch.setattr(smooth_way, "find", lambda model, *others: asked.append(model))
     monkeypatch.setattr(smooth_way, "holds_unknown", lambda *of: False)
-    monkeypatch.setattr(smooth_way, "says_more", lambda *of: False)
+    monkeypatch.setattr(smooth_way, "is_denser", lambda *of: False)
     nothing = SimpleNamespace(
         sample=None, system=SimpleNamespace(atoms={}), state=SimpleNamespace(keys=(), memory=None)
     )

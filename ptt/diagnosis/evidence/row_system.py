@@ -291,7 +291,7 @@ def build_row_system(
         few.scale(scale), few.columns(columns), linear.values[rows], poses_of(sharing[rows]),
         travel_blocks(problem.table, blocks_beside(problem.frames))[rows], _levers(linear, noise, rows), linear.at,
         few.columns(np.pad(linear.base_columns, [(0, 0), (0, 0), (0, more)])), linear.base_values,
-        one_memory=span is not None, by_visit=by_visit, aside=problem.rounding[1],
+        one_memory=span is not None, by_visit=by_visit, rounding_mm=problem.rounding[1],
     )  # fmt: skip
 
 

@@ -224,7 +224,7 @@ def _system(
     system = SummedSystem(
         there, linear.frame, atoms, clock_of(run.problem, rows), at.noise, at.freedom, scale, total, by_block,
         linear.base_values.size, len(pose) - len(np.unique(pose)), lambda chosen, values: np.zeros((0, 3)),
-        by_visit=run.by_visit, aside=run.problem.rounding[1],
+        by_visit=run.by_visit, rounding_mm=run.problem.rounding[1],
     )  # fmt: skip
     system.residual_by_pass = lambda chosen, values: residual_of_rows(run, at, system, chosen, values)
     return system

@@ -38,7 +38,7 @@ class System(ABC):
         freedom: degrees of freedom, in coordinates, behind that noise; zero where it is only a guess.
         scale: (P,) size of a unit of each column.
         by_visit: whether errors "of a pose" are those of single visits: a scatter of the machine, then, and no fault.
-        aside: root mean square position error that rounding of the commands may cause, mm.
+        rounding_mm: root mean square position error by rounding of the commands.
     """
 
     rows: np.ndarray
@@ -49,7 +49,7 @@ class System(ABC):
     freedom: float
     scale: np.ndarray
     by_visit: bool = field(default=False, kw_only=True)
-    aside: float = field(default=0.0, kw_only=True)
+    rounding_mm: float = field(default=0.0, kw_only=True)
 
     @property
     @abstractmethod
@@ -87,7 +87,7 @@ class System(ABC):
 
     def errs_by_pose(self, memory: Memory) -> bool:
         """Whether errors repeat with their pose beyond rounding of readings and commands: then an unknown is there."""
-        return self.shares_by_pose(memory) and memory.pose > ROUNDING_FACTOR * self.aside**2 / 3.0 * self._per_mm2
+        return self.shares_by_pose(memory) and memory.pose > ROUNDING_FACTOR * self.rounding_mm**2 / 3.0 * self._per_mm2
 
     @property
     @abstractmethod

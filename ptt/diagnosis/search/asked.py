@@ -1,4 +1,4 @@
-"""Asked: what is to be explained and with what, and systems that are opened on it."""
+"""What is to be explained and with what, and linearised problems of it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,10 +24,10 @@ class Asked:
     """What is to be explained, and with what.
 
     Attributes:
-        model: as given.
+        model: the model as given.
         problem: the readings.
         known: effects by name.
-        tell: told what is being done.
+        tell: callback for progress.
         steps: how many effects may be added.
         span: of the run that the rows are a part of; None where they are all of it.
         freedom: degrees of freedom behind the noise floor.
@@ -46,16 +46,16 @@ def open_turn(
     asked: Asked, turn: Turn, problem: Problem, fitted: FitResult, candidates: Sequence[Effect], gross: np.ndarray,
     linear: Linear | None = None, *, unknown: bool = True,
 ) -> Scorer:  # fmt: skip
-    """All effects and blocks beside a fit, nothing scored yet.
+    """Linearise at a fit with all candidates and blocks, nothing scored yet.
 
     Args:
         asked: what is to be explained.
-        turn: where it begins.
+        turn: the turn of the search, for its noise, moments, periods and barred names.
         problem: the readings without those that open a run.
-        fitted: the model of the turn.
+        fitted: fit of the turn's model.
         candidates: effects that may be missing.
         gross: rows left out, (n,) bool.
-        linear: all effects, where they are linearised there already.
+        linear: columns of all effects, where they were linearised already.
         unknown: with blocks; else effects alone.
 
     Returns:
@@ -71,7 +71,7 @@ def open_turn(
 
 
 def scorer_at(asked: Asked, found: Found, fitted: FitResult, problem: Problem) -> tuple[Scorer, dict[str, str]]:
-    """The rows of an explanation linearised at another fit, nothing scored yet.
+    """Linearise the rows of an explanation at another fit, nothing scored yet.
 
     Args:
         asked: what is to be explained.

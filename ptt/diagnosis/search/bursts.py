@@ -1,4 +1,4 @@
-"""Bursts: broken beams that follow each other, and what a search may have taken them for."""
+"""Bursts: several broken beams in succession, which a search may mistake for events, a wander or an unknown."""
 
 from collections.abc import Iterator
 
@@ -19,18 +19,17 @@ MOST_BROKEN_SHARE = 0.04  # share of the rows that may be broken beams taken for
 
 
 def broken_beams(found: Found) -> np.ndarray:
-    """Rows that may be gross errors, though the search took them for something that happens, a wander or an unknown.
+    """Rows that may be gross errors which the search took for events, a wander or an unknown.
 
-    A knock of the tracker has six free numbers, and a slip of the sliders three: two of them at one place explain any
-    two or three readings, a wander that lasts a few rows does so as well, and a curve that bends enough. Beside what
-    lasts, without any of these, such readings are all that is far off. Whether they are gross errors only a search
-    without them tells.
+    A knock of the tracker has six free numbers and a slip of the sliders three, so two of them close together explain
+    any two or three readings; so does a wander over a few rows, or a curve that bends enough. Under a set without
+    these, such readings are all that is far off. Whether they are gross errors, a search without them decides.
 
     Args:
         found: the best explanation.
 
     Returns:
-        (n,) bool; none where names and white noise say all, where many are far off, or where they were set aside.
+        (n,) bool; none where effects and white noise explain all, or where many rows are far off.
     """
     system, state, rows = rows_of(found.system), found.state, np.zeros_like(found.gross)
     crowd = crowded_moments(found)
@@ -46,14 +45,14 @@ def broken_beams(found: Found) -> np.ndarray:
 
 
 def _less(found: Found, crowd: list[str]) -> Iterator[tuple[str, ...]]:
-    """The set without all that crowds, and with one of it: that may have happened all the same, next to a broken beam.
+    """Sets without the crowded events, and with one of them kept, which may be real and next to a broken beam.
 
     Args:
         found: an explanation.
-        crowd: keys of it.
+        crowd: keys of its crowded events.
 
     Yields:
-        Each with its unknowns, then without.
+        Keys of each set with its unknowns, then without.
     """
     for kept in (None, *crowd):
         less = without(found.state, *(key for key in crowd if key != kept))
@@ -62,13 +61,13 @@ def _less(found: Found, crowd: list[str]) -> Iterator[tuple[str, ...]]:
 
 
 def crowded_moments(found: Found) -> list[str]:
-    """What is said to have happened within a few rows of something else that did.
+    """Events of an explanation within a few rows of another one.
 
     Args:
         found: an explanation.
 
     Returns:
-        Keys of its atoms.
+        Their keys.
     """
     atoms, time = found.system.atoms, found.system.clock.time
     moments = {key: moment for key in found.state.keys if (moment := atoms[key].moment) is not None}

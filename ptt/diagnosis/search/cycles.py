@@ -1,4 +1,4 @@
-"""Cycles: a line in the spectrum of what is left over the time of the run, as of a compressor or an air conditioner."""
+"""Cycles over time: a line in the spectrum of the residual, as a compressor or an air conditioner makes."""
 
 from collections.abc import Sequence
 
@@ -21,19 +21,19 @@ ROWS_PER_CYCLE = 3.0  # readings for each cycle at the least: the residual of fa
 
 
 def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence[Period] = ()) -> Period | None:
-    """The strongest line over time, at the tool, that is worth its price beside what the noise remembers.
+    """The strongest line of the innovations over time, at the tool, if it is worth its prior odds.
 
-    A wander follows any cycle, but what it does not predict of one still comes back with its period. Curves over time
-    bend to slow ones, so it is sought without them.
+    A wander follows any cycle, but the innovations still show its period. Curves over time can bend to slow cycles, so
+    the line is sought without them.
 
     Args:
         scorer: of the system.
         state: the best set so far.
         problem: n rows.
-        offered: periods that the state could have taken.
+        offered: periods that were among the atoms already.
 
     Returns:
-        None and the period in s; None where there is no clock, or no line.
+        (None, period in s); None where there is no clock or no line.
     """
     system = rows_of(scorer.system)
     time, seen = problem.view.clock.numpy()[system.rows], any(joint is None for joint, _ in offered)
@@ -54,15 +54,15 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
 
 
 def cycle_of(line: Period, problem: Problem, system: System) -> np.ndarray | None:
-    """What a cycle over time does, which is none of the noise: it moves all axes at once, and would drown in itself.
+    """Regressors of a cycle over time, to be taken off before the noise is estimated, which it would inflate.
 
     Args:
         line: joint (None: time) and length of a period that is offered next.
         problem: n rows.
-        system: of the search that left it.
+        system: of the search whose residual showed it.
 
     Returns:
-        Cosines and sines on the rows that count, (m, 2 `SAWTOOTH_HARMONICS`); None of a line along a joint.
+        Cosines and sines on the rows that count, (m, 2 `SAWTOOTH_HARMONICS`); None for a line along a joint.
     """
     joint, length = line
     if joint is not None:

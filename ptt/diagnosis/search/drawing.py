@@ -1,4 +1,4 @@
-"""The drawing: of a real machine each size is off, and together they do what an unknown or a curve would do."""
+"""Sizes of the drawing together against unknowns and curves: on a real machine every size is a little off."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,20 +19,19 @@ EVEN_ODDS = float(np.log(2.0))  # nats against one more size of the drawing, onc
 
 
 def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
-    """Hold unknowns, curves, and what the tracker may have done, against all sizes of the drawing together.
+    """Compare unknowns, curves and effects of the tracker in a set with all sizes of the drawing together.
 
-    Each size costs a name, which is fair of the first: a machine may be as it is drawn. Once one is off it is even
-    whether the next one is. An unknown, or a rail that bends, which says no more than such a set is none; nor is an
-    error that every pose has to itself, or one that follows something which a few poses label. What the tracker may
-    have done is a name as well, and goes where they say clearly more.
+    The first size costs a full name, as a machine may be built as drawn; once one size is off, each further one has
+    even odds. An unknown, a bent rail, or a random error of each pose that explains no more than such a set is dropped.
+    An effect of the tracker is a name as well, and is dropped only where the sizes explain clearly more.
 
     Args:
         scorer: of a linearised problem.
         state: the best set.
 
     Returns:
-        The same where it holds nothing of the kind, or where that says more; else a scorer that does not allow it, and
-        the best set without.
+        The scorer and set as given where nothing is dropped; else a scorer that bars what was dropped, and its best
+        set.
     """
     atoms, tried = scorer.system.atoms, set[tuple[object, ...]]()
     kinds = [(is_field, True), (is_field, False), (holds_sizes, True), (is_block, False)]
@@ -53,10 +52,10 @@ def by_drawing(scorer: Scorer, state: State) -> tuple[Scorer, State]:
 
 
 def _without(scorer: Scorer, state: State, named: State, gone: Sequence[str], *, fields: bool) -> tuple[Scorer, State]:
-    """A scorer that does not allow what sizes of the drawing have taken the place of, and the best set that it finds.
+    """A scorer that bars what sizes of the drawing replaced, and its best set.
 
-    Nor does it allow another unknown, or another curve, that would say no more than these sizes either. One that the
-    set did not have before does not do the same as what has gone.
+    Other unknowns and curves may come in its place only if they explain more than the sizes do, and only unknowns that
+    the set had before.
     """
     atoms = scorer.system.atoms
     barred = scorer.barred | {atoms[key].name for key in gone}
@@ -76,22 +75,25 @@ def _without(scorer: Scorer, state: State, named: State, gone: Sequence[str], *,
 
 
 def _unknowns(scorer: Scorer, state: State) -> set[str]:
-    """Unknowns of a set, errors that each pose has to itself among them."""
+    """Unknowns of a set: keys of blocks, and 'pose' for random errors of poses."""
     found = {key for key in state.keys if is_block(scorer.system.atoms[key])}
     return found | {"pose"} if scorer.system.errs_by_pose(state.memory) else found
 
 
 def _likelier(scorer: Scorer, state: State, gone: Sequence[str], memory: Memory) -> State | None:
-    """A set with sizes of the drawing in the place of something that says no more, an unknown no clearly more.
+    """The best set with sizes of the drawing in the place of some atoms, if it is likely enough.
+
+    An unknown has to be `PLAIN_NATS` better than it to stay, an effect of the tracker may be as much worse, and all
+    others have to be better.
 
     Args:
         scorer: of the system.
         state: the best set.
-        gone: atoms of it that go.
-        memory: of the noise without what goes.
+        gone: atoms of it to replace.
+        memory: of the noise without what is replaced.
 
     Returns:
-        The set; None where nothing goes, where it says more, or where no size has come in its place.
+        The set; None where nothing is replaced, where the given set is better, or where no size was added.
     """
     if not gone and memory == state.memory:
         return None
@@ -105,7 +107,7 @@ def _likelier(scorer: Scorer, state: State, gone: Sequence[str], memory: Memory)
 
 
 def _may_be_sizes(atom: Atom) -> bool:
-    """Whether an effect of the tracker may be sizes of the drawing: it follows the place, and does not pay for that."""
+    """Whether an effect of the tracker looks like sizes of the drawing: it depends on position and not on time."""
     effect = atom.effect
     lasting = effect is not None and not effect.follows_clock and not is_sudden(atom)
     return effect is not None and is_metrology(atom) and lasting and not effect.stands_for
@@ -122,7 +124,7 @@ def _sizes(scorer: Scorer, state: State) -> set[str]:
 
 
 def _once_one_is_off(scorer: Scorer, state: State) -> float:
-    """Total of a set where each size of the drawing beyond the first costs no name."""
+    """Score of a set with `EVEN_ODDS` instead of a name's odds for each size of the drawing beyond the first."""
     atoms = [scorer.system.atoms[key] for key in droppable(scorer, state)]
     odds = sorted((atom.odds for atom in atoms if is_drawn(atom)), reverse=True)
     return state.total + sum(each - EVEN_ODDS for each in odds[1:])

@@ -1,4 +1,4 @@
-"""All rows: what was found on a part of a long run, fitted and searched on by sums over all of it."""
+"""Search on all rows of a long run, by sums, starting from what was found on a sample."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -36,7 +36,7 @@ LEAST_VARIANCE_SHARE = 5e-4
 
 @dataclass(frozen=True)
 class WholeSearch:
-    """What does not change while all rows are searched.
+    """What stays fixed while all rows are searched.
 
     Attributes:
         run: the long run.
@@ -44,8 +44,8 @@ class WholeSearch:
         model: as given.
         known: effects by name.
         steps: how many effects may be added.
-        tell: told what is being done.
-        seen: harmonics of a turn that the sample asked for.
+        tell: callback for progress.
+        seen: harmonics of a turn that the sample showed.
     """
 
     run: LongRun
@@ -60,15 +60,15 @@ class WholeSearch:
 def find_everywhere(told: Found, task: WholeSearch) -> Found:
     """Find the best explanation of all rows, from that of a sample.
 
-    Every turn fits the model by one step on sums over all rows, then linearises there with candidates beside it and
-    searches; effects that only all rows show come in at what all rows say of them.
+    Each turn refits the model by one step on sums over all rows, then linearises there with candidates and searches.
+    Effects that only all rows show are added with values from all rows.
 
     Args:
         told: what was found on the sample.
         task: the run.
 
     Returns:
-        What was found; its system keeps sums.
+        The explanation; its system keeps only sums.
     """
     known_to_sample = {told.system.atoms[key].name for key in told.state.keys}
     shapes, task = _best_shapes(told), replace(task, seen=told.seen)
@@ -96,7 +96,7 @@ def find_everywhere(told: Found, task: WholeSearch) -> Found:
 
 
 def _ansatz(fitted: FitResult, told: Found, freedom: float) -> Ansatz:
-    """What was found, as all chunks are to be linearised at it; blocks that were dropped may come back."""
+    """The point at which all chunks are linearised, with all blocks that the sample found."""
     blocks = dict[str, Atom]()
     for atom in told.system.atoms.values():
         if atom.block is not None and atom.key in told.state.keys:
@@ -107,7 +107,7 @@ def _ansatz(fitted: FitResult, told: Found, freedom: float) -> Ansatz:
 def _settle(
     at: Ansatz, task: WholeSearch, gross: np.ndarray, shapes: dict[str, Shape], *, sift: bool
 ) -> tuple[Ansatz, np.ndarray, dict[str, np.ndarray]]:
-    """One step of the fit on all rows, without candidates, and the values of blocks; the first tells gross errors."""
+    """One step of the fit on all rows, without candidates, and the values of blocks; with `sift` gross errors too."""
     trials = _trials(at.fitted, task, shapes) if sift else {}
     system, far = sum_up(task.run, at, trials, task.sample, task.run.problem.used & ~gross, sift=sift)
     state = Scorer(system, task.model.keys).score(tuple(system.atoms), at.memory)
@@ -123,7 +123,7 @@ def _carried(found: Found) -> dict[str, np.ndarray]:
 
 
 def _refit(fitted: FitResult, system: SummedSystem, state: State) -> FitResult:
-    """The model at a state's values: effects are solved for as a whole, mounts and frames for how they move on."""
+    """The model at a set's values: those of effects are absolute, those of mounts and frames are increments."""
     layout, unknowns = fitted.layout, fitted.unknowns.copy()
     frame = state.owner < 0
     unknowns[state.columns[frame]] += state.posterior.values[frame]
@@ -134,7 +134,7 @@ def _refit(fitted: FitResult, system: SummedSystem, state: State) -> FitResult:
 
 
 def _opened(found: Found, task: WholeSearch) -> FitResult:
-    """A start for the model that was found, at its amplitudes; frames stay where they are."""
+    """The fit moved to the effects and values that were found, frames unchanged; without covariance."""
     model = moved(found, task.model, task.sample, refine=False)
     layout = lay_out(model, task.sample, model.terms)
     unknowns, frames = layout.start(), len(found.system.frame)
@@ -148,7 +148,7 @@ def _opened(found: Found, task: WholeSearch) -> FitResult:
 
 
 def _best_shapes(told: Found) -> dict[str, Shape]:
-    """The best shape of each effect beside what the sample says."""
+    """Name of each candidate -> its best shape beside the sample's explanation."""
     gains = told.scorer.screen(told.state, lambda atom: atom.shape is not None)
     atoms = [told.system.atoms[gain.key] for gain in gains]
     return {atom.name: atom.shape for atom in atoms if atom.shape is not None}
@@ -173,7 +173,10 @@ def _start(found: Found, at: Ansatz, system: SummedSystem) -> tuple[str, ...]:
 
 
 def _search(scorer: Scorer, state: State, known: set[str]) -> tuple[Scorer, State]:
-    """Search on, and again without what no sample would show: so many rows see every small fault of the equations."""
+    """Improve the set, repeatedly leaving out new effects that explain too little.
+
+    So many rows show every small error of the equations as if it were an effect.
+    """
     small: set[str] = set()
     while True:
         found = improve(scorer, state, partial(_is_other, frozenset(small)))

@@ -1,4 +1,4 @@
-"""Exact: laws that bend are held against unknowns and other effects where they are fitted, not along a tangent."""
+"""Exact comparisons of nonlinear effects (play), by refits where a linearisation is not enough."""
 
 from dataclasses import replace
 from functools import partial
@@ -28,49 +28,49 @@ LARGE_SIZES = 10.0
 
 
 def without_needless(found: Found, problem: Problem) -> Model:
-    """A model with a law that bends less the effects without which it does as well, once everything is refitted.
+    """A model with a nonlinear effect, less the effects that it does without once everything is refitted.
 
-    Play takes up its gap along the travel, which no tangent shows: a wind-up that took the place of the bend is still
-    needed where the system is linearised with it, but not in truth.
+    Play takes up its gap along the travel, which its tangent does not show: a wind-up may stand in for that in the
+    linearised problem, though the nonlinear model does not need it.
 
     Args:
         found: the best explanation.
         problem: the readings.
 
     Returns:
-        The model, refitted where anything went; as it was where nothing did.
+        The model, refitted where an effect was dropped; as it was where none was.
     """
     whole, scorer, state, atoms = found.fitted, found.scorer, found.state, found.system.atoms
     terms = whole.model.terms
-    if not any(bends(term.effect) for term in terms):
+    if not any(is_nonlinear(term.effect) for term in terms):
         return whole.model
     lenders = {name for term in terms for parameter in term.effect.parameters for name in parameter.lent}
-    # What a curve beside it would take over stays as well.
+    # Effects whose values a curve beside them would take over stay as well.
     held = [key for key in droppable(scorer, state) if key in whole.model.keys and key not in lenders]
     while held and len(whole.model.terms) > 1:
-        fits = {key: _spared(found, whole, problem, key) for key in sorted(held, key=state.worth)}
+        fits = {key: _fit_without(found, whole, problem, key) for key in sorted(held, key=state.worth)}
         less = {key: fewer for key, fewer in fits.items() if fewer is not None}
         if not less:
             break
-        # Of two that may stand in each other's place the one goes without which the readings are told better.
+        # Of two that may replace each other, that one goes without which the fit is better.
         gone = min(less, key=lambda key: less[key].chi2 - 2.0 * state.posterior.phi * atoms[key].odds)
         whole, held = less[gone], [key for key in less if key != gone]
     return whole.model
 
 
-def _spared(found: Found, whole: FitResult, problem: Problem, key: str) -> FitResult | None:
-    """The fit without an effect; None where that says too little."""
+def _fit_without(found: Found, whole: FitResult, problem: Problem, key: str) -> FitResult | None:
+    """The fit without an effect; None where it loses more than the effect's prior odds."""
     most = whole.chi2 + 2.0 * found.state.posterior.phi * found.system.atoms[key].odds
-    pull = whole.prior.cost(whole.unknowns)  # which a fit counts while it is under way
-    less = _searched_anew(whole.model, key)
+    pull = whole.prior.cost(whole.unknowns)  # part of the cost that `hopeless` is compared with
+    less = _model_without(whole.model, key)
     fewer = fit_less(less, problem, found.carried, found.gross, found.noise, most + pull)
     return fewer if fewer.chi2 < most and fewer.status != HOPELESS else None
 
 
-def _searched_anew(model: Model, key: str) -> Model:
-    """The model without an effect; where it reverses, lengths over which others do are as if nothing were known.
+def _model_without(model: Model, key: str) -> Model:
+    """The model without an effect; where that reverses, gradual reversals are to be opened anew.
 
-    Beside play a wind-up has what play leaves of it, over a length from which no tangent leads to its own.
+    Beside play, a wind-up has fitted what play leaves over, with a length from which no descent leads to its own.
     """
     gone = next(term.effect for term in model.terms if term.effect.key == key)
     less = model.without(key)
@@ -81,9 +81,9 @@ def _searched_anew(model: Model, key: str) -> Model:
 
 
 def by_names(asked: Asked, found: Found, problem: Problem) -> Found:
-    """Linearise at what names alone explain, where one of them has a law that bends, and take that if it is better.
+    """Refit with named effects alone where one of them is nonlinear, and take that explanation if it is better.
 
-    A block may do no more than what a tangent leaves of such a law: of play that is taken up over several rows.
+    A block may only stand in for what the tangent of a nonlinear effect leaves: of play taken up over several rows.
 
     Args:
         asked: what is to be explained.
@@ -96,17 +96,17 @@ def by_names(asked: Asked, found: Found, problem: Problem) -> Found:
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     kept = [key for key in state.keys if atoms[key].effect is not None]
     if state.memory.pose == 0.0 and len(kept) == len(state.keys):
-        ways = [*_bent(scorer, state), *_plainer(scorer, state)]
+        ways = [*_with_play(scorer, state), *_with_commoner(scorer, state)]
         there = [_at_names(asked, found, way, problem) for way in ways]
         return max((one for one in there if one is not None and is_better(one, found)), key=_total, default=found)
     alone = scorer.score(kept, WHITE)
     more = improve(scorer, alone, is_effect, swaps=False)
-    bent = [key for key in kept if bends(atoms[key].effect)]
-    stood_in = [key for key in kept if key not in bent and _reverses(atoms[key].effect)]
-    ways = [alone] if bent else []
-    # What reverses gradually may be no more than what a tangent leaves of play, as a block may.
-    ways += [scorer.score([key for key in kept if key not in stood_in], WHITE)] if bent and stood_in else []
-    ways += [more] if any(key not in kept and bends(atoms[key].effect) for key in more.keys) else []
+    nonlinear = [key for key in kept if is_nonlinear(atoms[key].effect)]
+    stood_in = [key for key in kept if key not in nonlinear and _reverses(atoms[key].effect)]
+    ways = [alone] if nonlinear else []
+    # A gradual reversal, too, may only stand in for what the tangent of play leaves.
+    ways += [scorer.score([key for key in kept if key not in stood_in], WHITE)] if nonlinear and stood_in else []
+    ways += [more] if any(key not in kept and is_nonlinear(atoms[key].effect) for key in more.keys) else []
     there = [_at_names(asked, found, named, problem) for named in ways]
     best = max((one for one in there if one is not None), key=_total, default=found)
     return best if is_better(best, found) else found
@@ -116,10 +116,10 @@ def _total(found: Found) -> float:
     return found.state.total
 
 
-def _bent(scorer: Scorer, state: State) -> list[State]:
-    """A set with play in the place of what reverses gradually, where it has none.
+def _with_play(scorer: Scorer, state: State) -> list[State]:
+    """Sets with play in the place of gradual reversals, where there is no play.
 
-    Along the tangent of play that its rows have not taken up yet, wind-up says more.
+    Linearised at no play, wind-up explains more, since the tangent misses rows where play is not taken up yet.
     """
     atoms = scorer.system.atoms
     gradual = [key for key in droppable(scorer, state) if _is_gradual(atoms[key].effect)]
@@ -130,11 +130,11 @@ def _bent(scorer: Scorer, state: State) -> list[State]:
     return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN_NATS]
 
 
-def _plainer(scorer: Scorer, state: State) -> list[State]:
+def _with_commoner(scorer: Scorer, state: State) -> list[State]:
     """Sets with a commoner effect in the place of one that is many usual sizes large.
 
-    A zero that is a millimetre off is a joint that sits as far off, but for squares of which no tangent at the other
-    knows: which of them is said would hang on which of them came first.
+    A joint zero a millimetre off looks like a joint placed a millimetre off but for second-order terms, which a
+    linearisation at one of them holds against the other. Which is named would depend on which came first.
     """
     atoms, ways = scorer.system.atoms, list[State]()
     for key in droppable(scorer, state):
@@ -153,7 +153,7 @@ def _is_commoner(own: Atom, other: Atom) -> bool:
 
 
 def _at_names(asked: Asked, found: Found, named: State, problem: Problem) -> Found | None:
-    """What is found where names alone are fitted; None where that lies too far behind."""
+    """The explanation with named effects alone refitted; None where it is too far behind."""
     state, nothing = found.state, np.zeros_like(found.carried)
     current = _straightened(moved(replace(found, state=named), asked.model, problem), found, named)
     most = state.posterior.penalised_square + 2.0 * state.posterior.phi * HOPEFUL_NATS
@@ -169,11 +169,11 @@ def _at_names(asked: Asked, found: Found, named: State, problem: Problem) -> Fou
 
 
 def _straightened(current: Model, found: Found, named: State) -> Model:
-    """The model with laws that bend as large as names alone have them along the tangent: a block had a part of that."""
+    """The model with nonlinear effects as large as the linearised set without blocks has them."""
     system, terms = found.system, []
     for term in current.terms:
         atom = system.atoms.get(term.effect.key)
-        if atom is not None and bends(term.effect) and atom.key in named.keys:
+        if atom is not None and is_nonlinear(term.effect) and atom.key in named.keys:
             theta, size = term.theta.clone(), atom.amplitudes(named.posterior.values[named.of(atom.key)], system.scale)
             theta[: len(size)] = torch.as_tensor(size)
             term = replace(term, theta=theta)
@@ -181,8 +181,8 @@ def _straightened(current: Model, found: Found, named: State) -> Model:
     return replace(current, terms=tuple(terms))
 
 
-def bends(effect: Effect | None) -> bool:
-    """Whether an effect has a law that no tangent shows."""
+def is_nonlinear(effect: Effect | None) -> bool:
+    """Whether an effect is nonlinear in its values."""
     return effect is not None and type(effect).shift is not Effect.shift
 
 
@@ -191,10 +191,10 @@ def _reverses(effect: Effect | None) -> bool:
 
 
 def _is_play(effect: Effect | None) -> bool:
-    """Whether an effect reverses by a law that bends."""
-    return _reverses(effect) and bends(effect)
+    """Whether an effect is play: a nonlinear reversal."""
+    return _reverses(effect) and is_nonlinear(effect)
 
 
 def _is_gradual(effect: Effect | None) -> bool:
-    """Whether an effect reverses along what its tangent shows."""
-    return _reverses(effect) and not bends(effect)
+    """Whether an effect is a gradual, linear reversal such as wind-up."""
+    return _reverses(effect) and not is_nonlinear(effect)

@@ -1,4 +1,4 @@
-"""Find: the best explanation of a run, by names where they suffice, else by a search from nothing."""
+"""The best explanation of a run: by named effects alone where they suffice, else by a search with unknowns."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from ptt.diagnosis.search.exact import by_names
 from ptt.diagnosis.search.first import names_suffice
 from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.follow import follow
-from ptt.diagnosis.search.found import Found, carried_by, moved, says_more
+from ptt.diagnosis.search.found import Found, carried_by, is_denser, moved
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.laws import by_laws, with_atoms
 from ptt.diagnosis.search.moves import droppable
@@ -41,87 +41,87 @@ def find(
     """Find the best explanation of a run.
 
     Args:
-        model: as given.
+        model: the model as given.
         problem: the readings.
         known: effects by name.
-        tell: told what is being done.
+        tell: callback for progress.
         steps: how many effects may be added.
         span: of the run that the rows are a part of; None where they are all of it.
 
     Returns:
-        What was found.
+        The explanation.
     """
     asked, first = _asked(model, problem, known, tell, steps, span)
     found = _explained(asked, first)
-    if span is not None:  # what explains a part has to be worked out for all of the run
+    if span is not None:  # the rest is done on all rows of the run
         return found
     broken = broken_beams(found)
     less = found.gross | broken
-    if broken.any() and (crowded_moments(found) or _names_do(_masked(asked, less), first)):
-        other = _left_out(asked, first, less)
+    if broken.any() and (crowded_moments(found) or _names_suffice(_masked(asked, less), first)):
+        other = _without_rows(asked, first, less)
         placed = has_a_place(other.gross, other.fitted.residual, problem)
         sound = are_exceptions(other.gross, problem.used) and not placed
-        found = other if sound and says_more(other, found) else found
+        found = other if sound and is_denser(other, found) else found
     return found
 
 
-def names_say_all(model: Model, problem: Problem, known: Library, tell: Tell, steps: int) -> bool:
-    """Whether names alone say all, which takes a small part of the time that unknowns do; arguments as of `find`."""
-    return _names_do(*_asked(model, problem, known, tell, steps))
+def named_effects_suffice(model: Model, problem: Problem, known: Library, tell: Tell, steps: int) -> bool:
+    """Whether named effects alone suffice, found much faster than a search with unknowns; arguments as of `find`."""
+    return _names_suffice(*_asked(model, problem, known, tell, steps))
 
 
 def _asked(
     model: Model, problem: Problem, known: Library, tell: Tell, steps: int, span: Span | None = None
 ) -> tuple[Asked, Turn]:
-    """What is asked, and the first turn."""
+    """The question, and the first turn of its search."""
     noise, freedom = starting_noise(problem)
     return Asked(model, problem, known, tell, steps, span, freedom), first_turn(model, problem, noise)
 
 
 def _explained(asked: Asked, first: Turn) -> Found:
-    """Where names lead, or a search from nothing, less what no machine is off by, with laws where they are likelier."""
-    found, problem = _begun(asked, first)
+    """The best explanation, with implausible values barred where that is better, and laws in place of stand-ins."""
+    found, problem = _searched(asked, first)
     barred, tried = first.barred, set(asked.model.keys)
     while name := next((name for name in _beyond_machines(found) if name not in tried), None):
         tried.add(name)
-        other, others = _begun(asked, replace(first, barred=barred | {name}))
-        if says_more(other, found):
+        other, others = _searched(asked, replace(first, barred=barred | {name}))
+        if is_denser(other, found):
             found, problem, barred = other, others, barred | {name}
     found = by_names(asked, found, problem)
-    return found if asked.span is not None else _lawful(asked, _more_than_nothing(found, problem), problem)
+    return found if asked.span is not None else _with_laws(asked, _not_empty_for_plainness(found, problem), problem)
 
 
 def _beyond_machines(found: Found) -> tuple[str, ...]:
-    """Names of effects with values that no machine has."""
+    """Names of effects with implausibly large values."""
     atoms = found.system.atoms
     return tuple(atoms[key].name for key in beyond_machines(found.state, atoms, found.system.scale))
 
 
-def _begun(asked: Asked, first: Turn) -> tuple[Found, Problem]:
-    """Where names lead, or a search from nothing if they do not suffice; and the readings without an opening."""
+def _searched(asked: Asked, first: Turn) -> tuple[Found, Problem]:
+    """Named effects alone, or a search from nothing if they do not suffice; and the readings without opening rows."""
     first, named = names_alone(asked, first)
     found, problem = follow(asked, named)
     if names_suffice(found.scorer, found.state, problem):
         return found, problem
     found.system.forget()
     anew, others = follow(asked, first)
-    if not says_more(found, anew, PLAIN_NATS):
+    if not is_denser(found, anew, PLAIN_NATS):
         return anew, others
-    anew.system.forget()  # an unknown beside names is likelier than all that began with unknowns
+    anew.system.forget()  # names are clearly better than the search from nothing: look for unknowns beside them
     beside, problem = follow(asked, named, alone=False)
-    return (beside, problem) if says_more(beside, anew) else (anew, others)
+    return (beside, problem) if is_denser(beside, anew) else (anew, others)
 
 
-def _names_do(asked: Asked, first: Turn) -> bool:
-    """Whether names alone say all."""
+def _names_suffice(asked: Asked, first: Turn) -> bool:
+    """Whether named effects alone suffice."""
     found, problem = follow(asked, names_alone(asked, first)[1])
     suffice = names_suffice(found.scorer, found.state, problem)
     found.system.forget()
     return suffice
 
 
-def _left_out(asked: Asked, first: Turn, broken: np.ndarray) -> Found:
-    """What is found without some rows, (n,) bool, less those that it reaches all the same."""
+def _without_rows(asked: Asked, first: Turn, broken: np.ndarray) -> Found:
+    """The explanation without some rows, (n,) bool; those of them that it predicts well count again."""
     found = _explained(_masked(asked, broken), first)
     reached = replace(found.fitted, residual=found.fitted.residual - found.carried)
     missed = still_missed(reached, asked.problem, found.noise, broken)
@@ -134,8 +134,8 @@ def _masked(asked: Asked, rows: np.ndarray) -> Asked:
     return replace(asked, problem=asked.problem.masked(rows))
 
 
-def _more_than_nothing(found: Found, problem: Problem) -> Found:
-    """What is likeliest, where nothing is said for being plain alone though the error is beyond what is stated."""
+def _not_empty_for_plainness(found: Found, problem: Problem) -> Found:
+    """The likeliest set instead of the empty one, where that was only the plainest and the error exceeds the noise."""
     scorer, state = found.scorer, found.state
     if droppable(scorer, state) or problem.noise is None:
         return found
@@ -146,21 +146,21 @@ def _more_than_nothing(found: Found, problem: Problem) -> Found:
     return replace(found, state=plainest(scorer, best, nothing=False))
 
 
-def _lawful(asked: Asked, found: Found, problem: Problem) -> Found:
-    """The same with laws of one variable where readings prefer them; what they let in is linearised at."""
+def _with_laws(asked: Asked, found: Found, problem: Problem) -> Found:
+    """The explanation with laws of one variable where these score higher; effects found beside them are refitted."""
     scorer, state = by_laws(found.scorer, found.state)
     lawful = replace(found, scorer=scorer, state=state)
     if is_in_model(scorer, state):
         return lawful
-    return max(_told(asked, lawful, problem), found, key=_told_total)
+    return max(_with_effects_in_model(asked, lawful, problem), found, key=_score_if_in_model)
 
 
-def _told_total(found: Found) -> float:
+def _score_if_in_model(found: Found) -> float:
     return found.state.total if is_in_model(found.scorer, found.state) else -np.inf
 
 
-def _told(asked: Asked, found: Found, problem: Problem) -> Found:
-    """The same explanation with all of its effects in the model, linearised there, its laws carried along."""
+def _with_effects_in_model(asked: Asked, found: Found, problem: Problem) -> Found:
+    """The explanation with all of its effects in the model, refitted and linearised there, its laws kept as atoms."""
     carried = carried_by(found.state, found.system, problem)
     current = moved(found, asked.model, problem)
     fitted = fit_less(current, problem, carried, found.gross, found.noise)
@@ -168,7 +168,7 @@ def _told(asked: Asked, found: Found, problem: Problem) -> Found:
     blocks = [found.system.atoms[key] for key in found.state.keys if is_block(found.system.atoms[key])]
     scorer = with_atoms(scorer, [block for block in blocks if block.key not in scorer.system.atoms])
     keys = [*(key for key in current.keys if key in scorer.system.atoms), *(block.key for block in blocks)]
-    improve(scorer, scorer.score(keys, found.state.memory))  # what comes near has a say in probabilities
+    improve(scorer, scorer.score(keys, found.state.memory))  # scores the sets nearby, for the probabilities
     state = max((each for each in scorer.scored.values() if is_in_model(scorer, each)), key=lambda each: each.total)
     return replace(
         found, fitted=fitted, scorer=scorer, state=scorer.score(state.keys, state.memory),

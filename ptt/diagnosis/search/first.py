@@ -1,4 +1,4 @@
-"""First: what is asked of a run before anything has a name, lone rows set aside, and the search from nothing."""
+"""First steps of a search: isolated rows set aside, and the search from an empty set."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.gross import gross_errors, places_of
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.improve import climb
-from ptt.diagnosis.search.moves import droppable, remember_instead
+from ptt.diagnosis.search.moves import droppable, with_memory_instead
 from ptt.diagnosis.search.rest import NOISE_EXCESS
 from ptt.diagnosis.search.search import best_of, ends_of, remembering
 from ptt.diagnosis.search.shapes import with_moments
@@ -23,21 +23,20 @@ from ptt.effects import Effect
 from ptt.fitting.linear import Linear, few_shapes
 from ptt.run.problem import Problem
 
-NEIGHBOURS = (1, 1, 0, 1, 1)  # rows before and after one
+NEIGHBOURS = (1, 1, 0, 1, 1)  # convolution kernel: two rows before and after one, itself left out
 
 
 def sift(linear: Linear, problem: Problem) -> np.ndarray:
-    """Lone rows that neither the model nor all effects together can explain, (n,) bool."""
+    """Isolated rows that neither the model nor all effects together explain, (n,) bool."""
     saturated = few_shapes(linear.trials, linear.simple)
     return gross_errors(linear.columns, linear.values, linear.rows, linear.simple, saturated, places_of(problem))
 
 
 def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) -> np.ndarray:
-    """Lone rows far from all that names can say, first from what lasts, then from what happened at a moment as well.
+    """Isolated rows far from what named effects explain: lasting effects first, then sudden ones as well.
 
-    A law that bends as it may would reach one of them before anything that many rows say, and hide it; so would two
-    things that happen just before it and just after. Where some are far off next to each other, or where a place has
-    them, it may be physics without a name: then all wait until unknowns were asked.
+    A flexible law would fit such a row and hide it, and so would two events just before and after it. Where several are
+    next to each other, or belong to one place, it may be unknown physics: then all stay until unknowns were tried.
 
     Args:
         scorer: of the system, nothing scored yet.
@@ -45,22 +44,22 @@ def sift_again(scorer: Scorer, candidates: Sequence[Effect], gross: np.ndarray) 
         gross: rows left out so far, (n,) bool.
 
     Returns:
-        These rows as well, (n,) bool.
+        The given rows and these, (n,) bool.
     """
     nothing = scorer.score((), WHITE)
     lasting = climb(scorer, nothing, lambda atom: is_effect(atom) and not is_sudden(atom))
-    lone = _lone_beside(scorer, lasting, gross, robust=True)
+    lone = _with_isolated_rows(scorer, lasting, gross, robust=True)
     if not np.array_equal(lone, gross):
         return lone
     named = climb(scorer, nothing, is_effect)
     scorer, dates = dated(scorer, named, candidates)
-    if dates is not None:  # else rows between a moment that is tried and the true one would look like that
+    if dates is not None:  # moments to the row: rows between a coarse moment and the true one would look like that
         named = climb(scorer, scorer.score(dates, WHITE), is_effect)
-    return _lone_beside(scorer, named, gross)
+    return _with_isolated_rows(scorer, named, gross)
 
 
-def _lone_beside(scorer: Scorer, state: State, gross: np.ndarray, *, robust: bool = False) -> np.ndarray:
-    """Rows left out so far, and those far from a set where all of these are alone, (n,) bool."""
+def _with_isolated_rows(scorer: Scorer, state: State, gross: np.ndarray, *, robust: bool = False) -> np.ndarray:
+    """Rows left out so far, and rows far from a set if all of them are isolated, (n,) bool."""
     system = rows_of(scorer.system)
     white = scorer.score(state.keys, WHITE)
     far = gross_beside(system, white, gross, robust=robust) & ~gross
@@ -69,10 +68,9 @@ def _lone_beside(scorer: Scorer, state: State, gross: np.ndarray, *, robust: boo
 
 
 def search_first(scorer: Scorer, candidates: Sequence[Effect]) -> tuple[Scorer, State]:
-    """The best set from nothing, what is sudden in it placed to the row before any swap.
+    """The best set from an empty start, with sudden effects placed to the row before swaps are tried.
 
-    Between the moments that are tried at first lie rows enough for curves that make good for them, and those would
-    stay.
+    The moments tried at first are so far apart that curves would make up for the rows in between, and stay.
 
     Args:
         scorer: of the system.
@@ -90,7 +88,7 @@ def search_first(scorer: Scorer, candidates: Sequence[Effect]) -> tuple[Scorer, 
 
 
 def beside_names(scorer: Scorer, state: State, problem: Problem) -> State:
-    """What all atoms add to names, or the noise remembers in their place; as soon as they do not suffice, that.
+    """The best set grown from named effects, unknowns and memories of the noise tried beside them or in their place.
 
     Args:
         scorer: of a system that is linearised at the names.
@@ -98,19 +96,19 @@ def beside_names(scorer: Scorer, state: State, problem: Problem) -> State:
         problem: the readings.
 
     Returns:
-        The set.
+        The set; the first one found where named effects do not suffice.
     """
     best = climb(scorer, state)
     if not names_suffice(scorer, best, problem):
         return best
-    # Names came before memories of the noise: each that is not worth all too much may stand in one's place.
+    # Names were found before memories of the noise, so each that is not worth very much may stand in for one.
     weak = [key for key in droppable(scorer, best) if best.worth(key) < FAR_BEHIND]
-    others = [climb(scorer, remember_instead(scorer, best, key)) for key in weak]
+    others = [climb(scorer, with_memory_instead(scorer, best, key)) for key in weak]
     return best_of(scorer, [best, *remembering(scorer, best.total), *(end for end in others if end.total > best.total)])
 
 
 def names_suffice(scorer: Scorer, state: State, problem: Problem) -> bool:
-    """Whether names alone say all: no unknown, no wander beyond a tracker's, no more left than is stated.
+    """Whether a set has no unknown, no wander beyond a tracker's, and leaves no more than twice the stated noise.
 
     Args:
         scorer: of the system.
@@ -127,7 +125,7 @@ def names_suffice(scorer: Scorer, state: State, problem: Problem) -> bool:
 
 
 def dated(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[Scorer, list[str] | None]:
-    """The same with moments to the row, and the lasting effects of a set; None where it has nothing to be dated."""
+    """A scorer with moments to the row, and a set's lasting effects; None where no moment was searched in it."""
     if not _searches_moments(scorer, state):
         return scorer, None
     scorer = with_moments(scorer, best_moments(scorer, state, droppable(scorer, state), candidates))
@@ -136,6 +134,6 @@ def dated(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[S
 
 
 def _searches_moments(scorer: Scorer, state: State) -> bool:
-    """Whether a set has something sudden whose moment was searched."""
+    """Whether a set has a sudden effect that is not in the model yet."""
     system = scorer.system
     return any(is_sudden(system.atoms[key]) and system.atoms[key].shape is not None for key in state.keys)

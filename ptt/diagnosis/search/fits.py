@@ -1,4 +1,4 @@
-"""Fits of what was found: the model to the readings less what its unknowns carry."""
+"""Fits of an explanation's model to the readings less the contribution of its unknown blocks."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,15 +22,15 @@ MOST_HALVINGS = 10  # of all values towards the drawing, after which next to not
 def fit_less(
     model: Model, problem: Problem, carried: np.ndarray, gross: np.ndarray, noise: Noise, hopeless: float = np.inf
 ) -> FitResult:
-    """Fit the model to what the blocks leave of the readings.
+    """Fit the model to the readings less the contribution of blocks, moments to the row.
 
     Args:
         model: the model.
         problem: n rows.
-        carried: what the blocks put into the readings, (n, 3) mm.
+        carried: contribution of the blocks to the readings, (n, 3) mm.
         gross: rows to leave out, (n,) bool.
         noise: the noise floor.
-        hopeless: chi-squared above which it is not brought to its end.
+        hopeless: chi-squared above which the fit is given up.
 
     Returns:
         The fit.
@@ -45,13 +45,13 @@ def fit_less(
 
 
 def fit_dated(model: Model, problem: Problem, found: Found, hopeless: float = np.inf) -> FitResult:
-    """As `fit_less` beside what was found, with what is sudden at the moments that the model has.
+    """As `fit_less` for an explanation, with the moments of sudden effects as in the model.
 
     Args:
         model: the model.
         problem: n rows.
-        found: what its unknowns carry, which rows are left out and how wide the noise is.
-        hopeless: as there.
+        found: the explanation, for the contribution of its blocks, its gross errors and its noise.
+        hopeless: chi-squared above which the fit is given up.
 
     Returns:
         The fit.
@@ -60,14 +60,14 @@ def fit_dated(model: Model, problem: Problem, found: Found, hopeless: float = np
 
 
 def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
-    """What the readings say of the model that was found with moments of unlike sudden effects exchanged.
+    """Fits of the explanation's model with the moments of two different sudden effects exchanged.
 
     Args:
         found: the best explanation.
         problem: the rows that it was found on.
 
     Returns:
-        A fit for each pair; none of a run of which a sample stands for the whole.
+        A fit for each pair; none for a long run.
     """
     if found.sample is not None:
         return []
@@ -76,7 +76,7 @@ def fits_exchanged(found: Found, problem: Problem) -> list[FitResult]:
 
 
 def without_carried(problem: Problem, found: Found) -> Problem:
-    """The readings less what the unknowns of an explanation put into them, without gross rows.
+    """The readings less the contribution of an explanation's blocks, gross errors masked.
 
     Args:
         problem: the rows that it was found on.
@@ -86,7 +86,7 @@ def without_carried(problem: Problem, found: Found) -> Problem:
 
 
 def _less(problem: Problem, carried: np.ndarray, gross: np.ndarray) -> Problem:
-    """The readings less what the unknowns put into them, without gross rows."""
+    """The readings less a contribution (n, 3) mm, gross errors masked."""
     return replace(problem, measured=problem.measured - carried).masked(gross)
 
 
@@ -94,24 +94,23 @@ def _fit(model: Model, less: Problem, noise: Noise, hopeless: float) -> FitResul
     try:
         return fit(model, less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
     except PosesError:
-        return fit(_standing(model, less), less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
+        return fit(_drawn_back(model, less), less, noise=noise, robust=False, coarse=True, hopeless=hopeless)
 
 
-def _standing(model: Model, problem: Problem) -> Model:
-    """The model drawn back towards the drawing until the machine stands where it was commanded to.
+def _drawn_back(model: Model, problem: Problem) -> Model:
+    """The model with its values halved until every commanded pose can be reached.
 
-    A tangent may ask for values beyond the reach of the links, where no tangent holds. From within it no step of a fit
-    leads out again.
+    A linearised solution may put poses beyond the reach of the links, where there is no derivative to go on from.
     """
     for _ in range(MOST_HALVINGS):
         model = replace(model, terms=tuple(_halved(term, problem) for term in model.terms))
-        if stands(model.terms, problem):
+        if is_reachable(model.terms, problem):
             break
     return model
 
 
-def stands(terms: Sequence[Term], problem: Problem) -> bool:
-    """Whether the machine can stand where it was commanded to with these effects.
+def is_reachable(terms: Sequence[Term], problem: Problem) -> bool:
+    """Whether every pose that counts can be reached with these effects.
 
     Args:
         terms: the effects; those without values are left aside.
@@ -122,7 +121,7 @@ def stands(terms: Sequence[Term], problem: Problem) -> bool:
 
 
 def _halved(term: Term, problem: Problem) -> Term:
-    """A term with half of the values that are not held, its shape as it is."""
+    """A term with its free linear values halved."""
     if not len(term.theta):
         return term
     joints = problem.view.joints

@@ -1,4 +1,4 @@
-"""Follow: linearise, search, move the model to what was found and linearise there again, until it stays."""
+"""Turns of a search: linearise, search, move the model to what was found, until the explanation stays the same."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,17 +39,20 @@ NARROWER_NOISE = 0.8
 
 
 def follow(asked: Asked, turn: Turn, *, alone: bool = True) -> tuple[Found, Problem]:
-    """Where turns lead; and the readings without an opening.
+    """Repeat turns until the explanation is linearised at itself.
 
     Args:
         asked: what is to be explained.
-        turn: the first.
-        alone: whether a first turn that is to show that names suffice is the last one where they do not.
+        turn: the first turn.
+        alone: whether to stop after a first turn from named effects that shows that they do not suffice.
+
+    Returns:
+        The explanation, and the readings without the rows that open a run.
     """
     while True:
         problem = without_opening(asked.problem, turn.opening)
         found, candidates = _searched(asked, turn, problem)
-        if turn.before is not None and is_better(turn.before, found):  # curves that bend further did the work
+        if turn.before is not None and is_better(turn.before, found):  # other curves had taken over their work
             return turn.before, problem
         named = alone and turn.number == 0 and turn.kept is not None
         if named and not names_suffice(found.scorer, found.state, problem):
@@ -61,12 +64,12 @@ def follow(asked: Asked, turn: Turn, *, alone: bool = True) -> tuple[Found, Prob
 
 
 def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[Effect]]:
-    """Linearise and search; what may have been added."""
+    """One turn: linearise and search. Returns the explanation and the candidates."""
     asked.tell(f"linearise {turn.number + 1}")
     gross, noise = turn.gross, turn.noise
     fitted = fit_less(turn.model, problem, turn.carried, gross, noise)
     candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
-    if turn.number > 0 and turn.before is None:  # else it is what other rows said that would be compared
+    if turn.number > 0 and turn.before is None:  # `before` is only comparable on the same rows
         gross = still_missed(fitted, problem, noise, gross)
     scorer = open_turn(asked, turn, problem, fitted, candidates, gross)
     asked.tell(f"search {turn.number + 1}")
@@ -80,7 +83,7 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
         state = best_meanings(scorer, state)
         if turn.number == 0:
             state = beside_names(scorer, state, problem)
-        elif turn.number < MOST_TURNS - 1:  # what is said is what it is linearised at
+        elif turn.number < MOST_TURNS - 1:  # the last turn keeps what it is linearised at
             state = refilled(scorer, _improved(scorer, state))
     scorer, state = by_drawing(scorer, state)
     return Found(
@@ -90,9 +93,9 @@ def _searched(asked: Asked, turn: Turn, problem: Problem) -> tuple[Found, list[E
 
 
 def _improved(scorer: Scorer, state: State) -> State:
-    """The best set that moves lead to; where the noise remembers more than a tracker's does, also without that."""
+    """The best set that moves lead to; where the wander is more than a tracker's, also from white noise."""
     starts = [state]
-    if scorer.system.clock.is_fault(state.memory.wander):  # it may be the machine that it follows
+    if scorer.system.clock.is_fault(state.memory.wander):  # it may be the machine's errors
         starts.append(scorer.score(state.keys, WHITE, state.variances))
     return max((improve(scorer, each) for each in starts), key=lambda end: end.total)
 
@@ -100,7 +103,7 @@ def _improved(scorer: Scorer, state: State) -> State:
 def _turned(
     asked: Asked, turn: Turn, found: Found, problem: Problem, candidates: Sequence[Effect]
 ) -> tuple[Found, Turn | None]:
-    """What was found, and the turn that it asks for; None where it is linearised at what it says."""
+    """The explanation, and the next turn; None where it is linearised at itself."""
     if turn.number == MOST_TURNS - 1:
         return found, None
     scorer, state, waves = with_harmonics(found.scorer, found.state, problem, turn.seen)
@@ -131,25 +134,25 @@ def _turned(
 def _is_steady(
     turn: Turn, found: Found, gross: np.ndarray, noise: Noise, candidates: Sequence[Effect]
 ) -> tuple[Found, bool]:
-    """What was found, in a first turn with moments to the row, and whether another turn would say the same.
+    """The explanation, after a first turn with moments to the row, and whether another turn would change nothing.
 
     Args:
-        turn: this one; its model and its unknowns are what was found.
-        found: in it.
-        gross: rows that are to be left out beside it, (n,) bool.
-        noise: what it leaves.
+        turn: this turn, whose model and blocks are those of the explanation.
+        found: the explanation.
+        gross: rows to be left out next, (n,) bool.
+        noise: to whiten with next.
         candidates: effects that may be missing.
     """
     if turn.number > 0:
         return found, noise.total > NARROWER_NOISE * found.noise.total and bool((found.gross == gross).all())
     if gross.any() or noise is not found.noise:
         return found, False
-    again = _with_moments(found, candidates)  # the next turn would be this one, but for moments
+    again = _with_moments(found, candidates)  # the next turn would differ only by finer moments
     return (again, True) if again.state.keys == found.state.keys else (found, False)
 
 
 def _without_needless(following: Turn, found: Found, problem: Problem, *, steady: bool) -> Turn | None:
-    """The following turn without effects of the model that an exact fit does without; None where there are none."""
+    """The next turn without effects that an exact fit of the model does without; None where there are none."""
     current = without_needless(found if steady else _fitted_beside(found, problem), problem)
     needless = set(found.fitted.model.keys) - set(current.keys)
     if not needless:
@@ -159,7 +162,7 @@ def _without_needless(following: Turn, found: Found, problem: Problem, *, steady
 
 
 def _moved_on(model: Model, following: Turn, found: Found, problem: Problem, candidates: Sequence[Effect]) -> Turn:
-    """The following turn at what was found, from the model as given."""
+    """The next turn, at the model moved to the explanation."""
     scorer, state, blocks = found.scorer, found.state, _blocks(found)
     moments = best_moments(scorer, state, droppable(scorer, state), candidates)
     carried = carried_by(state, found.system, problem)
@@ -173,12 +176,12 @@ def _moved_on(model: Model, following: Turn, found: Found, problem: Problem, can
 
 
 def _blocks(found: Found) -> tuple[str, ...]:
-    """The unknowns of what was found."""
+    """Keys of the explanation's blocks."""
     return tuple(key for key in found.state.keys if found.system.atoms[key].block is not None)
 
 
 def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
-    """The same, searched on with moments to the row."""
+    """The explanation searched on with moments to the row."""
     moments = best_moments(found.scorer, found.state, droppable(found.scorer, found.state), candidates)
     scorer = with_moments(found.scorer, moments)
     state = plainest(scorer, refilled(scorer, improve(scorer, found.state)))
@@ -186,7 +189,7 @@ def _with_moments(found: Found, candidates: Sequence[Effect]) -> Found:
 
 
 def _fitted_beside(found: Found, problem: Problem) -> Found:
-    """The same fitted beside the unknowns that it has now: those of the turn before may be gone."""
+    """The explanation refitted beside its present blocks, which may differ from those of the turn before."""
     carried = carried_by(found.state, found.system, problem)
     fitted = fit_less(found.fitted.model, problem, carried, found.gross, found.noise)
     return replace(found, fitted=fitted, carried=carried)

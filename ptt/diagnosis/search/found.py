@@ -1,4 +1,4 @@
-"""Found: an explanation of a run, and the model moved to what it says."""
+"""An explanation of a run, comparisons of explanations, and the model moved to one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -32,17 +32,17 @@ class Found:
     """The best explanation of a run.
 
     Attributes:
-        fitted: the model with the named effects, at which the system was linearised; residuals hold the blocks' share.
-        scorer: of the system that was linearised there, with all that was scored.
+        fitted: fit of the model at which the system was linearised; its residuals do not contain `carried`.
+        scorer: of that system, with all sets that were scored.
         state: the best set.
-        noise: the noise floor as it ended.
-        carried: what the blocks put into the readings, (n, 3) mm.
+        noise: the noise floor that whitened the system.
+        carried: contribution of the blocks to the readings, which the fit took off, (n, 3) mm.
         gross: rows left out as gross errors, (n,) bool.
-        untestable: effect -> what the data lack.
-        periods: joint (None: time) and length of those that were seen in what was left.
-        seen: harmonics of a turn that were.
-        sample: stretches of the run that stand for it where a system keeps only sums.
-        opening: rows left out because they tell from where the joints came to the run, (n,) bool; None for none.
+        untestable: effect -> what the data lack to test it.
+        periods: joint (None: time) and length of waves that residual spectra showed.
+        sample: stretches of a long run that stand for it where the system keeps only sums; None otherwise.
+        opening: rows left out because they depend on how the run was entered, (n,) bool; None for none.
+        seen: harmonics of a turn that residual spectra showed.
     """
 
     fitted: FitResult
@@ -64,7 +64,7 @@ class Found:
 
 
 def parts_of(state: State, system: System) -> dict[str, np.ndarray]:
-    """What each block of a state puts into the readings, (n, 3) mm."""
+    """Key of a block of a set -> its contribution to the readings, (n, 3) mm."""
     blocks = {key: system.atoms[key] for key in state.keys if system.atoms[key].block is not None}
     return {
         key: atom.block.features @ atom.amplitudes(state.posterior.values[state.of(key)], system.scale)
@@ -74,42 +74,27 @@ def parts_of(state: State, system: System) -> dict[str, np.ndarray]:
 
 
 def carried_by(state: State, system: System, problem: Problem) -> np.ndarray:
-    """What the blocks of a state put into the readings, (n, 3) mm."""
+    """Contribution of all blocks of a set to the readings, (n, 3) mm."""
     return sum(parts_of(state, system).values(), np.zeros((problem.table.rows, 3)))
 
 
 def settled(state: State, system: System) -> bool:
-    """Whether the search named just what the system was linearised at.
-
-    Args:
-        state: the best set.
-        system: the linearised problem.
-
-    Returns:
-        Whether it did.
-    """
+    """Whether a set's effects are exactly those of the model at which the system was linearised."""
     named = {key for key in state.keys if system.atoms[key].effect is not None}
     return named == {key for key, atom in system.atoms.items() if atom.effect is not None and atom.shape is None}
 
 
 def is_better(one: Found, other: Found) -> bool:
-    """Whether one explanation of the same rows says clearly more than another.
-
-    Args:
-        one: an explanation.
-        other: another; a search on other rows or with another noise is not comparable.
-
-    Returns:
-        Whether the one does.
-    """
+    """Whether one explanation scores higher than another by `LEAST_NATS`; not so if rows or noise differ."""
     same = np.array_equal(one.system.rows, other.system.rows) and one.noise is other.noise
     return same and one.state.total > other.state.total + LEAST_NATS
 
 
-def says_more(one: Found, other: Found, least: float = LEAST_NATS) -> bool:
-    """The same as `is_better`, also with another noise and other rows: by the density of the readings in 1/mm.
+def is_denser(one: Found, other: Found, least: float = LEAST_NATS) -> bool:
+    """Whether one explanation has a higher posterior density of the readings (in 1/mm) than another, by `least` nats.
 
-    A gross error may lie anywhere within a mm or so, so a row that is left out has a density of one.
+    Unlike scores, these are comparable between different noises and rows. A gross error may lie anywhere within a mm or
+    so, so a row that is left out has a density of one.
     """
     return _density(one) > _density(other) + least
 
@@ -119,13 +104,13 @@ def _density(found: Found) -> float:
 
 
 def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) -> Model:
-    """The model as given with the named effects at the state's values.
+    """The model as given with the explanation's effects added, new ones at the set's values.
 
     Args:
         found: the best explanation.
         model: as given.
         problem: the rows that it was found on.
-        refine: look for finer shapes of new effects.
+        refine: whether to refine the shapes of new effects.
 
     Returns:
         The model.
@@ -142,23 +127,23 @@ def moved(found: Found, model: Model, problem: Problem, *, refine: bool = True) 
             term = next(term for term in found.fitted.model.terms if term.effect.key == atom.name)
         else:
             shape = _finest(found, atom, problem) if refine else atom.shape
-            term = Term(atom.effect, opened_at(atom.effect, shape, _amounts(found, atom), problem))
+            term = Term(atom.effect, opened_at(atom.effect, shape, _linear_values(found, atom), problem))
         if base != atom.name:
             term = replace(term, effect=replace(term.effect, label=base.partition("[")[2].removesuffix("]")))
         current = current + term
     return current
 
 
-def _amounts(found: Found, atom: Atom) -> Tensor:
-    """What a state says of the linear values of an effect, (w,)."""
+def _linear_values(found: Found, atom: Atom) -> Tensor:
+    """Linear values of an effect in the best set, (w,)."""
     return torch.as_tensor(atom.amplitudes(found.state.posterior.values[found.state.of(atom.key)], found.system.scale))
 
 
 def _finest(found: Found, atom: Atom, problem: Problem) -> Shape:
-    """The shape near the chosen one that scores best in its place; of what it may stand for, what the rows say."""
+    """The best-scoring refinement of the chosen shape, or the best meaning of a shape that has several."""
     assert atom.effect is not None and atom.shape is not None
     finer = atom.effect.refine(problem.view, atom.shape)
-    meant = () if len(finer) > 1 else atom.effect.meant_by(problem.view, atom.shape, _amounts(found, atom))
+    meant = () if len(finer) > 1 else atom.effect.meant_by(problem.view, atom.shape, _linear_values(found, atom))
     shapes = meant or finer
     if len(shapes) < 2:
         return atom.shape

@@ -1,4 +1,4 @@
-"""Harmonics of a turn: lines at whole parts of a screw's lead, or a gear's period, in what an explanation leaves."""
+"""Harmonics of a turn: lines at integer fractions of a screw's lead or a gear's period in a residual's spectrum."""
 
 from collections.abc import Sequence
 
@@ -34,18 +34,18 @@ PEAK_OFFSETS = np.linspace(-LINE_HALF_WIDTH, LINE_HALF_WIDTH, 41)
 def with_harmonics(
     scorer: Scorer, state: State, problem: Problem, offered: Sequence[OncePerRev] = ()
 ) -> tuple[Scorer, State, tuple[OncePerRev, ...]]:
-    """An explanation that may say harmonics of a turn: beside all that it says, or in its unknowns' and curves' place.
+    """Add harmonics of a turn to an explanation, beside all of it or in the place of its unknowns and curves.
 
     Args:
         scorer: of the system.
         state: the best set so far.
         problem: n rows.
-        offered: harmonics that the state could have taken.
+        offered: harmonics that were among the candidates already.
 
     Returns:
-        A scorer that knows what was scored before, what is said now, and the harmonics among that.
+        A scorer that keeps what was scored before, the explanation, and the harmonics added to it.
     """
-    plain = plainly(scorer, state)
+    plain = without_curves(scorer, state)
     for start in (state, plain) if plain is not state else (state,):
         waves = find_harmonics(scorer, start, problem, offered)
         if not waves:
@@ -55,7 +55,7 @@ def with_harmonics(
         every = wider.score((*start.keys, *(atom.key for atom in atoms)), start.memory, start.variances)
         if (
             every.total + sum(atom.odds for atom in atoms) < state.total - HOPEFUL_NATS
-        ):  # as if those of no use cost nothing
+        ):  # even if useless ones cost nothing
             continue
         other = climb(wider, start)
         if other.total > state.total - SLOW_BELOW:
@@ -69,7 +69,7 @@ def with_harmonics(
 
 
 def _with_waves(scorer: Scorer, waves: Sequence[OncePerRev], problem: Problem) -> Scorer:
-    """The same problem with further waves."""
+    """A scorer with atoms of further harmonics."""
     system = rows_of(scorer.system)
     names = {atom.effect.name for atom in system.atoms.values() if atom.effect is not None}
     atoms, columns, scale = dict[str, Atom](), list[np.ndarray](), system.scale
@@ -85,16 +85,16 @@ def _with_waves(scorer: Scorer, waves: Sequence[OncePerRev], problem: Problem) -
 def find_harmonics(
     scorer: Scorer, state: State, problem: Problem, offered: Sequence[OncePerRev] = ()
 ) -> tuple[OncePerRev, ...]:
-    """Harmonics of a turn that are worth their price in what an explanation leaves; a search is to judge them.
+    """Harmonics of a turn that are worth their prior odds in the residual's spectrum, for a search to judge.
 
     Args:
         scorer: of the system.
         state: the best set so far.
         problem: n rows.
-        offered: those that the state could have taken.
+        offered: those that were among the candidates already.
 
     Returns:
-        Those that it could not, the strongest first.
+        New ones, the strongest first.
     """
     lead = problem.view.lead
     if lead is None or len(scorer.system.rows) < SPECTRUM_ROWS:
@@ -112,52 +112,52 @@ def find_harmonics(
         )
     if not joints:
         return ()
-    taken = np.array([_taken(along, lead) for along in joints])
+    explained = np.array([_explained(along, lead) for along in joints])
     effects = [OncePerRev(f"harmonic {m}") for m in range(2, MOST_HARMONIC + 1)]
     names = {atom.effect.name for atom in scorer.system.atoms.values() if atom.effect is not None}
     odds = [odds_of_effect(effect, len(names), 1) for effect in effects]
-    nats = _nats(taken / state.posterior.phi) - odds
+    nats = _nats(explained / state.posterior.phi) - odds
     there = {scorer.system.atoms[key].name for key in state.keys} | scorer.barred | {effect.key for effect in offered}
     strong = [index for index in np.argsort(-nats) if nats[index] > 0.0 and effects[index].key not in there]
     if not strong:
         return ()
-    # Where it lies is told by the joint that shows most of it: others see it from aside.
-    peak = np.max([[_taken(along, lead, turns) for along in joints] for turns in PEAK_OFFSETS], axis=0)
-    shown = taken.argmax(axis=0), np.arange(MOST_HARMONIC - 1)
-    placed = peak[shown] - taken[shown] <= np.maximum(off * peak[shown], 2.0 * PLAIN_NATS * state.posterior.phi)
+    # The line's frequency is judged at the joint that shows most of it; others see it with leakage.
+    peak = np.max([[_explained(along, lead, turns) for along in joints] for turns in PEAK_OFFSETS], axis=0)
+    shown = explained.argmax(axis=0), np.arange(MOST_HARMONIC - 1)
+    placed = peak[shown] - explained[shown] <= np.maximum(off * peak[shown], 2.0 * PLAIN_NATS * state.posterior.phi)
     apart = np.where(off == OFF_PEAK, 0.0, 2.0 * LINE_HALF_WIDTH * lead / max(along.span for along in joints))
     told = [index for index, effect in enumerate(effects) if effect.key in there]
     return tuple(
         effects[index]
         for place, index in enumerate(strong)
-        # What a line that lies a little aside leaves are two more, one to either side.
+        # A line that is placed slightly off leaves two residual lines, one to either side.
         if placed[index] and (np.abs(np.array([*told, *strong[:place]]) - index) > apart[index]).all()
         and effects[index].needs(problem.view) is None
     )  # fmt: skip
 
 
-def plainly(scorer: Scorer, state: State) -> State:
-    """An explanation without its unknowns and curves: beside a few waves these bend to all of them, and leave none.
+def without_curves(scorer: Scorer, state: State) -> State:
+    """The set without its unknowns and curves, which may have absorbed a few waves entirely.
 
     Args:
         scorer: of the system.
-        state: the explanation.
+        state: the set.
 
     Returns:
-        What else it says, as itself where it has none.
+        The rest under white noise; the set itself where it has neither.
     """
     bends = [key for key in droppable(scorer, state) if len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS]
     return scorer.score(without(state, *bends), WHITE, state.variances) if bends else state
 
 
-def _taken(along: JointWave, lead: float, off: float = 0.0) -> np.ndarray:
-    """Sums of squares that all harmonics take, or waves that are off them by so many turns over the range, (f,)."""
+def _explained(along: JointWave, lead: float, off: float = 0.0) -> np.ndarray:
+    """Sums of squares explained by harmonics 2 .. `MOST_HARMONIC`, or waves `off` turns over the range beside, (f,)."""
     turns = along.span / lead
     return along.over(2.0 * turns + off, turns, MOST_HARMONIC - 1)
 
 
 def _nats(gain: np.ndarray) -> np.ndarray:
-    """Evidence of waves of one learned variance at the joints that show them, of sums of squares (joints, f); (f,)."""
+    """Log evidence of waves with one learned variance at the best number of joints, from squares (joints, f); (f,)."""
     some = np.arange(1, len(gain) + 1)[:, None]
     mean = np.maximum(np.sort(gain, axis=0)[::-1].cumsum(axis=0) / (2.0 * some), 1.0)
     return np.asarray((some * (mean - 1.0 - np.log(mean))).max(axis=0))

@@ -1,4 +1,4 @@
-"""Improve: move from a set of atoms to better ones until none is found."""
+"""Local search: move from a set of atoms to better ones until none is found."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ HOPEFUL_NATS = 40.0  # nats by which the first step of a search may lie behind t
 
 
 def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
-    """Add, drop, and let the noise remember, until nothing is gained; swaps are looked for from such ends.
+    """Add and drop atoms and change the memory of the noise until nothing is gained; no swaps.
 
     Args:
         scorer: of the system.
@@ -24,7 +24,7 @@ def climb(scorer: Scorer, state: State, allowed: Allowed = is_any) -> State:
         allowed: atoms that may be added.
 
     Returns:
-        The end of the way.
+        A local maximum.
     """
     for _ in range(MOST_MOVES):
         state = improve(scorer, state, allowed, swaps=False)
@@ -45,10 +45,10 @@ def improve(scorer: Scorer, state: State, allowed: Allowed = is_any, *, swaps: b
         scorer: of the system.
         state: to start from.
         allowed: atoms that may be added.
-        swaps: look for swaps and memories of the noise where adding and dropping bring little.
+        swaps: try swaps and memories of the noise where adding and dropping gain little.
 
     Returns:
-        A local maximum; the best so far where more sets were screened than any search needs.
+        A local maximum; the best set so far where `MOST_SCREENS` were reached.
     """
     for _ in range(MOST_MOVES):
         best = max(plain_moves(scorer, state, allowed), key=lambda other: other.total, default=state)
@@ -64,6 +64,6 @@ def improve(scorer: Scorer, state: State, allowed: Allowed = is_any, *, swaps: b
 
 
 def _beyond(scorer: Scorer, state: State, moves: Sequence[State], allowed: Allowed) -> list[State]:
-    """Where plain moves lead from swaps that lose a little: what went may have kept out more than what came."""
+    """Local maxima reached from swaps that lose a little: the atom that went may have kept out others."""
     near = sorted((other for other in moves if other.total > state.total - SLOW_BELOW), key=lambda other: -other.total)
     return [improve(scorer, other, allowed, swaps=False) for other in near[:SWAPS_PURSUED]]

@@ -1,4 +1,4 @@
-"""Instead: what plain effects, sizes of the drawing and the tracker do in the place of what can do their work."""
+"""Replacements that swaps one for one do not find: several plain effects for a curve, an unknown, or another effect."""
 
 from collections.abc import Sequence
 
@@ -13,11 +13,11 @@ PLAIN_COLUMNS = 12  # columns up to which an effect is a plain one rather than a
 
 
 def refilled(scorer: Scorer, best: State) -> State:
-    """Ask what names do in the place of unknowns, and plain ones in the place of what can do several's work.
+    """Try effects in the place of unknowns, and several plain effects in the place of curves and composite ones.
 
     Args:
         scorer: of the system.
-        best: a set to which no plain move adds anything.
+        best: a local maximum of plain moves.
 
     Returns:
         The best set found.
@@ -32,13 +32,14 @@ def refilled(scorer: Scorer, best: State) -> State:
                 best = other(scorer, best, key)
         if key in best.keys:
             best = _commoner(scorer, best, key)
-    return _asked_of_tracker(scorer, best)
+    return _tracker_or_machine(scorer, best)
 
 
 def _named_instead(scorer: Scorer, best: State) -> State:
-    """A set with names alone in the place of its unknowns, and plain ones beside a curve that then has their part.
+    """The set with effects alone in the place of its unknowns, if better, plain effects tried beside its curves.
 
-    A curve with what is a tower's in it is far too wide; the screen holds it so, and the unknown has both their parts.
+    A curve that holds a tower's part has far too large a prior variance, which the screen holds; the unknown has both
+    parts, so that only an exact score shows that the two effects are better.
     """
     blocks = [key for key in droppable(scorer, best) if scorer.system.atoms[key].block is not None]
     if not blocks:
@@ -52,53 +53,53 @@ def _named_instead(scorer: Scorer, best: State) -> State:
 
 
 def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str], memory: Memory) -> State:
-    """The best set of names with all sizes of the drawing that are needed in the place of what varies with the place.
+    """The set with sizes of the drawing in the place of unknowns and curves of position.
 
-    On a machine of which each is off by no more than readings scatter none alone is worth its name, and all that one
-    more does on the way to them is less than an unknown does at once.
+    All sizes are added at once and needless ones dropped: where each is off by no more than the readings scatter, none
+    alone is worth its name, and adding them one by one gains less than an unknown does at once.
 
     Args:
         scorer: of the system.
         best: a set.
-        gone: unknowns and curves of it that go.
+        gone: unknowns and curves of it to replace.
         memory: of the noise.
     """
     rest = without(best, *gone)
     drawn = {atom.name for atom in scorer.system.atoms.values() if is_drawn(atom)}
-    all_of_them = scorer.score((*rest, *_coming(scorer, rest, drawn)), memory, best.variances)
-    fewer = improve(scorer, all_of_them, _is_none, swaps=False)
+    all_of_them = scorer.score((*rest, *_addable(scorer, rest, drawn)), memory, best.variances)
+    fewer = improve(scorer, all_of_them, _nothing, swaps=False)
     return improve(scorer, fewer, is_plain, swaps=False)
 
 
 def _goes_by_place(atom: Atom) -> bool:
-    """Whether an atom is an unknown of the place, or a curve of which sizes of the drawing are part."""
+    """Whether an atom is an unknown of position, or a curve whose level and slope are sizes of the drawing."""
     return is_field(atom) or holds_sizes(atom)
 
 
-def _is_none(atom: Atom) -> bool:
+def _nothing(atom: Atom) -> bool:
     return False
 
 
 def _instead_of(scorer: Scorer, best: State, key: str) -> State:
-    """A set with as many plain effects as it takes in the place of a curve, which may come back beside them.
+    """The set with several plain effects in the place of a curve, if better; the curve may be added again.
 
-    Swaps one for one never find those: none of them alone is worth as much.
+    None of the plain effects alone is worth as much as the curve, so no swap finds them.
     """
     fewer = scorer.score(without(best, key), best.memory, best.variances)
     if not worth_a_try(scorer, fewer, is_plain):
         return best
     plain = improve(scorer, fewer, is_plain, swaps=False)
-    if set(plain.keys) <= set(fewer.keys):  # none takes its place: what another curve can do, a swap has tried
+    if set(plain.keys) <= set(fewer.keys):  # nothing replaces it; swaps have tried other curves
         return best
     other = improve(scorer, plain, swaps=False)
     return improve(scorer, other) if other.total > best.total + LEAST_NATS else best
 
 
 def _beside(scorer: Scorer, best: State, key: str) -> State:
-    """A set with plain effects that take from a curve what is theirs; with those alone whose slope and level it has.
+    """The set with a plain effect beside a curve, or with the effects of the curve's level and slope in its place.
 
-    The screen holds the curve as wide as it is. That the rest of it is narrower once its slope has a name, only an
-    exact score tells.
+    The screen holds the curve's prior variance. That the rest of the curve is smaller once its slope has a name, only
+    an exact score shows.
     """
     near = [gain for gain in scorer.screen(best, is_plain) if gain.nats > SEEN_NATS - SCREEN_ERROR]
     tried = [added(scorer, best, gain) for gain in near[:TRIED]]
@@ -110,9 +111,9 @@ def _beside(scorer: Scorer, best: State, key: str) -> State:
 
 
 def _commoner(scorer: Scorer, best: State, key: str) -> State:
-    """A set with the commoner causes that an effect looks like together in its place, as far as they are needed.
+    """The set with those commoner causes that together look like an effect in its place, if better.
 
-    None of them alone is worth as much, and what comes first without the effect may be yet another.
+    None of them alone is worth as much, and a greedy search without the effect may add yet another one first.
     """
     there = commoner(scorer, best, key)
     if there is None:
@@ -122,7 +123,7 @@ def _commoner(scorer: Scorer, best: State, key: str) -> State:
 
 
 def commoner(scorer: Scorer, state: State, key: str) -> State | None:
-    """A set with all the commoner causes that an effect of it looks like together in its place.
+    """A set with all the commoner causes that together look like one of its effects in the place of that.
 
     Args:
         scorer: of the system.
@@ -130,26 +131,26 @@ def commoner(scorer: Scorer, state: State, key: str) -> State | None:
         key: of the effect's atom.
 
     Returns:
-        The set; None where the effect looks like itself alone, or where one of these may not stand beside the others.
+        The set; None where there are no such causes, or where one of them may not stand beside the others.
     """
     effect = scorer.system.atoms[key].effect
     if effect is None or not effect.stands_for:
         return None
     rest = without(state, key)
     names = set(effect.stands_for) - {scorer.system.atoms[other].name for other in rest}
-    coming = _coming(scorer, rest, names)
+    coming = _addable(scorer, rest, names)
     return scorer.score((*rest, *coming), state.memory, state.variances) if 0 < len(names) == len(coming) else None
 
 
 def _lenders(scorer: Scorer, state: State, key: str) -> list[str]:
-    """Atoms of the effects beyond a set whose own cause slope and level of one of its curves are."""
+    """Keys of atoms of the effects that level and slope of one of a set's curves belong to, and that it lacks."""
     effect = scorer.system.atoms[key].effect
     names = {name for parameter in effect.parameters for name in parameter.lent} if effect is not None else set()
-    return _coming(scorer, without(state, key), names)
+    return _addable(scorer, without(state, key), names)
 
 
-def _coming(scorer: Scorer, keys: Sequence[str], names: set[str]) -> list[str]:
-    """An atom of each effect of some names that may come beside a set and the others."""
+def _addable(scorer: Scorer, keys: Sequence[str], names: set[str]) -> list[str]:
+    """Key of one atom for each of some names that may be added to a set beside the others."""
     found = list[str]()
     for name in sorted(names):
         may_come = scorer.opens([*keys, *found])
@@ -157,11 +158,11 @@ def _coming(scorer: Scorer, keys: Sequence[str], names: set[str]) -> list[str]:
     return found
 
 
-def _asked_of_tracker(scorer: Scorer, best: State) -> State:
-    """Take each effect of the machine out in turn for all that the tracker may have done instead, and the other way.
+def _tracker_or_machine(scorer: Scorer, best: State) -> State:
+    """Replace each effect of the machine by effects of the tracker, and the other way round, where that is better.
 
-    A machine that is corrected for what the tracker did is worse off than before, and so is one that is not for what
-    it did itself. Either may have done two things at once, which no swap one for one finds.
+    Commands corrected for what the tracker did make a machine worse, and so does an error of the machine that is blamed
+    on the tracker. Either may have done two things at once, which no swap one for one finds.
     """
     for key in droppable(scorer, best):
         atom = scorer.system.atoms[key]
@@ -178,5 +179,5 @@ def _is_of_machine(atom: Atom) -> bool:
 
 
 def is_plain(atom: Atom) -> bool:
-    """Whether an atom is an effect of a few values, no curve that bends to anything."""
+    """Whether an atom is an effect of at most `PLAIN_COLUMNS` values, not a flexible curve."""
     return atom.effect is not None and len(atom.columns) <= PLAIN_COLUMNS

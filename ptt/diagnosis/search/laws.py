@@ -1,9 +1,9 @@
-"""Laws of one variable: one place that follows one thing that varies, the sharpest form that an unknown can have.
+"""Laws of one variable: a curve or a jump over one variable at one place, the most specific form of an unknown.
 
-A field over the workspace, a curve of many values, a slip or a knock can each do the work of what is not in the
-library, and names found beside such a stand-in are as wrong as it is. A law says more with less: where it holds, the
-readings prefer it. A rail of two pieces, a dent, a loose clamp are passed again and again; told as slips and knocks
-they would be sent to a machine as if the last of them had come to stay.
+A field over the workspace, a flexible curve, a slip or a knock can each stand in for physics that is not in the
+library, and names found beside such a stand-in are wrong too. Where a law holds it explains as much with fewer degrees
+of freedom and scores higher. A rail of two pieces, a dent or a loose clamp is passed again and again; named as slips
+and knocks, the last of them would be corrected as if it were permanent.
 """
 
 from collections.abc import Iterator, Sequence
@@ -41,14 +41,14 @@ SHORTEST_MOVE = 1e-3  # share of the longest move below which moves count as tha
 
 
 def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
-    """Hold all that may stand for something else against laws of one variable.
+    """Compare everything that may be a stand-in with laws of one variable.
 
     Args:
         scorer: of a linearised problem.
         state: the best set.
 
     Returns:
-        A scorer that knows the laws where any were tried, and the better set, as given where there is none.
+        A scorer with the laws that were tried, and the better set; both as given where no law was tried.
     """
     atoms, free = scorer.system.atoms, droppable(scorer, state)
     blocks = tuple(key for key in free if is_block(atoms[key]))
@@ -70,9 +70,9 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
 
 
 def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tuple[Scorer, State]:
-    """The same for a set that has curves with fine detail, and nothing else that may stand for something.
+    """`by_laws` for a set whose only possible stand-ins are curves with fine detail.
 
-    Detail of one joint can take the form of a spot or a step, which its own travel says with less.
+    Fine detail of one joint's curve can imitate a spot or a step, which a law over its travel explains with less.
     """
     if not rough:
         return scorer, state
@@ -87,7 +87,7 @@ def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tupl
 
 
 def _moments(scorer: Scorer, state: State) -> list[float]:
-    """By the clock, when something seems to have happened, in order."""
+    """Moments of a set's new sudden effects, by the clock, ascending."""
     moments = (scorer.system.atoms[key].moment for key in droppable(scorer, state))
     return sorted({moment for moment in moments if moment is not None})
 
@@ -102,7 +102,7 @@ def is_law(atom: Atom) -> bool:
 
 
 def is_spell(atom: Atom) -> bool:
-    """Whether an atom is a law of what came at one moment and went at another."""
+    """Whether an atom is a law of something that began at one moment and ended at another."""
     return atom.block is not None and atom.block.is_spell
 
 
@@ -112,7 +112,7 @@ def is_broad(atom: Atom) -> bool:
 
 
 def _instead(scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed = is_law) -> State:
-    """The best set with laws in the place of some of its atoms; the set as it is where none does better."""
+    """The best set with laws in the place of some of its atoms; the given set where none is better."""
     sudden = any(is_sudden(scorer.system.atoms[key]) for key in gone)
     fewer = scorer.score(without(state, *gone), state.memory, state.variances)
     laws = improve(scorer, fewer, allowed, swaps=False)
@@ -127,38 +127,38 @@ def _lasts(atom: Atom) -> bool:
 
 
 def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> Scorer:
-    """The same problem with the laws of each place that say most beside some sets; all of them would fill gigabytes."""
+    """A scorer with the best laws of each place beside some sets; all laws together would fill gigabytes."""
     system = rows_of(scorer.system)
     places = list(laws_of(system.at.problem, system.at.chain, _moments(scorer, state)))
     known = sum(is_block(atom) for atom in system.atoms.values())
     odds = odds_of_block(known + sum(len({block.name for block in blocks}) for blocks in places))
     few = Scorer(system.only(state.keys), scorer.given)
     beside = [few.score(keys, state.memory, state.variances) for keys in dict.fromkeys(map(tuple, sets))]
-    few.system.sums(state.memory)  # which the laws of every place are set beside
+    few.system.sums(state.memory)  # cached once for the laws of all places
     kept = list[Block]()
     for blocks in places:
         wider = _widened(few, blocks, odds)
         gains = [gain for fewer in beside for gain in wider.screen(fewer, is_law)[:MOST_LAWS]]
         names = {wider.system.atoms[gain.key].name for gain in gains}
         kept += [block for block in blocks if block.name in names or block.is_spell]
-    system.forget()  # to widen the sums of every memory that was ever tried takes longer than those few that are asked
+    system.forget()  # extending the cached sums of every memory would take longer than making the few that are needed
     return _widened(scorer, kept, odds)
 
 
 def _widened(scorer: Scorer, blocks: Sequence[Block], odds: float) -> Scorer:
-    """The same problem with some laws beside what it has."""
+    """A scorer with some laws added."""
     return with_atoms(scorer, [_priced(atom, odds) for atom in atoms_of_blocks(blocks, 0, odds).values()])
 
 
 def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
-    """A problem with the laws of another, at their price.
+    """A scorer with further blocks' atoms, at their own prior odds.
 
     Args:
-        scorer: of the problem.
-        laws: atoms of the other.
+        scorer: of a linearised problem.
+        laws: atoms of blocks, their columns to be numbered anew.
 
     Returns:
-        A scorer that knows them as well.
+        The scorer, as given where there are none.
     """
     blocks = [law.block for law in laws if law.block is not None]
     if not blocks:
@@ -173,7 +173,7 @@ def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
 
 
 def _priced(atom: Atom, odds: float) -> Atom:
-    """A jump costs what choosing among its heights costs, and as often as it has heights or moments."""
+    """A law's atom with the odds of choosing the values at which it jumps."""
     jumps = 0 if atom.block is None else len(atom.block.jumps)
     return replace(atom, odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
 
@@ -184,10 +184,10 @@ def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> It
     Args:
         problem: n rows.
         chain: of the present model.
-        moments: by the clock, at which something seems to have happened, in order.
+        moments: at which something seems to have happened, by the clock, ascending.
 
     Yields:
-        The laws of one place.
+        The laws of one place after another.
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
     passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
@@ -210,7 +210,7 @@ def _law(place: Place, on: tuple[str, ...], shapes: np.ndarray) -> Block:
 
 
 def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
-    """Laws that are nothing here and one size there."""
+    """Step functions: zero on one side of a value and constant on the other."""
     name = f"law {place.residual} jumps on"
     return [
         Block(f"{name} {on}", place, (on,), there.reshape(len(there), -1).astype(float), is_law=True, jumps=where)
@@ -219,7 +219,7 @@ def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
 
 
 def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
-    """Where a law may act: axes of the tool, joints, rails to either side, links; one way each."""
+    """Places of laws, one direction each: axes of the tool, joints, both directions of rails, links."""
     tool, *joints = places_of_chain(problem, chain)
     for axis, unit in zip(COORDINATES, np.eye(3), strict=True):
         yield Place("tool", axis, tool.slopes @ unit[:, None])
@@ -228,7 +228,7 @@ def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
 
 
 def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
-    """Everything that varies, and what a curve of it may be: rough, so that it may jump."""
+    """Every variable and its basis functions, (n, s): rough enough to bend sharply."""
     for name, values in path_views(problem).items():
         if name.startswith("direction"):
             yield name, values[:, None]
@@ -239,7 +239,7 @@ def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], np.ndarray]]:
-    """The way that a joint came, in a measure that varies with its place or with how far it came."""
+    """Direction of arrival of a joint, modulated by its position or by the length of its last move."""
     if not problem.two_sided[joint]:
         return
     view, letter = problem.view, problem.file.machine.letter
@@ -248,9 +248,9 @@ def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], n
     step[view.starts.numpy()] = 0.0
     name, longest = f"direction{joint + 1}", step.max()
     yield (name, f"{letter}{joint + 1}"), side * _curve(q, ARRIVAL_COSINES)
-    if longest > 0.0:  # a table may tell the way of a joint that it has at one height alone
-        step[view.starts.numpy()] = longest  # from where it came then, nobody knows
-        far = np.log(np.maximum(step, SHORTEST_MOVE * longest))  # friction forgets where it began by shares
+    if longest > 0.0:  # zero where the table gives directions of a joint that never moves
+        step[view.starts.numpy()] = longest  # how far it came to a run's first row is unknown
+        far = np.log(np.maximum(step, SHORTEST_MOVE * longest))  # friction decays exponentially with travel
         yield (name, "step"), side * _curve(far, ARRIVAL_COSINES)
 
 

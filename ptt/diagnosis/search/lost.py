@@ -1,4 +1,4 @@
-"""Lost motion: whether play or wind-up has it is asked where either is fitted, for no tangent tells."""
+"""Lost motion: whether it is play or wind-up is decided by refits, as the linearisations are too alike."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,42 +15,46 @@ from ptt.run.problem import Problem
 
 
 def lost_by_one(model: Model, given: Model, found: Found, problem: Problem) -> Model:
-    """The model with one of play and wind-up in the place of the other, or of both, where that tells more.
+    """The model with play in the place of wind-up, the other way round, or both anew, where that fits better.
 
-    Along tangents a wind-up over a short travel is much like play that its rows have not taken up yet.
+    Linearised, wind-up over a short travel is much like play that some rows have not taken up yet.
 
     Args:
-        model: moved to what was found.
-        given: as given; what it has stays.
-        found: names.
+        model: moved to the explanation.
+        given: the model as given; its effects stay.
+        found: an explanation by named effects.
         problem: the readings.
 
     Returns:
         The model, refitted where it has either; else as it was.
     """
-    ways = list(_ways(model)) if not {Backlash.name, Windup.name} & set(given.keys) else []
-    if not ways:
+    alternatives = list(_alternatives(model)) if not {Backlash.name, Windup.name} & set(given.keys) else []
+    if not alternatives:
         return model
     phi, atoms = found.state.posterior.phi, found.system.atoms
     both = {Backlash.name, Windup.name} <= set(model.keys)
     odds = next((atoms[key].odds for key in found.state.keys if atoms[key].name == Windup.name), 0.0) if both else 0.0
     best = fit_dated(model, problem, found)
     most = best.chi2 + 2.0 * phi * odds
-    for way in ways:
-        # What a prior pulls at is counted while a fit is under way, and sizes are learned in between.
-        other, anew = fit_dated(way, problem, found, 2.0 * most), {Backlash.name, Windup.name} <= set(way.keys)
-        # One of them alone saves the other's name; the lengths of a wind-up that takes all of it are free besides.
+    for alternative in alternatives:
+        # The limit is doubled, as the cost of a fit under way contains the prior, whose variances are learned
+        # meanwhile.
+        other, anew = (
+            fit_dated(alternative, problem, found, 2.0 * most),
+            {Backlash.name, Windup.name} <= set(alternative.keys),
+        )
+        # One of both alone saves the odds of the other; wind-up alone has free lengths besides, hence `dearer`.
         cost = other.chi2 + (2.0 * phi * odds if anew else 0.0)
-        dearer = 2.0 * phi * UNUSUAL_MEANING_NATS if Windup.name in way.keys and not anew else 0.0
+        dearer = 2.0 * phi * UNUSUAL_MEANING_NATS if Windup.name in alternative.keys and not anew else 0.0
         if other.status != HOPELESS and cost < most - dearer:
             best, most = other, cost
     return best.model
 
 
-def _ways(model: Model) -> Iterator[Model]:
-    """The models in which one of both has all that a joint loses on reversal: the gap, and twice the height.
+def _alternatives(model: Model) -> Iterator[Model]:
+    """Models in which one of play and wind-up has all of the lost motion, the gap plus twice the wind-up's height.
 
-    Where both are there, also both with all of it in the gap, the wind-up anew: one may have taken what is the other's.
+    Where both are there, also both anew, with all of it in the gap: one may have taken the other's part.
     """
     terms = {term.effect.key: term for term in model.terms}
     play, gradual = terms.get(Backlash.name), terms.get(Windup.name)
@@ -67,7 +71,7 @@ def _ways(model: Model) -> Iterator[Model]:
 
 
 def _lost(term: Term | None) -> Tensor | None:
-    """What each joint loses on reversal, (k,) mm or rad."""
+    """Lost motion of each joint on reversal by one effect, (k,) mm or rad."""
     if term is None:
         return None
     return gap_of(term.theta)[0] if term.effect.key == Backlash.name else 2.0 * term.theta[: len(term.theta) // 2]

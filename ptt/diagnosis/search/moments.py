@@ -1,4 +1,4 @@
-"""Moments of what happens at once, to the row: a sample knows them only to a gap between its stretches."""
+"""Moments of sudden effects of a long run, to the row: a sample only tells the gap between two of its stretches."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,15 +19,15 @@ Carried = Mapping[str, np.ndarray]  # name of a block -> its values
 
 
 def place_moments(run: LongRun, at: Ansatz, carried: Carried) -> Ansatz:
-    """Put the moments of a model's own sudden effects where all rows have them.
+    """Move the moments of a model's own sudden effects to the best row of all.
 
     Args:
         run: the long run.
-        at: the model; its blocks.
-        carried: values of the blocks.
+        at: the linearisation point, with its blocks.
+        carried: name of a block -> its values.
 
     Returns:
-        The same with the moments moved.
+        The point with the moments moved.
     """
     for index, term in enumerate(at.fitted.layout.terms):
         if isinstance(term.effect, Sudden):
@@ -36,16 +36,16 @@ def place_moments(run: LongRun, at: Ansatz, carried: Carried) -> Ansatz:
 
 
 def find_moments(run: LongRun, at: Ansatz, effects: Sequence[Effect], carried: Carried) -> dict[str, Shape]:
-    """Where a sudden effect would take most of what a model leaves, every row of the run being tried.
+    """The moment at which each sudden candidate would explain most of the residual, every row being tried.
 
     Args:
         run: the long run.
-        at: the model, fitted to all rows; its blocks.
-        effects: candidates; those that are not sudden are passed over.
-        carried: values of the blocks.
+        at: the linearisation point, fitted to all rows, with its blocks.
+        effects: candidates; only sudden ones are used.
+        carried: name of a block -> its values.
 
     Returns:
-        The best shape of each by its key.
+        Key of an effect -> its best shape.
     """
     sudden = [effect for effect in effects if isinstance(effect, Sudden)]
     if not sudden:
@@ -56,7 +56,7 @@ def find_moments(run: LongRun, at: Ansatz, effects: Sequence[Effect], carried: C
         left = linear.residual - _of_blocks(chunk, linear, run, at, carried) @ at.noise.whitener.T
         rows = linear.rows & run.problem.used[numbers(chunk)]
         frame = linear.columns[:, :, linear.frame]
-        return [along(_place(linear), frame, left, rows, effect) for effect in sudden]
+        return [along(_point(linear), frame, left, rows, effect) for effect in sudden]
 
     parts = list(zip(*map_chunks(work, run.chunks), strict=True))
     found: dict[str, Shape] = {}
@@ -66,13 +66,13 @@ def find_moments(run: LongRun, at: Ansatz, effects: Sequence[Effect], carried: C
     return found
 
 
-def _place(linear: Linear) -> LinearPoint:
+def _point(linear: Linear) -> LinearPoint:
     assert linear.at is not None
     return linear.at
 
 
 def _moment(run: LongRun, at: Ansatz, index: int, carried: Carried) -> float:
-    """The moment up to which the readings are better without a jump, and from which on with it."""
+    """The moment of a sudden effect that minimises the sum of squares: without it before, with it after."""
     effect = at.fitted.layout.terms[index].effect
     assert isinstance(effect, Sudden)
     never, always = put_after(at.fitted, index, np.inf), put_after(at.fitted, index, -np.inf)
@@ -89,7 +89,7 @@ def _moment(run: LongRun, at: Ansatz, index: int, carried: Carried) -> float:
 
 
 def _of_blocks(chunk: Problem, linear: Linear, run: LongRun, at: Ansatz, carried: Carried) -> np.ndarray:
-    """What blocks put into a chunk's readings, (m, 3) mm."""
+    """Contribution of blocks to a chunk's readings, (m, 3) mm."""
     total = np.zeros((chunk.table.rows, 3))
     if carried:
         assert linear.at is not None

@@ -1,4 +1,4 @@
-"""Moves from one set of atoms to others: one more, one less, one for another, another memory of the noise."""
+"""Moves between sets of atoms: add one, drop one, swap one, or change the memory of the noise."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -25,27 +25,27 @@ MEMORY_FIRST = 60.0  # nats gained by another memory of the noise from which swa
 
 
 def droppable(scorer: Scorer, state: State) -> tuple[str, ...]:
-    """The keys of a state that may be dropped: all but those of the model as given."""
+    """Keys of a set's atoms that may be dropped: all but those of the model as given."""
     return without(state, *scorer.given)
 
 
 def _wanders(atom: Atom) -> bool:
-    """Whether an atom is something that changes in the course of the run, as the tracker's wander does."""
+    """Whether an atom changes with time, as the tracker's wander does."""
     if atom.effect is not None:
         return atom.effect.card is not None and atom.effect.card.telling == "time"
     return atom.block is not None and "time" in atom.block.on
 
 
 def added(scorer: Scorer, state: State, gain: Gain, least: float = -np.inf) -> State:
-    """A state with what the screen proposes, its variances learned on from there; `least` as in `Scorer.score`."""
+    """The set with an atom that the screen proposes, scored exactly; `least` as in `Scorer.score`."""
     return scorer.score((*state.keys, gain.key), state.memory, {**state.variances, gain.key: gain.variances}, least)
 
 
 def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
-    """One more atom, one less; what hardly makes a set likelier only where nothing else does."""
+    """Sets with one atom added or dropped, as far as they may be the best of these."""
     moves = _more(scorer, state, allowed)
-    # An atom that goes brings back little more than its odds: it is not tried where one that comes brings more.
-    # From a set that cannot be, and stays so whatever comes, any may go.
+    # Dropping an atom gains little more than its odds, so it is not tried where an addition gains more. From a set that
+    # physics excludes, any atom may be dropped.
     most = max((other.total for other in moves), default=-np.inf)
     odds = {key: scorer.system.atoms[key].odds + SCREEN_ERROR for key in droppable(scorer, state)}
     may_go = [key for key in odds if state.total + odds[key] >= most]
@@ -55,7 +55,7 @@ def plain_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
 
 
 def _more(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
-    """One more atom: leaders of the screen, as long as they may do better than those before them."""
+    """Sets with one atom added: leaders of the screen, as long as one may beat those before it."""
     found = worth_a_try(scorer, state, allowed)
     lead = found[:TRIED]
     lead += [gain for gain in found if is_effect(scorer.system.atoms[gain.key]) and gain not in lead][:EFFECTS_TRIED]
@@ -68,7 +68,7 @@ def _more(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
 
 
 def _less(scorer: Scorer, state: State, gone: Sequence[str], moves: Sequence[State]) -> list[State]:
-    """One atom less, for each that may go."""
+    """Sets with one of some atoms dropped."""
     found = list[State]()
     for key in gone:
         least = _least(state, [*moves, *found])
@@ -77,7 +77,7 @@ def _less(scorer: Scorer, state: State, gone: Sequence[str], moves: Sequence[Sta
 
 
 def worth_a_try(scorer: Scorer, state: State, allowed: Allowed) -> list[Gain]:
-    """What the screen says of atoms that a set may ask for; from one that cannot be, anything may be the way out.
+    """Gains of atoms that are worth an exact score; of all atoms beside a set that physics excludes.
 
     Args:
         scorer: of the system.
@@ -92,33 +92,32 @@ def worth_a_try(scorer: Scorer, state: State, allowed: Allowed) -> list[Gain]:
 
 
 def _least(state: State, moves: Sequence[State]) -> float:
-    """Total from which one more move from a state is of any interest beside others."""
+    """Score from which a further move is of interest beside the set and other moves."""
     return max([state.total, *(other.total for other in moves)]) - FAR_BELOW
 
 
-def remember_instead(scorer: Scorer, state: State, key: str) -> State:
-    """Another memory of the noise in place of an atom that changes in the course of the run.
+def with_memory_instead(scorer: Scorer, state: State, key: str) -> State:
+    """The set with the best memory of the noise in the place of an atom that changes with time.
 
-    A wander beside a jump that imitates it says little more, and the jump without it too much: one has to go for the
-    other.
+    A wander beside a jump that imitates it gains little, and so does dropping the jump: both have to change at once.
 
     Args:
         scorer: of the system.
         state: a set.
         key: of the atom that goes.
     """
-    return _again_remembering(scorer, scorer.score(without(state, key), state.memory, state.variances))
+    return _with_best_memory(scorer, scorer.score(without(state, key), state.memory, state.variances))
 
 
-def _again_remembering(scorer: Scorer, state: State) -> State:
-    """The same atoms with the memory of the noise that suits them."""
+def _with_best_memory(scorer: Scorer, state: State) -> State:
+    """The same atoms with the best memory of the noise for them."""
     return scorer.score(state.keys, scorer.best_memory(state)[0], state.variances)
 
 
-def _less_remembering(scorer: Scorer, white: State, allowed: Allowed) -> list[State]:
-    """What does most where nothing is remembered, and beside it what is left to remember.
+def _from_white(scorer: Scorer, white: State, allowed: Allowed) -> list[State]:
+    """The atom changing with time that gains most under white noise, with the best memory of the noise beside it.
 
-    A slow wander follows all that changes slowly, and leaves nothing for what really did.
+    A slow wander absorbs all slow changes and leaves nothing for the effect that caused them.
 
     Args:
         scorer: of the system.
@@ -126,11 +125,11 @@ def _less_remembering(scorer: Scorer, white: State, allowed: Allowed) -> list[St
         allowed: atoms that may be added.
     """
     leaders = scorer.screen(white, lambda atom: allowed(atom) and _wanders(atom))[:1]
-    return [_again_remembering(scorer, added(scorer, white, gain)) for gain in leaders if gain.nats > SEEN_NATS]
+    return [_with_best_memory(scorer, added(scorer, white, gain)) for gain in leaders if gain.nats > SEEN_NATS]
 
 
 def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
-    """Another memory of the noise, and swaps of atoms, or of the memory, for others."""
+    """Sets with another memory of the noise, and with atoms or the memory swapped for others."""
     moves: list[State] = []
     memory, gained = scorer.best_memory(state)
     if gained > 0.0 and memory != state.memory:
@@ -145,9 +144,9 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     if state.memory != WHITE:
         moves.append(scorer.score(state.keys, WHITE, state.variances))
         less.append((moves[-1], None))
-        moves += _less_remembering(scorer, moves[-1], allowed)
+        moves += _from_white(scorer, moves[-1], allowed)
     else:
-        moves += [remember_instead(scorer, state, key) for key in may_go if _wanders(scorer.system.atoms[key])]
+        moves += [with_memory_instead(scorer, state, key) for key in may_go if _wanders(scorer.system.atoms[key])]
     for fewer, few in less:
         moves += _swapped(scorer, state, fewer, partial(_is_among, few, allowed))
     return moves
@@ -158,15 +157,15 @@ def _is_among(keys: set[str] | None, allowed: Allowed, atom: Atom) -> bool:
 
 
 def _swapped(scorer: Scorer, state: State, fewer: State, allowed: Allowed) -> list[State]:
-    """The atoms that do best beside fewer than a state's."""
+    """Sets with the best atoms added to a set from which one was dropped."""
     names = {key: scorer.system.atoms[key].name for key in state.keys}
     gone = {names[key] for key in set(state.keys) - set(fewer.keys)}
     found = [
         (gain, scorer.system.atoms[gain.key].name)
         for gain in scorer.screen(fewer, lambda atom: allowed(atom) or atom.name in gone)
     ]
-    # The screen holds the others' variances, so what it says of the one that went is what to compare with, but for what
-    # no screen knows of that.
+    # The screen holds the others' variances, so gains are compared with the screened gain of the atom that was dropped,
+    # plus the nats of its form, which no screen contains.
     form = sum(state.forms.get(key, 0.0) for key in set(state.keys) - set(fewer.keys))
     usual = max((gain.nats + form for gain, name in found if name in gone), default=state.total - fewer.total)
     near = [gain for gain, name in found if name not in gone and gain.nats > max(usual - SCREEN_ERROR, SEEN_NATS)]

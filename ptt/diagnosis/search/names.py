@@ -1,4 +1,4 @@
-"""Names alone: what effects explain without any unknown, the model moved to them until they stay."""
+"""Named effects alone: what they explain without any unknown, the model moved to them until they stay the same."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ NAME_ROUNDS = 3  # rounds of linearising with named effects alone; what these le
 
 @dataclass(frozen=True)
 class _Round:
-    """A turn with all effects beside its fit, nothing scored yet."""
+    """A turn linearised with all effects and no blocks, nothing scored yet."""
 
     turn: Turn
     fitted: FitResult
@@ -41,18 +41,18 @@ class _Round:
 
 
 def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
-    """Move the model to what names explain without any unknown, as far as they stay.
+    """Move the model to what named effects explain without any unknown.
 
-    Where the drawing is far off, unknowns take at its tangent what names do once the model has come nearer, and stay.
-    Here names come nearer first; what unknowns then add is theirs.
+    Where the drawing is far off, the linearisation there is wrong, and unknowns would take the difference and stay. So
+    effects move the model first; what unknowns then add is their own.
 
     Args:
         asked: what is to be explained.
         first: the first turn.
 
     Returns:
-        The first turn less rows that are gross errors, for a search from nothing; and the one that asks for unknowns
-        beside names.
+        The first turn without gross errors, for a search from nothing; and the turn at the named effects, at which
+        unknowns are to be tried.
     """
     turn = replace(first, kept=())
     for number in range(NAME_ROUNDS):
@@ -74,7 +74,7 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
 
 
 def _opened(asked: Asked, turn: Turn, problem: Problem, *, sifted: bool) -> _Round:
-    """All effects beside the fit of a turn; of a first one without lone rows that no name can reach."""
+    """Linearise a turn with all effects; the first time set isolated rows aside that no effect explains."""
     fitted = fit_less(turn.model, problem, turn.carried, turn.gross, turn.noise)
     candidates, untestable = present_candidates(fitted, problem, asked.known, turn.seen)
     linear, gross = None, turn.gross
@@ -89,10 +89,10 @@ def _opened(asked: Asked, turn: Turn, problem: Problem, *, sifted: bool) -> _Rou
 
 
 def _named(opened: _Round, problem: Problem, *, plain_first: bool) -> tuple[Found, bool]:
-    """What names say beside a fit, and whether curves were asked as well.
+    """The best set of named effects, and whether curves were among the candidates.
 
-    Curves wait until the model stands at what plain ones say: of few rows they bend to whatever waves there are, and
-    beside a slip and a knock that stand in each other's place to what that leaves.
+    Curves wait until the model has been moved to the plain effects: with few rows they fit any waves, and the residual
+    of a slip and a knock that were found in each other's place.
     """
     turn, scorer = opened.turn, opened.scorer
     start = scorer.score([key for key in turn.kept or () if key in scorer.system.atoms], WHITE)
@@ -110,5 +110,5 @@ def _named(opened: _Round, problem: Problem, *, plain_first: bool) -> tuple[Foun
 
 
 def _best(scorer: Scorer, starts: Sequence[State], allowed: Allowed) -> State:
-    """The best set that adding and dropping lead to."""
+    """The best local maximum from some starts."""
     return max((climb(scorer, start, allowed) for start in starts), key=lambda end: end.total)

@@ -1,4 +1,4 @@
-"""Whether poses that are neighbours in space are off alike: what has a small place, such as a worn spot or warm air."""
+"""Spatial autocorrelation: whether neighbouring poses have similar errors, as from a worn spot or warm air."""
 
 import numpy as np
 
@@ -16,20 +16,20 @@ LONGEST_ERROR = 4.0
 
 
 def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[float, ...]]:
-    """Whether poses agree with their neighbours in space, other poses and passed at another time.
+    """Test whether mean errors of poses agree with those of neighbouring poses that were visited at another time.
 
-    A network over position needs many poses to learn a place, and a curve along one axis mixes it with all that lies
-    beside it. Neighbours need no law: their errors only have to point the same way. Each sum of products of two of them
-    has its own squares as variance, for errors that do not agree have either sign.
+    A network over position needs many poses to learn a small region, and a curve along one axis mixes it with all else
+    at that coordinate. Here the errors of neighbours only have to point the same way. The sum of their scalar products
+    has the sum of squared products as variance, since products of independent errors have random signs.
 
-    Source: Moran, Notes on continuous stochastic phenomena, Biometrika 37 (1950), of vectors, with free signs.
+    Source: Moran, Notes on continuous stochastic phenomena, Biometrika 37 (1950), for vectors and random signs.
 
     Args:
         problem: n rows.
-        residual: what an explanation leaves, (n, 3) mm; NaN on rows left out.
+        residual: (n, 3) mm; NaN on rows left out.
 
     Returns:
-        The chance that they do by accident, 1 where there are too few poses; and where they agree most, x, y, z in mm.
+        The p-value, 1 where poses are too few; and the position of the pose that agrees most, x, y, z in mm.
     """
     rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
     rows = thin(rows, MOST_ROWS)
@@ -38,7 +38,7 @@ def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[floa
     if len(visits) < COMPARED_POSES:
         return 1.0, ()
     place = _by_pose(problem.view.p.numpy()[rows], pose) / visits[:, None]
-    left = residual[rows] - residual[rows].mean(axis=0)  # what all have in common is no place's
+    left = residual[rows] - residual[rows].mean(axis=0)  # a common error is of no particular place
     error = _by_pose(left, pose) / np.sqrt(visits)[:, None]
     error = error / np.sqrt(np.square(error).mean(axis=0).clip(1e-18))
     error *= np.minimum(1.0, LONGEST_ERROR / np.linalg.norm(error, axis=1).clip(1e-12))[:, None]
@@ -49,7 +49,7 @@ def off_alike(problem: Problem, residual: np.ndarray) -> tuple[float, tuple[floa
 
 
 def thin(rows: np.ndarray, most: int) -> np.ndarray:
-    """Rows spread evenly over some, (m,), and no more than so many."""
+    """At most so many of some row numbers, (m,) int, evenly spaced."""
     return rows[:: max(1, -(-len(rows) // most))]
 
 
@@ -59,13 +59,13 @@ def _by_pose(values: np.ndarray, pose: np.ndarray) -> np.ndarray:
 
 
 def _neighbours(place: np.ndarray, rows: np.ndarray, pose: np.ndarray, soon: float) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of poses one of which is among the nearest to the other, none of whose visits follow each other.
+    """Pairs of poses, one among the nearest of the other, none of whose visits are close in time.
 
     Args:
         place: of each pose, (k, 3) mm.
         rows: numbers of the readings, (m,).
         pose: of each of them, (m,) int.
-        soon: rows between two readings of which one follows the other.
+        soon: rows up to which two readings are close in time.
     """
     order, pairs = np.argsort(pose, kind="stable"), set()
     first = np.searchsorted(pose[order], np.arange(len(place)))

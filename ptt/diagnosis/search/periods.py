@@ -1,4 +1,4 @@
-"""Periods that nobody stated: lines in the spectrum of what an explanation leaves, over each joint's own travel."""
+"""Unstated periods: lines in the residual's spectrum over each joint's own travel."""
 
 from collections.abc import Sequence
 
@@ -36,14 +36,14 @@ def find_period(
     offered: Sequence[Period] = (),
     waves: Sequence[OncePerRev] = (),
 ) -> Period | None:
-    """The strongest line that is worth its price and has not been offered to a search yet.
+    """The strongest line that is worth its prior odds and was not among the atoms yet.
 
     Args:
         scorer: of the system.
         state: the best set so far.
         problem: n rows.
-        offered: joint (None: time) and length of each period that the state could have taken.
-        waves: harmonics that are offered by name, on whichever joint: a search judges them first.
+        offered: joint (None: time) and length of each period that was among the atoms already.
+        waves: harmonics that are offered as named effects on all joints, which a search judges first.
 
     Returns:
         Joint and length of the period; None where none is significant.
@@ -72,9 +72,9 @@ def find_period(
 def period_left(
     scorer: Scorer, state: State, problem: Problem, offered: Sequence[Period], waves: Sequence[OncePerRev]
 ) -> Period | None:
-    """The same, also with free functions of place taken out where these leave none; arguments as there.
+    """As `find_period`, and where no line is found again without free functions of position.
 
-    Of few rows or poses they bend to any wave.
+    With few rows or poses these fit any wave.
     """
     line = find_period(scorer, state, problem, offered, waves)
     free = free_in_place(state, scorer.system) if line is None else ()
@@ -85,7 +85,7 @@ def period_left(
 
 
 def free_in_place(state: State, system: System) -> tuple[str, ...]:
-    """Unknowns that are free functions of where a joint stands: curves over its travel, fields over the workspace.
+    """Keys of a set's unknowns of joints that are free functions of position: curves over travel, fields.
 
     Args:
         state: a set.
@@ -97,6 +97,6 @@ def free_in_place(state: State, system: System) -> tuple[str, ...]:
 
 
 def _spectrum(along: JointWave) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies in turns over the range, and the sum of squares that a cosine and a sine of each take."""
+    """Frequencies in turns over the range, (f,), and the sum of squares that a wave of each explains, (f,)."""
     turns = np.arange(FEWEST_PERIODS, min(MOST_PERIODS, TURNS_PER_ROW * len(along.q)), FREQUENCY_STEP)
     return turns, along.over(FEWEST_PERIODS, FREQUENCY_STEP, len(turns)) if len(turns) else turns

@@ -1,4 +1,4 @@
-"""Plainest: of the sets that do nearly as well as the best, the one that says least."""
+"""Parsimony: of the sets that score nearly as high as the best, the one with the fewest parts is reported."""
 
 from ptt.diagnosis.evidence.atoms import causes, is_block, is_drawn
 from ptt.diagnosis.evidence.score import Scorer
@@ -16,18 +16,18 @@ ODD_PARTS = 1.5  # parts of a memory of the noise that is no tracker's: one unkn
 
 
 def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
-    """Of the sets that do nearly as well as the best, the one that says least.
+    """Of the sets that score nearly as high as the best, the one with the fewest parts.
 
     Args:
         scorer: that has scored them.
         best: the best set.
-        nothing: whether a set may say nothing at all though another is likelier.
+        nothing: whether the empty set may be chosen.
 
     Returns:
-        The set with the fewest parts, a name before an unknown; of these the one with the fewest curves, for what bends
-        to anything says little, and of a few rows no more than an unknown does; then the one with the fewest unknowns
-        that follow the time, which is no cause: what goes with it says more; then the best, what the model has by a
-        nat before what it has not: of two that do alike each would be the better one, linearised at the other.
+        The set with the fewest parts (`_parts`), then the fewest curves and unknowns, which are flexible and so say
+        little, then the fewest unknowns that depend on time, which is no cause in itself, then the highest score. A set
+        whose effects are all in the model gets one nat more, as of two equal sets each looks better when linearised at
+        the other.
     """
 
     def plain(state: State) -> tuple[float, int, int, float]:
@@ -44,13 +44,13 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
 
 
 def _hides_sizes(scorer: Scorer, state: State, best: State) -> bool:
-    """Whether a set has an unknown in the place of sizes of the drawing, before which it has to be clearly likelier."""
+    """Whether a set has an unknown where the best set has sizes of the drawing: it would have to be clearly better."""
     atoms, more, less = scorer.system.atoms, set(state.keys) - set(best.keys), set(best.keys) - set(state.keys)
     return any(is_block(atoms[key]) for key in more) and any(is_drawn(atoms[key]) for key in less)
 
 
 def _drifts_instead(scorer: Scorer, state: State, first: State) -> bool:
-    """Whether a set has a drift of the tracker where another has a wander that outlasts the run: a drift unnamed."""
+    """Whether a set names drifts of the tracker where the first has a wander longer than the run, an unnamed drift."""
     wander, atoms = first.memory.wander, scorer.system.atoms
     if wander is None or wander.constant <= scorer.system.clock.lasts.max() or state.memory.wander is not None:
         return False
@@ -59,15 +59,15 @@ def _drifts_instead(scorer: Scorer, state: State, first: State) -> bool:
 
 
 def is_in_model(scorer: Scorer, state: State) -> bool:
-    """Whether the model has every effect of a set: only such have values, words and commands."""
+    """Whether every effect of a set is in the model: only such a set has fitted values, words and commands."""
     return all(scorer.system.atoms[key].shape is None for key in state.keys)
 
 
 def _parts(scorer: Scorer, state: State) -> float:
-    """Names and unknowns of a set, memories of the noise that are no tracker's among these; an untested one is more.
+    """Number of parts of a set, weighted: names and unknowns, and memories of the noise that are no tracker's.
 
-    A curve of many values is as much as an unknown, and what looks like several commoner causes as much as these. Where
-    two sizes of the drawing are off further ones are hardly news.
+    An effect that looks like several commoner causes counts as these. Curves and unknowns count more than plain names,
+    untested effects a little more, and sizes of the drawing beyond `FEW_SIZES` hardly at all.
     """
     odd = scorer.system.errs_by_pose(state.memory) or scorer.system.clock.is_fault(state.memory.wander)
     atoms = [scorer.system.atoms[key] for key in droppable(scorer, state)]
@@ -79,18 +79,18 @@ def _parts(scorer: Scorer, state: State) -> float:
 
 
 def _bends(scorer: Scorer, state: State) -> int:
-    """Curves and unknowns of a set."""
+    """Number of curves and unknowns of a set."""
     unknowns = sum(scorer.system.atoms[key].block is not None for key in droppable(scorer, state))
     return _curves(scorer, state) + unknowns
 
 
 def _timed(scorer: Scorer, state: State) -> int:
-    """Unknowns of a set that follow the time."""
+    """Number of unknowns of a set that depend on time."""
     blocks = [scorer.system.atoms[key].block for key in state.keys]
     return sum(block is not None and "time" in block.on for block in blocks)
 
 
 def _curves(scorer: Scorer, state: State) -> int:
-    """Effects of a set that are curves of many values."""
+    """Number of effects of a set that are curves of many values."""
     atoms = [scorer.system.atoms[key] for key in droppable(scorer, state)]
     return sum(atom.effect is not None and len(atom.columns) > PLAIN_COLUMNS for atom in atoms)

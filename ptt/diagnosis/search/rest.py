@@ -1,4 +1,4 @@
-"""Is there a rest? What the best explanation leaves must be noise: the last step, which no verdict skips."""
+"""Residual tests: what the best explanation leaves must be noise. The mandatory last step before a verdict."""
 
 from dataclasses import dataclass, replace
 
@@ -36,16 +36,16 @@ UNREPEATED = "either poses repeat no better than that, or something that no colu
 
 @dataclass(frozen=True)
 class Objections:
-    """What speaks against an explanation beside tests of what it leaves.
+    """Objections to an explanation beside the tests of its residuals.
 
     Attributes:
         faithful: whether held-out readings are predicted as well as the explanation claims.
         unproven: names of effects that fit the readings and do not improve predictions of held-out ones.
-        impossible: names of effects with whose values the machine could not stand where it was commanded to.
-        idle: names of effects that do nothing at their fitted values.
-        backward: names of effects with values that no cause of theirs makes.
-        set_aside: what the readings that were set aside have in common, in words; None for nothing.
-        unexplained_error: why the error is not nothing though no effect is named, in words; None where it may be.
+        impossible: names of effects at whose values commanded poses cannot be reached.
+        idle: names of effects that do nothing visible at their fitted values.
+        backward: names of effects with values of a physically impossible sign.
+        set_aside: what the readings set aside as gross errors have in common, in words; None for nothing.
+        unexplained_error: that the error is too large though no effect is named, in words; None where it is not.
     """
 
     faithful: bool = True
@@ -58,7 +58,7 @@ class Objections:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Those to what is named and what is set aside, in words."""
+        """All but `unexplained_error`, in words."""
         fits, does = ("fits", "does") if len(self.unproven) == 1 else ("fit", "do")
         vain = f"{listed(self.unproven)} {fits} these readings but {does} not improve predictions of held-out ones"
         astray = "held-out readings are predicted far worse than the fit itself claims"
@@ -81,11 +81,11 @@ class Objections:
 
 @dataclass(frozen=True)
 class Rest:
-    """What is left after everything that fits has been added.
+    """Result of the tests of what an explanation leaves.
 
     Attributes:
-        depends_on: what the rest depends on, significant entries only.
-        reasons: what is significant, in words.
+        depends_on: what the residual depends on, significant entries only.
+        reasons: the tests that object, in words.
     """
 
     depends_on: tuple[Dependence, ...]
@@ -97,15 +97,15 @@ class Rest:
         return bool(self.reasons)
 
     def objected(self, objections: Objections, left: Noise, stated: Noise | None) -> "Rest":
-        """The rest with what else speaks against the explanation, and far more left than is stated.
+        """The result with further objections, and with the residual's excess over a stated noise.
 
         Args:
             objections: to what is named and set aside.
-            left: what the explanation leaves.
-            stated: the noise as stated; None where nobody did.
+            left: noise that the explanation leaves.
+            stated: the stated noise; None for none.
 
         Returns:
-            The rest with those reasons.
+            The result with those reasons.
         """
         reasons = [*self.reasons, *objections.reasons]
         if stated is not None and left.total > NOISE_EXCESS * stated.total:
@@ -131,7 +131,7 @@ def look_for_rest(system: System, state: State, problem: Problem, *, seed: int =
 
 
 def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int = 0) -> Rest:
-    """Test what an explanation leaves of some rows.
+    """Test the residuals of some rows.
 
     Args:
         residual: innovations, (n, 3) mm; NaN on rows left out.
@@ -143,7 +143,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
         The rest.
     """
     if problem.noise is not None and np.nanmean(np.square(residual)) < problem.noise.least:
-        return Rest((), ())  # less than the last digit of a reading
+        return Rest((), ())  # less than the rounding of the readings
     every, residual = residual, _of_visits(residual, state, problem)
     against, lack = "repeats", lack_of_fit_of(problem, residual, round(state.effective_parameters)).p_value
     if lack is None:
@@ -154,7 +154,7 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
     depends = dependence_of(problem, residual, seed=seed)
     if problem.rounding[1]:
         depends = (*depends, *dependence_of(problem, _about_poses(every, problem), seed=seed))
-    if state.memory.wander is not None:  # what is left of a slow wander is no more news than the wander
+    if state.memory.wander is not None:  # a remaining dependence on time is the wander's, which is reported already
         depends = tuple(item for item in depends if item.on not in ("time", "run"))
     reasons = []
     if lack is not None and lack < CHANCE_LACK:
@@ -174,9 +174,9 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
 
 
 def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarray:
-    """Means of visits in place of their readings, where each visit errs by itself: one witness, however often read.
+    """Mean residuals of visits where each visit has a random error: its readings are one independent observation.
 
-    Where rounding of commands puts poses aside, a pose is one, however often it was visited.
+    Where commands are rounded, mean residuals of poses, since the rounding error is the same at every visit.
 
     Args:
         residual: innovations, (n, 3) mm; NaN on rows left out.
@@ -184,8 +184,8 @@ def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarr
         problem: the rows.
 
     Returns:
-        (n, 3) mm, the mean of each visit or pose on its first row that counts, NaN on the others; as it is where its
-        readings share no error.
+        (n, 3) mm, the mean of each visit or pose on its first row that counts, NaN on the others; unchanged where
+        readings are independent.
     """
     counted = np.isfinite(residual).all(axis=1)
     group, by_visit = sharing_groups(problem.table, counted)
@@ -200,7 +200,7 @@ def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarr
 
 
 def _means(residual: np.ndarray, counted: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First row of each group (g,), group of each row that counts (m,), and means of the groups (g, 3) mm."""
+    """First row of each group (g,), group number of each row that counts (m,), and means of the groups (g, 3) mm."""
     rows = np.flatnonzero(counted)
     _, first, number = np.unique(group[rows], return_index=True, return_inverse=True)
     sums = np.stack([np.bincount(number, residual[rows, axis]) for axis in range(3)], axis=1)
@@ -208,7 +208,7 @@ def _means(residual: np.ndarray, counted: np.ndarray, group: np.ndarray) -> tupl
 
 
 def _about_poses(residual: np.ndarray, problem: Problem) -> np.ndarray:
-    """Residuals (n, 3) mm about the mean of their pose: what arrival, load, warmth and time do, rounding does not."""
+    """Residuals (n, 3) mm about the mean of their pose, which are free of the rounding of commands."""
     counted, about = np.isfinite(residual).all(axis=1), np.full_like(residual, np.nan)
     _, number, each = _means(residual, counted, pose_groups(problem.table))
     about[counted] = residual[counted] - each[number]
@@ -216,27 +216,27 @@ def _about_poses(residual: np.ndarray, problem: Problem) -> np.ndarray:
 
 
 def too_much_for_nothing(
-    error: float, noise: Noise | None, *, wanders: bool = False, by_visit: bool = False, aside: float = 0.0
+    error: float, noise: Noise | None, *, wanders: bool = False, by_visit: bool = False, rounding_mm: float = 0.0
 ) -> str | None:
-    """Why an error that nothing was found in is not nothing: it is far beyond the noise that somebody states.
+    """That an error in which no effect was found is far beyond the stated noise, in words.
 
-    Repeats scatter by whatever differs from visit to visit, and a wander takes whatever is slow: beside either of them
-    much can hide, and both are told by the run itself. What is stated of the tracker knows of neither, so either may be
-    as much beside that as a wander may beside white noise, and no more.
+    Repeats contain whatever differs from visit to visit, and a wander absorbs whatever is slow, so much can hide in
+    either, and the run alone determines both. A noise stated for the tracker contains neither. So beside a stated noise
+    either of them may be as large as a tracker's wander may be beside white noise, and no larger.
 
     Args:
-        error: of the readings, what wanders among it, mm.
-        noise: the noise floor as it was before any search; None where nothing told it.
-        wanders: whether the tracker is said to wander.
-        by_visit: whether readings of one visit are said to err alike.
-        aside: root mean square by which rounding of commands may put poses aside, mm.
+        error: root mean square of the residuals, wander included, mm.
+        noise: the noise floor as it was before any search; None where nothing gave it.
+        wanders: whether the explanation has a wander.
+        by_visit: whether it has random errors of visits.
+        rounding_mm: root mean square position error by rounding of the commands.
 
     Returns:
         The reason in words; None where there is none.
     """
     if noise is None:
         return None
-    source, total = stated_of(noise, aside)
+    source, total = stated_of(noise, rounding_mm)
     visits = by_visit or noise.stated is not None
     if error <= (np.sqrt(1.0 + FAULT_SHARE) if wanders or visits else NOISE_EXCESS) * total:
         return None
@@ -247,7 +247,7 @@ def too_much_for_nothing(
 
 
 def beyond_noise(what: str, times: float, source: str) -> str:
-    """Say that more is left than the noise is said to be, though it depends on nothing that was recorded.
+    """Say that more is left than the stated noise, though it depends on nothing that was recorded.
 
     Args:
         what: subject of the sentence.
@@ -264,28 +264,29 @@ def beyond_noise(what: str, times: float, source: str) -> str:
 
 
 def remaining_error(residual: str) -> str:
-    """What is left of a residual, as a subject: 'the remaining error of slider 2', but 'in x' of the tool."""
+    """A residual as the subject of a sentence: 'the remaining error of slider 2', but 'in x' for the tool."""
     return f"the remaining error {'in' if residual in COORDINATES else 'of'} {residual}"
 
 
-def stated_of(noise: Noise, aside: float) -> tuple[str, float]:
-    """Who states a noise floor, and how much, mm: what a file states of the tracker before what repeats tell.
+def stated_of(noise: Noise, rounding_mm: float) -> tuple[str, float]:
+    """Source and size, mm, of the stated noise: what a file states for the tracker comes before repeats.
 
     Args:
         noise: the floor as it was before any search.
-        aside: root mean square by which rounding of commands may put poses aside, mm; it adds to the noise.
+        rounding_mm: root mean square position error by rounding of the commands, added in quadrature.
     """
     source, total = noise.stated or (noise.source, noise.total)
-    return source, float(np.hypot(total, aside))
+    return source, float(np.hypot(total, rounding_mm))
 
 
 def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray:
-    """What the whole explanation leaves, the wander's prediction taken off, (n, 3) mm; NaN on rows left out."""
+    """Innovations of the whole explanation, (n, 3) mm; NaN on rows left out."""
     white = system.innovation(state.columns, state.posterior.values, state.memory)
     return system.everywhere(white, problem.table.rows)
 
 
 def _field(problem: Problem, residual: np.ndarray) -> float:
+    """p-value of a small RBF network over position that predicts held-out residuals; 1 where rows are too few."""
     rows = np.flatnonzero(np.isfinite(residual).all(axis=1))
     rows = thin(rows, FIELD_ROWS)
     group = blocks(problem.table, 2 * BLOCKS)[rows]

@@ -1,4 +1,4 @@
-"""Search: the set of atoms with the highest score, by adding, dropping and swapping."""
+"""Search for the set of atoms with the highest score from several starts, by adding, dropping and swapping."""
 
 from collections.abc import Sequence
 
@@ -16,17 +16,17 @@ def search(scorer: Scorer) -> State:
 
 
 def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
-    """The sets that adding and dropping lead to.
+    """Local maxima reached by adding and dropping from four kinds of start.
 
-    What effects explain by themselves, blocks are added to, and the other way round; both at once; and what the noise
-    remembers by itself, where that is not far behind: of what effects have taken of a wander little is left to see.
+    Effects first and then blocks, blocks first and then effects, both at once; and a memory of the noise first, unless
+    it is far behind: once effects have absorbed a wander, little of it is left to be seen.
 
     Args:
         scorer: of the system.
-        start: atoms to start from.
+        start: keys of atoms to start from.
 
     Returns:
-        The ends of the ways.
+        The local maxima.
     """
     first = scorer.score(start, WHITE)
     ends = [climb(scorer, climb(scorer, first, opening)) for opening in (is_effect, is_block, is_any)]
@@ -34,7 +34,7 @@ def ends_of(scorer: Scorer, start: Sequence[str] = ()) -> list[State]:
 
 
 def remembering(scorer: Scorer, best: float, start: Sequence[str] = ()) -> list[State]:
-    """The set that what the noise remembers by itself leads to; none where that is far behind the best so far.
+    """The local maximum from the best memory of the noise alone; none where that is far behind the best so far.
 
     Args:
         scorer: of the system.
@@ -46,6 +46,6 @@ def remembering(scorer: Scorer, best: float, start: Sequence[str] = ()) -> list[
 
 
 def best_of(scorer: Scorer, ends: Sequence[State]) -> State:
-    """The best set that swaps lead to from some ends: one far behind may be a swap from what no other comes to."""
+    """The best set reached by swaps from some local maxima, each of which is tried, and then by `refilled`."""
     different = {(end.keys, end.memory): end for end in ends}.values()
     return refilled(scorer, max((improve(scorer, end) for end in different), key=lambda state: state.total))

@@ -1,4 +1,4 @@
-"""Further shapes of effects beside those that a problem was linearised with."""
+"""Further shapes of effects as atoms beside those that a problem was linearised with."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,13 +17,13 @@ from ptt.run.problem import Problem
 
 
 def with_moments(scorer: Scorer, moments: Sequence[Shape]) -> Scorer:
-    """The same problem with further moments for all that is sudden."""
+    """A scorer with atoms of further moments for all sudden effects."""
     sudden = {atom.name for atom in scorer.system.atoms.values() if is_sudden(atom)}
     return with_shapes(scorer, dict.fromkeys(sudden, moments) if moments else {})
 
 
 def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> Scorer:
-    """The same problem with further shapes of its effects, at the price of those that it has.
+    """A scorer with atoms of further shapes of its effects, at the odds of the present ones.
 
     Args:
         scorer: of a linearised problem.
@@ -55,10 +55,10 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> Scorer
 
 
 def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> Scorer:
-    """The same problem with the effects of the model in other given shapes too, each in the place of the one it has.
+    """A scorer with the model's effects also in other given shapes, as alternatives to the present ones.
 
-    A given shape is chosen before all else is named, and no fit moves it: what a row's speed means may look otherwise
-    once play is told. What is sudden has moments of its own (`best_moments`).
+    A given parameter (such as what a row's speed means) is chosen before other effects are named, and no fit changes
+    it; another choice may be better once play is named. Moments of sudden effects are treated by `best_moments`.
 
     Args:
         scorer: of a linearised problem.
@@ -99,7 +99,7 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
 
 
 def best_meanings(scorer: Scorer, state: State) -> State:
-    """A set with each effect in the given shape that does best in its place."""
+    """The set with each effect of the model in the best of its given shapes."""
     atoms = scorer.system.atoms
     for key in state.keys:
         if atoms[key].effect is None or atoms[key].shape is not None:
@@ -112,5 +112,5 @@ def best_meanings(scorer: Scorer, state: State) -> State:
 
 
 def shape_key(name: str, shape: Shape) -> str:
-    """Of an effect in a shape, by its values: what was scored of one shape is never taken for what another says."""
+    """Key of an effect in a shape, made of the shape's values, so that scores of shapes are never confused."""
     return f"{name}#{', '.join(f'{stem} {value.tolist()}' for stem, value in sorted(shape.items()))}"

@@ -1,4 +1,4 @@
-"""Spectrum of what an explanation leaves, over each joint's own travel."""
+"""Least-squares spectrum (Lomb-Scargle) of residuals over a joint's travel or over time."""
 
 from dataclasses import dataclass
 
@@ -21,13 +21,13 @@ LINE_PLACES = 17  # frequencies tried across a line, then finer about the best: 
 
 @dataclass(frozen=True)
 class JointWave:
-    """What m rows say of a wave along one joint.
+    """Sums of m rows for waves along one joint.
 
     Attributes:
-        joint: whose travel it runs over, from 0.
-        q: where it stood, (m,) mm or rad.
-        slope: of what is left by the joint, (m,).
-        weight: how much a row tells of it, (m,).
+        joint: the joint, from 0.
+        q: its position, (m,) mm or rad.
+        slope: scalar product of each row's residual with the joint's shift of the reading, (m,).
+        weight: squared length of the joint's shift of the reading, (m,).
     """
 
     joint: int
@@ -41,21 +41,21 @@ class JointWave:
         return float(np.ptp(self.q))
 
     def over(self, first: float, step: float, count: int) -> np.ndarray:
-        """Sums of squares that waves of evenly spaced frequencies take, (count,); arguments as of `squares_over`."""
+        """Sums of squares explained by waves of evenly spaced frequencies, (count,); arguments as of `squares_over`."""
         return squares_over(self.q, self.slope, self.weight, first, step, count)
 
 
 def squares_over(
     along: np.ndarray, slope: np.ndarray, weight: np.ndarray, first: float, step: float, count: int
 ) -> np.ndarray:
-    """Sums of squares that a cosine and a sine of each of evenly spaced frequencies take, (count,).
+    """Sums of squares explained by a cosine and a sine of each of evenly spaced frequencies, (count,).
 
-    A frequency is a coarse step and fine ones, so all their waves are products of two, and the sums one of matrices.
+    Each frequency is a coarse step plus a fine one, so all waves are products of two, and the sums one matrix product.
 
     Args:
-        along: what the waves run over, (m,).
-        slope: of what is left by them, (m,).
-        weight: how much a row tells of them, (m,).
+        along: the variable of the waves, (m,).
+        slope: scalar product of each row's residual with what the wave multiplies, (m,).
+        weight: squared length of what the wave multiplies, (m,).
         first: frequency, in turns over the range.
         step: between two, likewise.
         count: of them.
@@ -65,55 +65,55 @@ def squares_over(
     far = np.exp(1j * phase[:, None] * (first + step * fine * np.arange(-(-count // fine))))
     one = ((far * slope[:, None]).T @ near).ravel()[:count]
     two = ((far**2 * weight[:, None]).T @ near**2).ravel()[:count]
-    # Of cosine^2, sine^2 and their product, the waves of twice the frequency tell all.
+    # Sums of cos^2, sin^2 and cos sin follow from waves of twice the frequency.
     cc, ss, cs = 0.5 * (weight.sum() + two.real), 0.5 * (weight.sum() - two.real), 0.5 * two.imag
     a, b = one.real, one.imag
     whole = cc * ss - cs**2
-    seen = whole > WAVE_ROUNDING * (cc + ss) ** 2  # at even steps a wave of two steps has a cosine and no sine
+    seen = whole > WAVE_ROUNDING * (cc + ss) ** 2  # at even steps, a wave of two steps' length has no sine
     gain = (a * a * ss - 2.0 * a * b * cs + b * b * cc) / np.where(seen, whole, 1.0)
     return np.where(seen, gain, 0.0)
 
 
 def hides_waves(scorer: Scorer, state: State) -> bool:
-    """Whether names alone would be said: the fine detail of a curve among them may do a wave's work."""
+    """Whether a set has no blocks but a curve with fine detail, which may have absorbed a wave."""
     return all(scorer.system.atoms[key].block is None for key in state.keys) and bool(_detail(scorer, state).any())
 
 
 def left_along(scorer: Scorer, state: State, problem: Problem, *, detail: bool) -> list[JointWave]:
-    """What an explanation leaves along each joint that moves.
+    """Residuals of a set as seen by each joint that moves.
 
     Args:
         scorer: of the system.
-        state: the explanation.
+        state: the set.
         problem: n rows.
-        detail: leave the fine detail of its curves as well.
+        detail: whether to leave the fine detail of the set's curves in the residuals.
     """
     system = rows_of(scorer.system)
     shown = np.where(detail & _detail(scorer, state), 0.0, state.posterior.values)
     white = system.innovation(state.columns, shown, state.memory)
-    telling = _telling(system, state.memory.pose)
+    weight = _pose_weight(system, state.memory.pose)
     found = []
     for joint, column in system.levers.items():
         slope = innovations(column, state.memory.wander, system.clock)[0]
         q = problem.view.q.numpy()[system.rows, joint]
         if np.ptp(q) > 0.0:
             found.append(
-                JointWave(joint, q, telling * (slope * white).sum(axis=1), telling * np.square(slope).sum(axis=1))
+                JointWave(joint, q, weight * (slope * white).sum(axis=1), weight * np.square(slope).sum(axis=1))
             )
     return found
 
 
 def place_line(system: RowSystem, state: State, along: np.ndarray, levers: np.ndarray, turns: float) -> float:
-    """Frequency near that of a line at which a wave takes most beside an explanation, whose values follow it.
+    """Frequency near a spectral line at which a wave explains most, the set's values being refitted beside it.
 
-    A spectrum has what the explanation leaves, a part of which frames and effects took of the wave already; on few
-    poses that moves its peak.
+    The spectrum is of residuals, from which frames and effects have taken part of the wave; with few poses that shifts
+    its peak.
 
     Args:
         system: the linearised problem.
-        state: the explanation.
-        along: what the wave runs over, (m,).
-        levers: how what it acts on moves each reading, (m, 3, w) whitened.
+        state: the set.
+        along: the variable of the wave, (m,).
+        levers: shifts of each reading that the wave multiplies, (m, 3, w) whitened.
         turns: frequency of the line, in turns over the range.
 
     Returns:
@@ -147,11 +147,11 @@ def _detail(scorer: Scorer, state: State) -> np.ndarray:
     return detail
 
 
-def _telling(system: RowSystem, pose: float) -> np.ndarray:
-    """What a row tells where poses have errors of some variance to themselves, which no further visit averages, (m,).
+def _pose_weight(system: RowSystem, pose: float) -> np.ndarray:
+    """Weight of each row, (m,), where poses have random errors of variance v: 1 / (1 + k v) with k visits.
 
-    A wave is the same at all k visits of a pose: the inverse of I + v 1 1^T takes 1 to 1 / (1 + k v).
+    A wave is the same at all visits of a pose, and the inverse of I + v 1 1^T maps the vector 1 to 1 / (1 + k v).
     """
-    told = np.empty(len(system.rows))
-    told[system.poses.order] = np.repeat(1.0 / (1.0 + pose * system.poses.visits), system.poses.visits)
-    return told
+    weight = np.empty(len(system.rows))
+    weight[system.poses.order] = np.repeat(1.0 / (1.0 + pose * system.poses.visits), system.poses.visits)
+    return weight

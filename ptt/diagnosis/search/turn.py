@@ -1,4 +1,4 @@
-"""What one turn of linearising and searching tells the next: rows that are gross errors, rows at which jumps may be."""
+"""State that one turn of linearising and searching passes to the next, with gross errors and moments of events."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,19 +34,19 @@ class Turn:
 
     Attributes:
         number: from 0.
-        model: with all that was named so far.
+        model: the model with all effects found so far.
         noise: the noise floor.
         gross: rows left out as gross errors, (n,) bool.
-        carried: what blocks put into the readings, (n, 3) mm.
-        opening: rows left out because they tell from where the joints came to the run, (n,) bool.
-        kept: atoms that the search starts from; None for a search from nothing.
+        carried: contribution of blocks to the readings, which the fit takes off, (n, 3) mm.
+        opening: rows left out because they depend on how the run was entered, (n,) bool.
+        kept: keys of atoms that the search starts from; None for a search from nothing.
         memory: of the noise.
-        held: blocks that were carried along.
-        periods: joint (None: time) and length of those that were seen.
-        barred: effects that an exact fit does without.
-        moments: at which something may have happened, whatever it was.
-        seen: harmonics of a turn that what was left asked for.
-        before: what was found with effects that seemed needless; None where none went.
+        held: keys of the blocks of `carried`.
+        periods: joint (None: time) and length of waves that residual spectra showed.
+        barred: names that an exact fit does without.
+        moments: shapes with moments at which something may have happened, whatever it was.
+        seen: harmonics of a turn that residual spectra showed.
+        before: the explanation before effects were dropped as needless; None where none were.
     """
 
     number: int
@@ -66,10 +66,10 @@ class Turn:
 
 
 def first_turn(model: Model, problem: Problem, noise: Noise) -> Turn:
-    """The first: nothing is left out or carried along but rows that open the run.
+    """The first turn, in which only rows that open the run are left out.
 
     Args:
-        model: as given.
+        model: the model as given.
         problem: n rows.
         noise: the noise floor.
     """
@@ -78,20 +78,20 @@ def first_turn(model: Model, problem: Problem, noise: Noise) -> Turn:
 
 
 def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: bool = False) -> np.ndarray:
-    """Lone rows that an explanation cannot reach, beside the rows that were left out before.
+    """Isolated rows that a set does not explain, and the rows that were left out before.
 
     Args:
         system: linearised.
-        state: the explanation.
+        state: the set.
         gross: rows left out so far, (n,) bool.
-        robust: fitted by the rows that agree; else one that is far off may drag the explanation to itself, and its
-            neighbours along.
+        robust: refit the set robustly; else a row that is far off may attract the fit, and its neighbours then look
+            far off.
 
     Returns:
-        (n,) bool; as given where so many are far that the explanation is to blame.
+        (n,) bool; as given where so many rows are far that the set is to blame.
     """
-    # The bulk of the rows tells how wide they scatter: in the learned variance gross errors would hide themselves, and
-    # in a wander that follows each of them.
+    # The bulk of the rows gives the scale, since gross errors inflate the learned variance; and residuals are tested
+    # beside innovations, since a wander follows gross errors.
     columns, values = state.columns, state.posterior.values
     left = [robustly_left(system, state) if robust else system.innovation(columns, values, state.memory)]
     if state.memory.wander is not None and not robust:
@@ -106,7 +106,7 @@ def gross_beside(system: RowSystem, state: State, gross: np.ndarray, *, robust: 
 
 
 def robustly_left(system: RowSystem, state: State) -> np.ndarray:
-    """What the values of a set leave that suit most rows, each as wide as it was learned to be, (m, 3) whitened.
+    """Residual of a robust fit of a set with its learned prior variances, (m, 3) whitened.
 
     Args:
         system: linearised.
@@ -119,7 +119,7 @@ def robustly_left(system: RowSystem, state: State) -> np.ndarray:
 
 
 def in_company(system: RowSystem, state: State) -> np.ndarray:
-    """Rows that an explanation cannot reach, and that do not stand alone: a place or a stretch has them, (n,) bool."""
+    """Rows far from a set that are not isolated but share a place, a stretch or a load, (n,) bool."""
     left = system.residual(state.columns, state.posterior.values)
     here, problem = np.ones(len(left), dtype=bool), system.at.problem
     far, found = stand_out(left, here, least=0.0), np.zeros(problem.table.rows, dtype=bool)
@@ -128,9 +128,9 @@ def in_company(system: RowSystem, state: State) -> np.ndarray:
 
 
 def still_missed(fitted: FitResult, problem: Problem, noise: Noise, gross: np.ndarray) -> np.ndarray:
-    """Of rows that were left out those that a fit to the others misses by more than they scatter.
+    """Rows left out that a fit to the others still does not predict within their noise.
 
-    A law that bends may reach what none of its tangents did: rows at which play is not taken up yet.
+    A nonlinear effect may predict rows that its linearisations did not: those at which play is not taken up yet.
 
     Args:
         fitted: to the rows that were not left out.
@@ -149,20 +149,21 @@ def still_missed(fitted: FitResult, problem: Problem, noise: Noise, gross: np.nd
 def best_moments(
     scorer: Scorer, state: State, may_go: Sequence[str], candidates: Sequence[Effect]
 ) -> tuple[Shape, ...]:
-    """The rows at which something sudden would do best in place of what changes in time, and of everything unknown.
+    """Moments to the row at which sudden effects explain most beside parts of a set.
 
-    Between the moments of a search lie rows enough for a slow curve to look better than a jump at the wrong one; and a
-    block that took a jump's place along the travel, or with the warmth that came along, leaves nothing of it to date.
-    Of several things that happened each is dated beside the others too: with all taken out the largest dates them all.
+    Moments of a coarse search are so far apart that a slow curve may look better than a jump at the wrong one; and a
+    block that took a jump's place along the travel or with temperature leaves nothing of it to date. So atoms that
+    change with time, and unknowns, are taken out in several combinations. Each of several events is also dated beside
+    the others, since with all taken out the largest one determines every moment.
 
     Args:
         scorer: of a linearised problem.
-        state: the explanation.
-        may_go: keys of it that may be taken out.
+        state: the set.
+        may_go: keys of its atoms that may be taken out.
         candidates: effects that may be missing.
 
     Returns:
-        The moments, each for every sudden effect: that it happened is sooner told than what it was.
+        The moments, each to be tried for every sudden effect: when is known sooner than what.
     """
     atoms = scorer.system.atoms
     timely = [key for key in may_go if _is_timely(atoms[key])]
@@ -178,7 +179,7 @@ def best_moments(
 
 
 def shapes_of(effect: Effect, view: View, moments: Sequence[Shape]) -> Sequence[Shape]:
-    """The shapes that an effect searches, and of a sudden one each moment at which something may have happened."""
+    """The shapes that an effect searches, for sudden effects with further moments."""
     return unlike([*effect.search(view), *moments]) if isinstance(effect, Sudden) else effect.search(view)
 
 
@@ -188,13 +189,13 @@ def moments_of(model: Model) -> list[Shape]:
 
 
 def unlike(moments: Sequence[Shape]) -> tuple[Shape, ...]:
-    """Each moment once, in order."""
+    """Each moment once, ascending."""
     found = {float(shape["after"]): shape for shape in moments}
     return tuple(found[moment] for moment in sorted(found))
 
 
 def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:
-    """Where a sudden effect does best beside a state less some of it."""
+    """The best moment of a sudden effect beside a set without some of its atoms."""
     system = rows_of(scorer.system)
     still = scorer.score(without(state, *gone), WHITE, state.variances)
     left = np.zeros((system.at.problem.table.rows, 3))
@@ -205,5 +206,5 @@ def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Su
 
 
 def _is_timely(atom: Atom) -> bool:
-    """Whether an atom is something that changes in the course of the run."""
+    """Whether an atom is sudden or a block over time."""
     return is_sudden(atom) or (atom.block is not None and "time" in atom.block.on)

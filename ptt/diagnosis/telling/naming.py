@@ -7,7 +7,7 @@ import numpy as np
 from ptt.diagnosis.evidence.at_tool import moved_by
 from ptt.diagnosis.evidence.noise_level import noise_after
 from ptt.diagnosis.evidence.possible import CLEARLY_BEYOND
-from ptt.diagnosis.search.fits import stands
+from ptt.diagnosis.search.fits import is_reachable
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.telling.exchange import Exchange, exchanges
 from ptt.diagnosis.telling.steps import Named, name_steps
@@ -59,7 +59,7 @@ def naming_of(found: Found, model: Model, problem: Problem, shown: Problem) -> N
         keys = tuple(step.key for step in named.steps)
         terms = posterior_terms(found, model, keys, others)
     sent, names = sent_terms(found, terms, keys), {key: atom.name for key, atom in found.system.atoms.items()}
-    if stands(terms, shown) and stands(sent, shown):
+    if is_reachable(terms, shown) and is_reachable(sent, shown):
         not_named = {"idle": tuple(names[key] for key in idle), "backward": tuple(names[key] for key in backward)}
         return Naming(named, others, terms, sent, **not_named)
     given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)

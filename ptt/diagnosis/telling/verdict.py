@@ -124,8 +124,8 @@ def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error:
     silent = _verdict(found, bool(naming.named.steps), rest) == "nothing-missing"
     much = None
     if silent:
-        aside = problem.rounding[1]
-        much = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit, aside=aside)
+        rounding_mm = problem.rounding[1]
+        much = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit, rounding_mm=rounding_mm)
     objections = Objections(
         faithful=naming.named.faithful,
         unproven=unproven,
