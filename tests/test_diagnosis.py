@@ -14,7 +14,7 @@ from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence import noise_level as noise
 from ptt.diagnosis.search.rest import Objections, Rest
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.enough import enough
+from ptt.diagnosis.telling.enough import require_enough
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.effects import library
 from ptt.errors import TableError
@@ -141,10 +141,10 @@ def test_readings_that_their_frames_take_are_too_few(tmp_path):
     table = take_rows(table := read_table(path), np.flatnonzero(table.observed & (table.role == "pose"))[:13])
     set_ups = table.replace(run=np.arange(13) // 5, run_label=("a", "b", "c"))
     own = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "fitted-per-run"}))
-    enough(build_problem(MACHINE, set_ups))
+    require_enough(build_problem(MACHINE, set_ups))
     with pytest.raises(TableError, match="13 readings in 3 frames are too few"):
-        enough(build_problem(own, set_ups))
-    enough(build_problem(own, table.replace(run=np.arange(13) // 12, run_label=("a", "b"))))
+        require_enough(build_problem(own, set_ups))
+    require_enough(build_problem(own, table.replace(run=np.arange(13) // 12, run_label=("a", "b"))))
 
 
 @pytest.mark.parametrize(("machines", "silent"), [(3, 3), pytest.param(6, 5, marks=pytest.mark.long)])

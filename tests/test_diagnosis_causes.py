@@ -214,7 +214,9 @@ def test_what_values_have_taken_of_the_scatter_is_given_back():
         count=300, noise=SimpleNamespace(least=0.0), innovation=lambda *_: left, in_mm=lambda values: values,
         shares_by_pose=lambda memory: False,
     )  # fmt: skip
-    state = SimpleNamespace(columns=None, memory=None, decided=90.0, posterior=SimpleNamespace(values=None))
+    state = SimpleNamespace(
+        columns=None, memory=None, effective_parameters=90.0, posterior=SimpleNamespace(values=None)
+    )
     found = noises.noise_left(system, state)
     assert found.freedom == 210.0 and found.total == pytest.approx(0.01 * np.sqrt(3.0), rel=0.08)
 

@@ -68,7 +68,7 @@ class Endless:
 class Crowded:
     """As much of a scorer as a search asks for: what comes in the place of 'a' loses 5 nats, and makes room for 'c'."""
 
-    given, looked_at = (), 0
+    given, screened_count = (), 0
 
     def __init__(self, after: float) -> None:
         named = {key: SimpleNamespace(key=key, name=key, columns=range(3), effect=None, block=None) for key in "abc"}

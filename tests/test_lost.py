@@ -108,7 +108,7 @@ def test_columns_without_bound_do_not_drown_those_beside_them():
     columns = np.random.default_rng(0).normal(size=(50, 6))
     gram, prior = columns.T @ columns, np.array([1e60, 1e60, 1e40, 1.0, 1.0, 1.0])
     system = SimpleNamespace(sums_of=lambda columns, memory: SimpleNamespace(gram=gram))
-    state = SimpleNamespace(columns=np.arange(6), memory=WHITE, posterior=SimpleNamespace(prior=prior))
+    state = SimpleNamespace(columns=np.arange(6), memory=WHITE, posterior=SimpleNamespace(prior_variance=prior))
     ways = _signal_basis(system, state)
     np.testing.assert_allclose((ways @ ways.T).diagonal()[3:], 1.0, rtol=1e-3)  # what the weak ones may be stays
     assert np.linalg.eigvalsh(np.eye(ways.shape[1]) + ways.T @ gram @ ways).min() > 0.9

@@ -162,4 +162,4 @@ def test_only_effects_are_sent_to_a_machine_so_without_unknowns_they_must_do_wel
     monkeypatch.setattr(
         steps, "cross_validate", lambda scorer, keys, key: gaining(without["".join(keys)][key] - errors["".join(keys)])
     )
-    assert steps._delivered(Sums({}), ["e", "f"], 0.0) == ["f"]
+    assert steps._without_blocks(Sums({}), ["e", "f"], 0.0) == ["f"]

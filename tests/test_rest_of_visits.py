@@ -25,10 +25,15 @@ def test_a_stop_that_errs_by_itself_is_no_dependence_however_often_it_is_read() 
         table = make_table(target, measured=target + residual, time_s=2.0 * np.arange(len(target)))
         problem = build_problem(machine(), table)
         for found, memory in ((taken, Memory(None, 30.0)), (each, WHITE)):
-            found.append(rest_left(residual, SimpleNamespace(memory=memory, decided=0.0), problem).significant)
+            found.append(
+                rest_left(residual, SimpleNamespace(memory=memory, effective_parameters=0.0), problem).significant
+            )
     assert not any(taken) and sum(each) >= 6
     # What visits do together is told as before.
     drifts = residual + 0.02 * np.linspace(-1.0, 1.0, len(target))[:, None]
     assert (
-        rest_left(drifts, SimpleNamespace(memory=Memory(None, 30.0), decided=0.0), problem).depends_on[0].on == "time"
+        rest_left(drifts, SimpleNamespace(memory=Memory(None, 30.0), effective_parameters=0.0), problem)
+        .depends_on[0]
+        .on
+        == "time"
     )

@@ -129,7 +129,7 @@ def _left_out(keys: tuple[str, ...], block: int) -> float:
     system = system_of()
     scorer, here = Scorer(system), system.block == block
     state = scorer.score(keys, WHITE)
-    values = next(scorer.without_rows(state, [list(system.hidden(state.columns))[block]])).values
+    values = next(scorer.without_rows(state, [list(system.held_out_blocks(state.columns))[block]])).values
     return float(np.square(system.values[here] - system.columns[here][:, :, state.columns] @ values).sum())
 
 

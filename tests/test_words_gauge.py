@@ -106,7 +106,7 @@ def test_the_error_of_a_value_counts_what_the_readings_have_to_tell_it_from(tmp_
     (alone,), (beside,) = sparsest([place], problem, NOISE), sparsest([place], problem, NOISE, beside=[lean])
     assert torch.allclose(alone.term.theta, beside.term.theta) and alone.alike == beside.alike
     off = alone.term.std > 0.0
-    (loose,) = sparsest([place], problem, NOISE, loose=lambda names: 0.01 * np.eye(len(names)))
+    (loose,) = sparsest([place], problem, NOISE, extra=lambda names: 0.01 * np.eye(len(names)))
     assert (loose.term.std[off] > 5.0 * alone.term.std[off]).all() and (loose.term.std[~off] == 0.0).all()
     assert off.any() and (beside.term.std[off] > 1.2 * alone.term.std[off]).all()
 

@@ -20,7 +20,7 @@ from ptt.again.then import THEN, Then
 from ptt.again.weigh import Weighed, moved_by, weigh
 from ptt.again.words import Values, explain, say_change, say_whole, values_of
 from ptt.diagnosis.evidence.noise_level import noise_after
-from ptt.diagnosis.telling.enough import enough
+from ptt.diagnosis.telling.enough import require_enough
 from ptt.diagnosis.telling.steps import name_steps, ties
 from ptt.effects import Library, library
 from ptt.fitting.chunks import SAMPLE_ROWS, numbers, sample_stretches, take
@@ -56,7 +56,7 @@ def recheck(
         ModelError: nothing was fitted in the model.
         TableError: too few readings, or nothing tells their noise.
     """
-    enough(problem)
+    require_enough(problem)
     known = library() if known is None else known
     tell = progress or (lambda what: None)
     notes = list(_same_run(model, problem))

@@ -8,7 +8,7 @@ from ptt.diagnosis.search.find import MOST_ADDED, find
 from ptt.diagnosis.search.rest import look_for_rest
 from ptt.diagnosis.search.smooth_way import on_smooth_way
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.given import as_free_as, taken_up
+from ptt.diagnosis.telling.given import as_free_as, prepare
 from ptt.diagnosis.telling.other_setups import other_setups
 from ptt.diagnosis.telling.verdict import conclude
 from ptt.effects import Library
@@ -76,7 +76,7 @@ def diagnose(
         TableError: nothing tells the noise floor, or too few readings for any verdict.
     """
     given, whole, tell = model, problem, progress or (lambda what: None)
-    model, problem, known, opening = taken_up(model, problem, known)
+    model, problem, known, opening = prepare(model, problem, known)
     found = find(model, problem, known, tell, steps)
     found, model, problem = on_smooth_way(found, model, problem, known, tell, steps)
     if found.opening is not None:

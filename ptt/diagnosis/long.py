@@ -12,7 +12,7 @@ from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.telling.bins import follow_in_all_rows
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.given import as_free_as, taken_up
+from ptt.diagnosis.telling.given import as_free_as, prepare
 from ptt.diagnosis.telling.other_setups import other_setups
 from ptt.diagnosis.telling.verdict import conclude
 from ptt.diagnosis.unknown.span import Span, span_of
@@ -81,7 +81,7 @@ def diagnose_long(
         TableError: nothing tells the noise floor, or too few readings for any verdict.
     """
     given, whole, tell = model, problem, progress or (lambda what: None)
-    model, problem, known, opening = taken_up(model, problem, known)
+    model, problem, known, opening = prepare(model, problem, known)
     span = span_of(problem)
     kind = problem.file.machine.kind
     sample = take(problem, sample_stretches(problem, sample_rows or SAMPLE_ROWS[kind], STRETCH_ROWS[kind]))

@@ -71,7 +71,7 @@ class Changed(Result):
     def __str__(self) -> str:
         """The ladder, the effects in words, and the fit."""
         last = self.ladder.steps[-1].fitted
-        told = sentences(last.model.terms, self.opened.problem, last.noise, last.scatter**0.5, last.loose_of)
+        told = sentences(last.model.terms, self.opened.problem, last.noise, last.scatter**0.5, last.unnamed_covariance)
         if self.elsewhere and (far := self.elsewhere.words(self.ladder.steps[-1].rms_um["total"])):
             told.append(far)
         words = "".join(f"{line}\n" for line in told) + "\n" if told else ""

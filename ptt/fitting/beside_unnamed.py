@@ -1,4 +1,4 @@
-"""Beside the unnamed: how far a fit is open because sizes of the drawing that its model has not are off as well."""
+"""Uncertainty of a fit because sizes of the drawing that its model does not have are a little off too."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,19 +20,20 @@ EXCLUSION_NATS = 1.5
 
 
 def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
-    """A fit with its errors as far as sizes of the drawing that its model does not have leave them open.
+    """Widen a fit's errors by sizes of the drawing that its model does not have.
 
-    A few values make good, where a run went, for all sizes that are off, and on every real machine all are a little:
-    elsewhere they do not, and they are not what they say. So all sizes are learned together, each as large as the
-    readings let it be. That may put the model's own values elsewhere: by so much, and by what is open then, they may
-    be off, by the chance that each of these sizes has: even where readings know nothing of it.
+    On every real machine all sizes are a little off. The few values of a model make up for the others where the run
+    went, but not elsewhere, and are then not what they say. So prior variances of all sizes are learned together, and
+    sizes that the readings exclude are dropped. The shift of the model's own values beside the remaining sizes, and
+    their larger covariance there, are added, weighted by the probability of these sizes: one half each where the
+    readings do not determine them.
 
     Args:
         fitted: the fit.
-        problem: the readings that it was fitted to; of a long run stretches stand for all.
+        problem: the readings that it was fitted to; a long run is sampled.
 
     Returns:
-        The fit; as given where nothing of the machine was fitted.
+        The fit with `unnamed`; as given where no effect was fitted.
     """
     if not (fitted.layout.owner >= 0).any():
         return fitted
@@ -58,7 +59,7 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
 
 
 def _moved(base: Posterior, best: Posterior) -> np.ndarray:
-    """Mean squares and products by which values beside other sizes are off those without, beyond their covariance."""
+    """Second moments of the difference between values beside further sizes and without, less the covariance without."""
     width, off = len(base.values), best.values.copy()
     off[:width] -= base.values
     square = best.covariance + np.outer(off, off)
@@ -67,7 +68,7 @@ def _moved(base: Posterior, best: Posterior) -> np.ndarray:
 
 
 def _among(square: np.ndarray, own: Sequence[DrawnSize], every: Sequence[DrawnSize], fitted: FitResult) -> np.ndarray:
-    """Mean squares and products of the fit's unknowns and some sizes among those of more, zero for the others."""
+    """Second moments of the fit's unknowns and some sizes, embedded among those of more sizes with zeros."""
     place, first = list(range(len(fitted.unknowns))), len(fitted.unknowns)
     for size in every:
         kept = int((size.group >= 0).sum())
@@ -79,14 +80,14 @@ def _among(square: np.ndarray, own: Sequence[DrawnSize], every: Sequence[DrawnSi
 
 
 def _factor(square: np.ndarray) -> np.ndarray:
-    """Root of what is positive of a symmetric matrix, (p, r)."""
-    size, ways = np.linalg.eigh(square)
-    kept = size > RANK_TOLERANCE * max(float(size[-1]), 0.0)
-    return np.asarray(ways[:, kept] * np.sqrt(size[kept]))
+    """Square root, (p, r), of the positive part of a symmetric matrix."""
+    eigenvalues, vectors = np.linalg.eigh(square)
+    kept = eigenvalues > RANK_TOLERANCE * max(float(eigenvalues[-1]), 0.0)
+    return np.asarray(vectors[:, kept] * np.sqrt(eigenvalues[kept]))
 
 
 def _whole(root: np.ndarray, sizes: Sequence[DrawnSize], fitted: FitResult) -> np.ndarray:
-    """The same with a row for every linear value of each size, zero for what the model has under another name."""
+    """The root with a row for every linear value of each size, zero for what the model has under another name."""
     rows, first = [root[: len(fitted.unknowns)]], len(fitted.unknowns)
     for size in sizes:
         kept = size.group >= 0

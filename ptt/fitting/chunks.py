@@ -1,8 +1,8 @@
-"""Chunks of a long run: stretches of rows that know how the joints came to them, so that sums over them add up.
+"""Chunks of a long run: stretches of rows with the state in which the joints entered them, so that sums add up.
 
-Rows take a few hundred bytes each and are kept whole; columns of the linearised problem take thousands and are only
-ever there for one chunk. To map and reduce on a cluster, `enter` the chunks once (a quick scan of the commands that
-needs no parameter), send each with its entry to a worker, and add what comes back.
+Rows take a few hundred bytes each and are kept in memory; columns of the linearised problem take thousands and exist
+only for one chunk at a time. To map and reduce on a cluster, `enter` the chunks once (a quick scan of the commands that
+needs no parameters), send each with its entry state to a worker, and add the results.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -50,11 +50,11 @@ def stretches(rows: int, size: int = CHUNK) -> list[Stretch]:
 
 
 def enter(view: View, cuts: Sequence[int]) -> list[Entry | None]:
-    """How the joints came to some rows, each found from the one before: the scan that hands the state on.
+    """Entry states of the joints at some rows, by one scan over the travel.
 
     Args:
         view: n rows.
-        cuts: rows in rising order.
+        cuts: row numbers, ascending.
 
     Returns:
         The entry of each; None where a run starts there.
@@ -70,14 +70,14 @@ def enter(view: View, cuts: Sequence[int]) -> list[Entry | None]:
 
 
 def take(problem: Problem, kept: Sequence[Stretch]) -> Problem:
-    """Some stretches of a problem as a problem of its own, entered as the whole run enters them.
+    """Some stretches of a problem as a problem of its own, with their entry states.
 
     Args:
         problem: n rows.
-        kept: stretches in rising order.
+        kept: stretches, ascending.
 
     Returns:
-        The rows of the stretches, one behind the other.
+        The rows of the stretches, concatenated.
     """
     entries = enter(problem.view, [first for first, _ in kept])
     return take_entered(problem, kept, entries)
@@ -110,13 +110,13 @@ def sample_stretches(problem: Problem, rows: int = SAMPLE_ROWS, stretch: int = S
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def few_enough(problem: Problem) -> Problem:
-    """The problem as it is, or of a long run stretches that stand for it: columns of all rows would not fit."""
+def sampled_if_long(problem: Problem) -> Problem:
+    """The problem, or a sample of stretches of it where columns of all rows would not fit into memory."""
     return take(problem, sample_stretches(problem, SAMPLE_ROWS)) if problem.table.rows > LONG else problem
 
 
 def numbers(problem: Problem) -> np.ndarray:
-    """Places of a problem's rows in the whole run, (m,) int."""
+    """Row numbers of a problem's rows in the whole run, (m,) int."""
     return problem.view.row_numbers.numpy().astype(int)
 
 
@@ -137,7 +137,7 @@ def cut(problem: Problem, size: int = CHUNK) -> list[Callable[[], Problem]]:
 
 
 def view_chunks(view: View, size: int = CHUNK) -> Iterator[View]:
-    """Cut a view into chunks, each entered as the whole travel enters it.
+    """Cut a view into chunks, each with its entry state.
 
     Args:
         view: n rows.
@@ -152,7 +152,7 @@ def view_chunks(view: View, size: int = CHUNK) -> Iterator[View]:
 
 
 def map_chunks(work: Callable[[Problem], Part], chunks: Sequence[Callable[[], Problem]]) -> Iterator[Part]:
-    """Do the work on every chunk, as many at once as there are cores.
+    """Map a function over chunks, as many at once as there are cores.
 
     Args:
         work: from a chunk to what is wanted of it.
@@ -171,7 +171,7 @@ def _made(work: Callable[[Problem], Part], make: Callable[[], Problem]) -> Part:
 def map_beside(
     work: Callable[[Problem, Own], Part], chunks: Sequence[Callable[[], Problem]], each: Sequence[Own]
 ) -> Iterator[Part]:
-    """Do the work on every chunk and what belongs to it, as many at once as there are cores.
+    """Map a function over chunks and a value for each, as many at once as there are cores.
 
     Args:
         work: from a chunk and what belongs to it to what is wanted of them.

@@ -1,4 +1,4 @@
-"""Sizes of the drawing beside a fit: their columns, and where all values are once the widths of both are learned."""
+"""Sizes of the drawing beside a fit: their columns, and the posterior of both with all prior variances learned."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.effects import Effect, library
 from ptt.effects.registry import parse_key
-from ptt.fitting.chunks import few_enough
+from ptt.fitting.chunks import sampled_if_long
 from ptt.fitting.evidence import LEAST_VARIANCE, MOST_VARIANCE, maximise
 from ptt.fitting.linear import ShapeTrial, linear_columns
 from ptt.fitting.posterior import Posterior
@@ -27,9 +27,9 @@ class DrawnSize:
     """A size of the drawing beside a fit.
 
     Attributes:
-        effect: of which it is.
-        columns: (w,) of its linear values.
-        group: (w,) int, which parameter each is of; -1 for what the model has under another name.
+        effect: the effect that corrects it.
+        columns: indices of the columns of its linear values, (w,).
+        group: number of the parameter of each value, (w,) int; -1 for what the model has under another name.
     """
 
     effect: Effect
@@ -38,9 +38,9 @@ class DrawnSize:
 
 
 def unnamed_sizes(keys: Sequence[str], problem: Problem) -> list[Effect]:
-    """Sizes of the drawing that a model does not have, may be given, and a run can test.
+    """Sizes of the drawing that a model does not have, could have, and that a run can test.
 
-    None that several others are together: they say it.
+    Without those that are the same as several others together.
 
     Args:
         keys: of the model's effects.
@@ -50,7 +50,7 @@ def unnamed_sizes(keys: Sequence[str], problem: Problem) -> list[Effect]:
 
 
 def _unnamed(keys: Sequence[str], problem: Problem) -> list[Effect]:
-    """All of them, those included of which a part is in the model."""
+    """`unnamed_sizes`, including those of which a part is in the model."""
     kind, names = problem.file.machine.kind, {parse_key(key)[0] for key in keys}
     every = [
         each() for name, each in library().items()
@@ -62,9 +62,9 @@ def _unnamed(keys: Sequence[str], problem: Problem) -> list[Effect]:
 
 
 def sizes_beside(fitted: FitResult, problem: Problem) -> tuple[tuple[DrawnSize, ...], Total]:
-    """Sizes of the drawing that a model does not have, and sums of all columns, the fit's unknowns first."""
+    """Sizes of the drawing that a model does not have, and normal sums of all columns, the fit's unknowns first."""
     sound, keys = problem.masked(fitted.outliers), fitted.model.keys
-    few = few_enough(sound)
+    few = sampled_if_long(sound)
     linear = linear_columns(fitted, few, _unnamed(keys, few), fitted.noise)
     sizes = tuple(_size(trial, keys, few) for trial in linear.trials)
     return sizes, linear.total(sound.table.rows / few.table.rows)
@@ -82,7 +82,7 @@ def _size(trial: ShapeTrial, keys: Sequence[str], problem: Problem) -> DrawnSize
 
 
 def groups_of(sizes: Sequence[DrawnSize], fitted: FitResult) -> dict[str, np.ndarray]:
-    """Numbers of the learned widths of each size, behind those of the fit."""
+    """Key of a size -> numbers of its variance groups, which follow those of the fit."""
     found, first = {}, len(fitted.layout.kinds)
     for size in sizes:
         own = len(np.unique(size.group[size.group >= 0]))
@@ -95,15 +95,15 @@ def learn_beside(
     fitted: FitResult, total: Total, sizes: Sequence[DrawnSize], *, held: float | None = None, small: int | None = None,
     start: np.ndarray | None = None,
 ) -> Posterior:  # fmt: skip
-    """The fit's unknowns and some further sizes, every width learned.
+    """Posterior of the fit's unknowns and some further sizes, their prior variances learned.
 
     Args:
         fitted: the fit.
-        total: sums of all columns.
-        sizes: beside it.
-        held: variance of these sizes; None learns it.
-        small: which of the fit's widths begins at next to nothing.
-        start: variances from which the fit's are learned on; None: where they are.
+        total: normal sums of all columns.
+        sizes: the further sizes.
+        held: prior variance of these sizes; None learns it.
+        small: number of a group of the fit whose variance starts near zero; None for none.
+        start: variances of the fit's groups to start from; None for those of the fit.
     """
     layout, prior, (gram, side, square, count) = fitted.layout, fitted.prior, total
     groups = groups_of(sizes, fitted)
@@ -119,7 +119,7 @@ def learn_beside(
     fixed[len(layout.kinds) :] = held is not None
     begun = variances.copy()
     begun[: len(layout.kinds)] = prior.group_variances if start is None else start
-    if small is not None:  # and all others large, so that they can take its place
+    if small is not None:  # and all others at usual sizes or more, so that they can take its place
         begun = np.where(fixed, begun, np.maximum(begun, 1.0))
         begun[small] = SMALL_VARIANCE
     wide = prior.design_effect * fitted.scatter

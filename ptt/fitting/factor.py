@@ -7,21 +7,24 @@ RANK_TOLERANCE = 1e-12  # share of the largest eigenvalue of a Gram matrix below
 
 
 def inverse(matrix: np.ndarray) -> np.ndarray:
-    """Inverse of normal equations with a prior on every unknown, (P, P), whatever the units of its columns."""
+    """Inverse of a positive definite normal matrix, (P, P)."""
     return invert(factor_of(matrix, 0.0))
 
 
 def factor_of(gram: np.ndarray, more: np.ndarray | float) -> np.ndarray:
-    """Lower Cholesky factor of a gram with more on its diagonal; rounding may ask for a little more than that.
+    """Lower Cholesky factor of a Gram matrix plus a diagonal, raised slightly further where rounding requires it.
 
-    The units of the columns make no difference to its accuracy: a factor of scaled columns is the scaled factor.
+    The scaling of the columns does not affect its accuracy: the factor of scaled columns is the scaled factor.
 
     Args:
         gram: (P, P).
-        more: for all of them or (P,).
+        more: added to the diagonal, one for all or (P,).
 
     Returns:
-        (P, P).
+        L with L L^T = gram + diag(more), (P, P).
+
+    Raises:
+        LinAlgError: the sum is not positive definite.
     """
     if not len(gram):
         return gram
@@ -29,7 +32,7 @@ def factor_of(gram: np.ndarray, more: np.ndarray | float) -> np.ndarray:
     for _ in range(8):
         matrix = gram.copy()
         matrix.ravel()[:: len(gram) + 1] = diagonal * (1.0 + extra)
-        factor, failed = lapack.dpotrf(matrix.T, lower=1, clean=1, overwrite_a=1)  # turned, it lies as LAPACK wants it
+        factor, failed = lapack.dpotrf(matrix.T, lower=1, clean=1, overwrite_a=1)  # transposed: LAPACK's memory order
         if not failed:
             return np.asarray(factor)
         extra = max(10.0 * extra, len(gram) * 1e-16)
@@ -37,8 +40,8 @@ def factor_of(gram: np.ndarray, more: np.ndarray | float) -> np.ndarray:
 
 
 def invert(lower: np.ndarray) -> np.ndarray:
-    """(L L^T)^-1."""
+    """(L L^T)^-1 of a lower Cholesky factor, (P, P)."""
     if not len(lower):
         return lower
-    half = np.asarray(lapack.dpotri(lower, lower=1)[0])  # its upper triangle is the factor's own: zero
+    half = np.asarray(lapack.dpotri(lower, lower=1)[0])  # its upper triangle is zero
     return half + half.T - np.diag(half.diagonal())

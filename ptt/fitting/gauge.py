@@ -1,4 +1,4 @@
-"""Values as they can be turned: of all that the readings cannot tell apart, the one with the fewest parts off."""
+"""Gauge of reported values: of all values that the readings cannot tell apart, the sparsest are reported."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from ptt.fitting.chunks import few_enough
+from ptt.fitting.chunks import sampled_if_long
 from ptt.fitting.factor import RANK_TOLERANCE
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES, lay_out
 from ptt.fitting.linear import Linear, assemble
@@ -24,17 +24,17 @@ LEAST_PART = 0.2  # singular value from which a term takes part in a free direct
 WORKSPACE_PLACES = 128  # places all over the travel at which one machine is compared with another
 # share of a pattern from which a frame motion takes part: a turn about a far pivot moves little else
 LEAST_MOTION = 0.05
-Loose = Callable[[Sequence[str]], np.ndarray]
+ExtraCovariance = Callable[[Sequence[str]], np.ndarray]  # names of v unknowns -> their further covariance, (v, v)
 FRAME_RESIDUE = 0.1  # share of a pattern that the frame's motions may leave of it for it to be one of them
 
 
 @dataclass(frozen=True)
 class GaugedTerm:
-    """A term in the gauge in which it is said.
+    """A term in the gauge in which it is reported.
 
     Attributes:
         term: with the values and standard errors of that gauge.
-        alike: what its own common parts cannot be told from, as in ('tracker z',); empty where nothing is free.
+        alike: motions of the tracker that its free directions cannot be told from, as in ('tracker z',).
     """
 
     term: Term
@@ -43,27 +43,26 @@ class GaugedTerm:
 
 def sparsest(
     terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, beside: Sequence[Term] = (),
-    loose: Loose | None = None,
+    extra: ExtraCovariance | None = None,
 ) -> tuple[GaugedTerm, ...]:  # fmt: skip
-    """Say terms in the gauge in which the fewest of their values are off.
+    """Terms in the gauge in which the fewest of their values differ from zero.
 
-    A homing offset of one slider is fitted as a third of it on each, because the tracker's z takes the rest. All values
-    that the readings tell no better than that are one and the same machine; the least sum of sizes picks the one in
-    which most joints are right (a median instead of a mean), which is what has to be turned.
+    A homing offset of one slider is fitted as a third of it on each, because the tracker's z takes the rest. Of all
+    values that the readings cannot tell apart, the least sum of absolute values (an L1 norm, hence a median instead of
+    a mean) picks those in which most joints are right: what has to be adjusted.
 
     Args:
         terms: fitted together, with values.
         problem: the readings.
         noise: the noise floor.
-        widen: times the noise that the fit leaves, where it is more than that.
-        beside: terms of the same fit that are said apart: the gauge leaves them as they are, but the readings have to
-            tell values from theirs.
-        loose: mean squares and products, in usual sizes, by which what no term stands for may move values, by name.
+        widen: ratio of what the fit leaves to the noise, where that exceeds one.
+        beside: other terms of the same fit, which are free beside these when errors are stated but are not regauged.
+        extra: names of unknowns -> further covariance of them in usual sizes, by what no term stands for.
 
     Returns:
         The terms in their order.
     """
-    few = few_enough(problem)
+    few = sampled_if_long(problem)
     layout = lay_out(Model(problem.file), few, (*terms, *beside))
     values = layout.start()
     linear = assemble(layout, values, few, noise)
@@ -74,7 +73,7 @@ def sparsest(
     information, motions = _without(gram, own, np.setdiff1d(np.flatnonzero(mine), own), held)
     information = information / widen**2
     free = _untold(information, values[own])
-    if free.shape[1]:  # what only these few poses do not tell is no gauge: it is another machine
+    if free.shape[1]:  # directions that other poses in the workspace would determine are no gauge
         free = _untold(information + _all_over(terms, beside, problem.file, noise), values[own])
     if not free.shape[1]:
         return tuple(GaugedTerm(term) for term in terms)
@@ -82,20 +81,20 @@ def sparsest(
     unknowns[own], moved = _fewest(values[own], free)
     error = np.full(len(values), np.nan)
     if beside:
-        # None of these is larger than it was found to be, or than is usual.
+        # Their prior standard deviation: as large as they were found to be, but at least usual.
         prior = np.where(mine, held, 1.0 / np.maximum(_mean_squares(values, layout.group), 1.0))
         rest = np.setdiff1d(np.arange(len(values)), own)
         information = _without(gram / widen**2, own, rest, prior)[0]
     error[own] = _errors(information, moved)
-    if loose is not None:
-        error[own] = np.hypot(error[own], _moved_along(loose([layout.names[place] for place in own]), free, moved))
+    if extra is not None:
+        error[own] = np.hypot(error[own], _moved_along(extra([layout.names[place] for place in own]), free, moved))
     said = []
     for index, (term, theta) in enumerate(zip(terms, layout.thetas(unknowns), strict=False)):
         taking = _taking_part(free, layout.owner[own] == index)
         std = torch.full_like(theta, torch.nan) if term.std is None else term.std.clone()
         if taking.shape[1]:
             std[torch.as_tensor(layout.free[index])] = torch.as_tensor((error * layout.scale)[layout.owner == index])
-        # A motion of the tracker has no legs that could have something in common.
+        # Effects of the metrology have no joints that could have something in common.
         names = () if term.effect.stage == "metrology" else _alike(linear, own, taking, motions, few.frames)
         said.append(GaugedTerm(replace(term, theta=theta, std=std), names))
     return tuple(said)
@@ -113,7 +112,7 @@ def reachable(file: MachineFile) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _all_over(terms: Sequence[Term], beside: Sequence[Term], file: MachineFile, noise: Noise) -> np.ndarray:
-    """Information that a reading somewhere in the travel would have on the own values of some terms, (u, u)."""
+    """Mean information of one reading anywhere in the workspace on the own values of some terms, (u, u)."""
     frame = "trusted" if file.tracker.frame == "trusted" else "fitted"  # there are no base reflectors at these places
     file = replace(file, tracker=file.tracker.model_copy(update={"frame": frame}))
     place, q = reachable(file)
@@ -128,22 +127,22 @@ def _all_over(terms: Sequence[Term], beside: Sequence[Term], file: MachineFile, 
 
 
 def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:
-    """Free directions, (u, m), in which the own values have a real part."""
-    _, strength, ways = np.linalg.svd(free[own], full_matrices=False)
-    return np.asarray(free @ ways[strength > LEAST_PART].T)
+    """Combinations of free directions, (u, m), in which the own values take part."""
+    _, singular, right = np.linalg.svd(free[own], full_matrices=False)
+    return np.asarray(free @ right[singular > LEAST_PART].T)
 
 
 def _without(gram: np.ndarray, own: np.ndarray, rest: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Information on own values with others free beside them, and how these then move with them.
+    """Information on own values with others eliminated (Schur complement), and how these follow the own values.
 
     Args:
-        gram: of u unknowns, (u, u).
-        own: (v,) places of the own values.
-        rest: (w,) places of what is free beside them; whatever else there is stays as it is.
-        prior: (u,) how firmly each is held near zero.
+        gram: X^T X of u unknowns, (u, u).
+        own: indices of the own values, (v,).
+        rest: indices of what is free beside them, (w,); all else is held.
+        prior: prior information on each unknown, (u,).
 
     Returns:
-        (v, v), and (u, v).
+        Information (v, v), and all unknowns per unit of each own value, (u, v).
     """
     gram = gram.copy()
     gram[np.arange(len(prior)), np.arange(len(prior))] += prior
@@ -155,26 +154,26 @@ def _without(gram: np.ndarray, own: np.ndarray, rest: np.ndarray, prior: np.ndar
 
 
 def _mean_squares(values: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Of each value, the mean square of those that share how large they may be, (u,)."""
+    """Mean square of the values in each value's variance group, (u,)."""
     return np.array([np.square(values[group == own]).mean() for own in group.tolist()])
 
 
 def _untold(information: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Directions, (u, m), along which the values may change by as much as they are without any reading telling it."""
-    strength, directions = np.linalg.eigh(information)
-    return directions[:, strength * float(values @ values) < UNTOLD_CHI2]
+    """Directions, (u, m), along which a change as large as the values is not visible in the readings."""
+    eigenvalues, directions = np.linalg.eigh(information)
+    return directions[:, eigenvalues * float(values @ values) < UNTOLD_CHI2]
 
 
 def _fewest(values: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The least sum of sizes along free directions, and which values then differ from zero."""
+    """The values of least L1 norm along free directions, (u,), and which of them differ from zero, (u,) bool."""
     count, directions = free.shape
-    # Unknowns: steps along the directions, then sizes; |values + free steps| <= sizes.
+    # Linear program: steps along the directions, then bounds; |values + free steps| <= bounds.
     limits = np.block([[free, -np.eye(count)], [-free, -np.eye(count)]])
-    toll = np.concatenate([np.zeros(directions), np.ones(count)])
+    cost = np.concatenate([np.zeros(directions), np.ones(count)])
     bounds = [(None, None)] * directions + [(0.0, None)] * count
     from scipy.optimize import linprog
 
-    found = linprog(toll, A_ub=limits, b_ub=np.concatenate([-values, values]), bounds=bounds)
+    found = linprog(cost, A_ub=limits, b_ub=np.concatenate([-values, values]), bounds=bounds)
     if not found.success:
         return values, np.ones(count, dtype=bool)
     chosen = values + free @ found.x[:directions]
@@ -183,39 +182,39 @@ def _fewest(values: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _errors(information: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """Standard errors in usual sizes of values that are off, the others being right by choice of gauge."""
+    """Standard errors in usual sizes of values that differ from zero, the others being zero by choice of gauge."""
     error = np.zeros(len(off))
     spread = np.diag(np.linalg.pinv(information[np.ix_(off, off)], hermitian=True))
-    error[off] = np.sqrt(np.maximum(spread, 0.0))  # rounding may leave a direction of no information below zero
+    error[off] = np.sqrt(np.maximum(spread, 0.0))  # rounding may make it negative
     return error
 
 
-def _moved_along(loose: np.ndarray, free: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """Standard errors in usual sizes by what moves the values, while those that are right in this gauge stay so, (u,).
+def _moved_along(extra: np.ndarray, free: np.ndarray, off: np.ndarray) -> np.ndarray:
+    """Standard errors in usual sizes, (u,), from a further covariance, projected so that zero values stay zero.
 
     Args:
-        loose: (u, u) mean squares and products of the motions.
+        extra: (u, u) further covariance.
         free: (u, m) directions along which the gauge is chosen.
-        off: (u,) bool, values that are not right.
+        off: (u,) bool, values that differ from zero.
     """
     back = np.zeros((len(off), len(off)))
     back[:, ~off] = free @ np.linalg.pinv(free[~off])
     along = np.eye(len(off)) - back
-    return np.where(off, np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, loose, along), 0.0)), 0.0)
+    return np.where(off, np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, extra, along), 0.0)), 0.0)
 
 
 def _alike(linear: Linear, own: np.ndarray, free: np.ndarray, motions: np.ndarray, frames: int) -> tuple[str, ...]:
-    """Motions of the tracker, or of the reflector, that take up what some of the free directions do.
+    """Names of motions of the tracker or the reflector that compensate some of the free directions.
 
-    Asked of all combinations of the directions: which of them stand for those that are equally free is rounding.
+    All combinations of the directions are considered, since the basis of equally free ones is arbitrary.
     """
     columns = linear.columns[linear.rows].reshape(3 * int(linear.rows.sum()), -1)
     moved = motions @ free
-    size, ways = np.linalg.eigh(_square(columns[:, own] @ free))
+    size, vectors = np.linalg.eigh(_square(columns[:, own] @ free))
     seen = size > RANK_TOLERANCE * size.max(initial=0.0)
-    unit = ways[:, seen] / np.sqrt(size[seen])  # each does as much as one reading's noise before anything makes good
-    left, ways = np.linalg.eigh(_square(columns @ (moved @ unit)))
-    rigid = moved @ unit @ ways[:, left < FRAME_RESIDUE**2]
+    unit = vectors[:, seen] / np.sqrt(size[seen])  # of unit effect on the readings before compensation
+    left, vectors = np.linalg.eigh(_square(columns @ (moved @ unit)))
+    rigid = moved @ unit @ vectors[:, left < FRAME_RESIDUE**2]
     parts = np.linalg.norm(columns[:, linear.frame], axis=0) * np.linalg.norm(rigid[linear.frame], axis=1)
     strong = np.flatnonzero(parts > LEAST_MOTION)
     names = {FRAME_NAMES[place % 6] for place in strong if place < 6 * frames}

@@ -121,7 +121,7 @@ class FitResult:
         beside = None if self.unnamed is None else self.unnamed.root[: len(self.unknowns)]
         return [root for root in (self.doubt, beside) if root is not None]
 
-    def loose_of(self, names: Sequence[str]) -> np.ndarray:
+    def unnamed_covariance(self, names: Sequence[str]) -> np.ndarray:
         """Mean squares and products by which what is not named may move some unknowns, by name, in usual sizes, (v, v).
 
         Zero where nobody asked, and of what is no unknown.

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from ptt.effects.sudden import Sudden
-from ptt.fitting.alike import excess, times_of
+from ptt.fitting.autocorrelation import excess_scatter, times_of
 from ptt.fitting.chunks import LONG, SAMPLE_ROWS, sample_stretches, take
 from ptt.fitting.gauss_newton import TOLERANCE
 from ptt.fitting.layout import Layout, lay_out
@@ -201,7 +201,9 @@ def _witness(system: WhitenedSystem | LongSystem, problem: Problem, kept: np.nda
     if not isinstance(system, WhitenedSystem) or not system.jacobian.shape[-1]:
         return None
     times = times_of(problem, kept)
-    return lambda inverse, scatter: excess(system.jacobian[kept], system.residual[kept], times, inverse, scatter)
+    return lambda inverse, scatter: excess_scatter(
+        system.jacobian[kept], system.residual[kept], times, inverse, scatter
+    )
 
 
 def rms(residual: np.ndarray, rows: np.ndarray | Sequence[bool]) -> dict[str, float]:

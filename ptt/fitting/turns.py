@@ -16,7 +16,7 @@ from ptt.effects.memory import gradual_reversal
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import listed
 from ptt.effects.reversal import Backlash, Windup, gap_of
-from ptt.fitting.chunks import few_enough
+from ptt.fitting.chunks import sampled_if_long
 from ptt.fitting.observability import Combination
 from ptt.fitting.result import FitResult
 from ptt.fitting.stated import fitted_terms
@@ -47,7 +47,7 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
     terms = [(term.effect, term.theta) for term in fitted.model.terms]
     if not any(isinstance(effect, Backlash) for effect, _ in terms):
         return fitted
-    few = few_enough(problem.masked(fitted.outliers))
+    few = sampled_if_long(problem.masked(fitted.outliers))
     used, sigma = torch.as_tensor(few.used), fitted.noise.total / np.sqrt(3.0)
     jacobian = linearise(terms, few.view).jacobian
     usual = _travel(fitted).usual

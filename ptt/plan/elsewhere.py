@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ptt.errors import WorkspaceError
-from ptt.fitting.chunks import few_enough
+from ptt.fitting.chunks import sampled_if_long
 from ptt.fitting.kept import keep
 from ptt.fitting.result import FitResult
 from ptt.fitting.tool_sigma import tool_sigma
@@ -75,7 +75,7 @@ def elsewhere(fitted: FitResult, problem: Problem) -> Elsewhere | None:
     if not terms or fitted.unnamed is None:
         return None
     kept = keep(fitted)
-    problem = few_enough(problem)
+    problem = sampled_if_long(problem)
     try:
         q = draw_poses(build_space(file), POSES, np.random.default_rng(0))
     except WorkspaceError:

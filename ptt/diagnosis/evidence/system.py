@@ -13,7 +13,7 @@ from ptt.diagnosis.noise.memory import WHITE, HeldOutBlock, Memory, MemorySums
 from ptt.diagnosis.noise.wander import Clock, innovations
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
-from ptt.fitting.alike import times_of
+from ptt.fitting.autocorrelation import times_of
 from ptt.fitting.evidence import profile_noise
 from ptt.fitting.linear import Linear
 from ptt.fitting.result import FitResult

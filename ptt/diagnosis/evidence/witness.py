@@ -10,7 +10,7 @@ import numpy as np
 from ptt.diagnosis.evidence.at_tool import at_tool_um, moved_by, without_rigid_motion
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
-from ptt.fitting.chunks import few_enough
+from ptt.fitting.chunks import sampled_if_long
 from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -75,7 +75,7 @@ def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
     """Whether a growth with temperature looks, in these readings, like a common shift with temperature."""
     if term.effect.stage == "metrology" or "temperature" not in term.effect.requires or _was_watched(problem):
         return False
-    few = few_enough(problem)  # what a sample shows, all rows show
+    few = sampled_if_long(problem)  # what a sample shows, all rows show
     if few is not problem and _beside_warmth(term, few, noise) >= CLEAR_GROWTH:
         return False
     return _beside_warmth(term, problem, noise) < CLEAR_GROWTH

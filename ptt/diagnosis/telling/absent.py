@@ -1,4 +1,4 @@
-"""Absent: what an effect that is not named would do just as one that is, and how far that leaves stated values open."""
+"""Effects that are not named but may be present, and how they would change the stated values."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ from ptt.fitting.factor import inverse
 
 @dataclass(frozen=True)
 class Absent:
-    """An effect that a set does without, as far as no reading excludes it.
+    """An effect that is not in the set and that no reading excludes.
 
     Attributes:
         key: of its atom.
-        odds: of the set with it beside the set without.
-        moved: mean squares and products by which it would move the values of the set's columns, (p, p).
+        odds: of the set with it against the set without it.
+        moved: second moments of the shifts of the set's values that it would cause, (p, p).
     """
 
     key: str
@@ -29,21 +29,21 @@ class Absent:
 
 
 def absent_effects(scorer: Scorer, state: State, *, drawn: bool = False) -> tuple[Absent, ...]:
-    """Effects that may be there beside a set, since they would do next to nothing that the set does not do.
+    """Effects that may be present beside a set because they do nearly the same as its effects.
 
-    A spring that gives way as another does: nothing asks for it, so it is not named, but little speaks against it
-    beyond the odds against one more effect. Were it there, the values of the set would be others. Those odds keep names
-    few and are weighed as probabilities are; what the readings themselves say against an effect counts in full, or each
-    of a score that they know well would make all values a little worse. Sizes of the drawing are off on every machine,
-    and are learned with all others (`ptt.fitting.beside_unnamed`).
+    A spring that yields as another one does is not needed, so it is not named, but little speaks against it except the
+    prior odds of one more effect. If present, the values of the set would be different. The prior odds are tempered as
+    in probabilities. The evidence of the readings against an effect counts in full, or each of twenty well-determined
+    effects would make all values a little less certain. Sizes of the drawing are off on every machine and are treated
+    together (`ptt.fitting.beside_unnamed`).
 
     Args:
         scorer: of the system.
-        state: the set that is told.
-        drawn: whether sizes of the drawing are asked as well, because nothing else does.
+        state: the reported set.
+        drawn: whether to include sizes of the drawing, because nothing else does.
 
     Returns:
-        Those of odds that matter.
+        Those with odds that matter.
     """
     if not state.keys:
         return ()
@@ -60,12 +60,12 @@ def absent_effects(scorer: Scorer, state: State, *, drawn: bool = False) -> tupl
         if atom.name in told:
             continue
         half = dtrtrs(posterior.cholesky, sums.gram[posterior.order, own], lower=1)[0]
-        follow = np.empty_like(half)  # how the values of the set go with those of the effect
+        follow = np.empty_like(half)  # shift of the set's values per unit of the effect's
         follow[posterior.order] = -dtrtrs(posterior.cholesky, half, lower=1, trans=1)[0]
-        left = _seen(schur_complement(sums.gram[own, own][None], half.T[None])[0])
-        spread = inverse(left + np.diag(1.0 / gain.variances[atom.group]))
-        values = spread @ (sums.side[own] + follow.T @ sums.side[:width])
-        squares = posterior.phi * spread + np.outer(values, values)
+        left = _positive_part(schur_complement(sums.gram[own, own][None], half.T[None])[0])
+        covariance = inverse(left + np.diag(1.0 / gain.variances[atom.group]))
+        values = covariance @ (sums.side[own] + follow.T @ sums.side[:width])
+        squares = posterior.phi * covariance + np.outer(values, values)
         odds = float(np.exp(min(gain.nats + atom.odds, 0.0) - atom.odds / TEMPER))
         found.append(Absent(atom.key, odds, follow @ squares @ follow.T))
     return tuple(found)
@@ -76,7 +76,7 @@ def _is_rare(atom: Atom) -> bool:
     return is_effect(atom) and not is_drawn(atom)
 
 
-def _seen(gram: np.ndarray) -> np.ndarray:
-    """What is left of some columns, less what rounding left of those that the set spans, (w, w)."""
-    strength, ways = np.linalg.eigh(gram)
-    return np.asarray(ways * np.where(strength > max(-strength[0], 0.0), strength, 0.0) @ ways.T)
+def _positive_part(gram: np.ndarray) -> np.ndarray:
+    """A symmetric matrix (w, w) less eigenvalues that are rounding: those not above minus the smallest one."""
+    eigenvalues, vectors = np.linalg.eigh(gram)
+    return np.asarray(vectors * np.where(eigenvalues > max(-eigenvalues[0], 0.0), eigenvalues, 0.0) @ vectors.T)

@@ -1,4 +1,4 @@
-"""What was set aside as gross errors, and does not look like them: off along one joint's way, or by its direction."""
+"""Whether readings set aside as gross errors have a common cause: one joint's direction, its arrival, or one place."""
 
 from collections.abc import Iterator
 
@@ -21,16 +21,16 @@ CLOSER_SHARE = 0.5  # share of what one fixed direction misses that a joint's ma
 
 
 def against_gross(found: Found, problem: Problem) -> str | None:
-    """What the readings that were set aside have in common, in words; gross errors have nothing.
+    """What the readings set aside have in common, in words; real gross errors have nothing in common.
 
     Args:
         found: the best explanation.
         problem: the readings.
 
     Returns:
-        None where they have nothing, where they are few, or of a long run.
+        None where they have nothing in common, where they are few, or for a long run.
     """
-    if (place := way_in_common(found, problem)) is not None:
+    if (place := common_direction(found, problem)) is not None:
         return f"are all displaced in the direction in which {place} moves the tool"
     if follow_direction(found, problem):
         return "change sign with the direction of arrival"
@@ -40,19 +40,18 @@ def against_gross(found: Found, problem: Problem) -> str | None:
 
 
 def follow_direction(found: Found, problem: Problem) -> bool:
-    """Whether the readings that were set aside are off by the directions in which the joints arrived.
+    """Whether the errors of readings set aside depend on the directions in which the joints arrived.
 
-    What sticks just after a reversal sticks the other way on the way back. A beam breaks whichever way the joints came:
-    beyond one side for all and one shift of each joint, their directions tell nothing of it.
-
-    Source: F-test of nested linear models, on errors of length one, for broken beams err by any length.
+    A joint that sticks just after a reversal sticks the other way on the way back, while a beam breaks whichever way
+    the joints came. F test of nested linear models: constant shifts of the reading and of each joint, with and without
+    terms in the directions of arrival. Errors are scaled to length one, since broken beams err by any length.
 
     Args:
         found: the best explanation.
         problem: the readings.
 
     Returns:
-        Whether they are; no where they are few.
+        False also where they are few.
     """
     system, left = found.system, found.fitted.residual
     if not isinstance(system, RowSystem):
@@ -66,29 +65,29 @@ def follow_direction(found: Found, problem: Problem) -> bool:
     error = (left[rows] / np.maximum(np.linalg.norm(left[rows], axis=1), 1e-12)[:, None]).ravel()
     shifts = [np.tile(np.eye(3), (len(rows), 1)), *(way.reshape(-1, 1) for way in ways.values())]
     turns = [(way * direction[:, joint, None]).reshape(-1, 1) for joint, way in ways.items()]
-    less, rest = (_left_of(error, np.hstack(columns)) for columns in (shifts, shifts + turns))
+    less, rest = (_residual_square(error, np.hstack(columns)) for columns in (shifts, shifts + turns))
     gained = (less - rest) / len(ways) / max(rest / spare, 1e-12)
     return bool(f_sf(gained, len(ways), spare) < JOINT_CHANCE)
 
 
-def _left_of(values: np.ndarray, columns: np.ndarray) -> float:
-    """Sum of squares that columns (m, p) leave of values (m,)."""
+def _residual_square(values: np.ndarray, columns: np.ndarray) -> float:
+    """Residual sum of squares of values (m,) regressed on columns (m, p)."""
     return float(np.square(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]).sum())
 
 
-def way_in_common(found: Found, problem: Problem) -> str | None:
-    """The joint along whose way the readings that were set aside are off.
+def common_direction(found: Found, problem: Problem) -> str | None:
+    """The joint along whose direction the readings set aside are off.
 
-    A broken beam or a bump errs to every side, or always to the same. What sticks or jumps in one joint errs along the
-    way that this joint moves the tool, which turns from pose to pose; where it hardly turns, the one side that all err
-    to is hardly just this way by accident.
+    Broken beams err in all directions, or always in the same one. A joint that sticks or jumps errs in the direction in
+    which it moves the tool, which turns from pose to pose. Where it hardly turns, the fixed direction common to all
+    errors has to lie closer to it than by accident.
 
     Args:
         found: the best explanation.
         problem: the readings.
 
     Returns:
-        The joint, as 'slider 2'; None where errors are to every side or to one, where they are few, or of a long run.
+        The joint, as 'slider 2'; None where there is none, where errors are few, or for a long run.
     """
     system, left = found.system, found.fitted.residual
     if not isinstance(system, RowSystem):
@@ -101,7 +100,9 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
     if not shares:
         return None
     place = max(shares, key=lambda name: shares[name])
-    fixed = float(np.linalg.eigvalsh(error.T @ error)[-1]) / len(rows)
+    fixed = float(np.linalg.eigvalsh(error.T @ error)[-1]) / len(
+        rows
+    )  # mean squared cosine to the best fixed direction
     beyond = max(shares[place] - COSINE_MEAN, 0.0) ** 2 * len(rows) / COSINE_VARIANCE
     turns = shares[place] > MOSTLY_ALONG and 1.0 - shares[place] < CLOSER_SHARE * (1.0 - fixed)
     theirs = turns or len(shares) * (1.0 - np.sqrt(shares[place])) < DIRECTION_CHANCE
@@ -109,10 +110,10 @@ def way_in_common(found: Found, problem: Problem) -> str | None:
 
 
 def _shares(system: RowSystem, problem: Problem, rows: np.ndarray, error: np.ndarray) -> Iterator[tuple[str, float]]:
-    """Mean squared cosine between errors (m, 3) of length one and the way that each joint moves the tool."""
+    """Name of each joint, and mean squared cosine between errors (m, 3) of length one and its motion of the tool."""
     for place in places_of_chain(problem, system.at.chain):
         if place.kind not in ("slider", "joint"):
-            continue  # a rail and a link move it along the same way
+            continue  # links move the tool in the same directions, and rails across them
         way = place.slopes[rows, :, 0]
         cosine = (error * way).sum(axis=1) / np.maximum(np.linalg.norm(way, axis=1), 1e-12)
         yield place.residual, float(np.square(cosine).mean())

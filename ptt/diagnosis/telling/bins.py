@@ -1,4 +1,4 @@
-"""Bins: what the rest of a long run follows, from sums over all of its rows."""
+"""What the residual of a long run depends on: analysis of variance over bins of all rows."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ CELLS = 6  # cells along each coordinate, for a dependence on position as a whol
 def follow_in_all_rows(
     problem: Problem, residual: np.ndarray, noise: Noise, rows: np.ndarray
 ) -> list[tuple[str, float]]:
-    """Variables that the rest follows, by the means of bins.
+    """Variables on which the residual depends, by the means of bins.
 
     Args:
         problem: n rows.
@@ -25,7 +25,7 @@ def follow_in_all_rows(
         rows: rows that count, (n,) bool.
 
     Returns:
-        (variable, share of the rest's variance beyond chance), largest first; none where nothing is worth naming.
+        (variable, share of the residual variance beyond chance), largest first.
     """
     rest = residual[rows] @ noise.whitener.T
     rest = rest / np.sqrt(np.square(rest).mean())
@@ -36,22 +36,22 @@ def follow_in_all_rows(
         codes["position"] = (x * CELLS + y) * CELLS + z
     found = []
     for name, code in codes.items():
-        took, freedom = _between(code, rest)
-        share = (took - freedom) / np.square(rest).sum()
-        if share > LEAST_SHARE and chi2_sf(took, freedom) * len(codes) < BIN_CHANCE:
+        square, freedom = _between(code, rest)
+        share = (square - freedom) / np.square(rest).sum()
+        if share > LEAST_SHARE and chi2_sf(square, freedom) * len(codes) < BIN_CHANCE:
             found.append((name, float(share)))
     return sorted(found, key=lambda item: -item[1])
 
 
 def _bin(values: np.ndarray, bins: int) -> np.ndarray:
-    """Bins of about equal numbers of rows, (n,) int; levels that are few have their own."""
+    """Bin number of each row, (n,) int, for bins of about equal numbers of rows; few distinct levels have one each."""
     known = np.nan_to_num(values)
     edges = np.unique(np.quantile(known[:: max(1, len(known) // 10_000)], np.linspace(0.0, 1.0, bins + 1)[1:-1]))
     return np.searchsorted(edges, known, side="right")
 
 
 def _between(code: np.ndarray, rest: np.ndarray) -> tuple[float, int]:
-    """Sum of squares of the bins' means, and its degrees of freedom."""
+    """Sum of squares between bins of a residual (m, 3), and its degrees of freedom."""
     count = np.bincount(code)
     sums = np.column_stack([np.bincount(code, column) for column in rest.T])
     full = count > 0

@@ -1,4 +1,4 @@
-"""What else turns at the moment of something sudden: then no reading tells whether it came by the clock or by that."""
+"""What else changes at the moment of a sudden effect, so that no reading tells which of both it depends on."""
 
 import numpy as np
 
@@ -15,14 +15,14 @@ LEAST_SWINGS = 10.0  # swings that a variable has to cover before it has two sid
 
 
 def coincidences(term: Term, problem: Problem) -> list[str]:
-    """Say between which runs something sudden happens, and which conditions pass a value then and at no other time.
+    """Say between which runs a sudden effect happens, and which conditions pass a value then and at no other time.
 
     Args:
         term: an effect at its values.
         problem: n rows.
 
     Returns:
-        One sentence for each; none for what is not sudden.
+        One sentence for each; none for other effects.
     """
     if not isinstance(term.effect, Sudden):
         return []
@@ -41,7 +41,7 @@ def coincidences(term: Term, problem: Problem) -> list[str]:
 
 
 def _between_runs(after: np.ndarray, problem: Problem) -> list[str]:
-    """Say between which runs a moment lies; nothing where it lies within one."""
+    """A sentence on the runs between which a moment lies; none where it lies within one."""
     run, label = problem.table.run[problem.used], problem.table.run_label
     if after.all() or not after.any() or run[~after][-1] == run[after][0]:
         return []
@@ -53,15 +53,15 @@ def _between_runs(after: np.ndarray, problem: Problem) -> list[str]:
 
 
 def parting(after: np.ndarray, values: np.ndarray, slack: float = 0.0) -> tuple[float, float] | None:
-    """Where a variable parts the rows after a moment from those before it.
+    """The value of a variable that separates the rows after a moment from those before it.
 
     Args:
-        after: (n,) bool.
-        values: (n,) of the variable.
-        slack: how far on the wrong side of the place rows may lie.
+        after: rows after the moment, (n,) bool.
+        values: of the variable, (n,).
+        slack: how far rows may lie on the wrong side of the value.
 
     Returns:
-        The values on either side of the place; None where it does not part them.
+        The nearest values below and above it; None where the variable does not separate them.
     """
     if after.all() or not after.any():
         return None

@@ -1,4 +1,4 @@
-"""What the unknown depends on: the blocks of an explanation, the largest first, as curves of one variable."""
+"""What the unknown depends on: each block of an explanation as a curve over one variable."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,14 +28,14 @@ SECOND_VARIABLES = ("temperature", "payload", "time")
 
 
 def with_suspect(scorer: Scorer, state: State) -> State:
-    """The set with the block that would do most in place of the memory of the noise: what it follows, if anything.
+    """The set with the block that explains most under white noise, to show what an unknown may depend on.
 
     Args:
         scorer: of the system.
         state: the best set, where something is left that no block of it describes.
 
     Returns:
-        The set with one more block; as it is where no block would add anything.
+        The set with one more block; as given where no block raises the score.
     """
     plain = scorer.score(state.keys, WHITE, state.variances)
     blocks = scorer.screen(plain, is_block)
@@ -47,14 +47,14 @@ def with_suspect(scorer: Scorer, state: State) -> State:
 
 
 def dependences(unnamed: Unnamed, problem: Problem) -> tuple[Dependence, ...]:
-    """Each block as a dependence of one residual on one variable.
+    """Each block as the dependence of one residual on one variable.
 
     Args:
         unnamed: what the named effects leave, and the blocks.
         problem: n rows.
 
     Returns:
-        At most five, those with the largest share first.
+        At most `MOST_LINES`, the largest share first.
     """
     contexts, found = path_views(problem), list[Dependence]()
     for item in unnamed.unknowns:
@@ -67,21 +67,21 @@ def dependences(unnamed: Unnamed, problem: Problem) -> tuple[Dependence, ...]:
 def _dependence(
     item: Unknown, unknowns: Sequence[Unknown], rest: np.ndarray, contexts: dict[str, np.ndarray], problem: Problem
 ) -> Dependence | None:
-    """One block: where it shows most, the variable that it follows most, and how large it is."""
+    """One block: the residual in which it shows most, the variable that explains most of it, and its size."""
     alike = [other for other in unknowns if other.block.is_like(item.block)]
     others = sum((other.part for other in unknowns if not any(other is own for own in alike)), np.zeros_like(rest))
     parts, rests = residual_views(problem, item.part), residual_views(problem, rest - others)
     residuals = _residuals(item, parts)
     choices = [name for name in _variables(item, problem) if name in contexts]
-    # A joint that came one way but for a few readings has no direction to follow; what goes with it leads then.
+    # A joint that arrived from one side but for a few readings has no context of direction; other variables serve.
     choices = choices or [name for name in item.block.on if name in contexts]
     if not choices:
         return None
     period = item.block.period
     folded = {name: contexts[name] if period is None else np.mod(contexts[name], period) for name in choices}
-    taken = {name: {axis: _taken(folded[name], parts[axis]) for axis in residuals} for name in choices}
-    on = _followed({name: sum(taken[name].values()) for name in choices}, item, problem)
-    residual = max(residuals, key=lambda axis: taken[on][axis])
+    explained = {name: {axis: _explained(folded[name], parts[axis]) for axis in residuals} for name in choices}
+    on = _followed({name: sum(explained[name].values()) for name in choices}, item, problem)
+    residual = max(residuals, key=lambda axis: explained[on][axis])
     seconds = (*SECOND_VARIABLES, *problem.table.watched)
     second = next((name for name in item.block.on[1:] if name in seconds and on.startswith("direction")), None)
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
@@ -96,7 +96,7 @@ def _dependence(
         ends, acts_on = (float(q.min()), float(q.max())), _acts_on(item.block)
         found = Dependence(residual, on, share, chance, None, "gradual", curve, ends, "reversal", acts_on=acts_on)
     elif period is not None and all(d.period_mm is None for d in tested):
-        # It is finer than so few readings show by themselves.
+        # The wave is finer than these readings show by themselves.
         curve = _centred_curve(np.mod(contexts[on], period), rests[residual])
         found = Dependence(residual, on, share, chance, period, "period", curve, acts_on=_acts_on(item.block))
     elif tested:
@@ -113,25 +113,25 @@ def _dependence(
 
 
 def _centred_curve(values: np.ndarray, readings: np.ndarray, side: np.ndarray | float = 1.0) -> np.ndarray:
-    """Curve of readings about their mean, signed by the way that rows were come to."""
+    """Binned curve of readings about their mean, multiplied by the direction of arrival where one is given."""
     rows = np.isfinite(values) & np.isfinite(readings)
     return binned_curve(values[rows], ((readings - readings[rows].mean()) * side)[rows])
 
 
 def _alike(found: Dependence, item: Unknown, contexts: dict[str, np.ndarray]) -> tuple[str, ...]:
-    """What else went along with the variable on this run, as a room that warms goes along with the hours."""
+    """Other variables that would describe the unknown as well in this run, as temperature when it rises with time."""
     amount = _amount(item)
     if amount is None:
         return ()
-    enough = SAME_SHARE * _taken(contexts[found.on], amount)
+    enough = SAME_SHARE * _explained(contexts[found.on], amount)
     if enough < 0.5 * amount.var():  # it follows no one variable, so none stands for another
         return ()
     others = (name for name in contexts if name not in (found.on, *item.block.on))
-    return tuple(f"{found.residual} on {name}" for name in others if _taken(contexts[name], amount) > enough)
+    return tuple(f"{found.residual} on {name}" for name in others if _explained(contexts[name], amount) > enough)
 
 
 def _amount(item: Unknown) -> np.ndarray | None:
-    """How much of an unknown each row has, wherever it stands, (n,): along the mix of its ways that varies most."""
+    """Amplitude of an unknown at each row apart from its place, (n,): its first principal component over directions."""
     if item.amounts is None:
         return None
     shapes = item.block.shapes
@@ -141,18 +141,18 @@ def _amount(item: Unknown) -> np.ndarray | None:
 
 
 def _acts_on(block: Block) -> str | None:
-    """The set-up, or the place of a block that acts one way and is no field over the workspace; None where open."""
+    """The place on which a block acts, if it is the set-up or has one direction and is no field; None where open."""
     if block.place.kind == "set-up":
         return block.place.residual
     field = len(block.on) > 1 and block.on[0] == "x"
     return None if field or block.place.slopes.shape[2] > 1 else block.place.residual
 
 
-def _followed(taken: dict[str, float], item: Unknown, problem: Problem) -> str:
-    """The variable that takes most; a joint's own travel where that takes as much: all that a joint knows of places."""
-    best, own = max(taken, key=lambda name: taken[name]), item.block.place.joint
+def _followed(explained: dict[str, float], item: Unknown, problem: Problem) -> str:
+    """The variable that explains most; a joint's own travel where that explains nearly as much."""
+    best, own = max(explained, key=lambda name: explained[name]), item.block.place.joint
     mine = None if own is None else f"{problem.file.machine.letter}{own + 1}"
-    return mine if mine in taken and taken[mine] > SAME_SHARE * taken[best] else best
+    return mine if mine in explained and explained[mine] > SAME_SHARE * explained[best] else best
 
 
 def _residuals(item: Unknown, parts: dict[str, np.ndarray]) -> tuple[str, ...]:
@@ -164,7 +164,7 @@ def _residuals(item: Unknown, parts: dict[str, np.ndarray]) -> tuple[str, ...]:
 
 
 def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
-    """Names of the variables that may lead a block, as contexts are called."""
+    """Names of the context variables that may be a block's leading variable."""
     joints = range(1, problem.view.joints + 1)
     match item.block.on[0]:
         case "direction":
@@ -183,8 +183,8 @@ def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
             return (name,)
 
 
-def _taken(values: np.ndarray, part: np.ndarray) -> float:
-    """Variance of a part that a curve of one variable explains."""
+def _explained(values: np.ndarray, part: np.ndarray) -> float:
+    """Variance of a contribution that a binned curve over one variable explains."""
     rows = np.isfinite(values) & np.isfinite(part)
     curve = binned_curve(values[rows], part[rows])
     centred = part[rows] - part[rows].mean()

@@ -1,4 +1,4 @@
-"""A diagnosis: what a run says of the model, as it is told, shown and written."""
+"""The result of a diagnosis, with its JSON."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -21,30 +21,30 @@ Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What the run says about the model.
+    """What a run shows about a model.
 
     Attributes:
         verdict: 'missing', 'nothing-missing' or 'unknown'.
         verdict_probability: of each of these.
         suggested: for each step the effects that fit equally well, the pick first.
-        candidates: the steps, then what else the data would call for on the model as given, best first.
+        candidates: the steps, then other effects that would improve the model as given, best first.
         not_testable: effect -> what the data lack.
         depends_on: what the unknown depends on, largest share first.
-        rest: tests of what the whole explanation leaves.
-        separation: what to measure to part what cannot be told apart; None where nothing is confused.
+        rest: tests of the residuals.
+        separation: poses that would separate effects that cannot be told apart; None where there are none.
         noise: the noise floor.
-        wander: of the noise, if it has a memory.
+        wander: the noise's wander; None for none.
         rms_um: error before and after the steps.
         rows: readings that counted.
         outliers: rows left out as gross errors, (n,) bool.
-        elsewhere: how far commands may be off at the poses of the run and all over the workspace; None where nothing is
-            named, or in runs that are diagnosed in chunks.
+        elsewhere: expected error of commands at the poses of the run and all over the workspace; None where nothing is
+            named, or for runs that are diagnosed in chunks.
         opening: rows set aside: their direction of arrival, or the side on which a pin lies, is unknown, (n,) bool.
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
-        unexplained: what nothing explains in the set-up, where that comes before any effect; '' where nothing does.
-        perhaps: effects that the readings call for beside an unknown, not sure enough to be suggested.
+        unexplained: words on columns that disagree beyond any machine's errors, from the set-up check; '' for none.
+        perhaps: effects in the best set beside an unknown that are not certain enough to be suggested.
     """
 
     verdict: Verdict
@@ -69,10 +69,10 @@ class Diagnosis:
     perhaps: tuple[str, ...] = ()
 
     def with_unexplained(self, words: str) -> "Diagnosis":
-        """An unknown of columns that disagree by more than any machine is built off: that first, no poses beside it.
+        """An `unknown` diagnosis headed by a set-up problem, without suggesting poses; any other one as it is.
 
         Args:
-            words: what the check of the set-up says of them, '' where it says nothing.
+            words: of the set-up check on columns that disagree beyond any machine's errors; '' for none.
         """
         if self.verdict != "unknown" or not words:
             return self

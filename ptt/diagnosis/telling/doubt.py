@@ -1,4 +1,4 @@
-"""How far the tool may be from where an explanation has it, though the readings would hardly change."""
+"""How far the tool may be from where an explanation puts it, though the readings would hardly change."""
 
 import numpy as np
 
@@ -11,17 +11,17 @@ from ptt.fitting.factor import RANK_TOLERANCE
 
 
 def tool_doubt(scorer: Scorer, state: State) -> float:
-    """Root mean square by which the machine may move the tool otherwise than a set of atoms says, mm.
+    """Root mean square doubt in the tool's position that held-out readings cannot show, mm.
 
-    Held-out rows only show what readings do. Whether the machine or the tracker is off they leave open where sets that
-    do as well, or values of one set that fit as well, share it out otherwise; commands are right for one of them. They
-    are of the machine as the run has left it: what slipped late, and few rows saw, is all along from then on. What a
-    rigid motion takes does not count, and neither does what readings of the held-out rows would show. What the tracker
-    may have done, though no reading asks for it, counts as far as the machine's values would make good for it.
+    Sets that score nearly as well, and values of one set that fit as well, may share an error between machine and
+    tracker differently; commands are right for only one of them. The doubt is for the machine as the run left it, with
+    sudden effects acting. Rigid motions do not count, nor does the part of the posterior covariance that held-out
+    readings would show. Effects of the tracker that are not named count as far as the machine's values would shift
+    beside them.
 
     Args:
         scorer: that has scored the sets.
-        state: the one that is told.
+        state: the reported set.
     """
     system = scorer.system
     sets = [(1.0, state), *near_sets(scorer, state)]
@@ -29,14 +29,16 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
     frame = system.frame
     gram = system.gram_after(np.concatenate([frame, columns]).astype(int))
     beside = gram[len(frame) :, : len(frame)]
-    spread = np.linalg.pinv(gram[: len(frame), : len(frame)], rcond=RANK_TOLERANCE, hermitian=True)
-    seen = gram[len(frame) :, len(frame) :] - beside @ spread @ beside.T  # of the tool, frames taken off
+    inverse = np.linalg.pinv(gram[: len(frame), : len(frame)], rcond=RANK_TOLERANCE, hermitian=True)
+    seen = (
+        gram[len(frame) :, len(frame) :] - beside @ inverse @ beside.T
+    )  # Gram matrix of tool motions beside the frame
     told, squares = _values(state, _machine(scorer, state), columns), list[float]()
     for _, one in sets:
         own = _machine(scorer, one)
         place, apart = np.searchsorted(columns, one.columns[own]), _values(one, own, columns) - told
-        loose = float((seen[np.ix_(place, place)] * one.covariance[np.ix_(own, own)]).sum())
-        squares.append(float(apart @ seen @ apart) + max(loose - one.effective_parameters * one.posterior.phi, 0.0))
+        open_ = float((seen[np.ix_(place, place)] * one.covariance[np.ix_(own, own)]).sum())
+        squares.append(float(apart @ seen @ apart) + max(open_ - one.effective_parameters * one.posterior.phi, 0.0))
     odds, own = [odds for odds, _ in sets], _machine(scorer, state)
     place = np.searchsorted(columns, state.columns[own])
     for absent in absent_effects(scorer, state):
@@ -48,7 +50,7 @@ def tool_doubt(scorer: Scorer, state: State) -> float:
 
 
 def _machine(scorer: Scorer, state: State) -> np.ndarray:
-    """Places of a set's columns that move the tool: of effects but the metrology's, of unknowns of joints and rails."""
+    """Indices among a set's columns of those that move the tool: of machine effects, and of blocks at joints."""
     places = [state.of(key) for key in state.keys if _moves_tool(scorer.system.atoms[key])]
     return np.concatenate([*places, np.zeros(0)]).astype(int)
 
@@ -60,7 +62,7 @@ def _moves_tool(atom: Atom) -> bool:
 
 
 def _values(state: State, own: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Values of some columns of a set among others."""
+    """Values of some columns of a set placed among more columns, zero for the others."""
     values = np.zeros(len(columns))
     values[np.searchsorted(columns, state.columns[own])] = state.posterior.values[own]
     return values

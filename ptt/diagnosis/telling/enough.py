@@ -1,4 +1,4 @@
-"""Enough: whether a run has readings enough for any verdict."""
+"""Refusal of runs with too few readings for any verdict."""
 
 import numpy as np
 
@@ -13,14 +13,14 @@ MOTION_COORDINATES = 6  # coordinates that a rigid motion takes
 LEAST_FREE = 3 * LEAST_READINGS - MOTION_COORDINATES  # coordinates that the fewest readings leave beside one frame
 
 
-def enough(problem: Problem) -> None:
+def require_enough(problem: Problem) -> None:
     """Refuse a run of too few readings.
 
     Args:
         problem: the readings.
 
     Raises:
-        TableError: too few for any verdict, by themselves or beside what their frames take.
+        TooFewError: too few readings or poses, or too few beside what their frames take.
     """
     count = int(problem.used.sum())
     fix = f"measure at least {LEAST_READINGS} poses, better 100 or more; `ptt plan` lists which"

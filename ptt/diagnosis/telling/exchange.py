@@ -1,4 +1,4 @@
-"""A slip and a knock that may have changed places: what that makes of stated values, and of the machine afterwards."""
+"""A slip and a knock whose moments may be exchanged: effect on the stated values and on the machine afterwards."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,14 +18,14 @@ from ptt.run.problem import Problem
 
 
 class Exchange(NamedTuple):
-    """The model with the moments of a slip and a knock exchanged: its odds beside the one told, at most one."""
+    """The model with the moments of a slip and a knock exchanged: odds against the reported one, at most one; terms."""
 
     odds: float
     terms: tuple[Term, ...]
 
 
 def exchanges(found: Found, problem: Problem) -> tuple[Exchange, ...]:
-    """What exchanged moments make of a model.
+    """Refits of an explanation's model with exchanged moments.
 
     Args:
         found: the best explanation.
@@ -40,14 +40,14 @@ def exchanges(found: Found, problem: Problem) -> tuple[Exchange, ...]:
 
 
 def exchanged_errors(found: Found, others: Sequence[Exchange]) -> dict[str, np.ndarray]:
-    """Mean squares that they add to what is stated.
+    """Mean squares that possible exchanges add to the stated variances.
 
     Args:
         found: the best explanation.
-        others: it with moments exchanged.
+        others: its model with moments exchanged.
 
     Returns:
-        Effect of the model -> of its parameters, in their units squared, (p,).
+        Key of an effect -> mean square of each parameter's change, in its unit squared, (p,).
     """
     told = found.fitted.model.terms
     added = {term.effect.key: np.zeros(len(term.theta)) for term in told}
@@ -58,12 +58,12 @@ def exchanged_errors(found: Found, others: Sequence[Exchange]) -> dict[str, np.n
 
 
 def exchanged_doubt(found: Found, others: Sequence[Exchange], problem: Problem) -> float:
-    """How far the tool may be from where the model has it, had they changed places, root mean square in mm.
+    """Root mean square doubt in the tool's position after the run by possible exchanges, mm.
 
     Args:
         found: the best explanation.
-        others: it with moments exchanged.
-        problem: the rows; where the machine stands on these once the run is over.
+        others: its model with moments exchanged.
+        problem: the rows, whose commands are used.
     """
     if not others:
         return 0.0
@@ -75,7 +75,7 @@ def exchanged_doubt(found: Found, others: Sequence[Exchange], problem: Problem) 
 
 
 def _tool_after(terms: Sequence[Term], problem: Problem) -> np.ndarray:
-    """Where the tool goes, (n, 3) mm, once all has slipped that slips."""
+    """Tool positions (n, 3) mm with all sudden effects of the machine acting."""
     lasting = [_lasting(term) for term in terms if term.effect.stage != "metrology"]
     return predict([(term.effect, term.theta) for term in lasting], problem.view).p.numpy()
 

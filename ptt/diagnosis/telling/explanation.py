@@ -1,4 +1,4 @@
-"""Candidates: one line for each effect of an explanation, then for what else the readings would call for."""
+"""Candidates: one line for each named effect, then for other effects that would improve the model as given."""
 
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
@@ -34,7 +34,7 @@ MOST_UNNAMED = 0.5
 
 
 class Estimate(NamedTuple):
-    """One parameter: its value and its standard deviation, None where the data do not tell it."""
+    """One parameter: its value and its standard error, None where the data do not determine it."""
 
     name: str
     unit: str
@@ -49,17 +49,17 @@ class Candidate(Record):
     Attributes:
         effect: key of the effect.
         probability: that it is part of what is missing.
-        p_value: chance that the data would call for it as much without it: at most the inverse of its Bayes factor
-            (Ville's inequality), every candidate and shape counted.
-        explained_share: of the residual's variance after the frame that it takes by itself.
+        p_value: upper bound of the probability of as much evidence for it if it were absent: the inverse of its Bayes
+            factor (Ville's inequality), with prior odds for every candidate and shape.
+        explained_share: share of the residual variance after the frame that it explains by itself.
         heldout_before: error on held-out blocks without it, um.
         heldout_after: error on held-out blocks with it, um.
-        parameters: its values; of what is no step, only those that the data tell.
+        parameters: its values; of candidates that are no steps only those that the data determine.
         indistinguishable_from: effects that would do as well.
         sum_of: two or more effects that would do as well together.
         words: why, for a machinist.
-        tool_doubt: of the last step, root mean square by which the machine may have the tool elsewhere while the
-            readings stay, um, which held-out blocks cannot show; None of the others.
+        tool_doubt: of the last step, root mean square doubt in the tool's position that no reading shows, um; None for
+            the others.
     """
 
     keys: ClassVar[str] = (
@@ -85,14 +85,14 @@ def candidates_of_steps(
     found: Found, told: Named, terms: tuple[Term, ...], others: tuple[Exchange, ...], chances: Probability,
     noise: Noise, problem: Problem,
 ) -> list[Candidate]:  # fmt: skip
-    """The steps.
+    """Candidates of the steps.
 
     Args:
         found: the best explanation.
-        told: what it names.
-        terms: its steps at their values.
-        others: it with moments of a slip and a knock exchanged.
-        chances: what the explored sets say of them.
+        told: the effects that it names.
+        terms: these at their values.
+        others: its model with moments of a slip and a knock exchanged.
+        chances: probabilities from the scored sets.
         noise: the noise floor.
         problem: the readings.
 
@@ -113,11 +113,11 @@ def candidates_of_steps(
         together = find_sum(found.scorer, found.state, step.key)
         own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
-        loose = found.fitted.loose_of
+        extra = found.fitted.unnamed_covariance
         alike = [words for words in (like_windup(turned, term), _beside_size(found.fitted, term)) if words]
         exceptions = f", except {' and '.join(alike)}" if alike else ""
         words = explain_step(
-            term, step.others, together, errors, noise, problem, before, own, beside, loose, exceptions
+            term, step.others, together, errors, noise, problem, before, own, beside, extra, exceptions
         )
         result.append(
             Candidate(
@@ -137,16 +137,16 @@ def candidates_of_steps(
 
 
 def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability, problem: Problem) -> list[Candidate]:
-    """What else the data would call for if nothing had been added.
+    """Other effects that would improve the model as given, each by itself.
 
     Args:
         found: the best explanation.
         named: its steps.
-        chances: what the explored sets say.
+        chances: probabilities from the scored sets.
         problem: the readings.
 
     Returns:
-        At most a few, the best first.
+        At most `MOST_SHOWN`, the best first.
     """
     scorer, atoms = found.scorer, found.system.atoms
     nothing = scorer.score((), found.state.memory)
@@ -159,7 +159,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
         if atom.name in taken or gain.nats <= 0.0 or len(result) == MOST_SHOWN:
             continue
         if first_of(atom.name, {atom.name, *(atoms[given].name for given in scorer.given)}) != atom.name:
-            continue  # a second knock, on the model as given, says what the first does
+            continue  # on the model as given a second knock is the same as the first
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.variances})
         parameters = _told(state, atom, found.system.scale, problem)
         after = held_out_rms(scorer, (gain.key,)) * 1e3
@@ -172,9 +172,9 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
 
 
 def _told(state: State, atom: Atom, scale: np.ndarray, problem: Problem) -> tuple[Estimate, ...]:
-    """Values of an effect that the run tells better than the prior does, and better than the usual size.
+    """Values of an effect that the run determines better than both its learned prior and its usual size.
 
-    An effect that is not there can learn any size along what it hardly shows: a joint a foot off its place.
+    An absent effect may learn any prior variance along directions that it hardly shows: a joint a foot off its place.
     """
     assert atom.effect is not None
     values = atom.amplitudes(state.posterior.values[state.of(atom.key)], scale)
@@ -204,7 +204,7 @@ def _parameters(term: Term, problem: Problem) -> tuple[Estimate, ...]:
 
 
 def _beside_size(fitted: FitResult, term: Term) -> str:
-    """Sizes of the drawing beside which other values of an effect would do as well, in words; '' for none."""
+    """Words on sizes of the drawing beside which quite other values of an effect would fit as well; '' for none."""
     pairs = () if fitted.unnamed is None else fitted.unnamed.otherwise
     sizes = [size for effect, size in pairs if effect == term.effect.key]
     return f"other values of it together with {listed(sizes, ' or ')}" if sizes else ""

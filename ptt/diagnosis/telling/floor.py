@@ -1,8 +1,8 @@
-"""The noise floor that errors are held against: what is known of it, else what everything or the best leaves."""
+"""The noise floor that errors are compared with: the stated one, else what a saturated model or a search leaves."""
 
 from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left, saturated_floor, too_few
 from ptt.diagnosis.search.find import find
-from ptt.diagnosis.telling.given import at_its_word
+from ptt.diagnosis.telling.given import hold_own_effects
 from ptt.effects import Library
 from ptt.errors import TableError
 from ptt.fitting.opening import opening_rows
@@ -12,10 +12,10 @@ from ptt.run.problem import Problem
 
 
 def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
-    """The noise floor for a comparison or a fit: the problem's own, else what a model with everything in it leaves.
+    """The noise floor for a comparison or a fit: the problem's own, else what the saturated model leaves.
 
-    Of few rows everything at once has far more values than there are coordinates, and takes minutes to say little; what
-    a search finds in them leaves some, and it has told what to add.
+    With few rows the saturated model has far more values than there are coordinates; then it is what the explanation of
+    a search leaves.
 
     Args:
         model: the model as given.
@@ -33,7 +33,7 @@ def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
     except TableError:
         if problem.used.sum() < LEAST_FREEDOM:
             raise
-    found = find(at_its_word(model), problem.masked(opening_rows(problem)), known, lambda what: None)
+    found = find(hold_own_effects(model), problem.masked(opening_rows(problem)), known, lambda what: None)
     noise = noise_left(found.system, found.state)
     if noise.freedom < LEAST_FREEDOM:
         raise too_few(problem)

@@ -1,10 +1,10 @@
-"""Given: what the model holds while it is asked what is missing beside it."""
+"""Preparation of the model and the readings for a diagnosis."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from ptt.diagnosis.telling.enough import enough
+from ptt.diagnosis.telling.enough import require_enough
 from ptt.effects import Library, library
 from ptt.fitting.opening import opening_rows
 from ptt.fitting.solve import hold
@@ -12,17 +12,11 @@ from ptt.model.model import Model
 from ptt.run.problem import Problem
 
 
-def at_its_word(model: Model) -> Model:
+def hold_own_effects(model: Model) -> Model:
     """The model with effects of the user's own held at their values.
 
-    A law that somebody wrote for what nobody knew has many values, and an unknown that bends with fewer would take its
-    place and be told as if the law were not there.
-
-    Args:
-        model: as given.
-
-    Returns:
-        The model that is searched from.
+    A user's law for formerly unknown physics has many values; a flexible unknown with fewer would replace it in the
+    search and be reported although the law is in the model.
     """
     built_in = library()
     held = (hold(term) if len(term.theta) and term.effect.name not in built_in else term for term in model.terms)
@@ -30,22 +24,14 @@ def at_its_word(model: Model) -> Model:
 
 
 def as_free_as(given: Model, model: Model) -> Model:
-    """A model whose effects are as free to be fitted as those of the same name as given.
-
-    Args:
-        given: the model as given.
-        model: what was found from it.
-
-    Returns:
-        The model that is told.
-    """
+    """The model that was found, with the same parameters fixed as in the model as given."""
     fixed = {term.effect.key: term.fixed for term in given.terms}
     terms = (replace(term, fixed=fixed.get(term.effect.key, term.fixed)) for term in model.terms)
     return replace(model, terms=tuple(terms))
 
 
-def taken_up(model: Model, problem: Problem, known: Library | None) -> tuple[Model, Problem, Library, np.ndarray]:
-    """What a diagnosis begins with.
+def prepare(model: Model, problem: Problem, known: Library | None) -> tuple[Model, Problem, Library, np.ndarray]:
+    """Prepare a diagnosis.
 
     Args:
         model: as given.
@@ -53,11 +39,12 @@ def taken_up(model: Model, problem: Problem, known: Library | None) -> tuple[Mod
         known: effects by name; None for the library.
 
     Returns:
-        The model at its word; the readings without those that open a run; the effects; which rows open one, (n,) bool.
+        The model with the user's own effects held; the readings without the rows that open a run; the effects by name;
+        and these rows, (n,) bool.
 
     Raises:
         TableError: too few readings for any verdict.
     """
-    enough(problem)
+    require_enough(problem)
     opening = opening_rows(problem)
-    return at_its_word(model), problem.masked(opening), library() if known is None else known, opening
+    return hold_own_effects(model), problem.masked(opening), library() if known is None else known, opening

@@ -1,6 +1,6 @@
-"""Sums that mimic: several effects that together do exactly the work of one.
+"""Sums of several effects that together look exactly like one.
 
-Links, radius and lead together stretch a machine just as a wrong unit of the tracker would.
+Links, radius and lead together stretch a machine just as a wrong scale of the tracker does.
 """
 
 from dataclasses import replace
@@ -22,9 +22,9 @@ CLEAR_CHI2 = 30.0  # chi-squared that a step has to be worth before a sum can be
 
 
 def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
-    """Simple effects that together would do as well as one effect of an explanation.
+    """Plain effects that together would explain as much as one effect of an explanation.
 
-    The commoner causes that it looks like, where these do as well; else effects that leave nothing to be seen of it.
+    Its commoner causes, where these score nearly as high; else effects beside which nothing of it is visible.
 
     Args:
         scorer: of the linearised problem.
@@ -32,7 +32,7 @@ def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
         key: of the effect's atom.
 
     Returns:
-        Two to four names; empty where no such sum exists, or one effect alone would do.
+        Two to four names; empty where no such sum exists, or where one effect alone would do.
     """
     other = commoner(scorer, state, key)
     if other is not None and other.total > state.total - PLAIN_NATS:
@@ -43,26 +43,23 @@ def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
 
 
 def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
-    """Effects that leave nothing to be seen of one.
-
-    Found forward, the effect that takes most first, then without those that the others make needless.
-    """
+    """Effects that explain all of an effect's contribution: greedy forward selection, then backward elimination."""
     rest = [state.of(other) for other in without(state, key)]
     base = state.columns[np.concatenate([np.flatnonzero(state.owner < 0), *rest]).astype(int)]
     names = {system.atoms[other].name for other in state.keys}
     parts = [atom for atom in system.atoms.values() if _is_plain(atom) and atom.name not in names]
-    own, values, spread = system.atoms[key].columns, state.posterior.values[state.of(key)], state.posterior.phi
-    # Nothing else of the system takes part: its columns are numbered anew.
+    own, values, phi = system.atoms[key].columns, state.posterior.values[state.of(key)], state.posterior.phi
+    # Only these columns are needed, so they are numbered anew.
     there = np.unique(np.concatenate([base, own, *(part.columns for part in parts)]))
     own, parts = np.searchsorted(there, own), [replace(a, columns=np.searchsorted(there, a.columns)) for a in parts]
     sums = system.sums_of(there, WHITE)
     projected = project(sums.gram, sums.side, sums.square, np.searchsorted(there, base))
     side = projected.gram[:, own] @ values
     work = Projected(projected.gram, side, float(values @ side[own]), projected.before)
-    if work.left < CLEAR_CHI2 * spread:
+    if work.left < CLEAR_CHI2 * phi:
         return ()
     chosen: list[Atom] = []
-    while _left(work, chosen) > UNSEEN_CHI2 * spread:
+    while _left(work, chosen) > UNSEEN_CHI2 * phi:
         if len(chosen) == MOST_PARTS or not parts:
             return ()
         best = min(parts, key=lambda atom: _left(work, [*chosen, atom]))
@@ -70,7 +67,7 @@ def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
         chosen.append(best)
     for part in tuple(chosen):
         fewer = [other for other in chosen if other is not part]
-        if _left(work, fewer) <= UNSEEN_CHI2 * spread:
+        if _left(work, fewer) <= UNSEEN_CHI2 * phi:
             chosen = fewer
     return tuple(part.name for part in chosen) if len(chosen) > 1 else ()
 
@@ -80,7 +77,7 @@ def _is_plain(atom: Atom) -> bool:
 
 
 def _left(work: Projected, parts: list[Atom]) -> float:
-    """Sum of squares of the effect's work that the parts leave."""
+    """Sum of squares of the effect's contribution that the parts do not explain."""
     if not parts:
         return work.left
     return work.left - gain(work, np.concatenate([part.columns for part in parts]))

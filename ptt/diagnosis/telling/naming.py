@@ -1,4 +1,4 @@
-"""What is named of an explanation, at which values: no name that does nothing, none with values that cannot be."""
+"""Which effects of an explanation are named and at which values; none that does nothing or has impossible values."""
 
 from dataclasses import dataclass, replace
 
@@ -20,16 +20,16 @@ IDLE_CHI2 = 10.0  # chi-squared of all that an effect does, below which it does 
 
 @dataclass(frozen=True)
 class Naming:
-    """What is named of an explanation, at values.
+    """The named effects of an explanation at their values.
 
     Attributes:
         named: the steps.
-        others: the explanation with moments of unlike sudden effects exchanged.
-        terms: effects of the model as given and those that are named, at their values.
-        sent: the same at the values that are sent to a machine.
-        impossible: names of effects with whose values the machine could not stand; then no step is named.
-        idle: names of effects that do nothing at their fitted values, and are no steps.
-        backward: names of effects that have values of the sign that they cannot have, and are no steps.
+        others: refits with moments of different sudden effects exchanged.
+        terms: effects of the model as given and named ones, at the posterior's values.
+        sent: the same at the values that correct a machine.
+        impossible: names of effects at whose values commanded poses cannot be reached; then no step is named.
+        idle: names of effects that do nothing visible at their fitted values; they are no steps.
+        backward: names of effects with values of a physically impossible sign; they are no steps.
     """
 
     named: Named
@@ -42,13 +42,13 @@ class Naming:
 
 
 def naming_of(found: Found, model: Model, problem: Problem, shown: Problem) -> Naming:
-    """What is named: nothing where the machine could not stand at it where the rows that are shown had it stand.
+    """The named effects; none where commanded poses of the shown rows cannot be reached with their values.
 
     Args:
         found: the explanation.
         model: as given.
         problem: the readings that count.
-        shown: the readings that are shown.
+        shown: the rows that are used for display and checks: all of them, or the sample of a long run.
     """
     named, others = name_steps(found.scorer, found.state), exchanges(found, problem)
     keys = tuple(step.key for step in named.steps)
@@ -70,18 +70,18 @@ def naming_of(found: Found, model: Model, problem: Problem, shown: Problem) -> N
 def _idle(
     found: Found, keys: tuple[str, ...], terms: tuple[Term, ...], shown: Problem, problem: Problem
 ) -> tuple[str, ...]:
-    """Effects that at their fitted values have no visible effect: the readings called for something else."""
+    """Keys of effects that do nothing visible at their fitted values."""
     atoms, white = found.system.atoms, noise_after(problem, found.system, found.state).whitener
     values = {term.effect.key: term for term in terms}
     named = [(key, values[atoms[key].name]) for key in keys if atoms[key].name in values]
     share = problem.used.sum() / max(shown.used.sum(), 1)
-    held = shown.anchored()  # base reflectors show what moves as a whole
+    held = shown.anchored()  # with the frame held by base reflectors, a motion as a whole is visible
     seen = {key: share * float(np.square(moved_by(term, held) @ white.T).sum()) for key, term in named}
     return tuple(key for key, square in seen.items() if square < IDLE_CHI2)
 
 
 def _backward(found: Found, keys: tuple[str, ...], terms: tuple[Term, ...]) -> tuple[str, ...]:
-    """Effects of values that no cause of theirs makes: something else does what they are fitted to."""
+    """Keys of one-way effects with a value clearly of the wrong sign."""
     values = {term.effect.key: term for term in terms}
     named = [(key, values[name]) for key in keys if (name := found.system.atoms[key].name) in values]
     return tuple(

@@ -1,4 +1,4 @@
-"""What the model as given leaves in another set-up of the tracker, where that tells something of the verdict."""
+"""The error of the model as given under other assumptions on the tracker, where that helps to read the verdict."""
 
 from dataclasses import replace
 
@@ -14,14 +14,15 @@ MUCH_LESS = 0.5
 
 
 def other_setups(model: Model, problem: Problem) -> str:
-    """A word on the error of the model as given in the frame of the base reflectors, and with the reflector free.
+    """Words on the error of the model as given in the frame of the base reflectors, and with the reflector free.
 
     Args:
         model: as given.
-        problem: all readings, as compare and add have them: those that open a run too.
+        problem: all readings, as in `ptt compare` and `ptt add`, rows that open a run included.
 
     Returns:
-        The words; empty where no reflectors hold the frame, and none is trusted whose place would explain the error.
+        The words; empty where there are no base reflectors and no trusted reflector whose position would explain the
+        error.
     """
     return _by_base(model, problem) + _by_mount(model, problem)
 
@@ -31,7 +32,7 @@ def _by_base(model: Model, problem: Problem) -> str:
 
 
 def _by_mount(model: Model, problem: Problem) -> str:
-    """No value of the links tells a tool point that is off sideways where the last joint turns behind them."""
+    """Words where a free reflector explains much: no link value does the same as a tool point off the last axis."""
     tracker = problem.file.tracker
     if problem.file.machine.kind != "serial" or tracker.tool != "trusted":
         return ""

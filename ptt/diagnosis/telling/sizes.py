@@ -1,4 +1,4 @@
-"""How large an unknown is and which way it goes: from the values of its blocks, and how sure they are."""
+"""Size and direction of an unknown, from the posterior of its blocks or from binned readings."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,20 +23,20 @@ Contexts = dict[str, np.ndarray]
 def size_of_unknown(
     item: Unknown, alike: Sequence[Unknown], found: Dependence, rest: np.ndarray, problem: Problem, contexts: Contexts
 ) -> Size | None:
-    """The size of an unknown.
+    """The size of an unknown from the posterior of its blocks.
 
-    Blocks that make good for each other are each as large as they please: then it is what the readings have.
+    Where blocks cancel each other their values say nothing, and the size comes from the binned readings.
 
     Args:
         item: one block.
-        alike: the blocks that act where it acts and follow what it follows, itself among them.
-        found: what it depends on.
-        rest: what the named effects leave, (n, 3) mm, NaN on rows that do not count.
+        alike: all blocks at its place with its leading variable, itself included.
+        found: its dependence.
+        rest: residual of the named effects, (n, 3) mm, NaN on rows that do not count.
         problem: n rows.
-        contexts: (n,) each, what it may depend on.
+        contexts: name -> context variable, (n,).
 
     Returns:
-        The size; None where the rows do not show it.
+        The size; None where the rows do not determine it.
     """
     rows = np.isfinite(rest).all(axis=1) & np.isfinite(contexts[found.on])
     part = np.sum([one.part for one in alike], axis=0)[rows]
@@ -46,11 +46,11 @@ def size_of_unknown(
         return sized((replace(found, acts_on=None),), rest, problem)[0].size
     moves = np.concatenate([_moves(one.block, found, problem)[rows] for one in alike], axis=1)
     own = np.concatenate([one.own for one in alike])
-    values, spread = amounts.values[own], amounts.spread[np.ix_(own, own)]
+    values, covariance = amounts.values[own], amounts.covariance[np.ix_(own, own)]
 
     def estimate(weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        ways = weights @ moves
-        return ways @ values, ways @ spread @ ways.T
+        by_feature = weights @ moves
+        return by_feature @ values, by_feature @ covariance @ by_feature.T
 
     second = found.with_ or next((name for name in item.block.on[1:] if name in contexts), None)
     if item.block.gradual:
@@ -62,9 +62,9 @@ def size_of_unknown(
 
 
 def _rms_beside_frames(part: np.ndarray, problem: Problem, rows: np.ndarray) -> float:
-    """What an unknown puts into readings (m, 3) mm of some rows once their frames, where these are fitted, are aligned.
+    """Root mean square contribution of an unknown to some rows, (m, 3) mm, after alignment of fitted frames.
 
-    An error is read so, and part of a slow or a one-sided unknown is no more than another place of the tracker.
+    Errors are reported after alignment, and part of a slow or one-sided unknown is only a shift of the frame.
     """
     left = part.copy()
     for index in range(problem.frames) if problem.file.tracker.frame != "measured" else ():
@@ -78,15 +78,15 @@ def _rms_beside_frames(part: np.ndarray, problem: Problem, rows: np.ndarray) -> 
 
 
 def sized(found: tuple[Dependence, ...], left: np.ndarray, problem: Problem) -> tuple[Dependence, ...]:
-    """Dependences that no block stands for, with their sizes as the readings have them.
+    """Add sizes to dependences that have no block, from means of binned readings.
 
     Args:
         found: the dependences.
-        left: what the named effects leave, (n, 3) mm, NaN on rows that do not count.
+        left: residual of the named effects, (n, 3) mm, NaN on rows that do not count.
         problem: n rows.
 
     Returns:
-        The same, each with its size.
+        The dependences with their sizes.
     """
     views, contexts = residual_views(problem, left), path_views(problem)
     told = []
@@ -102,7 +102,7 @@ def sized(found: tuple[Dependence, ...], left: np.ndarray, problem: Problem) -> 
 
 
 def points_of(found: Dependence, readings: np.ndarray, contexts: Contexts) -> np.ndarray:
-    """The readings that the curve of a dependence stands for.
+    """The points to plot with the curve of a dependence.
 
     Args:
         found: the dependence.
@@ -110,8 +110,8 @@ def points_of(found: Dependence, readings: np.ndarray, contexts: Contexts) -> np
         contexts: (n,) each.
 
     Returns:
-        (m, 2): within the period of one, along the second variable of a direction, signed by the way it came; about
-        their mean, as curves are.
+        Abscissa and reading about the mean, (m, 2): folded for a period; for a direction with a second variable along
+            that, multiplied by the direction.
     """
     at = contexts[found.with_ or found.on]
     at = at if found.period_mm is None else np.remainder(at, found.period_mm)
@@ -122,7 +122,7 @@ def points_of(found: Dependence, readings: np.ndarray, contexts: Contexts) -> np
 
 
 def _moves(block: Block, found: Dependence, problem: Problem) -> np.ndarray:
-    """How far each feature of a block moves what it acts on, else what it is seen in, (n, w) mm or rad."""
+    """Motion of the place (or else of the residual) by each feature of a block, (n, w) mm or rad."""
     if block.place.joint is not None and block.place.slopes.shape[2] == 1:
         return FEATURE_SIZE * block.shapes / block.place.lever
     if found.residual in COORDINATES:
@@ -139,7 +139,7 @@ def _size(
     rows: np.ndarray,
     second: str | None,
 ) -> Size | None:
-    """How large a dependence is on the rows that count."""
+    """Size of a dependence from an estimator of weighted means over the rows that count."""
     of, values = _off(found), contexts[found.on][rows]
     if not found.on.startswith("direction"):
         size = size_of(of, estimate, values, period=found.period_mm, place=found.place, shape=found.shape)
@@ -151,10 +151,10 @@ def _size(
 
 
 def _off(found: Dependence) -> str:
-    """What is said to be off: where an unknown acts, but of a set-up that moves as one an axis of the tool."""
+    """The part that is said to be off: the place of an unknown, but an axis of the tool for a set-up."""
     return found.residual if found.acts_on in (None, "set-up") else found.acts_on
 
 
 def _named(size: Size, on: str, along: str, problem: Problem) -> Size:
-    """A size with its variables, their unit, and what joints are called."""
+    """A size with its variables, their unit, and the word for joints."""
     return replace(size, on=on, along=along, unit=unit_of(problem, along), noun=problem.file.machine.noun)

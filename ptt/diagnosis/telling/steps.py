@@ -1,4 +1,4 @@
-"""Steps: the named effects in the order that held-out readings call for, what each is worth, what would do as well."""
+"""Steps: the named effects in the order in which held-out readings are predicted best, with worth and ties."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -37,10 +37,10 @@ class Step:
         key: of its atom.
         nats: that the explanation loses without it.
         others: names of effects that would do as well in its place.
-        share: of the residual's variance after the frame that it takes by itself.
+        share: share of the residual variance after the frame that it explains by itself.
         before: root mean square error on held-out blocks with the steps before it, mm.
-        after: with it.
-        sure: probability beside an unknown that it is the effect rather than a part of the unknown; else 1.
+        after: the same with it, mm.
+        sure: beside an unknown, probability that it is this effect rather than a part of the unknown; else 1.
     """
 
     key: str
@@ -54,15 +54,15 @@ class Step:
 
 @dataclass(frozen=True)
 class Named:
-    """What a set of atoms names.
+    """The effects that a set names.
 
     Attributes:
-        steps: the one after which held-out readings are predicted best first.
-        unproven: effects that the readings clearly call for though held-out ones do not bear them out, so that they
-            cannot be what is there.
-        faithful: whether the whole set predicts held-out readings as well as it claims to.
-        doubt: how far the machine may have the tool elsewhere while the readings stay, mm; beside an unknown, effects
-            of the machine are named only if with that the error on held-out blocks is less than without them.
+        steps: the named effects; first the one after which held-out readings are predicted best.
+        unproven: effects with clear evidence that held-out readings do not confirm, so that they are not what is
+            missing.
+        faithful: whether the whole set predicts held-out readings as well as it claims.
+        doubt: doubt in the tool's position that no reading shows, mm. Beside an unknown, effects of the machine are
+            named only if they lower the held-out error by more than that.
     """
 
     steps: tuple[Step, ...]
@@ -79,7 +79,8 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         state: the best set.
 
     Returns:
-        What it names; of a set that does not predict what it claims to only what is most of the truth by itself.
+        The named effects; of a set that does not predict held-out readings as well as it claims, only those that
+        explain most by themselves.
     """
     atoms, every = scorer.system.atoms, droppable(scorer, state)
     odd = holds_unknown(scorer.system, state.keys, state.memory)
@@ -91,43 +92,43 @@ def name_steps(scorer: Scorer, state: State) -> Named:
         leading = [key for key in worth if key not in likely and worth[key] > 0.0 and _leads(scorer, key)]
         ahead |= _ahead_of_unknowns(scorer, state, [key for key in leading if key not in ahead])
         likely += [key for key in leading if ahead[key] > 0.0]
-    speaking, faithful = _borne_out(scorer, every, likely)
-    named = _delivered(scorer, speaking, 0.0 if faithful else UNFAITHFUL_SHARE)
-    if len(named) < len(speaking):  # they may want for one that is somewhat likelier than any unknown
+    supported, faithful = _supported(scorer, every, likely)
+    named = _without_blocks(scorer, supported, 0.0 if faithful else UNFAITHFUL_SHARE)
+    if len(named) < len(supported):  # they may need another one that is a little likelier than any unknown
         doubtful = [key for key in clear if key not in likely and ahead[key] > 0.0]
-        more = _delivered(scorer, [*speaking, *doubtful], 0.0 if faithful else UNFAITHFUL_SHARE)
-        named = more if set(speaking) <= set(more) else named
+        more = _without_blocks(scorer, [*supported, *doubtful], 0.0 if faithful else UNFAITHFUL_SHARE)
+        named = more if set(supported) <= set(more) else named
     if odd:
         named = _without_stages(scorer, every, named)
     order, others = _in_order(scorer, named), {key: ties(scorer, state, key) for key in named}
-    doubt = tool_doubt(scorer, state)  # what is tied is scored by now
+    doubt = tool_doubt(scorer, state)  # after the ties, which are then among the scored sets
     if odd:
-        order = _harmless(scorer, order, doubt)
+        order = _lowering_error(scorer, order, doubt)
     sure = {key: float(1.0 / (1.0 + ODDS_BESIDE ** (-ahead[key] / BESIDE_NATS))) if odd else 1.0 for key in order}
     unproven = tuple(key for key in clear if key not in named and worth[key] > BESIDE_NATS)
     return Named(_steps(scorer, order, worth, others, sure), unproven, faithful, doubt)
 
 
 def _ahead_of_unknowns(scorer: Scorer, state: State, keys: Sequence[str]) -> dict[str, float]:
-    """Nats by which a state is ahead of itself with the best unknown in the place of each of some effects."""
+    """Key of an effect -> nats that the set loses with the best unknown in the effect's place."""
     return {key: state.total - _with_unknown(scorer, state, key) for key in keys}
 
 
-def _borne_out(scorer: Scorer, every: Sequence[str], likely: Sequence[str]) -> tuple[list[str], bool]:
-    """The likely effects that hidden readings speak for, and whether the whole set predicts these."""
+def _supported(scorer: Scorer, every: Sequence[str], likely: Sequence[str]) -> tuple[list[str], bool]:
+    """The likely effects that held-out readings support, and whether the whole set predicts these faithfully."""
     beside = {key: _beside(scorer, every, key) for key in likely}
     trials = {key: cross_validate(scorer, beside[key], key) for key in likely}
     whole = [key for key in likely if len(beside[key]) == len(every)]  # nothing stands aside
     faithful = all(trials[key].faithful for key in whole or likely)
     atoms = scorer.system.atoms
-    speaking = [
+    supported = [
         key for key in likely if trials[key].supports(PLAIN_NATS) or (faithful and _is_silent(atoms[key], trials[key]))
     ]
-    return speaking, faithful
+    return supported, faithful
 
 
-def _harmless(scorer: Scorer, order: list[str], doubt: float) -> list[str]:
-    """Of steps beside an unknown those whose commands do no harm: all, those of the tracker alone, or none."""
+def _lowering_error(scorer: Scorer, order: list[str], doubt: float) -> list[str]:
+    """Steps beside an unknown that lower the held-out error: all, those of the tracker alone, or none."""
     if lowers_held_out_error(scorer, tuple(order), doubt):
         return order
     order = [key for key in order if is_metrology(scorer.system.atoms[key])]
@@ -141,7 +142,7 @@ def _steps(
     others: Mapping[str, tuple[str, ...]],
     sure: Mapping[str, float],
 ) -> tuple[Step, ...]:
-    """The steps with what each does to the error on hidden blocks."""
+    """The steps with the held-out error before and after each."""
     steps, before = list[Step](), held_out_rms(scorer, ())
     for index, key in enumerate(order):
         after = held_out_rms(scorer, tuple(order[: index + 1]))
@@ -153,19 +154,19 @@ def _steps(
 def _leads(scorer: Scorer, key: str) -> bool:
     """Whether an effect alone predicts most of what held-out readings show.
 
-    Blocks that bend to anything can do the work of such a one within a few nats, once it is out. No form of theirs that
-    is only approximate leaves as much over.
+    Flexible blocks can replace such an effect within a few nats; but what an approximate block leaves over for an
+    effect that is not there is never as much.
     """
     return cross_validate(scorer, (key,), key).supports(share=LEADING_SHARE)
 
 
 def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
-    """Score of an explanation with the best unknown in an effect's place.
+    """Score of an explanation with the best unknown block in an effect's place.
 
-    Whatever is missing, some effect takes a part of it: a name says more only where the unknown would not do as well.
-    Laws of one variable are no rivals: on one path some law runs with any effect, and effects are laws that physics
-    knows. Nor is a play that varies one of a play: it says the same and more. A curve has to say more than the mean of
-    an unknown that varies one.
+    Whatever is missing, some effect explains part of it, so a name means something only where an unknown does less
+    well. Laws of one variable do not compete: on one path some law is collinear with any effect. Nor do blocks of
+    direction of arrival compete with a reversing effect, as they contain it. A curve also has to beat the mean, over
+    the run, of an unknown that varies a curve.
     """
     less, effect = _less(scorer, state, key), scorer.system.atoms[key].effect
     reverses = effect is not None and effect.reverses
@@ -180,9 +181,9 @@ def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
 
 
 def _with_means(scorer: Scorer, state: State, less: State) -> list[float]:
-    """Scores of a set less a curve with the mean of an unknown of it that varies one with something else.
+    """Scores of a set with a block curve, at no further odds, in the place of a named curve.
 
-    Over the run such an unknown has a mean, which is no further unknown.
+    Only where the set has an unknown that varies a curve at the same part: its mean over the run is no further unknown.
     """
     atoms = scorer.system.atoms
     blocks = {key: atom.block for key, atom in atoms.items() if atom.block is not None and is_broad(atom)}
@@ -196,10 +197,10 @@ def _with_means(scorer: Scorer, state: State, less: State) -> list[float]:
     ]
 
 
-def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
-    """Of effects that do well beside blocks those that do well without them, for only effects are sent to a machine.
+def _without_blocks(scorer: Scorer, named: list[str], share: float) -> list[str]:
+    """Effects that held-out readings support without any blocks beside them, found by backward elimination.
 
-    Blocks may be needed to make good for what an effect does that is not there.
+    Only effects correct a machine, and a block may have made up for an effect that is not really there.
     """
     while named:
         trials = {key: cross_validate(scorer, _beside(scorer, named, key), key) for key in named}
@@ -212,17 +213,17 @@ def _delivered(scorer: Scorer, named: list[str], share: float) -> list[str]:
 
 
 def _is_silent(atom: Atom, trial: HeldOutTrial) -> bool:
-    """Whether an effect is a size of the drawing of which held-out rows tell nothing: few poses show but all together.
+    """Whether an effect is a size of the drawing on which held-out blocks are silent, as with few poses.
 
-    Nothing contradicts it then, and that a size is off asks for no more proof than what is read.
+    Nothing contradicts it then, and for a size that is off the evidence of the fit suffices.
     """
     return is_drawn(atom) and trial.is_silent
 
 
 def _without_stages(scorer: Scorer, every: Sequence[str], named: list[str]) -> list[str]:
-    """The same without what happened so often beside an unknown that it may as well be stages of what went on and on.
+    """Names without events of a kind that is so frequent that they may be stages of one gradual change.
 
-    Where not each of them is borne out, those that are say no more than that something changed.
+    Where not every one of them is confirmed, those that are only show that something changed.
     """
     atoms, stages = scorer.system.atoms, set[str]()
     for kind in {type(atoms[key].effect) for key in named if is_sudden(atoms[key])}:
@@ -232,18 +233,18 @@ def _without_stages(scorer: Scorer, every: Sequence[str], named: list[str]) -> l
 
 
 def _beside(scorer: Scorer, keys: Sequence[str], key: str) -> list[str]:
-    """The atoms beside which an effect is judged: a curve whose straight part it is does its work, and stands aside."""
+    """The atoms beside which an effect is judged: all but curves whose straight part is the same thing."""
     return [other for other in keys if key == other or not _lends(scorer, other, key)]
 
 
 def _lends(scorer: Scorer, curve: str, key: str) -> bool:
-    """Whether the straight part of a curve is what another effect is."""
+    """Whether the straight part of a curve is the same as another effect."""
     one, two = scorer.system.atoms[curve].effect, scorer.system.atoms[key].effect
     return one is not None and two is not None and any(two.name in each.lent for each in one.parameters)
 
 
 def share_of(scorer: Scorer, key: str) -> float:
-    """Share of what the model as given leaves that one atom takes by itself."""
+    """Share of the residual of the model as given that one atom explains by itself."""
     nothing, alone = scorer.score((), WHITE), scorer.score((key,), WHITE)
     return float(max(0.0, 1.0 - residual_square(scorer, alone) / max(residual_square(scorer, nothing), 1e-300)))
 
@@ -253,10 +254,10 @@ def _less(scorer: Scorer, state: State, key: str) -> State:
 
 
 def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
-    """Each step is the one that predicts held-out readings best, so that their error falls as far as it can.
+    """Effects in greedy order of the held-out error; those with physically impossible values at a step wait.
 
-    What explains most of those that are read may do so by values that are far off until others stand beside it; what
-    would need values that cannot be waits until they do.
+    The effect that explains most of the fitted readings may do so with values that are wrong until others are beside
+    it.
     """
     order: list[str] = []
     rest = list(keys)
@@ -288,8 +289,8 @@ def ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
     def other(atom: Atom) -> bool:
         return atom.effect is not None and atom.effect.name != own.partition("[")[0]
 
-    # The screen holds the others' variances, so what it says of the effect itself is what to compare with. What the
-    # data cannot tell apart is a tie whatever was likelier before them, so the odds are left aside.
+    # The screen holds the others' variances, so gains are compared with the effect's own screened gain. Prior odds are
+    # left aside, since a tie is what the data cannot tell apart.
     mine = scorer.screen(less, lambda atom: atom.name == own)
     usual = max((gain.nats + atoms[gain.key].odds for gain in mine), default=-np.inf)
     here = state.total + atoms[key].odds

@@ -1,4 +1,4 @@
-"""Terms: the values that an explanation gives to its effects, and those that are sent to a machine."""
+"""Values and standard errors of an explanation's effects, and the values that correct a machine."""
 
 from dataclasses import replace
 
@@ -20,16 +20,16 @@ from ptt.model.model import Model, Term
 def posterior_terms(
     found: Found, model: Model, keys: tuple[str, ...], others: tuple[Exchange, ...]
 ) -> tuple[Term, ...]:
-    """The given effects and the steps at the posterior's values.
+    """The given effects and the steps at the posterior's values, with standard errors.
 
     Args:
         found: the best explanation.
-        model: as given.
+        model: the model as given.
         keys: of the steps' atoms.
-        others: it with moments of a slip and a knock exchanged.
+        others: refits with moments of a slip and a knock exchanged.
 
     Returns:
-        The terms, in the order of a model; those without a value that is free are as they were given.
+        The terms, in the order of a model; terms without free values are as given.
     """
     exchanged = exchanged_errors(found, others)
     absent = absent_effects(found.scorer, found.state, drawn=found.fitted.unnamed is None)
@@ -58,24 +58,24 @@ def posterior_terms(
 
 
 def sent_state(found: Found, keys: tuple[str, ...]) -> State:
-    """The steps without anything unknown beside them, for only effects are sent to a machine.
+    """The set of the steps alone, under white noise, from which commands are corrected.
 
-    Beside a block an effect has the share that is its own, and what the block has for itself would stay. Nor does the
-    noise remember anything: beside what the block leaves, a wander would be as large, and take what effects have to.
+    Beside a block an effect has only its own part, and the block's part would remain uncorrected. The noise is white
+    because, without the block, a wander would grow and absorb what effects have to correct.
 
     Args:
         found: the best explanation.
         keys: of the steps' atoms.
 
     Returns:
-        The explanation itself where it has nothing else.
+        The explanation's own set where it has nothing else.
     """
     scorer = found.scorer
     return found.state if set(found.state.keys) == {*scorer.given, *keys} else scorer.score(keys, WHITE)
 
 
 def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> tuple[Term, ...]:
-    """The same with the values that are sent: of these is the held-out error, and `ptt add` fits them.
+    """Terms at the values that correct a machine: those of the held-out error, and of a fit by `ptt add`.
 
     Args:
         found: the best explanation.
@@ -83,7 +83,7 @@ def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> 
         keys: of the steps' atoms.
 
     Returns:
-        The terms, as they are where the explanation has nothing else.
+        The terms; as given where the explanation has nothing but the steps.
     """
     alone, sent = sent_state(found, keys), list[Term]()
     if alone is found.state:
@@ -100,7 +100,7 @@ def sent_terms(found: Found, terms: tuple[Term, ...], keys: tuple[str, ...]) -> 
 
 
 def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
-    """Values with lengths where their law holds: far from where it was linearised a tangent may give any."""
+    """Values with searched parameters clipped to their bounds, beyond which a linearised solution may be."""
     bounds, place = list[tuple[float, float]](), 0
     for parameter in (each.on(model.file.machine.kind) for each in term.effect.parameters):
         size = parameter.size(model.joints)
@@ -112,12 +112,12 @@ def _within(term: Term, theta: torch.Tensor, model: Model) -> torch.Tensor:
 
 
 def _own(found: Found, atom: Atom) -> np.ndarray:
-    """Which unknowns of the fit are an effect's, (u,) bool."""
+    """Which unknowns of the fit belong to an effect, (u,) bool."""
     layout = found.fitted.layout
     return np.asarray(layout.owner == [term.effect.key for term in layout.terms].index(atom.name))
 
 
 def _free(found: Found, atom: Atom) -> torch.Tensor:
-    """Which values of an effect of the model its atom has, (p,) bool."""
+    """Which values of a model's effect are free, and so columns of its atom, (p,) bool."""
     index = [term.effect.key for term in found.fitted.layout.terms].index(atom.name)
     return torch.as_tensor(found.fitted.layout.free[index])

@@ -1,4 +1,4 @@
-"""The unknowns of an explanation: its blocks, the largest first, and how sure their values are."""
+"""The unknowns of an explanation: contributions of its blocks, the largest first, and their posterior."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,15 +17,15 @@ LARGER_FACTOR = 1.5  # times all that is left: a block that puts more into the r
 
 @dataclass(frozen=True)
 class Amounts:
-    """Values of the features of all blocks of an explanation.
+    """Posterior of the features of all blocks of an explanation.
 
     Attributes:
-        values: (w,).
-        spread: their covariance, (w, w).
+        values: means, (w,).
+        covariance: of them, (w, w).
     """
 
     values: np.ndarray
-    spread: np.ndarray
+    covariance: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -35,10 +35,10 @@ class Unknown:
     Attributes:
         block: the block.
         nats: that the explanation loses without it.
-        energy: variance that it takes beside those before it, over that of what the named effects leave.
-        part: what it puts into the readings, (n, 3) mm.
-        amounts: of the features of all blocks; None where names take back what these put in.
-        own: places of its own among them.
+        energy: variance that it explains in addition to the blocks before it, over the residual variance of the names.
+        part: its contribution to the readings, (n, 3) mm.
+        amounts: posterior of the features of all blocks; None where the named effects cancel the contribution.
+        own: indices of its own features among them.
     """
 
     block: Block
@@ -51,11 +51,11 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Unnamed:
-    """What the frame and the named effects leave of the readings, and the blocks that describe it.
+    """The residual of the frame and the named effects, and the blocks that describe it.
 
     Attributes:
         left: (n, 3) mm, NaN on rows that do not count.
-        unknowns: one for each block, the one that takes most of it first.
+        unknowns: one for each block, by the variance explained, the largest first.
     """
 
     left: np.ndarray
@@ -63,21 +63,22 @@ class Unnamed:
 
 
 def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.ndarray) -> Unnamed:
-    """What the names of a set leave, and its blocks.
+    """The residual of a set's named effects, and its blocks.
 
-    Two blocks that make good for each other are each as large as they please. So the one that the readings would have
-    alone is taken first, then the one that they would have beside it, and each has the share that it adds. Names and a
-    block may do the same (sizes of an arm's links and a field that bends gently): where names beside blocks leave more
-    than names alone do, a block is what the readings miss without it, all others as they would be then.
+    Two blocks may cancel each other and be arbitrarily large. So shares are by forward selection: first the block that
+    alone gives the highest score, then the best one beside it; each has the variance that it adds. Names and a block
+    may cancel too (sizes of an arm's links and a gentle field). Where names and blocks together contribute much more
+    than names alone leave, the contribution of a block is the change of the residual when it is left out and all else
+    is refitted.
 
     Args:
         scorer: of the system.
         state: the best set.
         problem: the readings.
-        rows: of these, those that the blocks know.
+        rows: rows of the problem on which the blocks' features are.
 
     Returns:
-        Both.
+        Residual and blocks.
     """
     parts, system = parts_of(state, scorer.system), scorer.system
 
@@ -109,13 +110,13 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
 def _energies(
     scorer: Scorer, state: State, blocks: Sequence[str], beside: Callable[[Sequence[str]], np.ndarray]
 ) -> Iterator[tuple[str, float]]:
-    """Blocks in the order in which the readings would have them, and the share that each adds to those before it.
+    """Keys of blocks in the order of forward selection by score, and the share of variance that each adds.
 
     Args:
         scorer: of the system.
         state: the best set.
-        blocks: its blocks.
-        beside: what a set leaves of the readings, (n, 3) mm.
+        blocks: keys of its blocks.
+        beside: keys of a set -> its residual, (n, 3) mm.
     """
     chosen = without(state, *blocks)
     before = whole = _spread(beside(chosen))
@@ -134,12 +135,12 @@ def _block(system: System, key: str) -> Block:
 
 
 def _amounts(state: State, system: System, keys: Sequence[str]) -> Amounts:
-    """Values of some blocks' features."""
+    """Posterior of some blocks' features."""
     if not keys:
         return Amounts(np.zeros(0), np.zeros((0, 0)))
     return Amounts(*state.amounts([system.atoms[key] for key in keys], system.scale))
 
 
 def _spread(readings: np.ndarray) -> float:
-    """Mean square about the mean, mm^2: a level is another's to take, the frame's, an offset's."""
+    """Mean square about the mean, mm^2, since a level belongs to the frame or an offset."""
     return float(np.nanmean(np.square(readings - np.nanmean(readings, axis=0))))

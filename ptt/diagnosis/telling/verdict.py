@@ -1,4 +1,4 @@
-"""The verdict: what is missing, that nothing is, or that something is which no known effect describes."""
+"""The verdict: `missing`, `nothing-missing` or `unknown`, and the whole diagnosis put together."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -50,15 +50,15 @@ def conclude(
     seed: int,
     steps: int,
 ) -> Diagnosis:
-    """Put together what was found.
+    """Put the diagnosis together from the explanation and the residual tests.
 
     Args:
         found: the best explanation.
-        rest: tests of what it leaves.
-        model: as given.
+        rest: tests of its residuals.
+        model: the model as given.
         problem: the readings.
         known: effects by name.
-        tell: told what is being done.
+        tell: callback for progress.
         seed: of the poses to measure next.
         steps: how many effects could be added.
 
@@ -108,14 +108,14 @@ def conclude(
 
 
 def _perhaps(found: Found, suggested: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Names that the likeliest set has beside its unknowns, and that are not sure enough to be said."""
+    """Names of the best set's effects that are not suggested."""
     atoms, said = found.system.atoms, {name for step in suggested for name in step}
     names = (atoms[key].name for key in droppable(found.scorer, found.state) if atoms[key].effect is not None)
     return tuple(dict.fromkeys(name for name in names if name not in said))
 
 
 def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error: float) -> Rest:
-    """The rest with all that speaks against what was found; `error` is what it leaves, mm."""
+    """The residual tests with all objections to the explanation; `error`: root mean square residual, mm."""
     system, state = found.system, found.state
     unproven = tuple(system.atoms[key].name for key in naming.named.unproven)
     left, stated = visit_left(system, state), stated_noise(problem, system, state)
@@ -141,10 +141,13 @@ def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error:
 def _depends_on(
     found: Found, naming: Naming, unnamed: Unnamed, rest: Rest, shown: Problem, problem: Problem, seed: int
 ) -> tuple[Dependence, ...]:  # fmt: skip
-    """What the unknown follows: its blocks, what a memory of the noise has taken, what tests say, or a suspect."""
+    """What the unknown depends on.
+
+    From the blocks; else from the residual with the wander in it, where that is no tracker's or nothing is named; else
+    from the residual tests; else from the block that would explain most.
+    """
     depends, left, scorer, state = dependences(unnamed, shown), unnamed.left, found.scorer, found.state
     wanders = state.memory.wander is not None
-    # What a memory of the noise took tells what it is, where it is no tracker's or where nothing else is found.
     if not depends and (wanders_beyond(found.system, state) or (wanders and not naming.named.steps)):
         found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)
         depends = sized(found_in[:MOST_LINES], left, shown)
@@ -172,7 +175,7 @@ def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
 
 
 def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]:
-    """Probabilities of the sets; a verdict of the best one, or of tests of the rest, has at least an even chance."""
+    """Probabilities from the scored sets; 0.5 for a verdict that is not the likeliest of them but was forced."""
     found = dict(chances.verdict)
     if max(found, key=lambda name: found[name]) != verdict:
         share = 0.5 / max(1.0 - found[verdict], 1e-12)
@@ -181,7 +184,7 @@ def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]
 
 
 def _errors(found: Found, keys: tuple[str, ...]) -> dict[str, dict[str, float]]:
-    """Error of the model as given, and with the steps as they are sent, um."""
+    """Root mean square errors of the model as given, and with the steps as they correct a machine, um."""
     system, errors = found.system, dict[str, dict[str, float]]()
     for name, state in (("before", found.scorer.score((), WHITE)), ("after", sent_state(found, keys))):
         left = system.in_mm(system.residual(state.columns, state.posterior.values))

@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis in words, and what an unknown follows."""
+"""The verdict of a diagnosis in words, and what an unknown depends on."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -24,14 +24,14 @@ LAW_COLUMN = {"payload": "payload", "load": "payload", "link force": "payload", 
 
 
 def explain_verdict(result: Any, steps: int | None = None) -> str:
-    """The verdict of a diagnosis line by line, each line one thing, what cannot be told apart first.
+    """The verdict of a diagnosis in lines, each about one thing, ties first.
 
     Args:
-        result: the diagnosis: verdict, suggested, candidates, depends_on, rest, noise, rms_um, rows.
+        result: the diagnosis, complete but for its words.
         steps: how many effects could be added; None for as many as it takes.
 
     Returns:
-        Text; of an unknown at most five lines, else one for each step and one for the errors; and one on the workspace.
+        Lines: of an unknown at most five; else one for each step, one for the errors, and one on the workspace.
     """
     before, after = (result.rms_um[stage]["total"] for stage in ("before", "after"))
     noise, excess = result.noise, _excess(after, result.noise, result.wander)
@@ -57,14 +57,14 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
 
 
 def _fall(before: float, after: float) -> str:
-    """What an error has become, um."""
+    """A clause on the error before and after, um."""
     if f"{after:.1f}" == f"{before:.1f}":
         return f"the error is unchanged at {after:.1f} um"
     return f"the error is {after:.1f} um, {'down' if after < before else 'up'} from {before:.1f} um"
 
 
 def _suggested_too(names: Sequence[str]) -> str:
-    """A word on effects that are not sure enough to be named beside an unknown."""
+    """A sentence on effects that are not certain enough to be named beside an unknown; '' for none."""
     if not names:
         return ""
     are = "is" if len(names) == 1 else "are"
@@ -73,7 +73,7 @@ def _suggested_too(names: Sequence[str]) -> str:
 
 
 def _open_below(result: Any) -> list[str]:
-    """That steps are tied: it stands at the head of its step's words, but a later one has to be heard of first, too."""
+    """A line that announces ties of later steps; the first step's own words begin with its tie."""
     steps = zip(result.suggested, result.candidates, strict=False)
     ties = [step[0] if headline(step[0], step[1:], one.sum_of) else "" for step, one in steps]
     if not any(ties) or ties[0]:
@@ -84,13 +84,13 @@ def _open_below(result: Any) -> list[str]:
 
 
 def doubted(result: Any) -> list[str]:
-    """That an unknown may do a part of what is named, where the sets of effects say so.
+    """A sentence on the probability that an unknown is part of what is named.
 
     Args:
-        result: the diagnosis, of which something is named.
+        result: a diagnosis that names something.
 
     Returns:
-        One sentence; none where nothing says so.
+        One sentence; none where that is improbable.
     """
     chance = result.verdict_probability["unknown"]
     if chance <= 1.0 - SURE_VERDICT:
@@ -99,9 +99,9 @@ def doubted(result: Any) -> list[str]:
 
 
 def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
-    """That something is missing, what it follows, and what is named beside it; `cut_short` if no more was allowed."""
+    """Lines of an unknown: that it is there, what it depends on, and what is named; `cut_short`: at the step limit."""
     strongest = result.depends_on[0] if result.depends_on else None
-    # Tests of the rest may say so alone, where the sets of effects do not.
+    # Only the residual tests may have forced the verdict, against the scored sets.
     overruled = result.verdict_probability[result.verdict] <= EVEN_CHANCE
     what = "More is missing, but no more steps were allowed" if cut_short else MISSING
     reasons = result.rest.reasons
@@ -116,7 +116,7 @@ def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
 
 
 def held_to_base(error_um: float) -> str:
-    """A word on the tracker's frame where base reflectors hold it in other commands.
+    """A sentence on the tracker's frame, which base reflectors hold in other commands.
 
     Args:
         error_um: of the model as given, as `ptt compare` and `ptt add` print it.
@@ -128,7 +128,7 @@ def held_to_base(error_um: float) -> str:
 
 
 def with_free_mount(error_um: float) -> str:
-    """A word on an arm's reflector that the machine file trusts to sit where the drawing has the tool.
+    """A sentence on an arm's reflector, which the machine file trusts to be at the tool point.
 
     Args:
         error_um: of the model as given, the reflector free to sit elsewhere.
@@ -140,7 +140,7 @@ def with_free_mount(error_um: float) -> str:
 
 
 def _bent(result: Any, followed: str) -> str:
-    """A word where an effect that is named and the unknown beside it follow the same column: one cause may be both."""
+    """A sentence where a named effect and the unknown depend on the same column, so that one cause may be both."""
     named = {step[0] for step in result.suggested}
     columns = {term.effect.key: LAW_COLUMN.get(card_of(term.effect).telling, "") for term in result.model.terms}
     each = [key for key, on in columns.items() if key in named and on == followed]
@@ -154,16 +154,16 @@ def _bent(result: Any, followed: str) -> str:
 
 
 def _spoken(on: str) -> str:
-    """A variable; the tool's moves are no columns of a table, so it is said what they are."""
+    """A variable by its column; moves of the tool, which are no columns, are described."""
     return f"{MOVES[on]} ({on})" if on in MOVES else on
 
 
 def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> str:
-    """What the leading unknown depends on, how large it is and which way it goes, in one line.
+    """What the largest unknown depends on, with its size and direction, in one line.
 
     Args:
         strongest: the dependence.
-        name_of: what a variable is called in a sentence; by its column unless given.
+        name_of: how a variable is called in a sentence.
 
     Returns:
         One or two sentences.
@@ -187,14 +187,14 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
 
 
 def acting(place: str | None, residual: str) -> str:
-    """Where an unknown acts, if that is not what its residual is called by.
+    """A clause on where an unknown acts, if the name of its residual does not say so.
 
     Args:
-        place: as `Dependence.acts_on` has it.
+        place: `Dependence.acts_on`.
         residual: in which it shows.
 
     Returns:
-        For example ', as if rail 2 moved outward'; nothing where the residual says it or nobody knows.
+        For example ', as if rail 2 moved outward'; '' where the residual says it or it is not known.
     """
     if place is None or place == residual or place in ("x", "y", "z"):
         return ""
@@ -206,7 +206,7 @@ def acting(place: str | None, residual: str) -> str:
 
 
 def _unstated(noise: Noise) -> str:
-    """A word where only the rest tells the noise: what changes from reading to reading counts as noise then."""
+    """A sentence where the noise is known only from residuals; '' otherwise."""
     if noise.source == VISITED:
         return (
             " Readings within one visit to a pose scatter less. Whether the difference belongs to the pose or to the "
@@ -221,7 +221,7 @@ def _unstated(noise: Noise) -> str:
 
 
 def _beyond_stated(noise: Noise) -> str:
-    """How much more repeats scatter than is stated, where that is worth a word."""
+    """A clause on how much more repeats scatter than is stated, where that is notable."""
     if noise.stated is None or noise.total < NOTED_EXCESS * noise.stated[1]:
         return ""
     source, total = noise.stated
@@ -229,7 +229,7 @@ def _beyond_stated(noise: Noise) -> str:
 
 
 def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:
-    """A word where much more is left than the noise is said to be, though it follows nothing that was recorded."""
+    """A sentence where much more is left than the noise: a slow wander, or something that was not recorded."""
     times = after_um / max(noise.total * 1e3, 1e-12)
     if times < NOTED_EXCESS:
         return ""

@@ -1,4 +1,4 @@
-"""Steps of a diagnosis in words that a machinist understands: what is off, on which side, what is tied with it."""
+"""Steps of a diagnosis in words for a machinist: what is off, in which direction, and what is tied with it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ from ptt.diagnosis.evidence.at_tool import at_tool_um
 from ptt.effects.layout import family
 from ptt.effects.phrases import ValuePhrase, capital, compose, listed, remedies
 from ptt.effects.phrases import doubt as far_off
-from ptt.fitting.gauge import GaugedTerm, Loose, sparsest
+from ptt.fitting.gauge import ExtraCovariance, GaugedTerm, sparsest
 from ptt.model.model import Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -21,10 +21,10 @@ PARTLY_BACK, MOSTLY_BACK = 1.5, 3.0
 
 
 def sentence(told: GaugedTerm, view: View) -> str:
-    """What an effect of a machine means, with the side of each value.
+    """What an effect's values mean, with the direction of each.
 
     Args:
-        told: the effect in the gauge in which it is to be said.
+        told: the effect in the gauge in which it is reported.
         view: of the machine.
 
     Returns:
@@ -51,23 +51,23 @@ def _gauge(told: GaugedTerm, noun: str) -> str:
 
 
 def sentences(
-    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, loose: Loose | None = None
+    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, extra: ExtraCovariance | None = None
 ) -> list[str]:
-    """Every fitted effect of a model in one sentence each, all in the gauge with the fewest parts off.
+    """One sentence for every fitted effect of a model, all in the gauge with the fewest values off.
 
     Args:
         terms: fitted together.
         problem: the readings.
         noise: the noise floor.
-        widen: times the noise that the fit leaves, where it is more than that.
-        loose: how far what no term stands for may move values, as of `ptt.fitting.gauge.sparsest`.
+        widen: ratio of what the fit leaves to the noise, where that exceeds one.
+        extra: further covariance of values by name, as of `ptt.fitting.gauge.sparsest`.
 
     Returns:
         One for each term.
     """
     known = [term for term in terms if len(term.theta)]
     words = []
-    for term, free in zip(known, sparsest(known, problem, noise, widen, loose=loose), strict=True):
+    for term, free in zip(known, sparsest(known, problem, noise, widen, extra=extra), strict=True):
         told = _held(free, term)
         set_right = remedy(told, problem.view)
         words.append(f"{capital(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
@@ -75,7 +75,7 @@ def sentences(
 
 
 def _held(told: GaugedTerm, term: Term) -> GaugedTerm:
-    """What is said of an effect with errors no wider than those of all its values together, as its sizes hold them."""
+    """The effect with standard errors in the gauge limited to the norm of those of its fitted values."""
     if told.term.std is None or term.std is None:
         return told
     most = float(term.std[torch.isfinite(term.std)].norm())
@@ -83,10 +83,10 @@ def _held(told: GaugedTerm, term: Term) -> GaugedTerm:
 
 
 def remedy(told: GaugedTerm, view: View) -> str:
-    """What has to be turned, moved or entered, and by how much; '' where nothing can be.
+    """What to turn, move or enter to correct an effect, and by how much; '' where nothing can be done.
 
     Args:
-        told: the effect in the gauge in which it is to be said.
+        told: the effect in the gauge in which it is reported.
         view: of the machine.
     """
     parts, noun = _said(told, view)
@@ -109,10 +109,10 @@ def explain_step(
     after: Sequence[str] = (),
     doubt_um: float | None = None,
     beside: Sequence[Term] = (),
-    loose: Loose | None = None,
+    extra: ExtraCovariance | None = None,
     exceptions: str = "",
 ) -> str:
-    """One step in two or three sentences; what cannot be told apart comes first.
+    """One step in two or three sentences, ties first.
 
     Args:
         term: the effect, fitted.
@@ -122,16 +122,16 @@ def explain_step(
         noise: the noise floor.
         problem: the readings; their frames tell in which gauge values are said.
         after: steps that were taken before this one, to which the held-out error belongs.
-        doubt_um: how far the machine may have the tool elsewhere beside the error after it; None where nobody asks.
-        beside: the other terms of the fit, from whose values the readings have to tell its own.
-        loose: how far what no term stands for may move values, as of `ptt.fitting.gauge.sparsest`.
-        exceptions: what else would look the same that was not tested, with its reason; '' for nothing.
+        doubt_um: doubt in the tool's position that no reading shows; None to leave it out.
+        beside: the other terms of the fit, which are free beside it.
+        extra: further covariance of values by name, as of `ptt.fitting.gauge.sparsest`.
+        exceptions: a clause on what else would look the same; '' for nothing.
 
     Returns:
         For example 'Sliders 2 and 3 lose 41 and 38 um on reversal: backlash. Nothing else explains it as well; the
         held-out error falls from 62 to 9 um (noise 7 um).'
     """
-    told = sparsest([term], problem, noise, beside=beside, loose=loose)[0]
+    told = sparsest([term], problem, noise, beside=beside, extra=extra)[0]
     tie, head = headline(term.effect.key, others, together), sentence(told, problem.view)
     before, now = heldout_um
     on_top = f"after {listed(list(after))} " if after else ""
@@ -153,14 +153,14 @@ def _moved(before: float, now: float) -> str:
 
 
 def _size_in_all(told: GaugedTerm, apart: float, before: float, problem: Problem) -> str:
-    """What an effect does where its values, or that, are more than was missed; else nothing.
+    """A clause on an effect's size at the tool (or in the readings), where it exceeds the error; '' otherwise.
 
-    It is said at the tool, or, of what changes readings and moves no tool, in the readings.
+    It does where other effects cancel it in part.
 
     Args:
-        told: the effect as it is said.
-        apart: um, by which the tool's errors before and after it differ at most.
-        before: um, the error before it.
+        told: the effect as it is reported.
+        apart: sum of the errors before and after it, um: as much as it can have changed the error.
+        before: error before it, um.
         problem: the readings.
     """
     parts, _ = _said(told, problem.view)
@@ -175,15 +175,15 @@ def _size_in_all(told: GaugedTerm, apart: float, before: float, problem: Problem
 
 
 def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBT_SHARE) -> str:
-    """What readings cannot show of the tool, beside the error that they show.
+    """A clause on the doubt in the tool's position that no reading shows.
 
     Args:
         error_um: on held-out blocks.
-        doubt_um: how far the machine may have the tool elsewhere while the readings stay; None where nobody asks.
-        least: share of the error from which it is worth a word.
+        doubt_um: the doubt; None where it is not known.
+        least: share of the error from which it is mentioned.
 
     Returns:
-        A clause; '' where it is not worth one.
+        The clause; '' where the doubt is small.
     """
     if doubt_um is None or not doubt_um > least * error_um:
         return ""
@@ -191,7 +191,7 @@ def doubt_in_words(error_um: float, doubt_um: float | None, least: float = DOUBT
 
 
 def headline(key: str, others: Sequence[str], together: Sequence[str]) -> str:
-    """What cannot be told apart, or nothing.
+    """The sentence on a tie.
 
     Args:
         key: the effect that was picked.

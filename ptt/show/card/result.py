@@ -178,7 +178,7 @@ def _doubt(steps: Sequence[Candidate]) -> str:
 def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Problem) -> Cause:
     term = next(term for term in found.model.terms if term.effect.key == one.effect)
     beside = [other for other in found.model.terms if other is not term]
-    told = sparsest([term], problem, found.noise, beside=beside, loose=found.fitted.loose_of)[0]
+    told = sparsest([term], problem, found.noise, beside=beside, extra=found.fitted.unnamed_covariance)[0]
     words, card = sentence(told, problem.view), card_of(term.effect).on(family(problem.view))
     values = tuple(_value(part, noun_of(told, problem)) for part in _said(told, problem)[:VALUES])
     return Cause(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ptt.effects import library
-from ptt.fitting.alike import Times, alike_in_time, excess
+from ptt.fitting.autocorrelation import Times, autocorrelation_of, excess_scatter
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile
 from ptt.model.model import Model
@@ -50,7 +50,7 @@ def test_stated_errors_hold_whether_the_tracker_wanders_or_not(bench: MachineFil
 
 def test_independent_rows_are_left_alone() -> None:
     times = Times(STEP * np.arange(ROWS), np.zeros(ROWS))
-    heard = [alike_in_time(np.random.default_rng(seed).normal(size=(ROWS, 3)), times) for seed in range(100)]
+    heard = [autocorrelation_of(np.random.default_rng(seed).normal(size=(ROWS, 3)), times) for seed in range(100)]
     assert sum(told is not None for told in heard) <= 3
 
 
@@ -58,17 +58,17 @@ def test_what_lasts_is_found_in_the_axis_that_has_it_and_not_across_runs() -> No
     random = np.random.default_rng(3)
     left = random.normal(size=(600, 3))
     left[:, 2] += 2.0 * wander(random, 600)[:, 2]
-    told = alike_in_time(left, Times(STEP * np.arange(600), np.zeros(600)))
+    told = autocorrelation_of(left, Times(STEP * np.arange(600), np.zeros(600)))
     assert told is not None and CONSTANT / 3.0 < told.constant < 3.0 * CONSTANT
     assert 2.0 < told.variance[2] < 6.0 and told.variance[:2].max() < 0.5
-    assert alike_in_time(left, Times(STEP * np.arange(600), np.arange(600))) is None
+    assert autocorrelation_of(left, Times(STEP * np.arange(600), np.arange(600))) is None
 
 
 def test_the_excess_is_that_of_the_whole_covariance_matrix() -> None:
     random = np.random.default_rng(5)
     left, columns = random.normal(size=(80, 3)) + 2.0 * wander(random, 80), random.normal(size=(80, 3, 4))
     times = Times(np.sort(random.uniform(0.0, 800.0, 80)), np.repeat([0, 1], 40))
-    told, more = alike_in_time(left, times), excess(columns, left, times, np.zeros((4, 4)), 100.0)
+    told, more = autocorrelation_of(left, times), excess_scatter(columns, left, times, np.zeros((4, 4)), 100.0)
     assert told is not None and more is not None
     gap = np.abs(times.time[:, None] - times.time)
     alike = np.exp(-gap / told.constant) * (times.run[:, None] == times.run) - np.eye(80)
@@ -84,6 +84,6 @@ def test_an_axis_that_alone_scatters_widely_leaves_a_covariance() -> None:
     columns = np.zeros((200, 3, 1))
     columns[::2, 2], columns[1::2, 2] = 1.0, -1.0
     solved, scatter = np.array([[1.0 / 200.0]]), float((left**2).mean())
-    more = excess(columns, left, Times(STEP * np.arange(200), np.zeros(200)), solved, scatter)
+    more = excess_scatter(columns, left, Times(STEP * np.arange(200), np.zeros(200)), solved, scatter)
     assert more is not None
     assert (scatter * solved + solved @ more @ solved)[0, 0] > 0.0

@@ -1,8 +1,8 @@
-"""Rows that err alike because they were read one soon after the other: what that takes from their word on a parameter.
+"""Residuals that are autocorrelated in time, and the sandwich covariance of a fit to such rows.
 
-A tracker that wanders, and physics that a model lacks, leave residuals that are alike along the time. The values of a
-fit hardly suffer, but a parameter that varies as slowly as the wander is known less well than as many independent rows
-would tell it: the covariance becomes H^-1 (X^T V X) H^-1 with the V that the residuals show.
+A wandering tracker, and physics that a model lacks, leave residuals that are correlated in time. The values of a fit
+hardly suffer, but a parameter that varies as slowly as the wander is known less well than from as many independent
+rows: with H the normal matrix and V the covariance of the residuals, its covariance is H^-1 (X^T V X) H^-1.
 
 Source: sandwich covariance under correlated errors, White, Econometrica 48, 1980; the correlation is that of an
 Ornstein-Uhlenbeck process, exp(-|dt|/T), matched to products of residuals.
@@ -28,12 +28,12 @@ MOST_SWALLOWED = 0.8
 
 
 @dataclass(frozen=True)
-class Alike:
-    """Part of the residuals that lasts from row to row.
+class Autocorrelation:
+    """Autocorrelated part of residuals, with covariance variance * exp(-|dt| / constant).
 
     Attributes:
-        variance: (3,) of it per axis, in units of noise squared; zero where none shows.
-        constant: time in which it falls to 1/e.
+        variance: per axis, (3,), in units of noise squared; zero where there is none.
+        constant: time constant, s (rows where there is no clock).
     """
 
     variance: np.ndarray
@@ -45,8 +45,8 @@ class Times:
     """When the rows were read.
 
     Attributes:
-        time: (n,) s, or the row's number where there is no clock.
-        run: (n,) number of the run.
+        time: (n,) s, or row numbers where there is no clock.
+        run: run number of each row, (n,).
     """
 
     time: np.ndarray
@@ -72,15 +72,15 @@ def times_of(problem: Problem, rows: np.ndarray) -> Times:
     return Times(view.clock.numpy()[rows], view.run.numpy()[rows])
 
 
-def alike_in_time(residual: np.ndarray, times: Times) -> Alike | None:
-    """The part of residuals that lasts, if there is any.
+def autocorrelation_of(residual: np.ndarray, times: Times) -> Autocorrelation | None:
+    """The autocorrelated part of residuals, if it is significant.
 
     Args:
         residual: (n, 3) in units of noise.
         times: of the rows.
 
     Returns:
-        None where rows are too few, or may well be independent.
+        None where rows are too few or may be independent.
     """
     gap, product = _products(residual, times)
     if len(residual) < LEAST_LAGGED_ROWS or not len(gap):
@@ -91,16 +91,16 @@ def alike_in_time(residual: np.ndarray, times: Times) -> Alike | None:
     for constant in np.geomspace(shortest, longest, TIME_CONSTANTS):
         weight = np.exp(-gap / constant)
         energy = float(weight @ weight)
-        sure = weight @ product / np.maximum(square * np.sqrt(energy), TINY_VARIANCE)
-        worth = float((np.maximum(sure, 0.0) ** 2).sum())
-        if sure.max() > SURE_ERRORS and worth > best:
-            # Where one axis errs alike for sure the others may: what they show counts, sure or not.
-            best, told = worth, Alike(np.clip(weight @ product / energy, 0.0, square), float(constant))
+        errors = weight @ product / np.maximum(square * np.sqrt(energy), TINY_VARIANCE)  # in standard errors
+        worth = float((np.maximum(errors, 0.0) ** 2).sum())
+        if errors.max() > SURE_ERRORS and worth > best:
+            # Where one axis is significant, the estimates of the others count as well.
+            best, told = worth, Autocorrelation(np.clip(weight @ product / energy, 0.0, square), float(constant))
     return told
 
 
 def _products(residual: np.ndarray, times: Times) -> tuple[np.ndarray, np.ndarray]:
-    """Times between rows of one run, (m,), and products of their residuals per axis, (m, 3)."""
+    """Times between pairs of rows of one run, (m,), and products of their residuals per axis, (m, 3)."""
     rows = len(residual)
     lags = np.unique(np.geomspace(1, max(rows // 2, 1), MOST_LAGS).astype(int))
     gaps, products = [np.zeros(0)], [np.zeros((0, 3))]
@@ -111,25 +111,26 @@ def _products(residual: np.ndarray, times: Times) -> tuple[np.ndarray, np.ndarra
     return np.concatenate(gaps), np.concatenate(products)
 
 
-def excess(
+def excess_scatter(
     jacobian: np.ndarray, residual: np.ndarray, times: Times, inverse: np.ndarray, scatter: float
 ) -> np.ndarray | None:
-    """What rows that err alike add to X^T V X beyond independent rows of the same scatter.
+    """What autocorrelation adds to X^T V X, compared with independent rows of the same variance.
 
     Args:
         jacobian: X, (n, 3, u) in units of noise and usual size.
         residual: (n, 3) in units of noise.
         times: of the rows.
-        inverse: of the normal equations, prior included, (u, u).
-        scatter: variance that each row has as an independent one, in units of noise squared.
+        inverse: inverse of the normal matrix, prior included, (u, u).
+        scatter: variance of each row, in units of noise squared.
 
     Returns:
-        (u, u), None where nothing shows. A fit swallows part of a slow wander; what it left is scaled up by that.
+        (u, u); None where there is no autocorrelation. The fit absorbs part of a slow wander, so what is left of it is
+        scaled up accordingly.
     """
-    told = alike_in_time(residual, times)
+    told = autocorrelation_of(residual, times)
     if told is None:
         return None
-    # An axis that scatters by more than the others was not counted in full.
+    # Not more than the mean variance, which was counted for each axis.
     counted = np.minimum(told.variance, MOST_CORRELATED * scatter)
     joined, own = _joined(jacobian, told, times), np.einsum("nai,naj,a->ij", jacobian, jacobian, counted)
     whole = len(residual) * float(told.variance.sum())
@@ -137,8 +138,8 @@ def excess(
     return joined / (1.0 - swallowed) - own
 
 
-def _joined(jacobian: np.ndarray, told: Alike, times: Times) -> np.ndarray:
-    """X^T K X per axis times its variance, K = exp(-|dt|/T) within runs, by one pass over the rows, (u, u)."""
+def _joined(jacobian: np.ndarray, told: Autocorrelation, times: Times) -> np.ndarray:
+    """X^T K X, summed over axes with their variances, with K = exp(-|dt|/T) within runs, (u, u), in one pass."""
     scaled = jacobian * np.sqrt(told.variance)[:, None]
     step, state, before = np.diff(times.time, prepend=times.time[:1]), np.zeros(scaled.shape[1:]), np.empty_like(scaled)
     for row, keep in enumerate(kept_shares(step, times.starts, told.constant).tolist()):
