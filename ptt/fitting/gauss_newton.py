@@ -24,7 +24,7 @@ Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, float]]
 
 @dataclass(frozen=True)
 class Descent:
-    """Where the search ended.
+    """Result of a descent.
 
     Attributes:
         unknowns: (u,).
@@ -48,8 +48,8 @@ def descend(
         start: (u,).
         lower: (u,).
         upper: (u,).
-        done: decrease still to be had at which it ends.
-        hopeless: cost above which nobody asks where it ends.
+        done: predicted decrease at which it ends.
+        hopeless: cost above which the descent is given up, once it seems out of reach.
 
     Returns:
         Where it ended.
@@ -120,7 +120,7 @@ def bounded_step(normal: np.ndarray, side: np.ndarray, lower: np.ndarray, upper:
 def _first_bound(
     step: np.ndarray, wanted: np.ndarray, lower: np.ndarray, upper: np.ndarray, free: np.ndarray
 ) -> tuple[float, int | None]:
-    """How far the way to the wanted step is open, and which bound is met first."""
+    """Share of the way to the wanted step up to the first bound, and which bound that is; None for none."""
     move = wanted - step
     room = np.where(move > 0, upper - step, lower - step)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -132,7 +132,7 @@ def _first_bound(
 
 
 def _release(slope: np.ndarray, step: np.ndarray, lower: np.ndarray, upper: np.ndarray, free: np.ndarray) -> int | None:
-    """The bound that holds an unknown back the wrong way, the worst of them."""
+    """Index of the unknown with the largest wrong-signed multiplier at its bound; None if there is none."""
     pull = np.where(step <= lower, slope, np.where(step >= upper, -slope, 0.0))
     pull[free | (lower == upper)] = 0.0
     worst = int(np.argmax(pull)) if len(pull) else 0

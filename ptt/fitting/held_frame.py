@@ -1,4 +1,4 @@
-"""What frames that base reflectors hold leave open of a fit: their readings scatter as well."""
+"""Uncertainty of a fit by frames that base reflectors held, since readings of these scatter as well."""
 
 from dataclasses import replace
 
@@ -15,12 +15,13 @@ from ptt.run.problem import Problem
 
 
 def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
-    """A fit whose frames stood where base reflectors put them, its errors with those of the frames.
+    """Add the uncertainty of held frames to a fit, as its `doubt`.
 
-    The unknowns u of a fit beside held frames f move with these by -(X^T X + W)^-1 X^T F, X and F being the columns of
-    both and W the weight of the prior; and the reflectors B tell the frames no better than (B^T B + 1)^-1, in usual
-    sizes, for some in one line leave a turn about it open. The tool goes with the unknowns alone: where these make good
-    for a frame that is off, it stands off the base as the frame does, and the next registration shows that.
+    The fitted unknowns u depend on the held frames f by -(X^T X + W)^-1 X^T F, where X and F are the columns of both
+    and W is the prior precision. The covariance of the frames is (B^T B + 1)^-1 in usual sizes, with the columns B of
+    the reflectors' readings; the prior keeps it finite where reflectors in one line leave a rotation open. The tool
+    position depends on the unknowns alone: where these compensate an error of the frame, the tool is off the base by as
+    much, as the next registration will show.
 
     Args:
         fitted: found with the frames held.

@@ -1,4 +1,4 @@
-"""What a fit leaves uncertain, kept in the machine file."""
+"""The joint covariance of a fit, kept in the machine file."""
 
 import hashlib
 from collections.abc import Sequence
@@ -27,12 +27,12 @@ class Kept:
     """The joint covariance of a model's parameters and the frame, as a factor: covariance = root @ root.T.
 
     Attributes:
-        names: one for each row, (u,); parameters as 'backlash gap_mm 2', then mount and frame.
-        root: (u, r), in the parameters' own units.
-        heldout: error of rows that the fit had not seen, root mean square in total, mm; None where not known.
-        helped: whether these were predicted better than by the drawing, beyond chance; None where nobody knows.
-        masked: what its run says of effects that the model does not have (`ptt.fitting.masked`).
-        unnamed: sizes of the drawing that it does not have; None where nobody asked.
+        names: one for each row, (u,): parameters as 'backlash gap_mm 2', then mount and frame.
+        root: square root of the covariance, (u, r), in the parameters' own units.
+        heldout: root mean square error of held-out rows, mm; None where not known.
+        helped: whether held-out rows were predicted better than by the drawing, beyond chance; None where not known.
+        masked: what its run shows about effects that the model does not have (`ptt.fitting.masked`).
+        unnamed: sizes of the drawing that it does not have; None where not computed.
         turns: travel of a wind-up of each joint that its run cannot tell from play, (k,) mm or rad; () for none.
     """
 
@@ -50,11 +50,11 @@ class Kept:
         return 0.0 if self.helped is False else self.heldout
 
     def rows(self, names: Sequence[str]) -> np.ndarray:
-        """Rows of the root by name, (len(names), r); zero for what the fit held."""
+        """Rows of the root by name, (len(names), r); zero for parameters that the fit held."""
         return self._by_name(self.root, names)
 
     def unnamed_beside(self, names: Sequence[str]) -> Unnamed | None:
-        """What is not named beside some parameters, by name; zero for what the fit held. None where nobody asked."""
+        """`unnamed` for some parameters by name, zero for those that the fit held; None where not computed."""
         if self.unnamed is None:
             return None
         root = self.unnamed.root
@@ -66,23 +66,23 @@ class Kept:
 
 
 def rows_by_name(kept: Sequence[str], names: Sequence[str]) -> np.ndarray:
-    """Where values are kept.
+    """Row of each name among kept ones.
 
     Args:
-        kept: names as a file has them.
-        names: of values, (w,).
+        kept: names in the file.
+        names: wanted names, (w,).
 
     Returns:
-        (w,) int, -1 where nothing is kept. Of a length that is each joint's own an older file knows one of all joints.
+        (w,) int, -1 where a name is not kept. Older files have one length for all joints; its row is then returned.
     """
     place = {name: number for number, name in enumerate(kept)}
     return np.array([place.get(name, place.get(name.rpartition(" ")[0], -1)) for name in names], dtype=int)
 
 
 def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = None) -> Kept:
-    """What is worth keeping of a fit.
+    """The part of a fit that is kept: its covariance without repeated frames and mounts.
 
-    Of several tracker frames the first one's is kept: what a frame takes is nothing that a command could mend.
+    Of several tracker frames only the first is kept, since no command corrects a frame.
 
     Args:
         fitted: the fit.
@@ -97,15 +97,15 @@ def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = 
         doubt = fitted.layout.scale[first][:, None] * fitted.doubt[first]
         covariance = covariance + doubt @ doubt.T
     size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    strength, way = np.linalg.eigh(covariance / np.outer(size, size))
-    root = size[:, None] * way * np.sqrt(np.maximum(strength, 0.0))
+    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    root = size[:, None] * vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
     return Kept(names, root, heldout, helped, unnamed=unnamed, turns=fitted.turns)
 
 
 def keep_covariance(
     fitted: FitResult, heldout: float | None = None, helped: bool | None = None
 ) -> CovarianceSpec | None:
-    """The same as a section of a machine file; None where nothing was fitted. Arguments as of `keep`."""
+    """`keep` as a section of a machine file; None where nothing was fitted."""
     if not len(fitted.unknowns):
         return None
     kept = keep(fitted, heldout, helped)
@@ -138,7 +138,7 @@ def kept_covariance(model: Model) -> Kept | None:
 
 
 def why_not_kept(model: Model) -> str:
-    """What is wrong with the covariance that a machine file holds beside its effects.
+    """What is wrong with the covariance in a machine file.
 
     Args:
         model: as read.
@@ -163,7 +163,7 @@ def why_not_kept(model: Model) -> str:
 
 
 def _no_longer_of(spec: CovarianceSpec, model: Model) -> str:
-    """What it belongs to that the model does not have, in words; '' where it is the model's."""
+    """In words, whether the covariance belongs to other values or another drawing; '' where it is the model's."""
     if spec.values not in _digests(model):
         return "other values than the effects have: was one edited?"
     if spec.drawing not in (None, _digest_of_drawing(model)):
@@ -172,9 +172,9 @@ def _no_longer_of(spec: CovarianceSpec, model: Model) -> str:
 
 
 def _digest_of_drawing(model: Model) -> str:
-    """Of all that the effects are errors of: not of the name, nor of how far the axes travel.
+    """Digest of the machine's drawing, without parts that no error depends on.
 
-    What a key is by default is left out, so that one that comes to be known later changes no digest.
+    Keys with default values are left out, so that keys introduced later do not change it.
     """
     return _digest(model.file.machine.model_dump_json(exclude=OUTSIDE_DIGEST, exclude_defaults=True))
 
@@ -184,9 +184,9 @@ def _digest(text: str) -> str:
 
 
 def _digests(model: Model) -> tuple[str, ...]:
-    """Of which parameters a covariance is: a value that a person changed has another.
+    """Digests of the parameter values that a covariance belongs to, so that an edited value is noticed.
 
-    The second one is that of older files, which had one figure for all joints where each has a length of its own now.
+    The second is that of older files, with one length for all joints where each has its own now.
     """
     written = [(e.name, e.label, {k: v.value for k, v in e.parameters.items()}) for e in write_model(model).effect]
     kind = model.file.machine.kind
@@ -199,5 +199,5 @@ def _digests(model: Model) -> tuple[str, ...]:
 
 
 def _one(value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-    """One figure for several that are alike."""
+    """One value for several equal ones."""
     return value[0] if isinstance(value, tuple) and len(set(value)) == 1 else value

@@ -33,12 +33,12 @@ class Layout:
         scale: (u,) usual size of each unknown.
         lower: (u,) bound in units of scale.
         upper: (u,) bound in units of scale.
-        held: (u,) bool, kept near zero at its scale by definition of the effect and of those beside it.
+        held: (u,) bool, kept near zero with a prior of its scale, by definition of the effect and of those beside it.
         owner: (u,) int, index of the term; FRAME or MOUNT for those.
-        group: (u,) int, unknowns of one parameter (slopes and levels apart) and of those joined to it, which share how
-            large they may be; -1 for frames and mounts.
-        kinds: of each group: 'free', 'held' as above, 'searched', or 'apart' where each joint has its own of what was
-            searched for all of them as one.
+        group: (u,) int, group of unknowns with a common prior variance: those of one parameter (slopes and levels
+            apart) and of parameters joined to it; -1 for frames and mounts.
+        kinds: of each group: 'free', 'held' as above, 'searched', or 'apart' where each joint has its own value of what
+            was searched as one value for all.
         names: one for each unknown.
         frames: number of frames.
         mounts: number of reflector mounts.
@@ -59,7 +59,7 @@ class Layout:
 
     @property
     def searched(self) -> np.ndarray:
-        """(u,) bool, what shapes effects and began where a search left it."""
+        """(u,) bool, nonlinear shape parameters, which start where a search left them."""
         return np.array([kind in ("searched", "apart") for kind in self.kinds] + [False])[self.group]
 
     def thetas(self, unknowns: np.ndarray) -> list[Tensor]:
@@ -95,7 +95,7 @@ class Layout:
 
     @property
     def lasting(self) -> dict[str, int]:
-        """What is kept of a run, and its place: of several mounts and frames the first ones, without their run."""
+        """Name -> index of each unknown to keep: of several mounts and frames the first, without its run."""
         several = [*((name, self.frames) for name in FRAME_NAMES), *((name, self.mounts) for name in MOUNT_NAMES)]
         found: dict[str, int] = {}
         for place, name in enumerate(self.names):
@@ -159,7 +159,7 @@ class _Unknown(NamedTuple):
 def _of_term(
     term: Term, index: int, kind: str, view: View, fitted: set[str], kinds: list[str]
 ) -> tuple[list[_Unknown], np.ndarray]:
-    """Unknowns of one term, and which of its values they are, (P,) bool; `kinds` grows by its groups."""
+    """Unknowns of one term, and which of its values they are, (P,) bool; its groups are appended to `kinds`."""
     unknowns, flags = [], []
     joints, usual = view.joints, iter(usual_values(term.effect, view).tolist())
     local = iter(parameter_names(term.effect, kind, joints))
@@ -186,11 +186,11 @@ def _of_term(
 
 
 def bounds_of(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
-    """Between which values those of one parameter may be moved.
+    """Bounds of the values of one parameter in a fit.
 
     Args:
         parameter: as on its mechanism family.
-        present: its values now, which lie there, in its unit; empty where there are none.
+        present: its present values, which lie within, in its unit; empty where there are none.
 
     Returns:
         The least and the largest, in its unit.
@@ -205,11 +205,11 @@ def bounds_of(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
 
 
 def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:
-    """Of each value: its kind, and whose cause it is where it is lent; values alike in both share one size."""
+    """Kind of each value, and the effect that it is lent to or ''; values equal in both share a prior variance."""
     found = "apart" if parameter.apart else "searched"
     kind = found if parameter.role == "searched" else "held" if parameter.held else "free"
     if not parameter.lent:
         return [(kind, "")] * size
-    # Slope and level are told apart: where a frame takes the level, a large slope must not make it uncertain.
+    # Slope and level are separate groups: where a frame takes the level, a large slope must not make it uncertain.
     owners = parameter.lent * (size // len(parameter.lent))
     return [("held", "") if name in fitted else ("free", name) for name in owners]

@@ -1,4 +1,4 @@
-"""The linearised problem, assembled once for everybody: what every parameter, present or tried, adds to the readings.
+"""The linearised problem: derivatives of the readings by every parameter, of the model and of candidates.
 
     linear = linear_columns(fitted, problem, candidates, noise)      # at a fit, candidates at zero beside it
     linear = assemble(layout, unknowns, problem, noise, candidates)  # the same at any point
@@ -60,16 +60,16 @@ class Linear:
     Attributes:
         columns: (n, 3, P): present effects, mounts, frames, then candidates.
         values: (n, 3); zero where not observed.
-        residual: (n, 3) what the present model leaves of them.
+        residual: residual of the present model, (n, 3) whitened.
         rows: rows that count, (n,) bool.
         frame: indices of the tracker frames' columns, then of the reflector mounts'.
         present: key -> indices of the columns of each effect in the model.
         trials: candidates in all their shapes.
         scale: (P,) usual size of each column.
-        held: columns that are kept within one usual size by definition of their effect, (P,) bool.
+        held: columns with a prior of one usual size by definition of their effect, (P,) bool.
         base_columns: of the base reflectors, (m, 3, P) in units of their own noise.
         base_values: (m, 3).
-        at: where further columns come from; None where the rows were let go.
+        at: gives further columns; None where the rows were dropped.
     """
 
     columns: np.ndarray
@@ -87,14 +87,14 @@ class Linear:
 
     @property
     def simple(self) -> np.ndarray:
-        """Columns of the present model and the frame, which are the first."""
+        """Indices of the columns of the present model and the frame, which come first."""
         return np.arange(sum(map(len, self.present.values())) + len(self.frame))
 
     def total(self, times: float = 1.0) -> Total:
-        """Normal equations of the rows that count and of the base reflectors; no prior is in them.
+        """Normal sums of the rows that count and of the base reflectors, without a prior.
 
         Args:
-            times: rows that each row stands for, where they are stretches of a long run; of reflectors all are there.
+            times: how many rows each row stands for in a sample of a long run; base reflectors count once.
         """
         gram, side, square, count = _sums(self.columns[self.rows], self.values[self.rows])
         base = _sums(self.base_columns, self.base_values)
@@ -102,14 +102,14 @@ class Linear:
         return rows[0] + base[0], rows[1] + base[1], rows[2] + base[2], rows[3] + base[3]
 
     def without_rows(self) -> "Linear":
-        """What the columns are, without their rows: all that is kept of a chunk once it is summed."""
+        """The description of the columns without their rows, which is kept of a chunk once it is summed."""
         columns, values, residual, rows = (part[:0] for part in (self.columns, self.values, self.residual, self.rows))
         return replace(self, columns=columns, values=values, residual=residual, rows=rows, at=None)
 
 
 @dataclass(frozen=True)
 class LinearPoint:
-    """Where a problem was linearised: gives the columns of effects and shapes that come up later.
+    """The point at which a problem was linearised, which gives columns of further effects and shapes.
 
     Attributes:
         chain: the present model's.
@@ -128,7 +128,7 @@ class LinearPoint:
         return self.join(self.shifts(effect, shapes), np.tile(tried_sizes(effect, self.problem), len(shapes)))
 
     def on_base(self, effect: Effect, *shapes: Shape) -> np.ndarray:
-        """The same at the base reflectors, (b, 3, p), in units of their own noise: what acts on the tracker."""
+        """Columns at the base reflectors, (b, 3, p), in units of their own noise; zero but for metrology effects."""
         base, sizes = self.problem.base, np.tile(tried_sizes(effect, self.problem), len(shapes))
         if base is None or not len(self.motion):
             return np.zeros((0, 3, len(sizes)))
@@ -146,7 +146,7 @@ class LinearPoint:
     def shifts(self, effect: Effect, shapes: Sequence[Shape]) -> list[Tensor]:
         """What an effect adds to the readings in each shape, (n, 3, p) mm per unit.
 
-        What is sudden is nothing up to a moment and from then on as it is all along.
+        A sudden effect is zero up to its moment, and from then on as if it acted throughout.
         """
         if not isinstance(effect, Sudden) or len(shapes) < 2:
             count = len(tried_sizes(effect, self.problem))
@@ -158,7 +158,7 @@ class LinearPoint:
 def linear_columns(
     fitted: FitResult, problem: Problem, candidates: Sequence[Effect], noise: Noise, shapes: Shapes | None = None
 ) -> Linear:
-    """Linearise around a fitted model, with every candidate's columns at zero beside it.
+    """Linearise around a fitted model, with columns of candidates at zero.
 
     Args:
         fitted: the model.
@@ -247,7 +247,7 @@ def detailed_columns(at: LinearPoint, effect: Effect, shape: Shape) -> tuple[np.
 
 
 def tried_sizes(effect: Effect, problem: Problem) -> np.ndarray:
-    """Usual size of each linear value that an effect is tried with, (P,): its fine detail waits until it is named."""
+    """Usual size of each linear value that an effect is tried with, (P,): without fine detail, which is added later."""
     joints = problem.view.joints
     fine = sum(parameter.size(joints) for parameter in effect.parameters if parameter.fine)  # the last of them
     usual = usual_sizes(effect, problem)
@@ -255,13 +255,13 @@ def tried_sizes(effect: Effect, problem: Problem) -> np.ndarray:
 
 
 def held_values(effect: Effect, problem: Problem) -> np.ndarray:
-    """Which linear values are kept near zero by the definition of the effect, (P,) bool."""
+    """Which linear values have a prior of one usual size by the definition of the effect, (P,) bool."""
     parameters = [parameter for parameter in effect.parameters if parameter.role == "linear"]
     return np.concatenate([np.zeros(0), *(np.full(item.size(problem.view.joints), item.held) for item in parameters)])
 
 
 def few_shapes(trials: Sequence[ShapeTrial], simple: np.ndarray) -> np.ndarray:
-    """The present model's columns and every candidate's, of long searches only the middle one of every few shapes."""
+    """Columns of a saturated model: the present one's and candidates', of long searches one shape of every few."""
     seen: dict[str, int] = {}
     chosen = [simple]
     for trial in trials:

@@ -1,7 +1,7 @@
-"""The fit's equations for a long run: only the Jacobian's sums are kept, chunk by chunk, and three numbers a row.
+"""A fit's normal equations for a long run, summed chunk by chunk; of each row only the residual is kept.
 
-A Jacobian of all rows takes hundreds of bytes a row and parameter while it is made; sums over chunks take none. A chunk
-is entered as the one before left it (`ptt.fitting.chunks`), so sums and residuals are those of the whole to rounding.
+A Jacobian of all rows would take hundreds of bytes for each row and parameter. A chunk is entered in the state in which
+the one before left it (`ptt.fitting.chunks`), so sums and residuals equal those of the whole run up to rounding.
 """
 
 from collections.abc import Sequence
@@ -27,9 +27,9 @@ class LongSystem:
 
     Attributes:
         residual: measured less predicted, (n, 3) in units of noise; NaN where not observed.
-        prediction: what the model says, frames left aside.
-        evaluate: where it comes from.
-        unknowns: (u,) where it is.
+        prediction: of the model, without frames.
+        evaluate: the evaluator that made it.
+        unknowns: the point, (u,) in usual sizes.
     """
 
     residual: np.ndarray
@@ -47,7 +47,7 @@ class LongSystem:
 
 
 class LongEvaluator:
-    """Builds the system at given unknowns in one pass over all chunks, and remembers the last one."""
+    """Builds the system at given unknowns in one pass over all chunks; the last one is cached."""
 
     def __init__(self, layout: Layout, problem: Problem, noise: Noise, *, size: int = CHUNK) -> None:
         self.layout, self.problem, self.noise = layout, problem, noise
@@ -74,7 +74,7 @@ class LongEvaluator:
         return residual, prediction, total if base is None else add_totals(total, base)
 
     def _cut(self, values: np.ndarray) -> list[np.ndarray]:
-        """What belongs to the rows of each chunk."""
+        """Values (n, ..) cut at the chunks."""
         return [values[first:last] for first, last in stretches(len(values), self._size)]
 
     def parts(self, unknowns: np.ndarray, kept: np.ndarray, part: np.ndarray, parts: int) -> list[Total]:
@@ -150,7 +150,7 @@ def _move_chunk(
 
 
 def _rows_alone(system: WhitenedSystem) -> WhitenedSystem:
-    """The system without base reflectors, which every chunk sees and only one may count."""
+    """The system without base reflectors, which must not be counted once for each chunk."""
     width = system.jacobian.shape[-1]
     return WhitenedSystem(
         system.residual, system.jacobian, np.zeros((0, 3)), np.zeros((0, 3, width)), system.prediction, system.chain
@@ -158,7 +158,7 @@ def _rows_alone(system: WhitenedSystem) -> WhitenedSystem:
 
 
 def _joined(parts: list[Prediction]) -> Prediction:
-    """Predictions one behind the other; a geometry that is the same in all rows stays one row."""
+    """Predictions concatenated; a geometry that is the same in all rows stays one row."""
     geometry = [part.geometry for part in parts]
     same = all(len(each) == 1 for each in geometry)
     spread = [each.expand(len(part.q), -1) for each, part in zip(geometry, parts, strict=True)]
@@ -169,7 +169,7 @@ def _joined(parts: list[Prediction]) -> Prediction:
 
 
 def held_out_residual(fitted: FitResult, problem: Problem, parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Residual of every row from a fit that did not see it: one step of Gauss-Newton away from the fit of all rows.
+    """Held-out residual of every row: its part is left out by one Gauss-Newton step from the fit of all rows.
 
     Args:
         fitted: the fit of all rows.

@@ -1,4 +1,4 @@
-"""What a fit says of effects that its model does not have: how they would have hidden in the values that it has."""
+"""What a run shows about effects that a fitted model does not have, and how the model would have absorbed them."""
 
 from dataclasses import dataclass
 
@@ -21,13 +21,13 @@ LEAST_ROOT = 0.03
 
 @dataclass(frozen=True)
 class Masked:
-    """Effects that a model does not have, in usual sizes, one behind the other.
+    """Effects that a model does not have, their p values in usual sizes and concatenated.
 
     Attributes:
         keys: of the effects.
-        absorbed: (w, p) by how much the model's values would be less for each unit of theirs.
-        seen: (p, p) root of what the run knows of them beside the model: seen.T @ seen is their information.
-        said: (p,) what the run said of them in terms of the root: seen @ values = said, with unit errors.
+        absorbed: decrease of the model's w values per unit of theirs, (w, p).
+        seen: root of their information beside the model, (p, p): information = seen.T @ seen.
+        said: (p,): the run's equations for them are seen @ values = said, with unit errors.
     """
 
     keys: tuple[str, ...]
@@ -62,14 +62,14 @@ def read_masked(spec: MaskedSpec, width: int) -> Masked | None:
 
 
 def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
-    """What a run says of the effects of the library that a model does not have and the run could test.
+    """What a run shows about library effects that a model does not have and that the run could test.
 
     Args:
         fitted: the model's fit.
         problem: its run.
 
     Returns:
-        What is known of them; None of a long run, or where there is none.
+        The effects; None for a long run, or where there are none.
     """
     candidates = [] if problem.table.rows > MASKED_ROWS or not len(fitted.unknowns) else _candidates(fitted, problem)
     if not candidates:
@@ -83,12 +83,12 @@ def masked_effects(fitted: FitResult, problem: Problem) -> Masked | None:
     left = side - gram[:, simple[own]] @ fitted.unknowns[own]
     cross = gram[np.ix_(simple, more)]
     absorbed = solved @ cross
-    size, ways = np.linalg.eigh((gram[np.ix_(more, more)] - cross.T @ absorbed) / wide)
-    root = np.sqrt(np.maximum(size, 0.0))
-    score = ways.T @ (left[more] - absorbed.T @ left[simple]) / wide
+    eigenvalues, vectors = np.linalg.eigh((gram[np.ix_(more, more)] - cross.T @ absorbed) / wide)
+    root = np.sqrt(np.maximum(eigenvalues, 0.0))
+    score = vectors.T @ (left[more] - absorbed.T @ left[simple]) / wide
     said = np.where(root > LEAST_ROOT, score / np.maximum(root, LEAST_ROOT), 0.0)
     keys = tuple(trial.effect.key for trial in linear.trials)
-    return Masked(keys, absorbed[: int(own.sum())], root[:, None] * ways.T, said)
+    return Masked(keys, absorbed[: int(own.sum())], root[:, None] * vectors.T, said)
 
 
 def _candidates(fitted: FitResult, problem: Problem) -> list[Effect]:

@@ -1,4 +1,4 @@
-"""The moments of a fitted model's own sudden effects: put to the row that has them, or exchanged."""
+"""Moments of a fitted model's own sudden effects: moved to the best row, or exchanged."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,9 +15,9 @@ from ptt.run.problem import Problem, apply_frames
 
 
 def place_own_moments(fitted: FitResult, problem: Problem) -> Model:
-    """Put the moments of a model's own sudden effects to the row that has them, their sizes held.
+    """Move the moments of a model's own sudden effects to the best rows, their sizes held.
 
-    Linearised at a jump one row early, a second jump would have to make good for that row.
+    Linearised at a jump that is one row early, a second jump would be needed to make up for that row.
 
     Args:
         fitted: the model; its residual tells which rows count.
@@ -40,10 +40,10 @@ def place_own_moments(fitted: FitResult, problem: Problem) -> Model:
 
 
 def exchanged(fitted: FitResult) -> Iterator[Model]:
-    """The model with the moments of two unlike sudden effects exchanged, for each pair, their sizes begun anew.
+    """The model with the moments of two different sudden effects exchanged, for each pair, their sizes at zero.
 
-    What three sliders slip and what a tripod is knocked by look alike but for turns and curvature, so each may have
-    been found first at the other's moment, where no step of one alone does better.
+    A slip of three sliders and a knock of the tripod look alike but for rotations and curvature, so each may have been
+    found first at the other's moment, and moving one alone does not help.
 
     Args:
         fitted: the model.
@@ -64,7 +64,7 @@ def _begun_at(term: Term, moment: torch.Tensor | None) -> Term:
 
 
 def rows_read(problem: Problem) -> np.ndarray:
-    """Rows that have a reading, base reflectors among them, (n,) bool: only these say when something happened."""
+    """Rows that have a reading, base reflectors included, (n,) bool: only these date an event."""
     read = problem.view.read
     return np.ones(problem.table.rows, dtype=bool) if read is None else read.numpy()
 
@@ -74,10 +74,10 @@ def last_before(clock: np.ndarray, gained: np.ndarray) -> float:
 
     Args:
         clock: (n,), which never goes back.
-        gained: sum of squares by which each row is better with the jump than without it, (n,); rows with a reading.
+        gained: sum of squares by which each row with a reading is better with the jump than without it, (n,).
 
     Returns:
-        As it is on the clock.
+        By the clock.
     """
     inner = slice(EDGE - 1, len(clock) - EDGE)
     return float(clock[inner][int(np.argmin(np.cumsum(gained)[inner]))])

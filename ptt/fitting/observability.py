@@ -1,4 +1,4 @@
-"""What a run cannot tell, in words: combinations of parameters that only their usual size holds near zero."""
+"""Unobservable combinations of parameters, which only the prior of their usual size holds near zero, in words."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,9 +30,9 @@ class Combination(Record):
     """One combination of parameters that the data cannot see.
 
     Attributes:
-        effect: key of the effect it is told of.
+        effect: key of the effect that it is reported for.
         what: its pattern, as in 'offset of all sliders together'.
-        partners: what it cannot be told from; empty where the data show nothing of it at all.
+        partners: what it is confounded with; empty where the data show nothing of it at all.
         weights: parameter name -> weight in usual sizes, the effect's own.
     """
 
@@ -53,7 +53,7 @@ class Combination(Record):
 
 @dataclass(frozen=True)
 class Correlation:
-    """Two measured parameters that the data hardly part.
+    """Two measured parameters that the data hardly separate.
 
     Attributes:
         first: name.
@@ -89,9 +89,9 @@ def correlations(fitted: FitResult) -> tuple[Correlation, ...]:
 def unobservable(fitted: FitResult) -> tuple[Combination, ...]:
     """Name the combinations that the data cannot see.
 
-    For each effect, its columns are projected off all others; directions of its own that keep less information than
-    their usual size are confounded. Patterns (all together, sideways along x, ...) that lie in that space give the
-    words, and the fewest columns of others that imitate them are the partners.
+    For each effect, all other columns are projected off; directions of its own that keep less information than the
+    prior of their usual size are confounded. Patterns (all together, sideways along x, ...) that lie in that space give
+    the words, and the fewest columns of others that imitate them are the partners.
 
     Args:
         fitted: the fit.
@@ -125,7 +125,7 @@ class _Candidate:
 
 
 def _information(fitted: FitResult) -> np.ndarray:
-    """What is known of the unknowns, in units of the sizes that they may have."""
+    """Information on the unknowns, in units of the sizes that they may have, (u, u)."""
     return fitted.information * np.outer(fitted.sizes, fitted.sizes)
 
 
@@ -137,7 +137,7 @@ def _patterns(fitted: FitResult, index: int, own: np.ndarray) -> Iterator[Patter
 
 
 def _confounded(fitted: FitResult) -> Iterator[tuple[int, Pattern]]:
-    """Patterns of which the others' columns leave less than the usual size tells."""
+    """Patterns that keep less information beside all other columns than their prior has."""
     layout, information = fitted.layout, _information(fitted)
     for index in range(len(layout.terms)):
         own = np.flatnonzero(layout.owner == index)
@@ -216,7 +216,7 @@ def _kept(information: np.ndarray, vector: np.ndarray, others: np.ndarray) -> fl
 
 
 def _imitation(information: np.ndarray, vector: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """What the other columns must do so that the data see least of a direction."""
+    """Values of the other columns, (u,), at which the data see least of a direction."""
     result = np.zeros_like(vector)
     if len(others):
         block = information[np.ix_(others, others)] + PARTNER_PRIOR * np.eye(len(others))

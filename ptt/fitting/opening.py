@@ -1,4 +1,4 @@
-"""Rows at which the side on which a joint lies is unknown: they open a run, or nothing pushes it there."""
+"""Rows at which it is unknown on which side of its play a joint is: they open a run, or no force decides it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,13 +21,13 @@ AT_STAKE_NATS = 10.0
 
 
 def opening_rows(problem: Problem) -> np.ndarray:
-    """The rows of a run before it first moves: their direction of arrival, and so the side of any play, is unknown.
+    """The rows of a run before it first moves, whose direction of arrival, and so the side of any play, is unknown.
 
     Args:
         problem: n rows.
 
     Returns:
-        (n,) bool; none where they are more than a few, or no direction is told.
+        (n,) bool; none where they are more than a few, or where directions do not vary.
     """
     view = problem.view
     starts, q = view.starts.numpy(), view.q.numpy()
@@ -39,9 +39,9 @@ def opening_rows(problem: Problem) -> np.ndarray:
 
 
 def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:
-    """Rows at which readings still tell from which side each joint came to its run, by what was found to remember it.
+    """Rows whose readings still depend on the direction in which the run was entered, under fitted reversing effects.
 
-    On a path of small steps a drive that winds up has not turned over for dozens of rows.
+    On a path of small steps, a drive that winds up takes dozens of rows to turn over.
 
     Args:
         terms: of a fitted model.
@@ -49,7 +49,7 @@ def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> n
         noise: the noise floor.
 
     Returns:
-        (n,) bool; none where so little hangs on them that nothing else could pass for it, or where they are too many.
+        (n,) bool; none where they matter too little to imitate another effect, or where they are too many.
     """
     view, none = problem.view, np.zeros(problem.table.rows, dtype=bool)
     known = [(term.effect, term.theta) for term in terms if term.effect.reverses and len(term.theta)]
@@ -75,9 +75,9 @@ def _is_of_joints(effect: Effect) -> bool:
 
 
 def undecided_rows(terms: Sequence[Term], problem: Problem) -> np.ndarray:
-    """Rows at which a drawing's errors may change the side on which what was found has a joint lie.
+    """Rows at which errors of the drawing may change the side of a joint's play under a fitted effect.
 
-    A play of which all visits of two poses are told on the wrong side looks like what no effect describes.
+    Play that is on the wrong side at all visits of two poses would look like an unknown.
 
     Args:
         terms: of a fitted model.
@@ -92,12 +92,12 @@ def undecided_rows(terms: Sequence[Term], problem: Problem) -> np.ndarray:
 
 
 def untold_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:
-    """Rows at which the side on which what was found has a joint lie is unknown, (n,) bool; arguments as above."""
+    """Rows of `remembering_rows` or `undecided_rows`, (n,) bool."""
     return remembering_rows(terms, problem, noise) | undecided_rows(terms, problem)
 
 
 def told_aside(rows: int) -> str:
-    """Why there are fewer readings than in the run, in words.
+    """Words on rows that were set aside.
 
     Args:
         rows: that are left aside, one at the least.
@@ -107,7 +107,7 @@ def told_aside(rows: int) -> str:
 
 
 def without_opening(problem: Problem, rows: np.ndarray) -> Problem:
-    """The problem without rows of which a side is unknown, which date nothing either: no reading is left there.
+    """The problem with some rows masked and without readings, so that they do not date events either.
 
     Args:
         problem: n rows.

@@ -1,4 +1,4 @@
-"""Other ways to say what a fit says: with a size of the drawing off that its model does not have, and other values."""
+"""Alternative solutions of a fit: with one further size of the drawing, and clearly other values of its effects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,13 +25,13 @@ LEAST_CHANCE = 1e-3
 
 @dataclass(frozen=True)
 class OtherWay:
-    """A way to say the same.
+    """An alternative solution.
 
     Attributes:
-        chance: of it.
-        size: of the drawing that is off in it.
-        effects: of the fit, by key, whose values are clearly others in it.
-        there: where all values are then.
+        chance: its probability.
+        size: the further size of the drawing.
+        effects: keys of the fit's effects whose values are clearly different.
+        there: its posterior.
     """
 
     chance: float
@@ -43,21 +43,21 @@ class OtherWay:
 def other_ways(
     fitted: FitResult, total: Total, sizes: Sequence[DrawnSize], base: Posterior, ahead: float
 ) -> list[OtherWay]:
-    """Other ways to say what a fit says, with one size of the drawing as far off as may be.
+    """Alternative solutions with one further size of the drawing, on a grid of its prior variance.
 
-    Widths at the most evidence end at the fewest values that are not zero: where rails lean, zeros differ and the frame
-    is free, at rails alone, that lean another way. Little more speaks for these than for all others, over all widths
-    that a size may have. Each size is off or not by itself, so the chances of one are no part of another's.
+    Learned variances lead to sparse solutions: where rails lean, zeros differ and the frame is free, to rails alone
+    that lean differently. Integrated over the prior variance, these are hardly more probable than others. Each size is
+    judged by itself, so probabilities of different sizes do not share one total.
 
     Args:
         fitted: the fit.
         total: sums of its columns and those of the sizes.
-        sizes: of the drawing, each alone.
-        base: the fit's values without any.
-        ahead: log evidence of the likeliest way.
+        sizes: further sizes of the drawing, each tried alone.
+        base: posterior without any of them.
+        ahead: log evidence of the likeliest solution.
 
     Returns:
-        Those that are likely enough, and have values clearly elsewhere.
+        Those that are probable enough and have clearly different values.
     """
     found = list[OtherWay]()
     for size in sizes:
@@ -70,7 +70,7 @@ def other_ways(
 
 
 def _with_size(fitted: FitResult, total: Total, size: DrawnSize) -> list[Posterior]:
-    """Where all values are with a size of each width, from where the fit is and with each of its kinds at nothing."""
+    """Posteriors with a size at each prior variance, started from the fit and with each of its groups near zero."""
     kinds, group = fitted.layout.kinds, fitted.layout.group[fitted.layout.owner >= 0]
     ways = [learn_beside(fitted, total, (size,), held=width) for width in TRIED_VARIANCES]
     for number in np.unique(group[group >= 0]).tolist():
@@ -85,7 +85,7 @@ def _with_size(fitted: FitResult, total: Total, size: DrawnSize) -> list[Posteri
 
 
 def _elsewhere(fitted: FitResult, base: Posterior, there: Posterior) -> tuple[str, ...]:
-    """Effects of a fit, by key, of which a value is clearly another."""
+    """Keys of a fit's effects with a clearly different value."""
     layout, errors = fitted.layout, np.sqrt(np.diag(base.covariance))
     off = np.abs(there.values[: len(base.values)] - base.values)
     far = [

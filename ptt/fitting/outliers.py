@@ -21,20 +21,20 @@ CHI2_MEDIAN = chi2_median(3)  # of a squared distance in three coordinates
 def inside(
     whitened: np.ndarray, used: np.ndarray, problem: Problem | None = None, noise: Noise | None = None
 ) -> np.ndarray:
-    """Rows that noise can explain.
+    """Rows that are no gross errors.
 
-    A gross error is an exception: what one row in twelve has is the machine or the model, and so is what rows in a
-    row or two visits of a pose have. Left out beside is a stretch that is sound but for one common shift (another
-    reflector, a knock).
+    A gross error is an exception: an error of more than one row in twelve is the machine's or the model's, and so is
+    one that successive rows or two visits of a pose have. Also left out is a stretch that is sound but for one common
+    shift (another reflector, a knock).
 
     Args:
         whitened: residual in units of noise, (n, 3), NaN where not observed.
         used: rows that may count, (n,) bool.
-        problem: the readings, whose order tells what stands alone; None where it is not known.
-        noise: what the residual is in units of; without it nothing is left out as a stretch.
+        problem: the readings, for their order and poses; None where not known.
+        noise: unit of the residual; None: no stretch is left out.
 
     Returns:
-        (n,) bool, a part of `used`. Where all but one row in twelve lie wider than noise, so does the limit.
+        (n,) bool, a subset of `used`. The limit widens with the bulk of the rows.
     """
     squared, _ = _distances(whitened, used)
     squared = np.where(used, np.nan_to_num(squared, nan=np.inf), 0.0)
@@ -56,7 +56,7 @@ def inside(
 
 
 def _limit(squared: np.ndarray, exceptions: float = 0.5) -> float:
-    """Squared distance beyond which a row is far; it widens with half of the rows, and with all but the exceptions."""
+    """Squared distance beyond which a row is far; scaled by the median row, and by the row that exceptions leave."""
     count = len(squared)
     bulk = count - max(1, int(np.ceil(exceptions * count)))
     if bulk < 1:

@@ -1,4 +1,4 @@
-"""Projected: columns of normal equations with everything taken off that a model explains."""
+"""Normal equations with the columns of a model projected off."""
 
 from dataclasses import dataclass
 
@@ -13,13 +13,13 @@ LINEARISATION_TRACE = 1e-7
 
 @dataclass(frozen=True)
 class Projected:
-    """Columns with everything the present model explains taken off.
+    """Normal sums of columns projected off those of the present model.
 
     Attributes:
-        gram: (P, P) of the columns.
-        side: (P,).
-        left: sum of squares that the present model leaves.
-        before: (P,) information of each column before anything was taken off.
+        gram: X^T X of the projected columns, (P, P).
+        side: X^T y, (P,).
+        left: residual sum of squares of the present model.
+        before: diagonal of X^T X before the projection, (P,).
     """
 
     gram: np.ndarray
@@ -30,14 +30,14 @@ class Projected:
     def least(self, chosen: np.ndarray) -> float:
         """Information from which a direction of the chosen columns counts as seen.
 
-        In very many rows even the thousandth part by which two columns differ only because of where they were
-        linearised would count, and be blown up into anything.
+        With very many rows, even the thousandth part by which two columns differ only because of where they were
+        linearised would exceed the absolute limit and give arbitrarily large values.
         """
         return max(SEEN_INFORMATION, LINEARISATION_TRACE * float(self.before[chosen].max(initial=0.0)))
 
 
 def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray) -> Projected:
-    """Take off what the base columns explain.
+    """Project off the base columns.
 
     Args:
         gram: (P, P).
@@ -50,9 +50,9 @@ def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray)
     """
     if not len(base):
         return Projected(gram, side, square, np.diag(gram))
-    strength, directions = linalg.eigh(gram[np.ix_(base, base)])
-    seen = strength > SEEN_INFORMATION
-    root = directions[:, seen] / np.sqrt(strength[seen])
+    eigenvalues, directions = linalg.eigh(gram[np.ix_(base, base)])
+    seen = eigenvalues > SEEN_INFORMATION
+    root = directions[:, seen] / np.sqrt(eigenvalues[seen])
     cross = root.T @ gram[base]  # shape: (s, P)
     along = root.T @ side[base]
     left = max(square - float(along @ along), 0.0)
@@ -60,7 +60,7 @@ def project(gram: np.ndarray, side: np.ndarray, square: float, base: np.ndarray)
 
 
 def gain(projected: Projected, chosen: np.ndarray) -> float:
-    """What chosen columns take off the rest.
+    """Sum of squares that chosen columns explain beside the present model.
 
     Args:
         projected: columns with the present model taken off.
@@ -69,7 +69,7 @@ def gain(projected: Projected, chosen: np.ndarray) -> float:
     Returns:
         Reduction of the sum of squares.
     """
-    strength, directions = linalg.eigh(projected.gram[np.ix_(chosen, chosen)])
-    seen = strength > projected.least(chosen)
+    eigenvalues, directions = linalg.eigh(projected.gram[np.ix_(chosen, chosen)])
+    seen = eigenvalues > projected.least(chosen)
     along = directions[:, seen].T @ projected.side[chosen]
-    return float(along @ (along / strength[seen]))
+    return float(along @ (along / eigenvalues[seen]))

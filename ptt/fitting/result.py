@@ -1,4 +1,4 @@
-"""A fit and its limits: values, what is known of them, what only a prior holds."""
+"""The result of a fit: values, their covariance, and the directions that only the prior determines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,16 +18,16 @@ MEASURED_SHARE = 0.5  # share of its prior variance below which a value counts a
 
 @dataclass(frozen=True)
 class FitResult:
-    """A fit and its limits.
+    """The result of a fit.
 
     Attributes:
         model: the model with fitted parameters.
         layout: order of the unknowns.
         unknowns: (u,) fitted values in usual sizes.
-        covariance: (u, u) of the unknowns in their own units; what the prior holds has the prior's. Wider than the
-            noise says where the fit leaves more than noise.
-        information: what is known of the unknowns in usual sizes, (u, u): by the rows, and by what an effect is
-            defined without; no prior on unseen directions.
+        covariance: posterior covariance of the unknowns in their own units, (u, u), scaled up where the fit leaves more
+            than noise.
+        information: information on the unknowns in usual sizes, (u, u): of the rows, and of the prior of `held` values,
+            but of no other prior.
         prediction: of all rows, masked ones included.
         residual: measured less predicted in the base frame, (n, 3) mm; NaN where not observed.
         outliers: rows left out as gross errors, (n,) bool.
@@ -35,17 +35,17 @@ class FitResult:
         chi2: weighted sum of squares over the rows used.
         freedom: degrees of freedom.
         rank: number of directions that the data see.
-        unseen: (u, m) directions, in units of `sizes`, that only the prior holds.
-        prior: how large the unknowns may be, and how much wider than stated the rows scatter.
+        unseen: (u, m) directions, in units of `sizes`, that only the prior determines.
+        prior: prior variances, and how much more than stated the rows scatter.
         iterations: evaluations of the derivative.
         status: 'converged' or what kept it from converging.
-        doubt: (u, r) how the unknowns go with what base reflectors leave open of the frames that they held, in usual
-            sizes, the root of a covariance; None where none was held. The covariance is without it.
-        unnamed: sizes of the drawing that the model does not have, and how far they leave the unknowns open; None where
-            nobody asked. The covariance is without them: where the run went the values make good for them.
-        turns: travel of a wind-up of each joint that the readings cannot tell from the play that the model has, mm or
-            rad; () where nobody asked, or it has none.
-        least: names of unknowns of which the readings tell only that they are no smaller.
+        doubt: (u, r) root of the further covariance by frames that base reflectors held, in usual sizes; None where
+            none was held. Not part of `covariance`.
+        unnamed: sizes of the drawing that the model does not have, and the further covariance by them; None where not
+            computed. Not part of `covariance`, as the values make up for them where the run went.
+        turns: travel of a wind-up of each joint that the readings cannot tell from the model's play, mm or rad; ()
+            where not computed, or where there is no play.
+        least: names of unknowns for which the readings give only a lower bound.
     """
 
     model: Model
@@ -76,12 +76,12 @@ class FitResult:
 
     @property
     def sizes(self) -> np.ndarray:
-        """How large each unknown may be, (u,) in usual sizes: those, or more where the rows ask for it."""
+        """How large each unknown may be, (u,) in usual sizes (`Prior.sizes`)."""
         return self.prior.sizes(self.layout)
 
     @property
     def scatter(self) -> float:
-        """Mean square of what is left of the rows in units of their noise, one where that is less."""
+        """Reduced chi-squared, at least one."""
         return max(1.0, self.chi2 / max(self.freedom, 1))
 
     @property
@@ -94,15 +94,15 @@ class FitResult:
 
     @property
     def open(self) -> np.ndarray:
-        """Mean squares by which what is not named may move the unknowns, (u,) in their own units; zero if not asked."""
+        """Further variances by sizes of the drawing not in the model, (u,) in own units squared; else zero."""
         if self.unnamed is None:
             return np.zeros(len(self.unknowns))
         return np.asarray(np.square(self.unnamed.root[: len(self.unknowns)]).sum(axis=1) * self.layout.scale**2)
 
     def apart(self, own: np.ndarray) -> np.ndarray:
-        """Standard errors of what some unknowns are more than their mean, in their own units.
+        """Standard errors of the differences of some unknowns from their mean, in their own units.
 
-        Where a frame takes what all of them have in common, that is all that is known of them.
+        Where a frame takes what all of them have in common, the differences are all that is known of them.
 
         Args:
             own: indices of the unknowns, (k,).
@@ -117,14 +117,14 @@ class FitResult:
 
     @property
     def _roots(self) -> list[np.ndarray]:
-        """What else leaves the unknowns open, in usual sizes, each the root of a covariance."""
+        """Roots of the further covariances, in usual sizes: `doubt` and `unnamed`."""
         beside = None if self.unnamed is None else self.unnamed.root[: len(self.unknowns)]
         return [root for root in (self.doubt, beside) if root is not None]
 
     def unnamed_covariance(self, names: Sequence[str]) -> np.ndarray:
-        """Mean squares and products by which what is not named may move some unknowns, by name, in usual sizes, (v, v).
+        """Further covariance of v unknowns by name, by sizes of the drawing not in the model, in usual sizes, (v, v).
 
-        Zero where nobody asked, and of what is no unknown.
+        Zero where not computed, and for names that are no unknowns.
         """
         place = {name: number for number, name in enumerate(self.layout.names)}
         rows = np.zeros((len(names), 0 if self.unnamed is None else self.unnamed.root.shape[1]))
@@ -135,7 +135,7 @@ class FitResult:
 
     @property
     def measured(self) -> np.ndarray:
-        """Unknowns that the data, not the prior, decide, (u,) bool."""
+        """Unknowns that the data, not the prior, determine, (u,) bool."""
         own = np.diag(self.covariance) / self.layout.scale**2
         told = ((self.unseen**2).sum(axis=1) <= MOST_UNSEEN) & ~(self.layout.held & (own > MEASURED_SHARE))
         told &= ~np.isin(self.layout.names, self.least)

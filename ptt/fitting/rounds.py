@@ -1,4 +1,4 @@
-"""Rounds of a fit: learn sizes, fit, leave out gross errors, until nothing of it changes any more."""
+"""Rounds of a fit: learn prior variances, fit, leave out gross errors, until nothing changes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ SETTLED_VARIANCES = 0.1  # change of a log variance below which it counts as set
 
 
 class RowSums(Protocol):
-    """What rows say at a point, held at once or read part by part, those aside that a choice leaves out."""
+    """Sums of the chosen rows at a point, however the rows are stored."""
 
     @property
     def total(self) -> Total:
@@ -27,12 +27,12 @@ class RowSums(Protocol):
 
     @property
     def design_effect(self) -> float:
-        """How many of them say the same as one."""
+        """Design effect: how many of them count as one."""
         ...
 
     @property
     def sifted(self) -> np.ndarray:
-        """The choice without gross errors, all rows asked anew."""
+        """The choice without gross errors, decided anew for all rows."""
         ...
 
 
@@ -62,7 +62,7 @@ def settle(
     rows: Rows, layout: Layout, noise: Noise, start: np.ndarray, choice: np.ndarray, prior: Prior,
     done: float = TOLERANCE, hopeless: float = np.inf,
 ) -> Settled:  # fmt: skip
-    """Fit to some rows, how large unknowns may be and which rows are gross errors being found on the way.
+    """Fit to some rows, learning prior variances and finding gross errors on the way.
 
     Args:
         rows: the rows.
@@ -79,7 +79,7 @@ def settle(
     """
     unknowns, status, settled, design_effect = start, "nothing to fit", False, 1.0
     for attempt in range(1 + MOST_ROUNDS):
-        if attempt:  # before a first fit all is smooth
+        if attempt:  # residuals before the first fit are smooth for want of a model
             design_effect = rows(unknowns, choice).design_effect
         before, prior = prior, learn_prior(rows(unknowns, choice).total, layout, unknowns, noise, prior, design_effect)
         if settled and _near(before, prior):
@@ -98,7 +98,7 @@ def settle(
 
 
 def _near(one: Prior, other: Prior) -> bool:
-    """Tell sizes so alike that no unknown would move by what matters."""
+    """Whether two priors are so similar that no unknown would move notably."""
     return bool(np.abs(np.log(one.group_variances / other.group_variances)).max(initial=0.0) < SETTLED_VARIANCES)
 
 

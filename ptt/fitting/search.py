@@ -1,4 +1,4 @@
-"""Where a new effect starts: the trial shape that takes most off the residual, and linear amplitudes."""
+"""Starting values of a new effect: the trial shape that explains most of the residual, and linear amplitudes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ LEAST_OPENING = 0.05  # usual sizes at which amplitudes that cannot be negative 
 
 @dataclass(frozen=True)
 class _Stage:
-    """What a new effect is held against: the known model's columns and readings, rows weighted robustly."""
+    """The known model linearised, rows weighted robustly, beside which new effects are opened."""
 
     linear: Linear
     root: np.ndarray  # (n, 1, 1) square roots of the weights; zero for rows that do not count
@@ -67,7 +67,7 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
     stage = _linearise([term for term in terms if len(term.theta)], new, trials, problem, noise)
     chosen = _choose(stage, new, trials, problem)
     if any(len(each) > 1 for each in trials.values()) and (stage.root[stage.linear.rows] < HALF_ROOT).any():
-        # What a first trial cannot say looks gross beside it: all rows may as well be sound.
+        # Rows that the first trial shape does not fit may look like gross errors, so equal weights are tried too.
         even = _choose(replace(stage, root=np.sign(stage.root)), new, trials, problem)
         chosen = min((chosen, even), key=lambda choice: _left_robustly(stage, new, choice))
     opened = {term.effect.key: _opened(term, *chosen[term.effect.key], problem) for term in new}
@@ -75,7 +75,7 @@ def open_terms(terms: Sequence[Term], problem: Problem, noise: Noise) -> list[Te
 
 
 def _left_robustly(stage: _Stage, new: Sequence[Term], chosen: Choice) -> float:
-    """What new effects of some shapes leave of all rows, gross ones counting little: Cauchy's loss."""
+    """Cauchy loss of the residual with new effects of some shapes, over all rows."""
     linear, shapes = stage.linear, [(term.effect, chosen[term.effect.key][0]) for term in new]
     assert linear.at is not None
     columns = [linear.columns[..., linear.simple], *(linear.at.columns(effect, shape) for effect, shape in shapes)]
@@ -193,7 +193,7 @@ def _profile(stage: _Stage, effect: Effect, trials: Sequence[Shape], others: Seq
 
 
 def _gain(columns: np.ndarray, base: np.ndarray, left: np.ndarray) -> float:
-    """Chi-squared that columns take off what the base leaves."""
+    """Chi-squared that columns explain beside a base."""
     flat = columns.reshape(-1, columns.shape[-1])
     flat = flat - base @ (base.T @ flat)
     along = solve_triangular(factor_of(flat.T @ flat, 1.0 / OPENING_VARIANCE), flat.T @ left, lower=True)
@@ -203,17 +203,17 @@ def _gain(columns: np.ndarray, base: np.ndarray, left: np.ndarray) -> float:
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
     """Basis of what columns (n, 3, P) span, (3 n, r); P is zero where the frame is trusted and nothing else known."""
     flat = columns.reshape(3 * len(columns), columns.shape[-1])
-    strength, directions = np.linalg.eigh(flat.T @ flat)
-    seen = strength > max(SEEN_INFORMATION, RANK_TOLERANCE * strength.max(initial=0.0))
-    return flat @ (directions[:, seen] / np.sqrt(strength[seen]))
+    eigenvalues, directions = np.linalg.eigh(flat.T @ flat)
+    seen = eigenvalues > max(SEEN_INFORMATION, RANK_TOLERANCE * eigenvalues.max(initial=0.0))
+    return flat @ (directions[:, seen] / np.sqrt(eigenvalues[seen]))
 
 
 def _amplitudes(stage: _Stage, blocks: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Joint linear solution in usual sizes by key; what the rows do not see stays zero."""
+    """Key -> joint least-squares solution in usual sizes; directions that the rows do not see stay zero."""
     flat = np.concatenate(list(blocks.values()), axis=-1)
     flat = flat.reshape(-1, flat.shape[-1])
-    strength, directions = np.linalg.eigh(flat.T @ flat + np.diag(stage.linear.held.astype(float)))
-    seen = strength > max(SEEN_INFORMATION, RANK_TOLERANCE * strength.max(initial=0.0))
-    solution = directions[:, seen] @ ((directions[:, seen].T @ (flat.T @ stage.values.ravel())) / strength[seen])
+    eigenvalues, directions = np.linalg.eigh(flat.T @ flat + np.diag(stage.linear.held.astype(float)))
+    seen = eigenvalues > max(SEEN_INFORMATION, RANK_TOLERANCE * eigenvalues.max(initial=0.0))
+    solution = directions[:, seen] @ ((directions[:, seen].T @ (flat.T @ stage.values.ravel())) / eigenvalues[seen])
     ends = np.cumsum([block.shape[-1] for block in blocks.values()])
     return dict(zip(blocks, np.split(solution, ends[:-1]), strict=True))

@@ -1,4 +1,4 @@
-"""Weighted least squares of all effects and the tracker frame together, and what the fit does not know."""
+"""Weighted least squares of all effects and the tracker frame together, with gross errors and covariance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -48,8 +48,8 @@ def fit(
         noise: the noise floor; None takes the problem's, or a first guess where it has none.
         lean: skip the confirmation that the set of outliers is stable.
         coarse: stop a hundredth of chi-squared from the end, which is near enough to compare models; errors are stated
-            as if no rows erred alike.
-        hopeless: chi-squared, prior and all, above which the fit is of no use and ends where it is.
+            without autocorrelation.
+        hopeless: cost (chi-squared and prior) above which the fit is given up.
 
     Returns:
         The fit; what kept it from converging is in its status.
@@ -107,7 +107,7 @@ def hold(term: Term) -> Term:
 
 @dataclass(frozen=True)
 class _RowSums:
-    """What the rows of a run that count, (n,) bool, say at a point."""
+    """`RowSums` of a run at a point, with the rows that count, (n,) bool."""
 
     evaluate: Evaluator | LongEvaluator
     block: np.ndarray
@@ -137,7 +137,7 @@ def _sound(evaluate: Evaluator | LongEvaluator, unknowns: np.ndarray) -> np.ndar
 def _begin(
     model: Model, problem: Problem, noise: Noise, robust: bool, coarse: bool
 ) -> tuple[Evaluator, np.ndarray, np.ndarray, Prior]:
-    """Equations, where to start, rows that count, and sizes."""
+    """Evaluator, starting unknowns, rows that count, and prior."""
     layout = lay_out(model, problem, open_terms(model.terms, problem, noise))
     evaluate = Evaluator(layout, problem, noise, coarse=coarse)
     unknowns = np.clip(layout.start(), layout.lower, layout.upper)
@@ -155,7 +155,7 @@ def _stood(system: WhitenedSystem) -> np.ndarray:
 def _begin_long(
     model: Model, problem: Problem, noise: Noise, robust: bool, coarse: bool
 ) -> tuple[LongEvaluator, np.ndarray, np.ndarray, Prior]:
-    """The same for a long run: it starts where stretches of it end, near enough to tell gross errors at once."""
+    """`_begin` for a long run, starting from a fit to a sample, which is near enough to find gross errors at once."""
     if any(isinstance(term.effect, Sudden) and not len(term.theta) for term in model.terms):
         model = replace(model, terms=tuple(open_terms(model.terms, problem, noise)))  # its moment may lie between them
     few = fit(model, take(problem, sample_stretches(problem, SAMPLE_ROWS)), robust=robust, noise=noise, coarse=coarse)
@@ -197,7 +197,7 @@ def _result(
 
 
 def _witness(system: WhitenedSystem | LongSystem, problem: Problem, kept: np.ndarray) -> Witness | None:
-    """What tells whether rows err alike; None for a long run, whose rows are never held at once."""
+    """A function for the autocorrelation of the residuals; None for a long run, whose rows are never held at once."""
     if not isinstance(system, WhitenedSystem) or not system.jacobian.shape[-1]:
         return None
     times = times_of(problem, kept)

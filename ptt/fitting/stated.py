@@ -1,4 +1,4 @@
-"""What a fit states: values, how sure they are, and directions that the rows do not see."""
+"""What a fit states: values, covariance, and directions that the rows do not see."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,7 +23,7 @@ def state_fit(
     count: float,
     witness: Witness | None = None,
 ) -> FitResult:
-    """State what rows tell of the unknowns: values, covariance, directions that they do not see.
+    """Complete a fit with values, covariance and unseen directions.
 
     Args:
         fitted: for the layout and the prior.
@@ -31,8 +31,8 @@ def state_fit(
         information: J^T J of the rows in usual sizes, (u, u).
         chi2: weighted sum of squares that is left of them.
         count: number of their coordinates.
-        witness: what rows that err alike add to the scatter of X^T r, given the inverse of the equations and the
-            scatter of a row.
+        witness: what autocorrelated rows add to the covariance of X^T r, given the inverse of the normal matrix and the
+            variance of a row; None for independent rows.
 
     Returns:
         The fit with all this.
@@ -41,7 +41,7 @@ def state_fit(
     left = inverse(information + np.diag(prior.weight))
     freedom = max(count - len(unknowns) + float(np.diag(left) @ prior.weight), 1.0)
     widening, informed = max(1.0, chi2 / freedom), information + np.diag(layout.held.astype(float))
-    # Small learned sizes make good values, but one parameter may be large where its fellows are not.
+    # Small learned variances give good values; errors allow for a parameter that is larger than others of its group.
     sizes = prior.sizes(layout)
     wide = widening * prior.design_effect
     solved = inverse(information + np.diag(wide / np.maximum(prior.variance, sizes**2)))
@@ -77,7 +77,7 @@ def fitted_terms(result: FitResult) -> tuple[Term, ...]:
 
 
 def unseen_directions(information: np.ndarray) -> np.ndarray:
-    """Directions that the rows know no better than the size that the unknowns may have.
+    """Directions on which the rows have less information than the prior of the sizes that the unknowns may have.
 
     Args:
         information: J^T J in units of those sizes, (u, u).
@@ -87,5 +87,5 @@ def unseen_directions(information: np.ndarray) -> np.ndarray:
     """
     if not len(information):
         return np.zeros((0, 0))
-    strength, directions = np.linalg.eigh(information)
-    return directions[:, strength < max(SEEN_INFORMATION, INFORMATION_ROUNDING * strength[-1])]
+    eigenvalues, directions = np.linalg.eigh(information)
+    return directions[:, eigenvalues < max(SEEN_INFORMATION, INFORMATION_ROUNDING * eigenvalues[-1])]

@@ -1,4 +1,4 @@
-"""Rows in a row that are far off: no gross errors, but another reflector, a knock, or a part of the machine."""
+"""Successive rows that are far off: no gross errors, but another reflector, a knock, or a fault of the machine."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -84,7 +84,7 @@ def _stretch(part: np.ndarray, residual: np.ndarray, problem: Problem) -> Stretc
 
 
 def confirmed_by_pose(far: np.ndarray, error: np.ndarray, problem: Problem) -> np.ndarray:
-    """Far rows whose pose another far visit shows in the same place: the machine fails there, the beam did not.
+    """Far rows whose pose has another far visit with a similar error: a fault of the machine, no broken beam.
 
     Args:
         far: (n,) bool.
@@ -101,7 +101,7 @@ def confirmed_by_pose(far: np.ndarray, error: np.ndarray, problem: Problem) -> n
 
 
 def alike_visits(far: np.ndarray, error: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """How many other far visits of its pose show the same place as each far row.
+    """Number of other far visits of each far row's pose with a similar error.
 
     Args:
         far: (n,) bool.
@@ -121,7 +121,7 @@ def alike_visits(far: np.ndarray, error: np.ndarray, pose: np.ndarray) -> np.nda
 
 
 def agree_by_chance(pairs: float, share: float, visits: np.ndarray) -> bool:
-    """Whether so many pairs of far readings agree at visits of one pose because so many readings are far.
+    """Whether so many pairs of far readings of one pose may agree by chance.
 
     Args:
         pairs: that agree to within `AGREE_SHARE` of their size.
@@ -154,10 +154,10 @@ def in_a_row(far: np.ndarray, problem: Problem) -> list[np.ndarray]:
 def shifted_stretches(
     whitened: np.ndarray, far: np.ndarray, problem: Problem, limit: float, noise: Noise
 ) -> list[np.ndarray]:
-    """Stretches that are off by one and the same way and are sound but for that.
+    """Stretches that are off by one common shift and sound but for that.
 
-    Steps of a machine's own size stay, for effects to explain, and so does a stretch that differs from all others by
-    its load, speed, run or direction of arrival.
+    Shifts as small as a machine's own errors stay, for effects to explain, and so does a stretch that differs from all
+    others by its load, speed, run or direction of arrival.
 
     Args:
         whitened: residual in units of noise, (n, 3).
@@ -181,7 +181,7 @@ def shifted_stretches(
 
 
 def _shifts(whole: np.ndarray, error: np.ndarray, limit: float) -> list[np.ndarray]:
-    """A stretch that shares one shift, or its parts that do where it is several behind each other."""
+    """A stretch if it has one common shift, else those of its parts that have."""
     if _is_shift(error[whole], limit):
         return [whole]
     step = np.square(np.diff(error[whole], axis=0)).sum(axis=1)
@@ -195,7 +195,7 @@ def _is_shift(whitened: np.ndarray, limit: float) -> bool:
 
 
 def _likenesses(problem: Problem) -> list[np.ndarray]:
-    """By each thing that effects depend on and that changes in steps: which rows are alike, (n,) int."""
+    """Labels (n,) int of rows with the same run, direction of arrival, load or feed, one array for each of these."""
     table = problem.table
     found = [table.run, *problem.view.direction.numpy().T.astype(int)]
     for values, tolerance in ((table.payload_kg, SAME_LOAD), (table.feed_mm_s, SAME_FEED)):
@@ -205,7 +205,7 @@ def _likenesses(problem: Problem) -> list[np.ndarray]:
 
 
 def _explains(cause: np.ndarray, part: np.ndarray, off: np.ndarray, used: np.ndarray) -> bool:
-    """Whether all rows of a stretch are alike in something in which sound rows are not."""
+    """Whether all rows of a stretch have a label that sound rows do not have."""
     if (cause[part] != cause[part[0]]).any():
         return False
     alike = used & (cause == cause[part[0]])

@@ -1,4 +1,4 @@
-"""How far the tool may be from where a model has it, at any target: by what its fit left uncertain, named or not."""
+"""Standard deviation of the tool position at any target, from what a model's fit left uncertain."""
 
 from collections.abc import Sequence
 
@@ -27,13 +27,13 @@ END_SLOPE = 5.0  # slope of a curve at its end, in heights of the curve per leng
 
 
 def tool_sigma(kept: Kept, terms: EffectTerms, view: View, file: MachineFile) -> np.ndarray:
-    """What a fit leaves uncertain of where the tool is, as the tracker's frame would show it.
+    """Uncertainty of the tool position relative to the tracker's frame.
 
-    Parameters and frame together: what is common to all readings moves with the frame, and no command mends it (beside
-    base reflectors, whose frames were held, it is of the tool in the base frame). What stays with the tool in all
-    postures is the mount's where that was fitted. So do sizes of the drawing that the model does not have, which its
-    values make good for where the run went and not elsewhere. Beyond the heights that told a curve it is held, and how
-    it goes on there is uncertain as well; nearer to a reversal than any reading, so is how play is taken up.
+    Parameters and frame vary together: a shift common to all readings goes with the frame, and no command corrects it
+    (with base reflectors, whose frames were held, the position is in the base frame). A shift that is constant on the
+    tool belongs to the mount where that was fitted. Included are sizes of the drawing that the model does not have, for
+    which its values make up only where the run went; the course of curves beyond the travel that determined them; and
+    how play is taken up nearer to a reversal than any reading.
 
     Args:
         kept: the covariance.
@@ -50,7 +50,7 @@ def tool_sigma(kept: Kept, terms: EffectTerms, view: View, file: MachineFile) ->
 
 
 def _sigma(kept: Kept, terms: EffectTerms, view: View, kind: str, seats: Sequence[Tensor] | None) -> np.ndarray:
-    """The same of some rows, less the shifts with the tool, (3, r) each, that the mount takes."""
+    """`tool_sigma` of some rows; `seats`: shifts on the tool that the mount takes, (3, r) each."""
     at = linearise(terms, view)
     ways = _ways(kept, terms, at, view, kind)
     if seats is not None:
@@ -65,7 +65,7 @@ def _sigma(kept: Kept, terms: EffectTerms, view: View, kind: str, seats: Sequenc
 
 
 def _ways(kept: Kept, terms: EffectTerms, at: Linearised, view: View, kind: str) -> list[Tensor]:
-    """How the tool goes with each way that the covariance has, (n, 3, r) mm; and with those of what has no name."""
+    """Tool shifts per column of the covariance's root, (n, 3, r) mm; and of the root for sizes not in the model."""
     by_kept = _by_kept(kept, terms, at, view, kind)
     ways = [by_kept @ torch.as_tensor(kept.root)]
     if kept.unnamed is not None:
@@ -75,10 +75,10 @@ def _ways(kept: Kept, terms: EffectTerms, at: Linearised, view: View, kind: str)
 
 
 def _mean_shifts(kept: Kept, terms: EffectTerms, view: View, file: MachineFile) -> list[Tensor]:
-    """How far the tool goes with each way in its own frame, (3, r) mm, on the mean of postures all over the workspace.
+    """Mean shift on the tool per column of the roots, (3, r) mm each, over postures all over the workspace.
 
-    No reading tells the last joint's zero from a reflector that sits further round. Which of both it is hardly moves
-    the reflector, and shifts a tool point that lies elsewhere on the tool by the same in all postures.
+    No reading distinguishes the last joint's zero from a rotated reflector mount. Either hardly moves the reflector,
+    and shifts another tool point by the same amount in all postures.
     """
     limits = view.travel_limits.numpy()
     q = np.random.default_rng(0).uniform(limits[:, 0], limits[:, 1], (POSTURES, view.joints))
@@ -92,7 +92,7 @@ def _mean_shifts(kept: Kept, terms: EffectTerms, view: View, file: MachineFile) 
 
 
 def _by_kept(kept: Kept, terms: EffectTerms, at: Linearised, view: View, kind: str) -> Tensor:
-    """How the tool goes with all that a file keeps, (n, 3, u) in its units; not at all with what is not at work."""
+    """Derivative of the tool position by each kept parameter, (n, 3, u) in its unit; zero for those not in use."""
     place = {name: number for number, name in enumerate(kept.names)}
     found = torch.zeros(view.rows, 3, len(place), dtype=torch.float64)
     still = torch.zeros(1, 6, dtype=torch.float64)
@@ -108,7 +108,7 @@ def _by_kept(kept: Kept, terms: EffectTerms, at: Linearised, view: View, kind: s
 
 
 def _usual(kept: Kept, terms: EffectTerms, by_kept: Tensor, view: View, kind: str) -> Tensor:
-    """The same, (n, 3, u), by usual sizes."""
+    """`_by_kept` in usual sizes, (n, 3, u)."""
     usual = dict(zip(MOUNT_NAMES, [MOUNT_USUAL] * 3, strict=True))
     usual |= dict(zip(FRAME_NAMES, [SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, strict=True))
     for effect, _ in terms:
@@ -117,7 +117,7 @@ def _usual(kept: Kept, terms: EffectTerms, by_kept: Tensor, view: View, kind: st
 
 
 def _by_unnamed(unnamed: Unnamed, at: Linearised, view: View) -> list[Tensor]:
-    """How the tool goes with sizes of the drawing that a model does not have, (n, 3, p) each by usual sizes."""
+    """Derivatives by sizes of the drawing that the model does not have, (n, 3, p) each, in usual sizes."""
     return [
         signature(at.chain, effect, {}) * usual_values(effect, view)[: linear_size(effect, view.joints)]
         for effect in unnamed.effects
@@ -125,7 +125,7 @@ def _by_unnamed(unnamed: Unnamed, at: Linearised, view: View) -> list[Tensor]:
 
 
 def unvisited(terms: EffectTerms, view: View, jacobian: Tensor) -> Tensor:
-    """How far the tool may be off because joints are beyond the heights that told their curves, standard deviations.
+    """Standard deviations of the tool position where joints are beyond the travel that determined their curves.
 
     A curve has a slope that wanders at random along the axis (as in `screw-error-map`). Beyond its end it is held,
     while the screw goes on with the slope of that end, and bends with the power 3/2 of the length.

@@ -1,7 +1,7 @@
-"""Turns: how soon after a reversal a run shows that play is taken up, and what it leaves open nearer to one.
+"""Reversals: how soon after one a run shows that play is taken up, and the uncertainty nearer to one.
 
-Readings far behind a reversal tell how much is lost there, not along which travel: play and wind-up (Dahl, A Solid
-Friction Model, 1968) look alike to them. Commands that go back by less than that are beyond what was measured.
+Readings far behind a reversal show how much motion is lost, not along which travel: play and wind-up (Dahl, A Solid
+Friction Model, 1968) look alike to them. Commands that reverse by less than that travel were not measured.
 """
 
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ WINDUP_CHANCE = 0.5  # probability that lost motion is wind-up rather than play 
 
 
 def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
-    """A fit with the travel of a wind-up that its readings could not tell from the play that it has.
+    """Add to a fit with play the longest travel of a wind-up that its readings cannot tell from it.
 
     Args:
         fitted: the fit.
@@ -65,7 +65,7 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
 
 
 def marked(fitted: FitResult, term: Term) -> Term:
-    """A term whose gaps that are known to be no smaller, and no more, have no standard error.
+    """A play term without standard errors for gaps that have only a lower bound.
 
     Args:
         fitted: the fit, with its turns.
@@ -85,7 +85,7 @@ def _gap_names(term: Term, kind: str) -> list[str]:
 
 
 def _never_taken_up(term: Term, problem: Problem, sigma: float) -> list[str]:
-    """Names of gaps that no move of the run takes up on both sides: a larger one would read the same."""
+    """Names of gaps that no move of the run takes up on both sides: a larger gap would give the same readings."""
     gap, waits = gap_of(term.theta) if isinstance(term.effect, Backlash) else (torch.zeros(0), False)
     if not waits or term.std is None:
         return []
@@ -105,7 +105,7 @@ def _never_taken_up(term: Term, problem: Problem, sigma: float) -> list[str]:
 
 
 def open_turns(fitted: FitResult) -> tuple[Combination, ...]:
-    """Of which joints the readings do not tell along which travel behind a reversal their play is taken up.
+    """Combinations for joints whose readings do not tell along which travel their play is taken up.
 
     Args:
         fitted: the fit, with its turns.
@@ -123,7 +123,7 @@ def open_turns(fitted: FitResult) -> tuple[Combination, ...]:
 
 
 def like_windup(fitted: FitResult, term: Term) -> str:
-    """What a play may be instead, as no reading lies near a reversal; '' where one tells, and for what is no play.
+    """Words on a wind-up that a play may be instead, as no reading lies near a reversal; '' where there is none.
 
     Args:
         fitted: the fit, with its turns.
@@ -136,7 +136,7 @@ def like_windup(fitted: FitResult, term: Term) -> str:
 
 
 def _unseen(fitted: FitResult, term: Term) -> list[int]:
-    """Numbers of the joints of a play of which no reading tells how it is taken up."""
+    """Numbers, from 1, of joints with play for which no reading tells how it is taken up."""
     if not isinstance(term.effect, Backlash) or not fitted.turns:
         return []
     gap, long = gap_of(term.theta)[0].numpy(), np.array(fitted.turns) > LONG_TRAVEL * _travel(fitted).usual
@@ -149,7 +149,7 @@ def _windup(fitted: FitResult, joints: Sequence[int]) -> str:
 
 
 def unturned(terms: EffectTerms, view: View, jacobian: Tensor, lengths: Tensor) -> Tensor:
-    """How far the tool may be off because play is wind-up that has not turned over yet, standard deviations.
+    """Standard deviations of the tool position in case play is a wind-up that has not turned over yet.
 
     Args:
         terms: effects of the machine with their parameters.

@@ -1,4 +1,4 @@
-"""Unnamed: sizes of the drawing that a model does not have, and how far they leave open what it says."""
+"""Sizes of the drawing that a model does not have, and the further uncertainty of its values by them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +16,10 @@ class Unnamed:
     """Sizes of the drawing that a model does not have, beside what it has, in usual sizes.
 
     Attributes:
-        effects: of which they are.
-        root: (u + p, r) of the mean squares and products by which the u unknowns of a fit, and their own p values, may
-            be off beyond the covariance of the fit: root @ root.T.
-        otherwise: effects of the fit whose values may as well be quite others, each with the size beside which they
-            would be.
+        effects: the effects that correct them.
+        root: (u + p, r) root of the further covariance, root @ root.T, of the u unknowns of a fit and their own p
+            values.
+        otherwise: pairs of a fit's effect whose values may as well be quite different, and the size beside which.
     """
 
     effects: tuple[Effect, ...]

@@ -24,8 +24,8 @@ class WhitenedSystem:
         jacobian: derivative of the prediction by the unknowns in usual sizes, (n, 3, u).
         base_residual: base reflectors, (m, 3) in units of their own noise.
         base_jacobian: (m, 3, u).
-        prediction: what the model says, frames left aside.
-        chain: where further shifts would lead.
+        prediction: of the model, without frames.
+        chain: linearised kinematic chain, for the columns of further effects.
     """
 
     residual: np.ndarray
@@ -128,7 +128,7 @@ def whiten(blocks: list[np.ndarray], whitener: np.ndarray, scale: np.ndarray) ->
 
 
 def turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
-    """Machine columns (n, 3, P) as the small rotations of the frames show them.
+    """Columns of machine shifts rotated by the small rotations of the frames.
 
     Args:
         machine: (n, 3, P) in the base frame.
@@ -149,7 +149,7 @@ def turned(machine: Tensor, motion: Tensor, frame: np.ndarray) -> Tensor:
 def _base_rows(
     problem: Problem, layout: Layout, terms: EffectTerms, motion: Tensor, whitener: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What the tracker's own effects and its frames leave of the base reflectors, and its derivative."""
+    """Whitened residual of base reflectors under metrology effects and frames, and its derivative."""
     base = problem.base
     if base is None or not layout.frames:
         return np.zeros((0, 3)), np.zeros((0, 3, len(layout.scale)))
