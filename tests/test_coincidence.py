@@ -57,3 +57,18 @@ def test_rows_near_the_moment_may_lie_beside_by_what_the_air_does_and_no_more() 
     assert parting(after, falling, 0.1) == (5.0, 5.1)
     assert parting(after, 0.01 * falling, 0.1) is None  # all of it is less than the air does
     assert parting(after, np.zeros(10)) is None and parting(after | True, falling) is None
+
+
+def by_layers(last: int) -> Problem:
+    """A raster of layers, each level at once; `last` is the last row of one of them."""
+    random = np.random.default_rng(3)
+    target = random.uniform(-40.0, 40.0, (ROWS, 3))
+    target[:, 2] = np.where(np.arange(ROWS) > last, 20.0, -20.0) + 10.0 * (np.arange(ROWS) > last + 10)
+    read = target + random.normal(scale=0.003, size=target.shape)
+    return build_problem(bench(), make_table(target, measured=read, time_s=10.0 * np.arange(ROWS)))
+
+
+def test_a_height_that_the_path_passes_once_when_something_slips_is_said(slip: Term) -> None:
+    (said,) = coincidences(slip, by_layers(LAST))
+    assert said.startswith("z passes 0 mm at that moment and at no other") and "until the path comes back" in said
+    assert coincidences(slip, by_layers(LAST - 1)) == []

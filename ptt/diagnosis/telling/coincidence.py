@@ -1,21 +1,24 @@
 """What else changes at the moment of a sudden effect, so that no reading tells which of both it depends on."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from ptt.dependence.contexts import path_views, unit_of
+from ptt.dependence.contexts import COORDINATES, is_joint, path_views, unit_of
 from ptt.dependence.said import middle
+from ptt.effects.phrases import listed
 from ptt.effects.sudden import Sudden
 from ptt.model.model import Term
 from ptt.run.problem import Problem
 
-# Conditions looked at beside a user's own columns; position is left out, as it turns back again and again
-CONDITIONS = ("payload", "temperature", "feed")
+CONDITIONS = ("payload", "temperature", "feed")  # beside a user's own columns
 AIR_SWING = 0.1  # K that room temperature goes up and down by itself, so rows near the moment may lie on the other side
+LEAST_SIDE = 3  # rows on either side, of which a place would part any one by chance
 LEAST_SWINGS = 10.0  # swings that a variable has to cover before it has two sides
 
 
 def coincidences(term: Term, problem: Problem) -> list[str]:
-    """Say between which runs a sudden effect happens, and which conditions pass a value then and at no other time.
+    """Say between which runs a sudden effect happens, and what passes a value then and at no other time.
 
     Args:
         term: an effect at its values.
@@ -37,7 +40,26 @@ def coincidences(term: Term, problem: Problem) -> list[str]:
             what, where = f"{name[:1].upper()}{name[1:]}", middle(*place, unit_of(problem, name))
             alike = "a step that depends on it would look the same until that value is passed again"
             found.append(f"{what} passes {where} at that moment and at no other: {alike}.")
-    return found
+    return found + _places(after, views, problem)
+
+
+def _places(after: np.ndarray, views: Mapping[str, np.ndarray], problem: Problem) -> list[str]:
+    """A sentence on the places that part the rows after a moment from those before it.
+
+    Most paths turn back again and again, and have none. On a raster by layers, or a helix, a fault that begins at a
+    height begins at a moment.
+    """
+    if min(after.sum(), (~after).sum()) < LEAST_SIDE:
+        return []
+    names = [name for name in (*COORDINATES, *filter(is_joint, views)) if name in views]
+    parted = {name: place for name in names if (place := parting(after, views[name][problem.used])) is not None}
+    if not parted:
+        return []
+    first, *others = parted
+    where = middle(*parted[first], unit_of(problem, first))
+    said = f"{first} passes {where} at that moment and at no other"
+    beside = f" ({listed(others)} as well)" if others else ""
+    return [f"{said}{beside}: a fault of the machine beyond that place would look the same until the path comes back."]
 
 
 def _between_runs(after: np.ndarray, problem: Problem) -> list[str]:
