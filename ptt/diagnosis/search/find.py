@@ -123,8 +123,7 @@ def _names_suffice(asked: Asked, first: Turn) -> bool:
 def _without_rows(asked: Asked, first: Turn, broken: np.ndarray) -> Found:
     """The explanation without some rows, (n,) bool; those of them that it predicts well count again."""
     found = _explained(_masked(asked, broken), first)
-    reached = replace(found.fitted, residual=found.fitted.residual - found.carried)
-    missed = still_missed(reached, asked.problem, found.noise, broken)
+    missed = still_missed(found.fitted, asked.problem, found.noise, broken)
     if not np.array_equal(missed, broken):
         found, broken = _explained(_masked(asked, missed), first), missed
     return replace(found, gross=found.gross | broken)
