@@ -19,7 +19,7 @@ from ptt.diagnosis.search.harmonics import with_harmonics
 from ptt.diagnosis.search.improve import climb
 from ptt.diagnosis.search.instead import is_plain
 from ptt.diagnosis.search.lost import lost_by_one
-from ptt.diagnosis.search.turn import Turn, moments_of, unlike
+from ptt.diagnosis.search.turn import Turn, hidden_moments, moments_of, unlike
 from ptt.effects import Effect
 from ptt.fitting.linear import linear_columns
 from ptt.fitting.opening import untold_rows, without_opening
@@ -62,6 +62,7 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
         current, moments = moved(found, asked.model, problem), opened.turn.moments
         if set(current.keys) != set(turn.kept or ()):
             current = lost_by_one(current, asked.model, found, problem)
+        moments += hidden_moments(found.scorer, found.state, opened.candidates)
         stays = curves and set(current.keys) == set(turn.kept or ())
         turn = replace(
             opened.turn, model=current, kept=current.keys, memory=found.state.memory, seen=found.seen,

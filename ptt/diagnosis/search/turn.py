@@ -178,6 +178,18 @@ def best_moments(
     return unlike([*found, *(shape for key in happened if (shape := atoms[key].shape) is not None)])
 
 
+def hidden_moments(scorer: Scorer, state: State, candidates: Sequence[Effect]) -> tuple[Shape, ...]:
+    """Moments that what changes slowly in a set may stand for, as `best_moments` dates them; none where nothing does.
+
+    A drift or a wander follows a jump but for the rows about it, and so well that a search by single steps stays there.
+    """
+    atoms, memory = scorer.system.atoms, state.memory.wander
+    slow = [key for key in state.keys if _is_timely(atoms[key]) and not is_sudden(atoms[key])]
+    if not slow and (memory is None or not scorer.system.clock.is_slow(memory)):
+        return ()
+    return best_moments(scorer, state, slow, candidates)
+
+
 def shapes_of(effect: Effect, view: View, moments: Sequence[Shape]) -> Sequence[Shape]:
     """The shapes that an effect searches, for sudden effects with further moments."""
     return unlike([*effect.search(view), *moments]) if isinstance(effect, Sudden) else effect.search(view)
@@ -206,5 +218,6 @@ def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Su
 
 
 def _is_timely(atom: Atom) -> bool:
-    """Whether an atom is sudden or a block over time."""
-    return is_sudden(atom) or (atom.block is not None and "time" in atom.block.on)
+    """Whether an atom is sudden, or an effect or a block over time."""
+    over_time = atom.effect is not None and "time" in atom.effect.requires
+    return is_sudden(atom) or over_time or (atom.block is not None and "time" in atom.block.on)
