@@ -137,8 +137,8 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
     tool, *moving = places
     raw, letter, serial = problem.view.q.numpy(), problem.file.machine.letter, problem.file.machine.kind == "serial"
     q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
-    yield _named(tool, COORDINATES, partial(_field, p, _degree(problem), 1))
-    yield _named(tool, COORDINATES, partial(_field, p, GENTLE_DEGREE, 1), "gently ")
+    yield _named(tool, COORDINATES, partial(_field, p, _degree(problem)))
+    yield _named(tool, COORDINATES, partial(_field, p, GENTLE_DEGREE), "gently ")
     turned = _turned(problem, span)
     for place in moving:
         assert place.joint is not None
@@ -277,10 +277,14 @@ def _with_level(context: Context) -> np.ndarray:
     return np.column_stack([np.ones(len(context.shapes)), context.shapes]) if context.name == "time" else context.shapes
 
 
-def _field(place: np.ndarray, degree: int, first: int = 0) -> np.ndarray:
-    """Products of Legendre polynomials of the coordinates up to a total degree."""
+def _field(place: np.ndarray, degree: int) -> np.ndarray:
+    """Products of Legendre polynomials of the coordinates up to a total degree.
+
+    With their level, without which zeros, links or a trusted frame would be named beside a fault that is large in one
+    corner.
+    """
     each = [legendre(column, degree) for column in place.T]
-    powers = [power for power in np.ndindex(*(degree + 1,) * 3) if first <= sum(power) <= degree]
+    powers = [power for power in np.ndindex(*(degree + 1,) * 3) if sum(power) <= degree]
     return np.column_stack(
         [FIELD_DECAY ** max(sum(m) - 1, 0) * each[0][:, m[0]] * each[1][:, m[1]] * each[2][:, m[2]] for m in powers]
     )
