@@ -180,3 +180,8 @@ def test_names_that_an_unknown_may_do_as_well_are_said_to_be_that():
     assert open_.splitlines() == [
         "There is a 40% probability that part of this is something that no known effect describes.", *sure.splitlines()
     ]  # fmt: skip
+
+
+def test_what_is_likely_and_small_is_said_beside_what_is_named() -> None:
+    words = explain_verdict(diagnosis("missing", steps=1, perhaps=("link-length",)))
+    assert words.endswith("Likely as well, but worth too little to be named: link-length.")

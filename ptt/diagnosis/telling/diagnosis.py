@@ -44,7 +44,8 @@ class Diagnosis:
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
         unexplained: words on columns that disagree beyond any machine's errors, from the set-up check; '' for none.
-        perhaps: effects in the best set beside an unknown that are not certain enough to be suggested.
+        perhaps: effects that are not certain enough to be suggested: those of the best set beside an unknown; where
+            something is missing, those that are likelier than not.
     """
 
     verdict: Verdict

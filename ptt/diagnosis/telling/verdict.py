@@ -21,7 +21,7 @@ from ptt.diagnosis.search.rest import Objections, Rest, too_much_for_nothing
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
-from ptt.diagnosis.telling.explanation import candidates_of_steps, other_candidates
+from ptt.diagnosis.telling.explanation import Candidate, candidates_of_steps, other_candidates
 from ptt.diagnosis.telling.naming import Naming, naming_of
 from ptt.diagnosis.telling.sizes import sized
 from ptt.diagnosis.telling.terms import sent_state
@@ -38,6 +38,7 @@ from ptt.progress import Tell
 from ptt.run.problem import Problem
 
 MICRO = 1e3  # um in a mm
+LIKELIER_THAN_NOT = 0.5
 
 
 def conclude(
@@ -81,13 +82,14 @@ def conclude(
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
+    others = other_candidates(found, named, chances, problem)
     result = Diagnosis(
         verdict=verdict,
         verdict_probability=_verdict_probability(chances, verdict),
         suggested=suggested,
         candidates=(
             *candidates_of_steps(found, naming.named, naming.terms, naming.others, chances, noise, problem),
-            *other_candidates(found, named, chances, problem),
+            *others,
         ),
         not_testable=found.untestable,
         depends_on=depends,
@@ -102,15 +104,25 @@ def conclude(
         fitted=found.fitted,
         words="",
         elsewhere=elsewhere(found.fitted, problem) if named else None,
-        perhaps=_perhaps(found, suggested) if verdict == "unknown" else (),
+        perhaps=_perhaps(found, suggested, others, verdict),
     )
     return replace(result, words=explain_verdict(result, steps))
 
 
-def _perhaps(found: Found, suggested: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Names of the best set's effects that are not suggested."""
+def _perhaps(
+    found: Found, suggested: Sequence[tuple[str, ...]], others: Sequence[Candidate], verdict: str
+) -> tuple[str, ...]:
+    """Names that are not suggested: of the best set's effects beside an unknown, else of what is likelier than not.
+
+    Without an unknown these are effects that bring too little for one name more.
+    """
     atoms, said = found.system.atoms, {name for step in suggested for name in step}
-    names = (atoms[key].name for key in droppable(found.scorer, found.state) if atoms[key].effect is not None)
+    if verdict == "unknown":
+        names = [atoms[key].name for key in droppable(found.scorer, found.state) if atoms[key].effect is not None]
+    elif verdict == "missing":
+        names = [other.effect for other in others if other.probability > LIKELIER_THAN_NOT]
+    else:
+        names = []
     return tuple(dict.fromkeys(name for name in names if name not in said))
 
 

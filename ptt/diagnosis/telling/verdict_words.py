@@ -44,7 +44,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
         lines = [f"{sound}: the error is {after:.1f} um; {floor}.{varies}{excess}{_unstated(noise)}"]
     elif result.verdict == "missing":
         these = "this effect" if len(told) == 1 else "these effects"
-        fall = f"With {these} {_fall(before, after)}; {floor}.{excess}"
+        fall = f"With {these} {_fall(before, after)}; {floor}.{excess}{_likely_too(result.perhaps)}"
         lines = [*_open_below(result), *doubted(result), *told, fall]
     else:
         lines = _unknown(result, told, cut_short=steps == len(told))
@@ -70,6 +70,11 @@ def _suggested_too(names: Sequence[str]) -> str:
     are = "is" if len(names) == 1 else "are"
     hardly = f"which can hardly be separated from the unknown part and {are} therefore not named"
     return f" The readings also suggest {listed(list(names))}, {hardly}."
+
+
+def _likely_too(names: Sequence[str]) -> str:
+    """A sentence on effects that are likely beside the named ones and change too little; '' for none."""
+    return f" Likely as well, but worth too little to be named: {listed(list(names))}." if names else ""
 
 
 def _open_below(result: Any) -> list[str]:
