@@ -272,3 +272,16 @@ def test_a_law_of_an_older_file_is_the_same_curve() -> None:
         renewed = own.renew({"size": older}, 3)["size"]
         torch.testing.assert_close(own.basis(view, {})[:, 1] @ renewed, shapes @ older)
         assert own.renew({"size": renewed}, 3)["size"] is renewed
+
+
+def test_what_acts_on_the_tool_may_be_the_trackers(tmp_path: Path) -> None:
+    """Then commands leave it alone; a joint's own error is never the tracker's."""
+    path = tmp_path / "own.py"
+    text = prefilled("own-cause", [found("b1", "smooth", residual="y", acts_on="y")]).text
+    path.write_text(text.replace('# stage = "metrology"', 'stage = "metrology"'))
+    assert library(path)["own-cause"].stage == "metrology"
+    path.write_text(text)
+    assert library(path)["own-cause"].stage == "structure"
+    assert "stage" not in prefilled("own-cause", [found("b1", "smooth", acts_on="slider 1")]).text
+    with pytest.raises(TypeError, match="stage"):
+        type("Own", (Curve,), {"mechanisms": ("three-ptt",), "on": "b1", "acts_on": "slider 1", "stage": "metrology"})

@@ -53,6 +53,8 @@ class Curve(Effect):
             that reverses), or ends of the step or bump; mm, rad, s, kg, or K above the drawing's temperature.
         period: of shape 'period', mm or rad.
         along: of shape 'varying', the second variable, on which the effect of a direction depends.
+        stage: of what acts on the tool, 'structure', or 'metrology' where it is the tracker that errs: no command
+            follows it then; of the others the place says it.
     """
 
     on: ClassVar[str] = ""
@@ -66,7 +68,7 @@ class Curve(Effect):
         """Derive stage, parameters and requirements from the class attributes.
 
         Raises:
-            TypeError: no such variable, place or shape, an empty range, or no period.
+            TypeError: no such variable, place, stage or shape, an empty range, or no period.
         """
         super().__init_subclass__(**named)
         for name in filter(None, (cls.on, cls.along)):
@@ -84,6 +86,9 @@ class Curve(Effect):
             if not fits(cls.mechanisms, name):
                 raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot follow '{name}'")
         kind, _ = cls._place()
+        own_stage = vars(cls).get("stage")
+        if own_stage is not None and (kind not in ("axis", "tool") or own_stage not in ("structure", "metrology")):
+            raise TypeError(f"a curve that acts on '{cls.acts_on}' has no stage '{own_stage}'")
         rad = cls.mechanisms == ("serial",) and kind in ("slider", "joint")
         count, words = _size(cls)
         if kind in ("slider", "joint"):
@@ -91,7 +96,8 @@ class Curve(Effect):
         elif kind in ("link", "rail"):
             cls.stage = "geometry"
         else:
-            cls.stage = "metrology" if kind == "set-up" or cls.on in ("time", "run") else "structure"
+            of_readings = kind == "set-up" or cls.on in ("time", "run")
+            cls.stage = own_stage or ("metrology" if of_readings else "structure")
         size = {"tool": 3, "set-up": len(MOTIONS)}.get(kind, 1) * count
         usual, unit = (1e-4, "rad") if rad else (0.02, "mm")
         cls.parameters = (Parameter("size", unit, usual, words, count=size),)

@@ -10,6 +10,7 @@ from ptt.effects.template import class_name, require_free_name
 from ptt.errors import InputError, shown
 
 REFERENCE_C = 20.0  # of a diagnosis of before it said where the drawing holds
+OF_READINGS = '    # stage = "metrology"  # where it is the tracker that errs: then no command follows it'
 _FIX = "give the JSON of `ptt diagnose --json`"
 
 
@@ -91,6 +92,7 @@ def _law(found: Mapping[str, Any]) -> str:
         *([f"    period = {found['period']:.9g}"] if found["period"] else []),
         *([f'    along = "{found["along"]}"'] if found["along"] else []),
         *([f'    acts_on = "{found["acts_on"]}"'] if found["acts_on"] else []),
+        *([OF_READINGS] if _may_be_of_readings(found) else []),
     ]
     return "\n".join(lines)
 
@@ -163,6 +165,12 @@ def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
         return ("serial",)
     of_tool = residual in COORDINATES and acts_on in ("", "set-up", *COORDINATES) and not re.fullmatch(r"b[0-9]+", on)
     return ("three-ptt", "serial") if of_tool and (acts_on or not JOINT.fullmatch(on)) else ("three-ptt",)
+
+
+def _may_be_of_readings(found: Mapping[str, Any]) -> bool:
+    """Whether it acts on the tool, where a tracker that errs looks the same, and is taken as the machine's."""
+    tool = found["residual"] in COORDINATES and found["acts_on"] in ("", *COORDINATES)
+    return tool and found["on"] not in ("time", "run") and (bool(found["acts_on"]) or not JOINT.fullmatch(found["on"]))
 
 
 def _headline(found: Mapping[str, Any]) -> str:
