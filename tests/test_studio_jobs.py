@@ -1,6 +1,7 @@
 """Jobs of the studio against the command line: comparison, addition, diagnosis, compensator, report."""
 
 import io
+import json
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -71,6 +72,18 @@ def test_where_a_size_of_the_drawing_is_found_the_others_can_be_added_as_the_com
     theirs = verb("add", "high.csv", "homing-offset", "--sizes", "--model", "machine.toml", "--out", "theirs.toml")
     assert [step["effect"] for step in mine.data["steps"]] == [step["effect"] for step in theirs["steps"]]
     assert len(found.sizes) > 3 and mine.data["parameters"] == theirs["parameters"]
+
+
+def test_all_that_an_unknown_follows_is_written_as_the_command_line_does_and_added(here: Path):
+    curve = {"at": [180.0, 220.0], "between": [175.0, 225.0]}
+    one = {"residual": "slider 1", "on": "b1", "shape": "smooth", "acts_on": "slider 1", "curve": curve}
+    found = [one, one | {"on": "b2", "shape": "step", "place": [200.0, 202.0]}]
+    Path("found.json").write_text(json.dumps({"depends_on": found}))
+    made = jobs.write_effects("my-effect", found, silent)
+    theirs = verb("effects", "new", "my-effect", "--like", "found.json")
+    assert made["text"] == theirs["text"] and made["names"] == theirs["names"] == ["my-effect", "my-effect-2"]
+    changed = jobs.change(replace(RUN, effects=(made["file"],)), MACHINE, "add", tuple(made["names"]), silent)
+    assert [entry.name for entry in parse_machine(changed.model).effect] == made["names"]
 
 
 def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, added: Changed):
