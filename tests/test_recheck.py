@@ -11,12 +11,12 @@ import pytest
 import torch
 
 import ptt
-from ptt.again.before import look_back
+from ptt.again.explanation import find_explanation
 from ptt.again.figures import Moved
 from ptt.again.news import look_for_news
+from ptt.again.prior import build_prior
 from ptt.again.recheck import recheck
 from ptt.again.result import Recheck
-from ptt.again.weigh import weigh
 from ptt.again.words import say_change, say_whole, values_of
 from ptt.challenge.truth import table_of
 from ptt.commands import main as commands
@@ -106,7 +106,7 @@ def test_what_the_last_fit_could_not_test_is_as_uncertain_as_before(solved: Simp
         now.setattr(type(library()["backlash"]()), "needs", lambda self, view: "both directions of arrival")
         ladder = climb(solved.model, run_of(5), [])
     again = read_model(parse_machine(format_machine(record(ladder, "fit", [solved.folder / "first.csv"]))))
-    prior = look_back(again, run_of(2))
+    prior = build_prior(again, run_of(2))
     stated = next(t.std[:3].numpy() for t in solved.model.terms if t.effect.name == "backlash")
     play = [place for place, name in enumerate(prior.layout.names) if name.startswith("backlash gap")]
     np.testing.assert_allclose(prior.std[play] * prior.layout.scale[play], stated, rtol=1e-3)
@@ -182,9 +182,9 @@ def test_what_the_first_run_had_hidden_in_another_effect_is_no_change_and_nothin
     assert any("lead-scale is not in the model" in note for note in found.notes)
     missed = {**lead, "drive": {**lead["drive"], "turn_um": (0.0, 0.0, 12.0)}}
     model, _ = for_runs(first.model, again := run_of(12, 70, room=large, **missed))
-    weighed = weigh(look_back(model, again), again, library(), str)
-    assert {room.effect.key for room in weighed.then} == {"lead-scale"}
-    assert [key.partition("#")[0] for key in weighed.new] == ["once-per-rev"]
+    explained = find_explanation(build_prior(model, again), again, library(), str)
+    assert {room.effect.key for room in explained.masked} == {"lead-scale"}
+    assert [key.partition("#")[0] for key in explained.new] == ["once-per-rev"]
 
 
 def test_beyond_the_heights_of_the_first_run_a_curve_may_go_on_as_it_likes(tmp_path: Path) -> None:
@@ -201,7 +201,7 @@ def test_beyond_the_heights_of_the_first_run_a_curve_may_go_on_as_it_likes(tmp_p
     assert any("when the model was made" in note and "screw-error-map" in note for note in found.notes)
     turning = run_of(11, 60, room=(60.0, 60.0, 50.0), drive={**screw, "turn_um": (0.0, 0.0, 25.0)}, geometry=links)
     model, _ = for_runs(first.model, turning)
-    new = weigh(look_back(model, turning), turning, library(), str).new
+    new = find_explanation(build_prior(model, turning), turning, library(), str).new
     assert [key.partition("#")[0] for key in new] == ["once-per-rev"]
 
 
@@ -218,9 +218,9 @@ def test_no_more_than_a_machine_that_has_not_changed_would_show_is_nothing_new(s
     """Errors that poses have to themselves may be of values that the old run left uncertain there."""
     problem = run_of(2, 60)
     model, _ = for_runs(solved.model, problem)
-    found = weigh(look_back(model, problem), problem, library(), str)
+    found = find_explanation(build_prior(model, problem), problem, library(), str)
     found = replace(found, state=replace(found.state, memory=replace(found.state.memory, pose=0.3)))
-    found = replace(found, before=replace(found.before, left=0.0))
+    found = replace(found, prior=replace(found.prior, left=0.0))
     assert problem.noise is not None
     half = replace(problem.noise, covariance=problem.noise.covariance / 4.0)
     monkeypatch.setattr("ptt.again.news.errors_of", lambda found: {"left": left, "expected": 5.0})

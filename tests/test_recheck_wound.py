@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import pytest
 from test_recheck import look, run_of, solve
 
-from ptt.again.before import look_back
-from ptt.again.beside import sure_beside
-from ptt.again.weigh import weigh
+from ptt.again.artefacts import drop_artefacts
+from ptt.again.explanation import find_explanation
+from ptt.again.prior import build_prior
 from ptt.effects import library
 from ptt.model.of_run import for_runs
 
@@ -31,11 +31,11 @@ def test_play_that_is_new_is_no_greater_windup_and_no_change_stays_beside_it_in_
     found = look(wound, problem)
     assert found.verdict == "new" and not found.changed and found.suggested[0][0] == "backlash"
     model, _ = for_runs(wound.model, problem)
-    weighed = weigh(look_back(model, problem), problem, library(), str)
-    vain = weighed.scorer.score([*weighed.state.keys, "changed: windup height_mm 2"], weighed.state.memory)
+    explained = find_explanation(build_prior(model, problem), problem, library(), str)
+    vain = explained.scorer.score([*explained.state.keys, "changed: windup height_mm 2"], explained.state.memory)
     assert found.new is not None
-    sure = sure_beside(replace(weighed, state=vain), found.new, problem, library(), str)
-    assert sure.state.keys == weighed.state.keys and sure.before.model.keys == weighed.before.model.keys
+    sure = drop_artefacts(replace(explained, state=vain), found.new, problem, library(), str)
+    assert sure.state.keys == explained.state.keys and sure.prior.model.keys == explained.prior.model.keys
 
 
 def test_one_value_is_named_alone_where_its_whole_effect_would_do_as_well(wound: SimpleNamespace) -> None:

@@ -1,4 +1,4 @@
-"""Effects that stand beside the others of a run measured later, as hypotheses: their columns one behind the other."""
+"""Hypotheses of a recheck as atoms of the evidence: equally likely, their columns concatenated."""
 
 from collections.abc import Sequence
 
@@ -10,13 +10,13 @@ from ptt.effects import Effect
 
 
 def side_by_side(effects: Sequence[tuple[str, Effect, int]], odds: float, among: int, first: int) -> dict[str, Atom]:
-    """Hypotheses that are equally likely.
+    """Atoms of equally likely hypotheses.
 
     Args:
-        effects: key, effect and number of columns of each.
-        odds: nats of prior odds against that any of them is needed.
-        among: how many might have been.
-        first: place of the first column.
+        effects: key, effect and number of columns of each hypothesis.
+        odds: prior log odds against any of them, nats.
+        among: number of hypotheses that share these odds, those that are not listed included.
+        first: index of the first column in the linear problem.
 
     Returns:
         The atoms by key.

@@ -1,23 +1,23 @@
-"""What differs between two runs beside the machine: loads and warmth that a model has or has not seen."""
+"""Loads, temperatures and speeds of a run that the model's own run did not have."""
 
-from ptt.again.before import Before
+from ptt.again.prior import Prior
 from ptt.run.problem import Problem
 from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of, ranges_of_model
 
 
-def context_notes(before: Before, problem: Problem) -> tuple[str, ...]:
-    """What the model extrapolates to in this run.
+def context_notes(prior: Prior, problem: Problem) -> tuple[str, ...]:
+    """Contexts to which the model is extrapolated in this run.
 
     Args:
-        before: the solved model.
+        prior: the solved model.
         problem: the run.
 
     Returns:
-        One line for each context that its run did not have, or of which nothing says so.
+        One line for each context outside the range of the model's run, or whose range then is not known.
     """
-    recorded = ranges_of_model(before.model.file)
+    recorded = ranges_of_model(prior.model.file)
     then, told = recorded or {}, recorded is not None
-    needs = {context for term in before.model.terms for context in term.effect.requires}
+    needs = {context for term in prior.model.terms for context in term.effect.requires}
     lines = []
     for column, (low, high) in ranges_of(problem).items():
         context, unit = QUANTITIES[column]

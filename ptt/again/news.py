@@ -1,11 +1,11 @@
-"""What a run shows that a solved model does not have: diagnosed on top of it, unless it was there then, too."""
+"""What a run shows beyond a solved model and its changes: diagnosed beside these, unless it was there before."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ptt.again.explanation import Explanation
 from ptt.again.figures import errors_of
-from ptt.again.weigh import Weighed
 from ptt.again.words import on_date
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.noise_level import noise_left, wanders_beyond
@@ -21,23 +21,25 @@ from ptt.run.problem import Problem
 
 @dataclass(frozen=True)
 class News:
-    """What is new.
+    """What is new in a run.
 
     Attributes:
         diagnosis: of what the model does not have; None where nothing is new.
-        notes: what is to be said besides.
+        notes: further remarks for the user.
     """
 
     diagnosis: Diagnosis | None
     notes: tuple[str, ...] = ()
 
 
-def look_for_news(found: Weighed, model: Model, problem: Problem, known: Library, tell: Tell, seed: int = 0) -> News:
+def look_for_news(
+    found: Explanation, model: Model, problem: Problem, known: Library, tell: Tell, seed: int = 0
+) -> News:
     """Diagnose what a run shows beside a solved model and its changes.
 
     Args:
         found: the best explanation.
-        model: the solved model with its values as the run has them.
+        model: the solved model with the values of this run, masked effects included.
         problem: the run.
         known: effects by name.
         tell: told what is being done.
@@ -46,14 +48,14 @@ def look_for_news(found: Weighed, model: Model, problem: Problem, known: Library
     Returns:
         What is new; the diagnosis has to find it as well.
     """
-    left = found.before.left
+    left = found.prior.left
     if found.new and (size := size_of_new(found)) <= left:
         names = ", ".join(dict.fromkeys(found.system.atoms[key].name for key in found.new))
-        then = on_date(found.before.since)
+        then = on_date(found.prior.since)
         return News(
             None, (f"{names} ({size:.1f} um) is no more than the {left:.1f} um that the model left unexplained {then}",)
         )
-    if not found.new and not _objects(found, problem, tell, seed):
+    if not found.new and not _is_significant(found, problem, tell, seed):
         return News(None)
     tell("what is new")
     still = replace(model, terms=tuple(hold(term) for term in model.terms))
@@ -61,9 +63,9 @@ def look_for_news(found: Weighed, model: Model, problem: Problem, known: Library
     return News(None if _nothing_of_machine(diagnosis, known) else diagnosis)
 
 
-def size_of_new(found: Weighed) -> float:
-    """What is new does to the readings, the set-up's part taken off, root mean square in um."""
-    off = found.system.in_mm(found.work_of(found.new).reshape(-1, 3))
+def size_of_new(found: Explanation) -> float:
+    """Shift of the readings by what is new, in the run's own frame, rms of the vector, um."""
+    off = found.system.in_mm(found.shift_of(found.new).reshape(-1, 3))
     return rms(off, np.ones(len(off), dtype=bool))["total"]
 
 
@@ -74,12 +76,12 @@ def _nothing_of_machine(diagnosis: Diagnosis, known: Library) -> bool:
     return all(known[parse_key(step[0])[0]].of_run for step in diagnosis.suggested)
 
 
-def _objects(found: Weighed, problem: Problem, tell: Tell, seed: int) -> bool:
-    """Whether what is left is more than noise, and more than a machine that has not changed would show."""
+def _is_significant(found: Explanation, problem: Problem, tell: Tell, seed: int) -> bool:
+    """Whether the residual is more than noise, and more than a machine that has not changed would show."""
     system, state = found.system, found.state
     after, errors = noise_left(system, state).total, errors_of(found)
     if problem.noise is not None and (
-        1e3 * np.sqrt(max(after**2 - problem.noise.total**2, 0.0)) <= found.before.left
+        1e3 * np.sqrt(max(after**2 - problem.noise.total**2, 0.0)) <= found.prior.left
         or errors["left"] <= errors["expected"]
     ):
         return False

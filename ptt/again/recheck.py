@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ptt.again.before import Before, look_back
-from ptt.again.beside import sure_beside
-from ptt.again.beyond import beyond_notes
-from ptt.again.changes import PREFIX, Change
+from ptt.again.artefacts import drop_artefacts
+from ptt.again.changes import CHANGED_PREFIX, Change
 from ptt.again.contexts import context_notes
 from ptt.again.cures import with_cures
-from ptt.again.figures import Moved, errors_of, every_value, made_by, moved_of
+from ptt.again.explanation import Explanation, displacement_of, find_explanation
+from ptt.again.extrapolation import extrapolation_notes
+from ptt.again.figures import Moved, errors_of, estimate_moves, every_value, tool_error_by_effect
+from ptt.again.linear_problem import model_at
+from ptt.again.masked_effects import MASKED_PREFIX, MaskedEffect
 from ptt.again.news import News, look_for_news
+from ptt.again.prior import Prior, build_prior
 from ptt.again.result import ChangedValue, Recheck, Verdict
-from ptt.again.supposed import model_at
-from ptt.again.then import THEN, Then
-from ptt.again.weigh import Weighed, moved_by, weigh
 from ptt.again.words import Values, explain, say_change, say_whole, values_of
 from ptt.diagnosis.evidence.noise_level import noise_after
 from ptt.diagnosis.telling.enough import require_enough
@@ -29,22 +29,22 @@ from ptt.model.model import Model, Term, start_term
 from ptt.progress import Tell
 from ptt.run.problem import Problem
 
-GONE = 0.2  # share of what a value, or its whole effect, was below which it is called repaired
-CLEAR = 3.0  # standard errors
-WHOLE = 10_000  # rows: weighing takes about 0.25 MB a row while all hypotheses are linearised
+GONE = 0.2  # share of its former size below which a value, or a whole effect, is called repaired
+CLEAR = 3.0  # standard errors beyond which a difference is clear
+WHOLE = 10_000  # rows, beyond which a sample is used: linearising all hypotheses takes about 0.25 MB a row
 
 
 def recheck(
     model: Model, problem: Problem, known: Library | None = None, *, progress: Tell | None = None, seed: int = 0
 ) -> Recheck:
-    """Hold a new run against a solved model.
+    """Compare a new run with a solved model.
 
     The posterior of the model's fit is the prior of a machine that has not changed; against it stand changes of single
     values, effects that the model does not have, and unknown physics, all by their evidence.
 
     Args:
         model: solved, as it holds for the run (`ptt.model.of_run.for_runs`).
-        problem: the new run, with a set-up and a noise of its own.
+        problem: the new run, whose set-up and noise are its own.
         known: effects by name; None for the library.
         progress: told what is being done.
         seed: of the permutation tests.
@@ -63,9 +63,12 @@ def recheck(
     if problem.table.rows > WHOLE:
         notes.append(f"of {problem.table.rows} rows, about {SAMPLE_ROWS} were used, in stretches spread over the run")
         problem = take(problem, sample_stretches(problem, SAMPLE_ROWS))
-    before = look_back(model, problem)
-    found, now, news = _weighed(before, problem, known, tell, seed)
-    made = {"before": made_by(found, before.values), "now": made_by(found, found.before.start + _stands(found))}
+    prior = build_prior(model, problem)
+    found, now, news = _explained(prior, problem, known, tell, seed)
+    made = {
+        "before": tool_error_by_effect(found, prior.values),
+        "now": tool_error_by_effect(found, found.prior.start + _stands(found)),
+    }
     cured = {key for key, size in made["now"].items() if size < GONE * made["before"][key]}
     changed = _changed(found, problem, cured)
     verdict: Verdict = "new" if news.diagnosis is not None else "changed" if changed else "same"
@@ -77,17 +80,17 @@ def recheck(
         error_um=errors_of(found),
         made_um=made,
         noise_um=noise_after(problem, found.system, found.state).to_dict(),
-        since=before.since,
+        since=prior.since,
         rows=len(found.system.rows),
         outlier_rows=tuple(int(row) for row in numbers(problem)[found.gross]),
         notes=(
             *notes,
-            *before.notes,
+            *prior.notes,
             *news.notes,
-            *_then(found),
+            *_masked_notes(found),
             *_set_up(found),
-            *context_notes(before, problem),
-            *beyond_notes(before, problem),
+            *context_notes(prior, problem),
+            *extrapolation_notes(prior, problem),
         ),
         words="",
         model=replace(model, terms=_merged(model, now)),
@@ -95,35 +98,37 @@ def recheck(
     return replace(result, words=explain(result))
 
 
-def _weighed(before: Before, problem: Problem, known: Library, tell: Tell, seed: int) -> tuple[Weighed, Model, News]:
-    """What has changed, the model with its values as the run has them, and what is new beside it."""
-    found = with_cures(weigh(before, problem, known, tell), problem, known, tell)
+def _explained(
+    prior: Prior, problem: Problem, known: Library, tell: Tell, seed: int
+) -> tuple[Explanation, Model, News]:
+    """The best explanation, the model with the values of this run, and what is new beside it."""
+    found = with_cures(find_explanation(prior, problem, known, tell), problem, known, tell)
     now, news = _with_news(found, problem, known, tell, seed)
     if news.diagnosis is not None and found.changed:
-        sure = sure_beside(found, news.diagnosis, problem, known, tell)
+        sure = drop_artefacts(found, news.diagnosis, problem, known, tell)
         if sure is not found:
             then = _with_news(sure, problem, known, tell, seed)
-            if then[1].diagnosis is not None:  # else what was new had needed the changes
+            if then[1].diagnosis is not None:  # else nothing is new without the changes: keep them
                 return sure, *then
     return found, now, news
 
 
-def _with_news(found: Weighed, problem: Problem, known: Library, tell: Tell, seed: int) -> tuple[Model, News]:
-    """The model with its values as the run has them, and what is new beside it."""
-    now = model_at(found.before, _stands(found))
-    whole = replace(now, terms=(*now.terms, *(_term_of(room, found, problem) for room in found.then)))
+def _with_news(found: Explanation, problem: Problem, known: Library, tell: Tell, seed: int) -> tuple[Model, News]:
+    """The model with the values of this run, and what is new beside it."""
+    now = model_at(found.prior, _stands(found))
+    whole = replace(now, terms=(*now.terms, *(_term_of(masked, found, problem) for masked in found.masked)))
     return now, look_for_news(found, whole, problem, known, tell, seed)
 
 
-def _term_of(room: Then, found: Weighed, problem: Problem) -> Term:
-    values = found.state.posterior.values[found.state.of(room.key)]
-    term = start_term(room.effect, problem.view)
-    term.theta[: len(values)] = torch.as_tensor(values * tried_sizes(room.effect, problem))
+def _term_of(masked: MaskedEffect, found: Explanation, problem: Problem) -> Term:
+    values = found.state.posterior.values[found.state.of(masked.key)]
+    term = start_term(masked.effect, problem.view)
+    term.theta[: len(values)] = torch.as_tensor(values * tried_sizes(masked.effect, problem))
     return term
 
 
 def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:
-    """A word where the model was fitted on this very run."""
+    """A note where the model was fitted on this very run."""
     steps = [row for row in model.file.history if "kind" in row]
     files = {item["sha256"] for item in steps[-1].get("files", ())} if steps else set()
     if files & {digest for digest in problem.table.run_sha256 if digest}:
@@ -131,10 +136,10 @@ def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:
     return ()
 
 
-def _stands(found: Weighed) -> np.ndarray:
-    """How far all values are from where they started, (w,) in usual sizes: changes, and what was uncertain."""
-    unsure = np.flatnonzero(found.state.owner < 0)[len(found.frame) :][: found.before.root.shape[1]]
-    return moved_by(found) + found.before.loose @ found.state.posterior.values[unsure]
+def _stands(found: Explanation) -> np.ndarray:
+    """Displacement of the model's values from `Prior.start` by changes and their uncertainty, (w,) in usual sizes."""
+    uncertain = np.flatnonzero(found.state.owner < 0)[len(found.frame) :][: found.prior.root.shape[1]]
+    return displacement_of(found) + found.prior.root_now @ found.state.posterior.values[uncertain]
 
 
 def _merged(model: Model, now: Model) -> tuple[Term, ...]:
@@ -142,33 +147,33 @@ def _merged(model: Model, now: Model) -> tuple[Term, ...]:
     return tuple(replace(t, theta=own[t.effect.key].theta) if t.effect.key in own else t for t in model.terms)
 
 
-def _named(found: Weighed) -> tuple[Change, ...]:
-    """Changes that may be named: beside unknown physics those that an effect would have to be as well.
+def _named(found: Explanation) -> tuple[Change, ...]:
+    """Changes that may be named: beside unknown physics only those that pass the tests of a diagnosis.
 
-    Elsewhere their evidence is enough. Whether they predict hidden readings says nothing of them: what was uncertain
-    then can do their work, only not as probably.
+    Without unknown physics the evidence suffices. Held-out readings say nothing of a change: the uncertainty of the
+    model's values predicts them as well, only with a lower prior probability.
     """
     if all(found.system.atoms[key].effect for key in found.state.keys):
         return found.changed
     named = {step.key for step in name_steps(found.scorer, found.state).steps}
-    return tuple(c for c in found.changed if c.key in named or c.effect.key in found.before.cured)
+    return tuple(c for c in found.changed if c.key in named or c.effect.key in found.prior.cured)
 
 
-def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[ChangedValue, ...]:
-    """What has changed, value by value, the surest first."""
+def _changed(found: Explanation, problem: Problem, cured: set[str]) -> tuple[ChangedValue, ...]:
+    """Values that have changed, the largest |z| first."""
     changes = _named(found)
     if not changes:
         return ()
     places = [(change.effect.key, int(place)) for change in changes for place in change.at]
-    every = list(zip(places, moved_of(found, changes), strict=True))
+    every = list(zip(places, estimate_moves(found, changes), strict=True))
     rows, at = list[ChangedValue](), 0
     for change in changes:
         key = change.effect.key
-        (term,) = (term for term in found.before.layout.terms if term.effect.key == key)
+        (term,) = (term for term in found.prior.layout.terms if term.effect.key == key)
         values = values_of(term, [(place, moved) for (effect, place), moved in every if effect == key])
         own = every[at : at + len(change.names)]
         at += len(own)
-        # What one of the values of a whole has beside it is told by itself.
+        # A value that changes by itself beside its whole effect has a row of its own.
         others = [other for other in changes if other.effect.key == key and change.whole and not other.whole]
         alone = {name for other in others for name in other.names}
         pairs = [(moved, place) for (_, place), moved in own if moved.name not in alone]
@@ -176,34 +181,38 @@ def _changed(found: Weighed, problem: Problem, cured: set[str]) -> tuple[Changed
     return tuple(sorted(rows, key=lambda row: -abs(row.moved.z)))
 
 
-def _alike(found: Weighed, change: Change) -> tuple[str, ...]:
-    """What would do as well in the place of a change."""
-    if change.effect.key in found.before.cured:
+def _alike(found: Explanation, change: Change) -> tuple[str, ...]:
+    """Changes, or new effects, that explain the run as well as a change."""
+    if change.effect.key in found.prior.cured:
         return found.alike.get(change.effect.key, ())
     others = ties(found.scorer, found.state, change.key)
     return tuple(_plainly(name) for name in others if name != change.key)
 
 
 def _plainly(name: str) -> str:
-    return f"{name.removeprefix(THEN)}, then already" if name.startswith(THEN) else name.removeprefix(PREFIX)
+    return (
+        f"{name.removeprefix(MASKED_PREFIX)}, then already"
+        if name.startswith(MASKED_PREFIX)
+        else name.removeprefix(CHANGED_PREFIX)
+    )
 
 
-def _clear_then(found: Weighed, change: Change) -> tuple[str, ...]:
-    """Names of the values of what is gone that the model knew to be other than zero; of other changes all."""
-    before, own = found.before, change.places
-    if change.effect.key not in before.cured:
+def _clear_then(found: Explanation, change: Change) -> tuple[str, ...]:
+    """Names of a change's values; of a cured effect only those that were clearly not zero in the model."""
+    prior, own = found.prior, change.places
+    if change.effect.key not in prior.cured:
         return change.names
-    clear = np.abs(before.values[own]) > CLEAR * before.std[own]
+    clear = np.abs(prior.values[own]) > CLEAR * prior.std[own]
     return tuple(name for name, sure in zip(change.names, clear, strict=True) if sure)
 
 
 def _rows_of(
-    found: Weighed, change: Change, values: Values, pairs: Sequence[tuple[Moved, int]], problem: Problem, gone: bool
+    found: Explanation, change: Change, values: Values, pairs: Sequence[tuple[Moved, int]], problem: Problem, gone: bool
 ) -> list[ChangedValue]:
-    """The values of one change that are clearly otherwise, each with its words; one sentence where they are one."""
-    since, alike, known = found.before.since, _alike(found, change), _clear_then(found, change)
+    """Values of one change that differ clearly, each with its words; those of a whole effect share one sentence."""
+    since, alike, known = found.prior.since, _alike(found, change), _clear_then(found, change)
     clear = [pair for pair in pairs if abs(pair[0].z) > CLEAR and pair[0].before != pair[0].now]
-    # What is gone and never was clearly there is no change; what has come is one, of its own.
+    # A cured effect's value that was never clearly there has not changed; one that has grown has, by itself.
     came = [pair for pair in clear if not change.whole and abs(pair[0].now) > abs(pair[0].before)]
     sure = [pair for pair in clear if pair[0].name in known or pair in came]
     clear = sure or clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
@@ -222,10 +231,10 @@ def _rows_of(
 
 
 def is_repaired(was: float, now: float, std: float) -> bool:
-    """Whether what was clearly off is back near zero.
+    """Whether an error that was clearly there is back near zero.
 
     Args:
-        was: size then.
+        was: size in the model.
         now: size in this run.
         std: standard error of the difference.
 
@@ -235,16 +244,16 @@ def is_repaired(was: float, now: float, std: float) -> bool:
     return was > CLEAR * std and (now < GONE * was or (now < CLEAR * std and now < 0.5 * was))
 
 
-def _then(found: Weighed) -> tuple[str, ...]:
-    """Words for what the model's own run hid."""
+def _masked_notes(found: Explanation) -> tuple[str, ...]:
+    """A note on each masked effect in the best set."""
     return tuple(
-        f"{room.effect.key} is not in the model, because the model's run could hardly tell it from the effects that "
+        f"{masked.effect.key} is not in the model, because the model's run could hardly tell it from the effects that "
         "are; both runs are explained best if it was present then as now: diagnose them together "
         "(ptt diagnose THEN.csv --also NOW.csv)"
-        for room in found.then
+        for masked in found.masked
     )
 
 
-def _set_up(found: Weighed) -> tuple[str, ...]:
+def _set_up(found: Explanation) -> tuple[str, ...]:
     names = (found.system.atoms[key].name for key in found.set_up)
     return tuple(f"the set-up moved during this run: {name}; this is subtracted" for name in names)

@@ -1,4 +1,4 @@
-"""What a recheck says: the verdict, what has changed, what is new, and the words for it."""
+"""The result of a recheck: verdict, changed values, diagnosis of what is new, and their words."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -10,17 +10,17 @@ from ptt.notebook import InNotebook
 from ptt.record import Record
 
 Verdict = Literal["same", "changed", "new"]
-SHOWN_VALUES = 12  # of a table that anybody reads
+SHOWN_VALUES = 12  # rows of the printed table, at most
 
 
 @dataclass(frozen=True)
 class ChangedValue(Record):
-    """One value that is otherwise than it was.
+    """One value that has changed.
 
     Attributes:
-        moved: then and now.
+        moved: its figures in the model and in this run.
         repaired: whether it is back near zero.
-        indistinguishable_from: other changes, or new effects, that would do as well.
+        indistinguishable_from: other changes, or new effects, that explain the run as well.
         words: for a machinist.
     """
 
@@ -38,19 +38,21 @@ class Recheck(InNotebook, Record):
 
     Attributes:
         verdict: 'same', 'changed' or 'new'.
-        changed: what is otherwise than it was, the surest first.
-        new: the diagnosis of what the model does not have; None where nothing is.
-        parameters: every value that may have changed, then and now: the named ones together, each of the others as if
-            it had changed besides.
-        error_um: expected of a machine that has not changed, now with the model as it was, left with what is named.
-        made_um: what each effect does to the tool in this run, then and now.
+        changed: values that have changed, the largest |z| first.
+        new: the diagnosis of what the model does not have; None where nothing is new.
+        parameters: all values of the model and of this run: the changed ones estimated jointly, each other one as if it
+            alone had changed as well.
+        error_um: rms error of the readings: 'expected' of an unchanged machine, 'now' with the model as it was, 'left'
+            with the changes.
+        made_um: tool error that each effect causes in this run, rms: 'before' with the model's values, 'now' with those
+            of this run.
         noise_um: the noise floor of this run.
         since: date of the model, ISO 8601; None where it does not say.
         rows: readings that counted.
         outlier_rows: rows left out as gross errors.
-        notes: what else is to be known.
+        notes: further remarks for the user.
         words: the verdict for a machinist.
-        model: the solved model with its values as this run has them.
+        model: the solved model with the values of this run.
     """
 
     keys: ClassVar[str] = (

@@ -14,8 +14,8 @@ from ptt.effects.phrases import ValuePhrase, capital, compose, figure, listed, s
 from ptt.model.model import Term
 from ptt.run.view import View
 
-BY_CHANCE = 2.0  # standard errors of a difference within which a value of the other sign is none at all
-WORST = 3  # effects that are worth a word after a repair
+BY_CHANCE = 2.0  # standard errors of a difference, within which a value of the other sign counts as zero
+WORST = 3  # effects that are listed after a repair, largest tool error first
 
 
 def on_date(since: str | None) -> str:
@@ -36,13 +36,13 @@ def model_of(since: str | None) -> str:
 
 @dataclass(frozen=True)
 class Values:
-    """All values of an effect, then and now.
+    """All P parameters of an effect, flat, in the model and in this run.
 
     Attributes:
         effect: the effect.
-        then: (P,) flat, as the model has them, shape and range among them.
-        now: (P,) with those that have changed as this run has them.
-        std: (P,) standard errors of the differences, zero where nothing has changed.
+        then: in the model, searched and given ones included, (P,).
+        now: in this run: as in the model but for the values that have changed, (P,).
+        std: standard errors of the differences, zero where nothing has changed, (P,).
     """
 
     effect: Effect
@@ -51,10 +51,14 @@ class Values:
     std: torch.Tensor
 
     def told(self, place: int, view: View) -> tuple[ValuePhrase, ValuePhrase] | None:
-        """What the sentence that one value is part of says then and now; None where it has none.
+        """The phrases on one value, in the model and in this run; None where the effect has none on it.
 
-        A wave's cosine and sine are one sentence, and so are the bends of a curve: theirs are the sentences that would
-        be otherwise with that value alone otherwise, the weightiest of them.
+        One phrase may be on several values, as on the cosine and the sine of a wave. A value's phrases are those that
+        differ if it alone changes; the one of the largest worth is taken.
+
+        Args:
+            place: index of the value in the flat parameters.
+            view: rows of the machine.
         """
         ends = []
         for here, there in ((self.then, self.now), (self.now, self.then)):
@@ -68,11 +72,11 @@ class Values:
 
 
 def values_of(term: Term, changed: Sequence[tuple[int, Moved]]) -> Values:
-    """The values of an effect of a solved model, then and now.
+    """The parameters of an effect of a solved model, in the model and in this run.
 
     Args:
-        term: of the model.
-        changed: place among its flat parameters, then and now of each value that may have changed.
+        term: the effect in the model.
+        changed: of each value that has changed its index in the flat parameters, and its figures.
 
     Returns:
         The values.
@@ -91,14 +95,14 @@ def say_change(
     since: str | None,
     repaired: bool,
 ) -> str:
-    """One value that has changed.
+    """Sentence on one value that has changed.
 
     Args:
-        effect: that it is a value of.
-        told: what its sentence says then and now.
-        moved: then and now.
-        view: of the machine.
-        since: date of the model.
+        effect: whose value it is.
+        told: phrases on it in the model and in this run; None where the effect has none.
+        moved: its figures.
+        view: rows of the machine.
+        since: date of the model, ISO 8601; None where it is not known.
         repaired: whether it is back near zero.
 
     Returns:
@@ -109,26 +113,26 @@ def say_change(
         body = f"{moved.effect} {moved.name} is {moved.now:.4g} {moved.unit}; {then} it was {moved.before:.4g}"
         return f"{'Repaired: ' if repaired else ''}{body}."
     error = figure(told[1].error)
-    before, now = (replace(part, error=0.0) for part in told)  # that it is beyond chance is said beside it
+    before, now = (replace(part, error=0.0) for part in told)  # `explain` states the significance
     if repaired:
         beyond = moved.now * moved.before < 0.0 and before.text != now.text and before.size > 0.0
         left = replace(now, size=-now.size) if beyond else now
         now_words = f"{sizes_in_words([left])} (+- {error}) in this run"
         return f"Repaired: {compose([before], noun)} in {model_of(since)}, and {now_words}."
     less = min(before.size, now.size)
-    if before.text != now.text and less < BY_CHANCE * told[1].error:  # by no more than chance: that is no other fault
+    if before.text != now.text and less < BY_CHANCE * told[1].error:  # the other sign is by chance
         before, now = (replace(part, size=0.0) if part.size == less else part for part in (before, now))
     return f"{capital(_beside(before, now, noun, since))}."
 
 
 def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | None, *, repaired: bool) -> str:
-    """All values of an effect that have changed in proportion.
+    """Sentence on values of an effect that have changed in proportion.
 
     Args:
         values: of the effect.
-        moved: then and now of each.
-        view: of the machine.
-        since: date of the model.
+        moved: figures of each value.
+        view: rows of the machine.
+        since: date of the model, ISO 8601; None where it is not known.
         repaired: whether all of them are back near zero.
 
     Returns:
@@ -166,13 +170,13 @@ def _parts(effect: Effect, theta: torch.Tensor, std: torch.Tensor, view: View) -
 
 
 def explain(result: Any) -> str:
-    """The verdict of a recheck.
+    """The verdict of a recheck in sentences.
 
     Args:
-        result: the recheck: verdict, changed, new, error_um, made_um, noise_um, since.
+        result: a `ptt.again.result.Recheck`, whose words are still empty.
 
     Returns:
-        Lines, each one thing.
+        One line for each statement.
     """
     errors, noise = result.error_um, result.noise_um["total"]
     floor = f"the noise of this run is {noise:.1f} um"
@@ -201,7 +205,7 @@ def explain(result: Any) -> str:
 
 
 def _after_repair(result: Any) -> list[str]:
-    """Whether a repair helped, and what is left."""
+    """Whether a repair lowered the tool error, and the largest errors that remain; empty without a repair."""
     cured = list(dict.fromkeys(item.moved.effect for item in result.changed if item.repaired))
     if not cured:
         return []
@@ -218,7 +222,7 @@ def _after_repair(result: Any) -> list[str]:
 
 
 def tie_words(names: Sequence[str], own: str) -> str:
-    """What would explain the run as well."""
+    """A sentence on what explains the run as well; '' without any."""
     if not names:
         return ""
     return f"Either {own} or {listed(list(names), ' or ')}: this run cannot tell them apart."

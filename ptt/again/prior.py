@@ -1,11 +1,11 @@
-"""What a solved model says of the machine as it was: values, what their run left uncertain, and when that was."""
+"""A solved model as the prior of a recheck: its values, their covariance, and the date of their fit."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
 
-from ptt.again.then import Rooms, rooms_of
+from ptt.again.masked_effects import MaskedEffects, read_masked_effects
 from ptt.errors import ModelError
 from ptt.fitting.kept import Kept, kept_covariance
 from ptt.fitting.layout import Layout, lay_out
@@ -14,27 +14,27 @@ from ptt.judge.history import HistoryEntry, read_entries
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 
-ANYTHING = 1e2  # usual sizes: what a run cannot judge may be anything
-LEAST_SHARE = 1e-6  # of the largest uncertainty below which one is none
+ANYTHING = 1e2  # prior standard deviation of a value that the run cannot judge, in usual sizes: practically flat
+LEAST_SHARE = 1e-6  # of the largest standard deviation, below which one counts as zero
 
 
 @dataclass(frozen=True)
-class Before:
+class Prior:
     """A solved model as the prior of a machine that has not changed.
 
     Attributes:
-        model: with the effects of the machine alone; every linear value free to be looked at.
-        layout: of its values, then of the new run's mounts and frames.
-        values: (w,) of the effects, in usual sizes.
-        root: (w, r) factor of their covariance, in usual sizes.
-        last: the last step of its history; None where it has none.
-        left: what it left unexplained of rows it had not seen, beyond the noise then, um.
+        model: the solved model, reduced to effects of the machine; no value is fixed by the user.
+        layout: of the model's values, followed by the new run's mounts and frames.
+        values: of the model, (w,) in usual sizes.
+        root: factor of their covariance, root @ root.T, (w, r) in usual sizes.
+        last: the last step of the model's history; None where it has none.
+        left: held-out error of the model's own run beyond the noise of that run, rms, um.
         notes: what is not carried over, in words.
-        blind: keys of effects that the run cannot judge.
-        cured: keys of effects that are taken to be gone now, whatever they were.
-        rooms: effects that it does not have, and what its run says of them.
-        unnamed: sizes of the drawing among these, and how far they leave its values and themselves open, (w + p, r);
-            None where nobody asked.
+        blind: keys of effects that the new run cannot judge.
+        cured: keys of effects that are supposed to be zero in the new run, whatever they were.
+        masked_effects: effects that the model does not have and its own run could hardly tell from those that it has.
+        unnamed: sizes of the drawing that the model does not have, with a factor (w + p, r) of the joint covariance of
+            the model's w values and these p; None where the fit did not work it out.
     """
 
     model: Model
@@ -46,24 +46,24 @@ class Before:
     notes: tuple[str, ...]
     blind: frozenset[str] = frozenset()
     cured: frozenset[str] = frozenset()
-    rooms: Rooms = field(default_factory=Rooms)
+    masked_effects: MaskedEffects = field(default_factory=MaskedEffects)
     unnamed: Unnamed | None = None
 
     @property
     def gone(self) -> np.ndarray:
-        """(w,) bool, values of the effects that are gone now."""
+        """Linear values of cured effects, (w,) bool."""
         layout, width = self.layout, self.width
         own = [index for index, term in enumerate(layout.terms) if term.effect.key in self.cured]
         return np.isin(layout.owner[:width], own) & ~layout.searched[:width]
 
     @property
     def start(self) -> np.ndarray:
-        """(w,) the values that they have now if nothing else has changed."""
+        """Values in the new run if nothing else has changed, (w,) in usual sizes: zero where cured."""
         return np.where(self.gone, 0.0, self.values)
 
     @property
-    def loose(self) -> np.ndarray:
-        """(w, r) the same of the root: what is gone is zero, for sure."""
+    def root_now(self) -> np.ndarray:
+        """Factor of the covariance of `start`, (w, r): a cured value is exactly zero."""
         return np.where(self.gone[:, None], 0.0, self.root)
 
     @property
@@ -73,7 +73,7 @@ class Before:
 
     @property
     def std(self) -> np.ndarray:
-        """(w,) what their run left uncertain, in usual sizes."""
+        """Standard errors of the values, (w,) in usual sizes."""
         return np.asarray(np.sqrt(np.square(self.root).sum(axis=1)))
 
     @property
@@ -82,18 +82,18 @@ class Before:
         return None if self.last is None else self.last.date
 
 
-def look_back(model: Model, problem: Problem) -> Before:
+def build_prior(model: Model, problem: Problem) -> Prior:
     """Take a solved model as the prior for another run.
 
     Args:
-        model: as it holds for the run.
-        problem: the run.
+        model: solved, as it holds for the new run (`ptt.model.of_run.for_runs`).
+        problem: the new run.
 
     Returns:
         The prior.
 
     Raises:
-        ModelError: nothing was fitted in it.
+        ModelError: the model has no fitted effect of the machine.
     """
     carried = tuple(replace(t, fixed=frozenset()) for t in model.terms if not t.effect.of_run and len(t.theta))
     if not carried:
@@ -115,13 +115,24 @@ def look_back(model: Model, problem: Problem) -> Before:
     entries = read_entries(model.file)
     last = entries[-1] if entries else None
     said = (*_not_carried(model), *notes)
-    rooms = rooms_of(kept, layout.names[:width], problem.view)
+    masked_effects = read_masked_effects(kept, layout.names[:width], problem.view)
     unnamed = None if kept is None else kept.unnamed_beside(layout.names[:width])
-    return Before(own, layout, values, root, last, _left(last), said, frozenset(blind), rooms=rooms, unnamed=unnamed)
+    return Prior(
+        own,
+        layout,
+        values,
+        root,
+        last,
+        _left(last),
+        said,
+        frozenset(blind),
+        masked_effects=masked_effects,
+        unnamed=unnamed,
+    )
 
 
 def _is_blind(term: Term, problem: Problem) -> bool:
-    """Whether an effect follows the speed, and the run has one speed or none."""
+    """Whether an effect depends on the speed, and the speed does not vary in the run."""
     return "speed" in term.effect.requires and "speed" not in problem.view.varies
 
 
@@ -133,11 +144,11 @@ def _not_carried(model: Model) -> list[str]:
 def _uncertainty(
     kept: Kept | None, terms: tuple[Term, ...], layout: Layout, scale: np.ndarray
 ) -> tuple[np.ndarray, list[str]]:
-    """Factor of the covariance of all values in usual sizes, (w, r); what it had to be put together from."""
+    """Factor of the covariance of all values, (w, r) in usual sizes; notes on what it lacks."""
     names = layout.names[: len(scale)]
     std = torch.cat([_stated(term) for term in terms]).numpy()[layout.columns()]
     if kept is not None:
-        # What the last fit held, because its run could not test it, is as uncertain as it was before.
+        # Values that the last fit held because its run could not test them keep their stated standard errors.
         told = kept.rows(names)
         held = np.linalg.norm(told, axis=1) < LEAST_SHARE * std
         rows = np.hstack([told, np.diag(np.where(held, std, 0.0))]) / scale[:, None]
@@ -153,7 +164,7 @@ def _stated(term: Term) -> torch.Tensor:
 
 
 def _left(last: HistoryEntry | None) -> float:
-    """What was left of held-out rows beyond the noise of that run, um."""
+    """Held-out error of the model's own run beyond the noise of that run, um."""
     if last is None:
         return 0.0
     excess = last.heldout_after_um["total"] ** 2 - float(last.noise_um["total"]) ** 2
