@@ -1,4 +1,4 @@
-"""Whether two runs that are held against each other were measured alike; what to say where they were not."""
+"""Hints where two runs that are compared were measured under different conditions."""
 
 import numpy as np
 
@@ -9,32 +9,32 @@ from ptt.run.noise import SAME_FEED, SAME_LOAD, SAME_WARMTH
 from ptt.run.same_pose import same_places
 from ptt.run.table import Table
 
-CONDITIONS = (  # column, what it is called, its unit, and by how much more it is another one
+CONDITIONS = (  # column, its name, its unit, and the difference beyond which it is not the same
     ("payload_kg", "payload", "kg", SAME_LOAD),
     ("temp_c", "temperature", "K", SAME_WARMTH),
     ("feed_mm_s", "feed", "mm/s", SAME_FEED),
 )
-APART = 0.5  # share of the error that frames of their own may leave of one that runs share, where they are likely meant
+APART = 0.5  # ratio of the error with a frame per run to that with a common one, below which the former is likely meant
 
 
 def hints_on(before: Table, after: Table, result: Evaluation, *, told: bool) -> tuple[str, ...]:
-    """What makes two runs poor to compare.
+    """Hints on differences that make a comparison of two runs doubtful.
 
     Args:
-        before: a run.
-        after: another.
-        result: what was made of them.
-        told: whether anybody said how the tracker stood.
+        before: the first run.
+        after: the second.
+        result: their evaluation.
+        told: whether the frame policy was stated by the user or a machine file.
 
     Returns:
-        A sentence each.
+        One sentence for each difference.
     """
     alone = () if told else _frames(before, after)
     return (*alone, *_visits(before, after, result), *_conditions(before, after, result.matched))
 
 
 def _frames(before: Table, after: Table) -> tuple[str, ...]:
-    """Where runs of one table look as if the tracker had been set up anew for each."""
+    """Hint where the tracker seems to have been set up anew for each run of a table."""
     for side, table in (("BEFORE", before), ("AFTER", after)):
         if not table.run.any():
             continue
@@ -52,12 +52,12 @@ def _frames(before: Table, after: Table) -> tuple[str, ...]:
 
 
 def _size(error: np.ndarray) -> float:
-    """Root mean square length, um."""
+    """Rms length of error vectors (n, 3) mm, in um; rows with NaN are left out."""
     return 1e3 * float(np.sqrt(np.nanmean(np.square(error).sum(axis=1))))
 
 
 def _visits(before: Table, after: Table, result: Evaluation) -> tuple[str, ...]:
-    """Where one run visits the other's poses more often, so that most of its readings go without a counterpart."""
+    """Hint where one run visits the common poses more often, so that many of its readings have no counterpart."""
     words = []
     for side, table, matched in zip(("BEFORE", "AFTER"), (before, after), result.matched, strict=True):
         place = same_places(table.target)
@@ -72,7 +72,7 @@ def _visits(before: Table, after: Table, result: Evaluation) -> tuple[str, ...]:
 
 
 def _conditions(before: Table, after: Table, matched: tuple[np.ndarray, np.ndarray]) -> tuple[str, ...]:
-    """What pairs of readings were taken under otherwise, or where only one run tells what changes in it."""
+    """Hints where matched rows differ in load, temperature or feed, or where only one run records them."""
     words = []
     for column, name, unit, same in CONDITIONS:
         own, other = (
@@ -80,7 +80,7 @@ def _conditions(before: Table, after: Table, matched: tuple[np.ndarray, np.ndarr
             for table, rows in zip((before, after), matched, strict=True)
         )
         apart = np.abs(other - own)
-        far = apart > same  # not where one of them is not known
+        far = apart > same  # False where either is NaN
         if far.any():
             words.append(
                 f"{far.sum()} of {len(far)} rows of AFTER were measured at another {name} than in BEFORE, up to "

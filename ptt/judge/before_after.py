@@ -15,15 +15,15 @@ from ptt.run.same_pose import count_places
 from ptt.run.table import Table
 
 PARTS = ("low", "middle", "high")
-SHOWN_POSES = 5  # that got worse
+SHOWN_POSES = 5  # of those that got worse, at most
 
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """One run.
+    """The errors of one run.
 
     Attributes:
-        source: its files.
+        source: names of its files.
         place: targets, (m, 3) mm.
         error: reading less target, the tracker's frame taken out as the machine file says, (m, 3) mm.
     """
@@ -33,21 +33,21 @@ class Side:
     error: np.ndarray
 
     def to_dict(self) -> dict[str, Any]:
-        """Figures as `ptt compare` gives them, and rows."""
+        """For JSON: source, number of rows, and figures as of `ptt compare`."""
         return {"source": self.source, "rows": len(self.error), **figures(self.error)}
 
 
 @dataclass(frozen=True, eq=False)
 class BeforeAfter:
-    """Both runs, and the poses that they share.
+    """Errors of two runs of one machine, and of the poses that both have.
 
     Attributes:
         before: the first run.
         after: the second.
         frame: how the tracker's frame was taken out of both.
         shared: error lengths of poses measured in both, (s, 2) mm.
-        names: of those poses, with the place in their file.
-        unmatched: how many rows of each have no counterpart.
+        names: of those poses, with file and row, (s,).
+        unmatched: number of rows of each run without a counterpart.
     """
 
     before: Side
@@ -59,7 +59,7 @@ class BeforeAfter:
 
     @property
     def gained(self) -> np.ndarray:
-        """How much nearer the tool comes to its targets, per shared pose, (s,) mm; negative where it got worse."""
+        """Fall of the error length at each shared pose, (s,) mm; negative where it got worse."""
         return np.asarray(self.shared[:, 0] - self.shared[:, 1])
 
     def to_dict(self) -> dict[str, Any]:
@@ -85,7 +85,7 @@ class BeforeAfter:
         }
 
     def where(self) -> list[dict[str, Any]]:
-        """Root mean square error in the thirds of the height and the quarters of the ground that both went to."""
+        """Rms errors in thirds of z and in quadrants of x and y, where both runs have readings; um."""
         both = np.concatenate([self.before.place, self.after.place])
         heights, middle = np.quantile(both[:, 2], [1 / 3, 2 / 3]), np.median(both[:, :2], axis=0)
         parts = []
@@ -105,7 +105,7 @@ class BeforeAfter:
 
 
 def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
-    """Hold two runs of one machine beside each other, whether or not they went to the same poses.
+    """Compare two runs of one machine, whether or not they have the same poses.
 
     Errors are against the targets, since a compensation changes the commands on purpose.
 
@@ -131,7 +131,7 @@ def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
         for table, rows, each in zip((before, after), found, errors, strict=True)
     ]
     if any(left.values()) and count_places(before.target[first]) >= LEAST_ROWS:
-        # Poses that only one run has would turn its frame, and the errors of those that both have with it.
+        # Frames from the shared poses alone: poses of one run only would turn its frame.
         pairs = zip((before, after), (first, second), strict=True)
         errors = [errors_of(table, file, rows=np.isin(np.arange(table.rows), own)) for table, own in pairs]
     lengths = [np.linalg.norm(each.aligned[rows], axis=1) for each, rows in zip(errors, (first, second), strict=True)]

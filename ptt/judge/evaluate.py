@@ -34,7 +34,7 @@ def evaluate_pair(
         file: the machine, whose tracker policy counts; None: the best rigid motion for each run.
         frame: policy instead of the machine's.
         z_datum: 'first' refers z errors to the first pose of each run, as the source paper does.
-        rows: rows of `before` that count, (n,) bool; None for all. Frames are found from all rows that both runs have.
+        rows: rows of `before` that count, (n,) bool; None for all. Frames are fitted to all matched rows.
 
     Returns:
         The evaluation.
@@ -51,7 +51,7 @@ def evaluate_pair(
     wanted = targets_of(before, file)
     _require_poses(before, after, count_places(wanted[first]), frame or (file.tracker.frame if file else "fitted"))
     counted = whole
-    if z_datum == "absolute":  # else the first pose of each run counts, whether or not the other has it
+    if z_datum == "absolute":  # else each run is referred to its own first pose, matched or not
         counted = [
             _of_shared(errors, table, file, frame, own, bool(unmatched[side]))
             for errors, table, own, side in zip(whole, runs, (first, second), SIDES, strict=True)
@@ -83,7 +83,7 @@ def evaluate_pair(
 def _pair(
     errors: Sequence[np.ndarray], runs: Sequence[Table], matched: Sequence[np.ndarray], z_datum: Datum
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (m, 3) of the matched rows of both runs, z as the datum has it."""
+    """Errors of the matched rows of both runs, (m, 3) mm each, z relative to the datum."""
     one, two = (_refer_z(*each, z_datum) for each in zip(errors, runs, matched, strict=True))
     return one, two
 
@@ -91,14 +91,23 @@ def _pair(
 def _of_shared(
     errors: Errors, table: Table, file: MachineFile | None, frame: str | None, own: np.ndarray, more: bool
 ) -> Errors:
-    """Errors in the frame of the rows that both runs have: what one alone has would turn it, and its errors with it."""
-    with suppress(TooFewError):  # a run of its own frame may have next to none of them
+    """Errors of a run with its frame fitted to the matched rows alone: the others would turn it.
+
+    Args:
+        errors: with the frame fitted to all rows; returned where there are no others, or the matched ones are too few.
+        table: the run, n rows.
+        file: the machine, or None.
+        frame: policy instead of the machine's, or None.
+        own: indices of the matched rows.
+        more: whether the run has other rows.
+    """
+    with suppress(TooFewError):  # with a frame for each run, one may have hardly any matched row
         return errors_of(table, file, frame, np.isin(np.arange(table.rows), own)) if more else errors
     return errors
 
 
 def _require_poses(before: Table, after: Table, poses: int, policy: str) -> None:
-    """Refuse a comparison at fewer poses than a frame that the readings tell would take up."""
+    """Refuse a comparison at fewer poses than a fitted frame needs."""
     if policy in ("fitted", "fitted-per-run") and poses < LEAST_ROWS:
         what = f"only {poses} pose{'' if poses == 1 else 's'} in common with {before.source}"
         fix = f"run both on the same targets: a fitted frame needs {LEAST_ROWS} poses; or give --frame trusted"
@@ -110,6 +119,6 @@ def _found(errors: Errors) -> np.ndarray:
 
 
 def _refer_z(errors: np.ndarray, table: Table, index: np.ndarray, z_datum: Datum) -> np.ndarray:
-    """Errors of rows `index`, z less the mean z error of the run's first pose where asked."""
+    """Errors of rows `index`, (m, 3) mm; with z_datum 'first' less the mean z error of the run's first pose."""
     usable = np.isfinite(errors).all(axis=1) & (table.role == "pose")
     return refer_z(errors, table.target, usable, z_datum)[index]

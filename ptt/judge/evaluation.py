@@ -10,24 +10,24 @@ from ptt.run.axes import AXES
 from ptt.run.noise import Noise
 
 GOALS = {"x": 90.0, "y": 90.0, "z": 80.0}  # percent, of the source paper
-MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))  # mean size of a normal error, in standard deviations
-SURE = 3.0  # standard deviations
+MEAN_OF_NORMAL = float(np.sqrt(2.0 / np.pi))  # mean absolute value of a normal error, in standard deviations
+SURE = 3.0  # standard deviations of the estimate that an error may exceed the noise by and still count as noise
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What a compensation did.
+    """Errors before and after a compensation, and their reduction.
 
     Attributes:
         before: errors of the rows that count, (m, 3) mm.
         after: errors of the same poses afterwards, (m, 3) mm.
         protocol: which rows, frame and z datum, and whether measured or computed.
-        raw: errors (m, 3) before and after, without frame alignment; None where there is no such thing.
+        raw: errors before and after without frame alignment, (m, 3) mm each; None where they are computed.
         goals: percent by which the error of each axis should fall.
         noise: noise floor of the readings afterwards.
         unmatched: rows of either run without a counterpart.
-        matched: rows of either run that belong together, (m,) each; empty where computed.
-        gross: rows of either run whose reading is no machine's; they count all the same.
+        matched: indices of the matched rows in either run, (m,) each; empty where the errors are computed.
+        gross: 'before' or 'after' -> rows with gross errors; they count all the same.
         without: errors before and after without those rows and their counterparts, (r, 3) mm each; None where there are
             no such rows, or no others.
     """
@@ -55,10 +55,11 @@ class Evaluation:
         return data
 
     def rest_is_noise(self, axis: int) -> bool | None:
-        """Whether the error that remains on an axis is no more than readings scatter; None where nobody knows that."""
+        """Whether the remaining error of an axis is no more than noise; None where the noise is unknown."""
         if self.noise is None:
             return None
-        wide = self.noise.sigma[axis] * MEAN_OF_NORMAL  # relative variance: of a mean of sizes, of a standard deviation
+        wide = self.noise.sigma[axis] * MEAN_OF_NORMAL  # mean absolute error that noise alone would leave
+        # Relative variances: of the mean absolute value of m normal errors, and of the noise floor.
         doubt = np.sqrt((1.0 / MEAN_OF_NORMAL**2 - 1.0) / len(self.after) + 0.5 / self.noise.freedom)
         return bool(np.abs(self.after[:, axis]).mean() <= wide * (1.0 + SURE * doubt))
 

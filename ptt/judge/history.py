@@ -53,7 +53,7 @@ class HistoryEntry:
 def record(
     ladder: Ladder, command: str, files: Sequence[str | Path | Mapping[str, str]], *, date: str | None = None
 ) -> MachineFile:
-    """Write the model of a ladder's last step, with one history entry for each step.
+    """The machine file of a ladder's last model, with one history entry for each step.
 
     Args:
         ladder: the ladder.
@@ -77,13 +77,13 @@ def record(
 
 
 def helped(ladder: Ladder) -> bool | None:
-    """Whether a ladder that began at the drawing predicts held-out readings better than that, beyond chance.
+    """Whether the last model of a ladder predicts held-out readings better than the drawing, beyond chance.
 
     Args:
         ladder: the ladder.
 
     Returns:
-        None where it began at a model that had effects already.
+        Whether it does; None where the ladder did not begin at the drawing, or has no further step.
     """
     first, *steps = ladder.steps
     if first.fitted.model.terms or not steps:
@@ -106,7 +106,7 @@ def read_entries(file: MachineFile) -> tuple[HistoryEntry, ...]:
         The steps, oldest first.
 
     Raises:
-        MachineError: an entry of ours that lacks a key.
+        MachineError: an entry of the program that lacks a key or cannot be read.
     """
     entries = [row for row in file.history if "kind" in row]
     try:
@@ -119,7 +119,7 @@ def read_entries(file: MachineFile) -> tuple[HistoryEntry, ...]:
 
 
 def runs_of(entries: Sequence[HistoryEntry]) -> list[list[HistoryEntry]]:
-    """Cut a history into ladders: steps of one command on the same files at one time.
+    """Cut a history into ladders: entries with the same date and the same files.
 
     Args:
         entries: oldest first.

@@ -46,7 +46,7 @@ def match_rows(
 
 
 def targets_of(table: Table, file: MachineFile | None) -> np.ndarray:
-    """(n, 3) mm; where a run has joint commands only, what they ask of the drawing."""
+    """Targets of a run, (n, 3) mm; where it has joint commands only, their forward kinematics by the drawing."""
     if file is None or np.isfinite(table.target).all(axis=1)[table.role != "base"].all():
         return table.target
     return np.where(np.isfinite(table.target), table.target, build_problem(file, table).target)

@@ -18,7 +18,7 @@ from ptt.run.same_pose import count_places, same_places
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
 
-LEAST_ROWS = 4  # a rigid motion is found from three; with no more it would take every error away
+LEAST_ROWS = 4  # poses: a rigid motion needs three, and fitted to three alone it would absorb most of their errors
 
 Datum = Literal["absolute", "first"]
 
@@ -28,10 +28,10 @@ class Errors:
     """Errors of the rows of one run, n rows.
 
     Attributes:
-        raw: measured less target, frames as they come, (n, 3) mm; NaN where not observed or no pose.
-        aligned: the same after the frame policy, (n, 3) mm.
+        raw: measured less target without alignment, (n, 3) mm; NaN where not observed, and on base reflectors.
+        aligned: measured less target after the frame policy, (n, 3) mm.
         frame: the policy, in words.
-        noise: of one reading, by repeats, std columns or the machine file; None where nothing tells it.
+        noise: noise floor from repeats, std columns or the machine file; None where nothing tells it.
     """
 
     raw: np.ndarray
@@ -52,7 +52,7 @@ def errors_of(
         rows: that count, (n,) bool; None for all.
 
     Returns:
-        The errors; targets that are not given are what the commands ask of the drawing.
+        The errors; missing targets are the forward kinematics of the commands by the drawing.
 
     Raises:
         TableError: too few readings, no targets, base reflectors missing.
@@ -74,13 +74,13 @@ def errors_of(
 
 
 def refer_z(errors: np.ndarray, target: np.ndarray, usable: np.ndarray, z_datum: Datum) -> np.ndarray:
-    """Errors with z as the datum has it.
+    """Refer z errors to a datum.
 
     Args:
         errors: (n, 3) mm.
         target: (n, 3) mm.
-        usable: rows of which one is the first, (n,) bool.
-        z_datum: 'first' takes the mean z error of the first pose, all its readings together, off all of them.
+        usable: rows that may be the datum, (n,) bool.
+        z_datum: 'first' subtracts the mean z error over all readings of the first usable pose; 'absolute' nothing.
 
     Returns:
         (n, 3) mm.
@@ -123,20 +123,19 @@ def seats_of(
     table: Table, file: MachineFile | None, target: np.ndarray, reading: np.ndarray, pose: np.ndarray,
     frame: np.ndarray, *, free: bool,
 ) -> np.ndarray | None:  # fmt: skip
-    """How far an arm's reflector stands from the tool point where nobody knows where on the tool it sits.
+    """Fitted offset of an arm's reflector from the tool point, where its seat on the tool is unknown.
 
     Args:
         table: n rows.
-        file: the machine; None where nobody tells it.
-        target: (n, 3) mm.
-        reading: (n, 3) mm.
+        file: the machine, or None.
+        target: of the tool point, (n, 3) mm.
+        reading: of the reflector, (n, 3) mm.
         pose: rows that count, (n,) bool.
         frame: (n,) int, tracker frame of each row.
         free: whether the frames are unknown.
 
     Returns:
-        (n, 3) mm in the base frame; None where the reflector is at the tool point, by the machine file or by nobody's
-        word.
+        Offsets in the base frame, (n, 3) mm; None where none is fitted: no machine file, or one that states the seat.
     """
     mount = None if file is None else mount_of_rows(file, table)
     if file is None or mount is None or (mount < 0).all():
@@ -152,6 +151,6 @@ def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: Machine
     if table.direction is not None and table.direction.shape == direction.shape:
         direction = np.where(np.abs(table.direction) > 0.0, table.direction, direction)
     sigma = None if file is None else file.tracker.sigma_mm
-    # As in a problem: encoders that report where an arm stands differ from repeat to repeat, and so does its place.
+    # Encoder readings as commands differ from repeat to repeat, and so do their targets; as in `build_problem`.
     scatter = measured - target if table.joint_prefix == "q" else measured
     return given_noise(table, scatter, direction, sigma)

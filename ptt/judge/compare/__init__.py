@@ -1,1 +1,1 @@
-"""A run held against a model: how far off, where, and how surely."""
+"""A run compared with a model: size and place of the error, and tests of it."""

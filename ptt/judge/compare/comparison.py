@@ -1,4 +1,4 @@
-"""A run held against a model as it is: how large the error is, what of it is noise, where it is, what it depends on."""
+"""A run compared with a model: size of the error, its part beyond noise, where it is, and what it depends on."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,30 +20,30 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 NO_NEWS = 0.05  # share of the error beyond noise below which there is nothing to find
-SURE = 3.0  # standard deviations
+SURE = 3.0  # standard deviations of the ratio of two mean squares, within which it is one by chance
 UM = 1e3  # um per mm
 URAD = 1e6  # urad per rad
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A run held against a model.
+    """A run compared with a model.
 
     Attributes:
-        raw: measured less target, both as they come, (n, 3) mm; NaN where not observed.
-        unaligned: measured less model without any rigid motion, (n, 3) mm.
+        raw: measured less target without alignment, (n, 3) mm; NaN where not observed.
+        unaligned: measured less model without alignment, (n, 3) mm.
         by_base: measured less model in the frame of the base reflectors alone, (n, 3) mm; None unless the frame is
             measured.
-        residual: measured less model after the frame policy, (n, 3) mm; a measured frame is weighed between base
-            reflectors and all other readings.
+        residual: measured less model after the frame policy, (n, 3) mm; a measured frame is fitted to base reflectors
+            and all other readings together.
         joint: 'slider 1'.. (n,) mm or 'joint 1'.. (n,) rad, the joint errors that would cause the residual.
         kept: rows that count, (n,) bool.
         outliers: single gross errors, left out of every figure, worst first.
-        stretches: rows in a row that are off together, left out as well.
+        stretches: consecutive rows with a common gross error, left out as well.
         frame: the frame policy.
         noise: the noise floor, None where nothing tells it.
         lack_of_fit: test against pure error.
-        where: where it fails.
+        where: where the model fails.
         depends_on: what the residual depends on, largest share first.
         without_values: effects of the model that have no values yet and so count for nothing.
         source: name of the run.
@@ -81,12 +81,12 @@ class Comparison:
 
     @property
     def frame_removed(self) -> dict[str, float]:
-        """Root mean square of how far the rigid motion moved the readings, um, per axis and total."""
+        """Rms of the readings' displacement by frame alignment, um, per axis and total."""
         return figures((self.unaligned - self.residual)[self.kept])["rms_um"]
 
     @property
     def lengths(self) -> np.ndarray:
-        """How far each reading that counts is off after the frame policy, (m,) mm."""
+        """Length of the residual of each reading that counts, (m,) mm."""
         return np.asarray(np.linalg.norm(self.residual[self.kept], axis=1))
 
     @property
@@ -99,7 +99,7 @@ class Comparison:
 
     @property
     def is_noise(self) -> bool:
-        """Whether noise alone would leave as much as is left; False where the noise is unknown."""
+        """Whether the residual is no more than noise; False where the noise is unknown."""
         if self.noise is None:
             return False
         doubt = 2.0 / (3.0 * self.rows) + 2.0 / self.noise.freedom  # relative variance of the two mean squares
@@ -140,7 +140,7 @@ class Comparison:
 def compare_run(
     model: Model, problem: Problem, *, noise: Noise | None = None, progress: Progress = unwatched
 ) -> Comparison:
-    """Hold a run against a model; only the tracker frame is fitted, and no network is asked.
+    """Compare a run with a model; only the tracker frame is fitted, and no network is used.
 
     Args:
         model: its effects are held at their values.
@@ -189,8 +189,8 @@ def compare_run(
 def figures(error: np.ndarray) -> dict[str, dict[str, float]]:
     """Figures of an error per axis, and in total as the root of their summed squares.
 
-    Only of root mean squares and biases is that a figure of the error vectors' lengths (means and lengths of means);
-    for mean, 95 % and largest take `one_figure` of the lengths.
+    The total rms is that of the error vectors' lengths, and the total bias is the length of the mean vector. The other
+    totals are no figures of the lengths: take `one_figure` of these.
 
     Args:
         error: (m, 3) mm.
@@ -211,10 +211,10 @@ def one_figure(values: np.ndarray, unit: float) -> dict[str, float]:
 
     Args:
         values: (m,) mm or rad.
-        unit: what to multiply by.
+        unit: factor from the values to um or urad.
 
     Returns:
-        mean_um (absolute), bias_um (signed), rms_um, p95_um, max_um.
+        mean_um (of absolute values), bias_um (signed mean), rms_um, p95_um, max_um; urad where `unit` says so.
     """
     size = np.abs(values) * unit
     return {

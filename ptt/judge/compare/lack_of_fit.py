@@ -14,13 +14,13 @@ from ptt.run.tails import f_sf
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """F test of what the model leaves against pure error: does the model miss more than readings scatter?
+    """F test of lack of fit against pure error: does the model miss more than repeats scatter?
 
-    Source: Draper and Smith, Applied Regression Analysis, 3rd ed. (1998), section 2.1; per axis, chances times three.
+    Source: Draper and Smith, Applied Regression Analysis, 3rd ed. (1998), section 2.1; one test per axis, Bonferroni.
 
     Attributes:
         f: ratio of mean squares on x, y, z; None where repeats are too few.
-        p_value: chance of the largest of them, None likewise.
+        p_value: smallest of the three p-values, times three; None likewise.
         freedom: degrees of freedom of one axis: of lack of fit, of pure error.
     """
 
@@ -42,16 +42,16 @@ class LackOfFit:
 def lack_of_fit_of(
     problem: Problem, residual: np.ndarray, fitted: int = 0, *, from_any_side: bool = False
 ) -> LackOfFit:
-    """Test a residual against the scatter of true repeats, by one reading of each visit.
+    """Test a residual against the scatter of true repeats, with one reading of each visit.
 
-    Readings of one visit share what differs from visit to visit, and would call a machine's own scatter a misfit.
+    Readings within a visit share the machine's scatter between visits: as repeats they would understate pure error.
 
     Args:
         problem: the readings.
         residual: (n, 3) mm, NaN on rows to leave out.
-        fitted: how many numbers were fitted to the rows.
-        from_any_side: let visits of a pose repeat each other whichever way the joints came: they scatter by as much as
-            repeats or by more, so that a misfit is one, and none says little.
+        fitted: number of parameters fitted to the rows.
+        from_any_side: also count visits from different sides as repeats. These scatter at least as much, so a
+            significant lack of fit remains one, but its absence says little.
 
     Returns:
         The test; without a figure where repeats leave fewer than 30 degrees of freedom.

@@ -7,8 +7,8 @@ from ptt.dependence.said import by_chance
 from ptt.dependence.where import WorstRow
 from ptt.judge.compare.comparison import UM, Comparison, figures, one_figure
 
-FAR = 3.0  # times the error after alignment from which it is worth a word what the one before it is
-SURE = 0.01  # chance below which lack of fit counts
+FAR = 3.0  # times the error after alignment, from which the error before it is explained
+SURE = 0.01  # p-value below which lack of fit is significant
 STANDS = (
     "Before alignment most of the error is the tracker's own position and orientation (an offset or tilt common to all "
     "joints looks the same), so the machine is judged after alignment."
@@ -47,7 +47,7 @@ def error_rows(result: Comparison) -> list[tuple[str, Mapping[str, float]]]:
         result: the comparison.
 
     Returns:
-        What each row is, and its figures by axis and total.
+        Title of each row, and its figures by axis and total.
     """
     after, before = figures(result.residual[result.kept]), figures(result.unaligned[result.kept])
     raw, length = figures(result.raw[result.kept]), one_figure(result.lengths, UM)
@@ -67,7 +67,7 @@ def error_rows(result: Comparison) -> list[tuple[str, Mapping[str, float]]]:
 
 
 def meaning(result: Comparison) -> list[str]:
-    """How much of the error is more than noise, and whether repeats say so too.
+    """What the figures mean: the share of the error beyond noise, and the test of lack of fit.
 
     Args:
         result: the comparison.
@@ -133,7 +133,7 @@ def place_of(result: Comparison, row: WorstRow) -> str:
 
 
 def percent(share: float) -> str:
-    """Percent, without turning nearly all into all."""
+    """A share in percent; one below 1 is never rounded to 100 %."""
     if 0.9995 <= share < 1.0:
         return "> 99.9 %"
     return f"{100.0 * share:.1f} %" if 0.99 <= share < 1.0 else f"{100.0 * share:.0f} %"

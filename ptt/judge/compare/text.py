@@ -25,7 +25,7 @@ from ptt.run.axes import AXES_TOTAL
 
 SHOWN_ROWS = 5
 SHOWN_DEPENDENCES = 8
-WIDTH = 1000  # tables take what they need; a narrower page would cut digits off
+WIDTH = 1000  # columns of the console: tables take what they need, and a narrower one would cut digits off
 
 
 def format_comparison(result: Comparison) -> str:

@@ -126,7 +126,7 @@ def axis_figures(target: Array, direction: Array, measured: Array, axis: str = "
 
 
 def _check_runs(count: NDArray[np.intp], targets: Array, way: str, axis: str) -> None:
-    """Refuse a target without a scatter."""
+    """Refuse a target with fewer than two runs in one direction, which have no standard deviation."""
     few = np.flatnonzero(count < 2)
     if len(few):
         what = f"target {targets[few[0]]:g} mm has {count[few[0]]} run(s) {way}"

@@ -35,7 +35,7 @@ WAYS = {"up": 1.0, "fwd": 1.0, "forward": 1.0, "+": 1.0, "+1": 1.0, "1": 1.0}
 WAYS |= {"down": -1.0, "bwd": -1.0, "backward": -1.0, "back": -1.0, "-": -1.0, "-1": -1.0}
 LENGTHS = UNITS_OF["length"]
 UNITS = {1000.0: "metres", 25.4: "inches"}  # mm in each
-UNIT_SLIP = 0.02  # of the factor: no axis is off by as much
+UNIT_SLIP = 0.02  # relative deviation of the slope from a unit factor: no axis has so large a scale error
 AXIS_COLUMNS = {"target", "direction", "measured"}
 
 
@@ -109,7 +109,7 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
 
 
 def _require_mm(target: Array, measured: Array, source: str) -> None:
-    """Refuse readings in another unit than their targets: nobody reads an axis that is off by half its travel."""
+    """Refuse readings in another unit than their targets, by the slope of one over the other."""
     seen = np.isfinite(measured) & np.isfinite(target)
     reach = np.ptp(target[seen]) if seen.any() else 0.0
     spread = {"measured_mm": np.ptp(measured[seen]) if seen.any() else 0.0, "target_mm": reach}
@@ -124,7 +124,7 @@ def _require_mm(target: Array, measured: Array, source: str) -> None:
 
 
 def _titled(name: object) -> tuple[str, str]:
-    """What a title means without its unit, and the unit: mm where it says none."""
+    """Title of a column without its unit, and the unit; 'mm' where it states none."""
     title = str(name).strip().strip('"').lower()
     unit = next((unit for unit in LENGTHS if title.endswith(f"_{unit}")), "")
     return title.removesuffix(f"_{unit}"), unit or "mm"
@@ -134,14 +134,14 @@ def _titled(name: object) -> tuple[str, str]:
 class IsoPoses(Record):
     """ISO 9283 figures of a tracker run, in the tracker's frame and after the rigid motion onto the targets.
 
-    Only AP and its drift differ between the two. All readings count in them, as the standard has it.
+    Only AP and its drift differ between the two. All readings count, as the standard asks.
 
     Attributes:
         as_measured: in the tracker's frame.
         aligned: after the motion.
         source: the run's file.
-        gross: readings that no machine explains, in words.
-        without: the aligned figures without those; None where there are none, or no pose is left.
+        gross: rows with gross errors, in words.
+        without: the aligned figures without these; None where there are none, or no repeated pose is left.
     """
 
     keys: ClassVar[str] = "source, standard: aligned.standard, as_measured, aligned, gross, without_gross: without"
@@ -154,7 +154,7 @@ class IsoPoses(Record):
 
 
 def with_targets(table: Table, mechanism: Mechanism) -> Table:
-    """The same rows with targets where they have none: what the joint commands ask of the drawing.
+    """Fill in missing targets of a table: the forward kinematics of its joint commands by the drawing.
 
     Args:
         table: n rows.
@@ -172,7 +172,7 @@ def align_to_targets(measured: Array, target: Array, motion: Motion = kabsch) ->
     Args:
         measured: (n, 3) mm, NaN rows allowed.
         target: (n, 3) mm.
-        motion: how it is found; `ptt.run.frames.align` leaves gross errors out.
+        motion: estimator of the motion; `ptt.run.frames.align` leaves gross errors out.
 
     Returns:
         (n, 3) mm.
@@ -192,7 +192,7 @@ def iso_of_poses(
         per_run: every run has a tracker set-up of its own.
         by_direction: tell the approaches of a pose apart, from the table's directions where it has them, else from the
             order of the commands, else of the targets.
-        file: the machine; of an arm whose reflector sits nobody knows where on the tool, its seat goes with the frame.
+        file: the machine; of an arm whose reflector seat is unknown, the seat is fitted with the frame.
 
     Returns:
         The figures before and after frame alignment.
@@ -223,7 +223,7 @@ def iso_of_poses(
 
 
 def _seats(table: Table, file: MachineFile | None, frame: NDArray[np.intp]) -> Array:
-    """How far the reflector stands from the tool point, (n, 3) mm; zero where it is there."""
+    """Offset of the reflector from the tool point, (n, 3) mm; zero where none is fitted."""
     pose = (table.role != "base") & np.isfinite(table.target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
     seats = seats_of(table, file, table.target, table.measured, pose, frame, free=True)
     return np.zeros_like(table.measured) if seats is None else seats
@@ -239,7 +239,7 @@ def _aligned(measured: Array, target: Array, set_up: NDArray[np.intp], motion: M
 
 
 def _arrival(table: Table, keep: NDArray[np.intp]) -> NDArray[np.int8]:
-    """Directions of arrival (n, k); a run's first row, of which nobody knows, as its pose is arrived at later."""
+    """Directions of arrival, (n, k); of a run's first row that of later visits of its pose, where these agree."""
     run = table.run[keep]
     path = (table.target if table.command is None else table.command)[keep]
     starts = np.flatnonzero(np.diff(run, prepend=run[:1] - 1))

@@ -15,7 +15,7 @@ from ptt.judge.iso.pose_figures import Array, DirectionVariation, DistanceFigure
 from ptt.run.noise import SAME_LOAD
 from ptt.run.same_pose import SAME_POSE, number_alike, same_places
 
-DRIFT_CYCLES = 10  # it looks at drift by groups of so many
+DRIFT_CYCLES = 10  # cycles in a group for the drift, of ISO 9283
 
 
 def pose_report(
@@ -131,7 +131,7 @@ def _variations(poses: Sequence[PoseFigures]) -> tuple[DirectionVariation, ...]:
 
 
 def _drift(target: Array, measured: Array) -> Drift:
-    """By groups of ten cycles where there are two, else by halves."""
+    """Drift over groups of ten cycles where there are two of them, else over halves."""
     group = DRIFT_CYCLES if len(measured) >= 2 * DRIFT_CYCLES else len(measured) // 2
     starts = range(0, len(measured) - group + 1, group)
     figures = np.array([accuracy_and_repeatability(target, measured[i : i + group])[1:] for i in starts])
