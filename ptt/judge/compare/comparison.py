@@ -19,7 +19,7 @@ from ptt.run.axes import AXES, AXES_TOTAL
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-NO_NEWS = 0.05  # share of the error beyond noise below which there is nothing to find
+LEAST_SHARE = 0.05  # share of the mean square beyond noise, below which the error counts as noise
 SURE = 3.0  # standard deviations of the ratio of two mean squares, within which it is one by chance
 UM = 1e3  # um per mm
 URAD = 1e6  # urad per rad
@@ -103,7 +103,7 @@ class Comparison:
         if self.noise is None:
             return False
         doubt = 2.0 / (3.0 * self.rows) + 2.0 / self.noise.freedom  # relative variance of the two mean squares
-        return bool(self.explainable_share < max(NO_NEWS, SURE * np.sqrt(doubt)))
+        return bool(self.explainable_share < max(LEAST_SHARE, SURE * np.sqrt(doubt)))
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON, keys as documented."""

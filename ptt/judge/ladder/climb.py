@@ -1,4 +1,4 @@
-"""Add, refit, watch the error fall: errors after each step, on training rows and on rows that no parameter saw."""
+"""Climb a ladder: add or remove effects one by one, refit, and measure training and held-out errors after each."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -31,8 +31,8 @@ from ptt.run.ranges import ranges_of
 from ptt.run.smooth import LIKELIER, SMOOTHLY, smoothly
 
 FOLDS = 5
-FRAME_ROWS = 4  # readings of a frame that must stay visible for its hidden ones to be judged
-QUIETER = 0.8  # of what repeats scatter by, below which a model has explained a part of that
+FRAME_ROWS = 4  # readings of a frame that must stay in the fit for its held-out ones to count
+QUIETER = 0.8  # ratio to the noise from repeats, below which the model is taken to explain part of their scatter
 GIVEN, REFIT = "as given", "refit"
 
 
@@ -56,7 +56,7 @@ def climb(model: Model, problem: Problem, effects: Sequence[Effect], *, progress
     for effect in effects:
         _require(effect, problem)
     given = problem
-    model, problem = _as_it_turns(model, effects, problem)
+    model, problem = _with_smooth_path(model, effects, problem)
     base, notes = _hold_untestable(model, problem)
     if problem is not given:
         notes = (*notes, SMOOTHLY)
@@ -92,8 +92,8 @@ def descend(model: Model, problem: Problem, keys: Sequence[str], *, progress: Pr
     return _measure(rungs, problem, notes, progress)
 
 
-def _as_it_turns(model: Model, effects: Sequence[Effect], problem: Problem) -> tuple[Model, Problem]:
-    """The same with joints that turn between rows, where an effect of reversals fits a smooth way clearly better."""
+def _with_smooth_path(model: Model, effects: Sequence[Effect], problem: Problem) -> tuple[Model, Problem]:
+    """Model and run with joints that reverse between rows, where effects of reversal fit clearly better so."""
     new = any(effect.reverses for effect in effects)
     other = smoothly(problem) if new and problem.table.rows <= LONG else None
     if other is None:
@@ -113,7 +113,7 @@ def _require(effect: Effect, problem: Problem) -> None:
 
 
 def _hold_untestable(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
-    """Keep what an earlier run told of effects that this run says nothing of; a prior would pull them to zero."""
+    """Hold effects that this run cannot test at their values; else their prior would pull them to zero."""
     terms, notes = [], []
     for term in model.terms:
         lack = term.effect.needs(problem.view)
@@ -140,16 +140,16 @@ def _measure(
     """Fit every rung on all rows and on all but each fold, and score both on the same sound rows."""
     hidden = folds(problem.table, FOLDS, blocks_beside(problem.frames))
     fits, held_out = _fitted(rungs, problem, None, hidden, tell)
-    aside = _untold(fits, problem)
+    aside = _rows_of_unknown_side(fits, problem)
     if aside.any():
         problem, notes = without_opening(problem, aside), (*notes, told_aside(int(aside.sum())))
         fits, held_out = _fitted(rungs, problem, None, hidden, tell)
-    narrower = _noise_beside(fits[-1], problem)
+    narrower = _quieter_noise(fits[-1], problem)
     if narrower is not None:
         fits, held_out = _fitted(rungs, problem, narrower, hidden, tell)
     tell("report", 1, 1)
     held = hold_to_base(fits[-1].model, problem)
-    if rungs[-1][1] != "given":  # the last is what is stated
+    if rungs[-1][1] != "given":  # the uncertainties of the last step are reported
         fits[-1] = with_turns(beside_unnamed(with_frame_doubt(fits[-1], problem), held), held)
     rows = problem.used & ~fits[-1].outliers
     for residual in (*(item.residual for item in fits), *held_out):
@@ -161,7 +161,7 @@ def _measure(
         )
     falls = [0.0, *(_fall(a, b, rows, problem) for a, b in pairwise(held_out))]
     steps = tuple(
-        LadderStep(name, kind, rms(fitted.residual, rows), rms(out, rows), fall, _restored(fitted, rungs[0][2]))
+        LadderStep(name, kind, rms(fitted.residual, rows), rms(out, rows), fall, _with_given_terms(fitted, rungs[0][2]))
         for (name, kind, rung), fitted, out, fall in zip(rungs, fits, held_out, falls, strict=True)
     )
     report = report_fit(fits[-1], held, fits[0])
@@ -172,20 +172,20 @@ def _measure(
     return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(held), masked)
 
 
-def _untold(fits: Sequence[FitResult], problem: Problem) -> np.ndarray:
-    """Rows at which any of some fits has a joint lie on nobody knows which side, (n,) bool; of long runs none.
+def _rows_of_unknown_side(fits: Sequence[FitResult], problem: Problem) -> np.ndarray:
+    """Rows on which, for any of the fits, the side of a joint's play is unknown, (n,) bool; none in long runs.
 
-    Every rung is held to the same rows, and a few of ten thousands move none of them.
+    All steps are compared on the same rows. In a long run a few such rows change nothing.
     """
     if problem.table.rows > LONG:
         return np.zeros(problem.table.rows, dtype=bool)
     return np.any([untold_rows(each.model.terms, problem, each.noise) for each in fits], axis=0)
 
 
-def _noise_beside(fitted: FitResult, problem: Problem) -> Noise | None:
-    """What repeats scatter by beside what a model explains between them; None where they are no quieter so.
+def _quieter_noise(fitted: FitResult, problem: Problem) -> Noise | None:
+    """Noise from the residuals of repeats, where the model explains part of their scatter; else None.
 
-    A knock between two rounds makes their repeats differ, and held as noise it would hide itself.
+    A knock between two rounds makes the repeats differ; counted as noise, that difference would hide the knock.
     """
     given, view = problem.noise, problem.view
     if given is None or given.source != "repeats":
@@ -199,34 +199,34 @@ def _fitted(
     rungs: Sequence[tuple[str, str, Model]], problem: Problem, noise: Noise | None, hidden: Sequence[np.ndarray],
     tell: Progress,
 ) -> tuple[list[FitResult], list[np.ndarray]]:  # fmt: skip
-    """Every rung on all rows, and the residual of every row, (n, 3) mm, by a fit that did not see it."""
+    """Fit of every step to all rows, and its held-out residuals, (n, 3) mm each."""
     total, fits, held_out = len(rungs) * (len(hidden) + 1), list[FitResult](), list[np.ndarray]()
     for number, (name, kind, rung) in enumerate(rungs):
         tell(name, number * (len(hidden) + 1), total)
         last = fits[-1] if fits else None
-        there = _held_to_base(rung, problem, noise, last)
+        there = _with_frames_of_base(rung, problem, noise, last)
         fits.append(residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, there, noise, last))
-        # What was searched (the moment of a knock, a time constant) is kept: a hidden block would hide it with itself.
+        # Searched values (the moment of a knock) are kept: a held-out block may hold all that shows them.
         if problem.table.rows > LONG:
-            held_out.append(_judged(held_out_residual(fits[-1], there, hidden), there, hidden))
+            held_out.append(_only_judged(held_out_residual(fits[-1], there, hidden), there, hidden))
         else:
             given = rung if kind == "given" else fits[-1].model
             held_out.append(_held_out(given, kind, there, fits[-1].noise, hidden))
     return fits, held_out
 
 
-def _held_to_base(rung: Model, problem: Problem, noise: Noise | None, last: FitResult | None) -> Problem:
-    """The frame where base reflectors put it beside a rung: a moved frame would pass for what an effect took."""
+def _with_frames_of_base(rung: Model, problem: Problem, noise: Noise | None, last: FitResult | None) -> Problem:
+    """The run with its frames held where base reflectors put them: free ones could absorb an effect."""
     if problem.base is not None and any(acts_on_base(term) for term in rung.terms):
-        rung = fit_rung(rung, problem, noise, last).model  # with the readings: they tell what the tracker does as well
+        rung = fit_rung(rung, problem, noise, last).model  # metrology effects move the reflectors' readings too
     return hold_to_base(rung, problem)
 
 
 def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: Sequence[np.ndarray]) -> np.ndarray:
-    """Residual of every row from a fit that did not see it, (n, 3) mm; NaN where its frame was hidden with it."""
+    """Residual of every row by a fit without its block, (n, 3) mm; NaN where too little of its frame is left."""
     residual = np.full_like(problem.measured, np.nan)
     for part in hidden:
-        rest, judged = problem.masked(part), _seen_beside(part, problem)
+        rest, judged = problem.masked(part), _judged_rows(part, problem)
         if rest.used.sum() < FRAME_ROWS:
             continue
         fitted = residual_of(model, rest, noise) if kind == "given" else fit(model, rest, noise=noise, lean=True)
@@ -234,29 +234,34 @@ def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: S
     return residual
 
 
-def _judged(residual: np.ndarray, problem: Problem, hidden: Sequence[np.ndarray]) -> np.ndarray:
-    """Residuals of held-out rows, NaN where their frame was held out with them."""
-    judged = np.any([_seen_beside(part, problem) for part in hidden], axis=0)
+def _only_judged(residual: np.ndarray, problem: Problem, hidden: Sequence[np.ndarray]) -> np.ndarray:
+    """Held-out residuals, (n, 3) mm; NaN where too little of the frame stays in the fit."""
+    judged = np.any([_judged_rows(part, problem) for part in hidden], axis=0)
     return np.where(judged[:, None], residual, np.nan)
 
 
-def _seen_beside(part: np.ndarray, problem: Problem) -> np.ndarray:
-    """Rows of a hidden part whose frame enough other readings show, (n,) bool."""
+def _judged_rows(part: np.ndarray, problem: Problem) -> np.ndarray:
+    """Held-out rows whose frame enough of the other readings determine, (n,) bool.
+
+    Args:
+        part: held-out rows, (n,) bool.
+        problem: the readings.
+    """
     visible = np.bincount(problem.frame[problem.used & ~part], minlength=max(problem.frames, 1))
     told = (visible >= FRAME_ROWS)[problem.frame] | (problem.frames == 0) | (problem.base is not None)
     return np.asarray(part & told)
 
 
 def _fall(before: np.ndarray, after: np.ndarray, rows: np.ndarray, problem: Problem) -> float:
-    """Fall of the squared error in standard errors; rows of one pose count as one, because their errors go together."""
+    """Fall of the sum of squared errors, in its standard errors; a pose counts once, since its rows share an error."""
     group = np.unique(pose_groups(problem.table)[rows], return_inverse=True)[1].reshape(-1)
     gain = np.bincount(group, (before[rows] ** 2 - after[rows] ** 2).sum(axis=1))
     scatter = float(np.std(gain)) * np.sqrt(len(gain))
     return float(gain.sum() / scatter) if scatter > 0 else 0.0
 
 
-def _restored(fitted: FitResult, given: Model) -> FitResult:
-    """Terms that this run could not test as they were given, not as fixed by the user."""
+def _with_given_terms(fitted: FitResult, given: Model) -> FitResult:
+    """The fit with terms that the run could not test as they were given, instead of held."""
     own = {term.effect.key: term for term in given.terms if len(term.theta)}
     terms = tuple(own.get(t.effect.key, t) if _is_held(t) else t for t in fitted.model.terms)
     return replace(fitted, model=replace(fitted.model, terms=terms))

@@ -1,4 +1,4 @@
-"""The ladder: a model's steps, and the error after each, as values."""
+"""The ladder: the steps of a model, and training and held-out errors after each."""
 
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -19,8 +19,8 @@ class LadderStep:
     Attributes:
         effect: what was added or removed; 'as given' and 'refit' before anything was.
         kind: 'given', 'refit', 'added' or 'removed'.
-        rms_um: error of the rows it was fitted on, x, y, z, total.
-        heldout_rms_um: error of rows that were hidden from the fit.
+        rms_um: training error, x, y, z, total.
+        heldout_rms_um: held-out error, likewise.
         fall: fall of the held-out squared error against the step before, in its own standard errors.
         fitted: the model after the step with its fit.
     """
@@ -34,7 +34,7 @@ class LadderStep:
 
     @property
     def helped(self) -> bool:
-        """Whether held-out errors fell by more than chance would make them (removed: did not rise by more)."""
+        """Whether the held-out error fell by more than chance (removed: did not rise by more)."""
         return self.fall > -CHANCE if self.kind == "removed" else self.fall > CHANCE
 
     def to_dict(self) -> dict[str, Any]:
@@ -50,11 +50,11 @@ class Ladder(Record):
     Attributes:
         steps: the model as given first.
         report: of the last fit.
-        noise_um: the line to reach.
-        protocol: which rows were held out.
-        notes: what was done besides, in words.
-        ranges: column -> lowest and highest load, temperature and speed of the run.
-        masked: what the run says of effects that the model does not have.
+        noise_um: the noise floor, and its source.
+        protocol: which rows were held out, in words.
+        notes: further remarks for the user.
+        ranges: column of load, temperature or feed -> its lowest and highest value in the run.
+        masked: masked effects: what the run says of effects that the model does not have.
     """
 
     keys: ClassVar[str] = (

@@ -1,4 +1,4 @@
-"""One rung of a ladder: a model with more in it may not fit worse than the one that it grew from."""
+"""One rung of a ladder: a nested model must not fit worse than the one that it extends, so several starts are tried."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,62 +18,62 @@ from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-LITTLE = 0.5  # nats
-TURNS = 4  # of putting moments to their rows and fitting again
+LITTLE = 0.5  # nats of log density, within which the earlier fit is kept
+TURNS = 4  # of trying other starts, at most
 
 
 def fit_rung(rung: Model, problem: Problem, noise: Noise | None, before: FitResult | None = None) -> FitResult:
-    """Fit a model that grew from one that is fitted.
+    """Fit a model from several starts, and keep the likeliest fit.
 
-    What is new is searched beside first guesses of all else that is new, so a moment or a length may end where the
-    model fits worse than the one before it, which is a part of it. So it is begun once more from there, moments are
-    put to the rows that have them, and the fit that leaves least counts.
+    Searched values (a moment, a length) may end in a local optimum in which the model fits worse than the nested one
+    before it. So the fit is repeated from the values of that one, with sudden effects moved to the rows that show them,
+    and with effects in other forms.
 
     Args:
         rung: the model.
         problem: the readings.
         noise: the noise floor; None takes the problem's.
-        before: the fit that it grew from; None where there is none.
+        before: fit of the nested model before it; None where there is none.
 
     Returns:
         The fit.
     """
     best = fit(rung, problem, noise=noise)
-    if problem.table.rows > LONG or not _may_end_short(rung):
+    if problem.table.rows > LONG or not _may_have_local_optima(rung):
         return best
-    if before is not None and (grown := _grown(rung, before)) is not rung:
+    if before is not None and (grown := _started_from(rung, before)) is not rung:
         best = _better(fit(grown, problem, noise=noise), best, problem)
     given = any(isinstance(term.effect, Sudden) and len(term.theta) for term in rung.terms)  # and so are its moments
     for _ in range(0 if given else TURNS):
         last = best
-        for other in _elsewhere(best, rung, problem):
+        for other in _other_starts(best, rung, problem):
             best = _better(fit(other, problem, noise=noise), best, problem)
         if best is last:
             break
     return best
 
 
-def _may_end_short(model: Model) -> bool:
-    """Whether a fit of several effects, of which one has a shape to be searched, may end where another start would not.
+def _may_have_local_optima(model: Model) -> bool:
+    """Whether a model has several effects, one of them with searched values and no fitted ones yet.
 
-    Effects that came with values keep the shapes they have.
+    Searched values of fitted effects are kept.
     """
     searched = [t for t in model.terms if not len(t.theta) and any(p.role != "linear" for p in t.effect.parameters)]
     return bool(searched) and len(model.terms) > 1
 
 
-def _grown(rung: Model, before: FitResult) -> Model:
-    """The model with what was fitted before at its values."""
+def _started_from(rung: Model, before: FitResult) -> Model:
+    """The model with the fitted terms of the nested one as start; the model itself where there are none to take."""
     known = {term.effect.key: term for term in before.model.terms if len(term.theta)}
     if not any(term.effect.key in known for term in rung.terms if not len(term.theta)):
         return rung
     return replace(rung, terms=tuple(t if len(t.theta) else known.get(t.effect.key, t) for t in rung.terms))
 
 
-def _elsewhere(fitted: FitResult, rung: Model, problem: Problem) -> Iterator[Model]:
-    """The model with its sudden effects at other moments, and with effects in the other form that they may mean."""
+def _other_starts(fitted: FitResult, rung: Model, problem: Problem) -> Iterator[Model]:
+    """Other starts: sudden effects at other moments, and new effects in other forms."""
     new = {term.effect.key for term in rung.terms if not len(term.theta)}
-    yield from _otherwise(fitted.model, new, problem)
+    yield from _other_forms(fitted.model, new, problem)
     if any(isinstance(term.effect, Sudden) for term in fitted.model.terms):
         dated = place_own_moments(fitted, problem)
         if dated is not fitted.model:
@@ -81,8 +81,8 @@ def _elsewhere(fitted: FitResult, rung: Model, problem: Problem) -> Iterator[Mod
         yield from exchanged(fitted)
 
 
-def _otherwise(model: Model, new: set[str], problem: Problem) -> Iterator[Model]:
-    """The model with a new effect in another form: gross errors beside the first fit may have chosen the one it has."""
+def _other_forms(model: Model, new: set[str], problem: Problem) -> Iterator[Model]:
+    """The model with one new effect in another form, which gross errors may have kept the first fit from finding."""
     joints = problem.view.joints
     for index, term in enumerate(model.terms):
         effect, own = term.effect, shape_of(term.effect, term.theta, joints)
@@ -102,12 +102,14 @@ def _parts(term: Term, joints: int) -> list[tuple[Tensor, Parameter]]:
 
 
 def _better(one: FitResult, other: FitResult, problem: Problem) -> FitResult:
-    """The likelier fit; the second one where there is little in it."""
+    """The likelier fit; within `LITTLE` nats the second one."""
     return one if log_density(one, problem) > log_density(other, problem) + LITTLE else other
 
 
 def log_density(fitted: FitResult, problem: Problem) -> float:
-    """Of the readings in 1/mm, in nats; a gross error may lie anywhere within a mm or so.
+    """Log density of the readings, nats, with densities in 1/mm.
+
+    Outliers count as a density of one, as if spread evenly over about a millimetre.
 
     Args:
         fitted: the fit.

@@ -6,7 +6,7 @@ from ptt.judge.ladder.ladder import CHANCE, Ladder, LadderStep
 from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import SATURATED
 
-NOTED = 1.5  # times a noise that is stated from which what a model leaves is more than noise
+NOTED = 1.5  # ratio to a stated noise, from which the remaining error is more than noise
 
 
 def format_ladder(ladder: Ladder) -> str:
@@ -36,7 +36,7 @@ def format_ladder(ladder: Ladder) -> str:
 
 
 def left_over(ladder: Ladder) -> list[str]:
-    """One sentence where the last step leaves clearly more than a noise that something states; else none."""
+    """One sentence where the last step leaves clearly more than a noise from another source than the model; else none."""
     left, noise = ladder.steps[-1].rms_um["total"], ladder.noise_um["total"]
     if ladder.noise_um["source"] == SATURATED or left <= NOTED * noise:
         return []
