@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ptt.dependence.chance import gumbel_tail, log_chance, slow_excess
+from ptt.dependence.chance import gumbel_tail, minus_log_p, slow_excess
 from ptt.dependence.periods import periodogram, refine_frequency, trial_frequencies
 from ptt.dependence.strata import find_poses, whiten
 
@@ -18,8 +18,8 @@ def test_log_chances_agree_with_the_beta_distribution() -> None:
     for dims, freedom in ((1, 40), (2, 290), (7, 120)):
         share = np.array([0.01, 0.05, 0.1, 0.5, 0.8])
         exact = -stats.beta(dims / 2, freedom / 2).logsf(share)
-        np.testing.assert_allclose(log_chance(share, dims, freedom), exact, rtol=1e-3, atol=1e-3)
-    deep = log_chance(np.array([0.99, 0.999]), 1, 3000)  # chance below what a float can hold
+        np.testing.assert_allclose(minus_log_p(share, dims, freedom), exact, rtol=1e-3, atol=1e-3)
+    deep = minus_log_p(np.array([0.99, 0.999]), 1, 3000)  # chance below what a float can hold
     assert np.isfinite(deep).all()
     assert deep[1] > deep[0] > 5000.0
 

@@ -5,7 +5,7 @@ import pytest
 from test_dependence import Bench
 
 from ptt.challenge.challenge import bench as bench_machine
-from ptt.dependence.contexts import context_views, joint_residual, level, residual_views
+from ptt.dependence.contexts import context_views, joint_residual, remove_frame, residual_views
 from ptt.dependence.following import dependence_of
 from ptt.dependence.parts import by_level, part_of
 from ptt.dependence.where import where_it_fails, worst_region
@@ -45,7 +45,7 @@ def test_a_problem_is_seen_in_tool_and_slider_space() -> None:
 def test_levelling_takes_out_the_frame() -> None:
     problem, residual, bench = _problem()
     turned = residual + np.cross(np.array([1e-3, -2e-3, 5e-4]), bench.place) + [0.1, 0.2, -0.3]
-    np.testing.assert_allclose(level(problem, turned), level(problem, residual), atol=3e-3)
+    np.testing.assert_allclose(remove_frame(problem, turned), remove_frame(problem, residual), atol=3e-3)
 
 
 def test_redundant_arms_get_the_smallest_joint_errors() -> None:
@@ -101,8 +101,8 @@ def test_the_noise_of_loud_coordinates_is_not_carried_into_a_quiet_one() -> None
         white = np.random.default_rng(seed).normal(size=(200, 3))
         solved = np.linalg.lstsq(rigid.reshape(-1, 6), white.ravel(), rcond=None)[0]
         sound = (white - rigid @ solved) * sigma
-        np.testing.assert_array_equal(level(sharp, sound), sound)
+        np.testing.assert_array_equal(remove_frame(sharp, sound), sound)
         wrong += bool(dependence_of(sharp, sound))
     assert wrong <= 1
     bent = sound + 0.03 * rigid[:, :, 5] * sigma  # what is lacking holds the frame off by 30 urad
-    np.testing.assert_allclose(level(sharp, bent), level(problem, sound), atol=2e-4)
+    np.testing.assert_allclose(remove_frame(sharp, bent), remove_frame(problem, sound), atol=2e-4)

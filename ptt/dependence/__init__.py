@@ -1,1 +1,1 @@
-"""What an error depends on: free functions of context variables and honest tests."""
+"""What an error depends on: trial functions of context variables, and permutation tests of them."""

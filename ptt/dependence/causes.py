@@ -1,16 +1,15 @@
-"""Which of two confounded causes is the likelier: a joint or where the tool is, a steady play or one that varies."""
+"""Which of two confounded causes is likelier: joint or tool position, constant or varying reversal error."""
 
 import numpy as np
 
-from ptt.dependence.chance import log_chance
+from ptt.dependence.chance import minus_log_p
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.curves import choose_columns
 from ptt.dependence.strata import RepeatedPoses
 
-CLEAR = 10.0  # log chance by which a varying direction must beat what it is made of
-BETTER = 6.0  # by which the information criterion must speak for the position
-
-PATH_STEP = 0.1  # of the workspace's diagonal
+CLEAR = 10.0  # -log p of the F test, beyond which the effect of a direction varies
+BETTER = 6.0  # difference of the Bayesian information criterion, beyond which the field is preferred
+PATH_STEP = 0.1  # median step over the workspace's diagonal, below which the poses form a path
 
 
 def position_explains_more(
@@ -22,14 +21,15 @@ def position_explains_more(
     quadric or cubic.
 
     Args:
-        residual: which residual follows the joint; it is looked at with the joint's own where it is a joint's.
+        residual: name of the residual that depends on the joint. The joint's own residual is tested as well; a residual
+            along x, y or z is not tested itself.
         on: the joint's variable, 'b2' or 'q2'.
         data: (n,) residuals by name.
         contexts: (n,) variables by name.
         poses: repeated visits.
 
     Returns:
-        True where the Bayesian information criterion speaks for the field in one of them.
+        True where the Bayesian information criterion clearly prefers the field for one of them.
     """
     own = {f"slider {on[1:]}", f"joint {on[1:]}"} | ({residual} if residual not in COORDINATES else set())
     axes = [contexts[name] for name in COORDINATES if name in contexts]
@@ -41,28 +41,28 @@ def position_explains_more(
 
 
 def _is_path(place: np.ndarray) -> bool:
-    """Along a path, short steps from pose to pose, every field is a function of the way and tells nothing."""
+    """Whether poses follow a path in short steps: any field is then a function of the path."""
     step = np.linalg.norm(np.diff(place, axis=0), axis=1)
     return bool(np.median(step) < PATH_STEP * np.linalg.norm(np.ptp(place, axis=0)))
 
 
 def _field_wins(residual: np.ndarray, values: np.ndarray, place: np.ndarray) -> bool:
-    joint, toll = choose_columns(values, residual)
-    local = _criterion(np.column_stack([joint, place]), toll + place.shape[1], residual)
+    joint, parameters = choose_columns(values, residual)
+    local = _criterion(np.column_stack([joint, place]), parameters + place.shape[1], residual)
     fields = [_polynomial(place, degree) for degree in (2, 3)]
     return min(_criterion(field, field.shape[1], residual) for field in fields) < local - BETTER
 
 
 def varies_with(residual: np.ndarray, direction: np.ndarray, second: np.ndarray) -> bool:
-    """Whether a direction's say varies with a second variable, beyond a steady direction and that variable itself.
+    """Whether the effect of a direction varies with a second variable: an interaction, beside both main effects.
 
     Args:
         residual: (n,) mm.
         direction: (n,), +1 or -1.
-        second: (n,).
+        second: the second variable, (n,).
 
     Returns:
-        True where the F test of direction x (s, s^2) is clear.
+        True where the F test of direction x (s, s^2), s the standardised second variable, is clear.
     """
     s, side = (second - second.mean()) / second.std(), np.sign(direction - 1e-9)
     curve = np.column_stack([np.ones_like(s), s, s**2])
@@ -70,7 +70,7 @@ def varies_with(residual: np.ndarray, direction: np.ndarray, second: np.ndarray)
     full = np.column_stack([plain, side[:, None] * curve[:, 1:]])
     left = [np.square(residual - m @ np.linalg.lstsq(m, residual, rcond=None)[0]).sum() for m in (plain, full)]
     share = 1.0 - left[1] / max(left[0], 1e-300)
-    return bool(log_chance(np.array([share]), 2, len(residual) - 6)[0] > CLEAR)
+    return bool(minus_log_p(np.array([share]), 2, len(residual) - 6)[0] > CLEAR)
 
 
 def _scaled(values: np.ndarray) -> np.ndarray:
@@ -78,7 +78,7 @@ def _scaled(values: np.ndarray) -> np.ndarray:
 
 
 def _polynomial(place: np.ndarray, degree: int) -> np.ndarray:
-    """Every product of coordinates up to a degree."""
+    """All monomials of the coordinates up to a degree, without the constant, (n, m)."""
     powers = [p for p in np.ndindex(*(degree + 1,) * place.shape[1]) if 0 < sum(p) <= degree]
     return np.column_stack([np.prod(place ** np.array(p), axis=1) for p in powers])
 

@@ -1,4 +1,4 @@
-"""Chance: log p-values far into the tail, the largest of many, and what slow error adds."""
+"""p-values far into the tail, of the largest of many statistics, and under autocorrelated (slow) error."""
 
 from functools import lru_cache
 
@@ -8,22 +8,22 @@ from scipy import fft, special
 from ptt.run.tails import chi2_isf
 
 EULER = 0.5772156649015329
-GATE = 0.02  # chance at which slow power counts as more than white
-SURE = 16.0  # -log(1 - share) beyond which shares are not told apart
+GATE = 0.02  # p-value below which the power of the slow cosines counts as more than white
+SURE = 16.0  # end of the table in -log(1 - share); larger shares have its last p-value
 
 
-def log_chance(share: np.ndarray, dims: int, freedom: int) -> np.ndarray:
-    """Minus the log of the chance that noise gives a share so large.
+def minus_log_p(share: np.ndarray, dims: int, freedom: int) -> np.ndarray:
+    """Minus the natural log of the p-value of a share of variance (coefficient of determination).
 
-    The share of `dims` directions in white noise follows a beta distribution (dims / 2, freedom / 2).
+    In white noise the share that `dims` columns explain follows a beta distribution (dims / 2, freedom / 2).
 
     Args:
         share: any shape, 0 to 1.
-        dims: directions fitted.
-        freedom: directions left.
+        dims: number of columns fitted.
+        freedom: degrees of freedom left.
 
     Returns:
-        The same shape, natural log.
+        -log p, of the same shape.
     """
     grid, log = _table(dims, freedom)
     return np.interp(-np.log1p(-np.clip(share, 0.0, 1.0 - 1e-7)), grid, log)
@@ -39,15 +39,15 @@ def _table(dims: int, freedom: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def gumbel_tail(found: np.ndarray | float, largest: np.ndarray) -> np.ndarray:
-    """Chance that the largest of many reaches what was found.
+    """p-value of a statistic -log p against the largest one of each permutation.
 
     Args:
-        found: any shape, log chances.
-        largest: (B,) largest log chance of each permutation.
+        found: -log p, any shape.
+        largest: largest -log p over all tests in each of B permutations, (B,).
 
     Returns:
-        The same shape: tail of the Gumbel distribution fitted by moments. Its scale is at least 1, which log chances
-        have by construction where noise is Gaussian.
+        Of the same shape: tail of the Gumbel distribution fitted by moments. Its scale is at least 1, since -log p of a
+        true null hypothesis is exponential with scale 1.
     """
     scale = max(float(np.std(largest, ddof=1)) * np.sqrt(6.0) / np.pi, 1.0)
     place = float(np.mean(largest)) - EULER * scale
@@ -55,19 +55,19 @@ def gumbel_tail(found: np.ndarray | float, largest: np.ndarray) -> np.ndarray:
 
 
 def slow_excess(left: np.ndarray, slow: int, removed: np.ndarray | None = None) -> np.ndarray:
-    """How far the slow part of an error stands above its quick part.
+    """Excess power of the slow part of an error over white noise, by its discrete cosine transform over the rows.
 
-    The power of drift falls as 1 / k^2 over the cosines k of the travel, like a random walk's; that of a shorter memory
-    is level. The larger of the two laws counts at each k.
+    A drift, as a random walk, has power falling as 1 / k^2 over the cosines k; a shorter memory has level power. Both
+    spectra are scaled to the excess, and the larger one counts at each k.
 
     Args:
-        left: (n,) error in travel order.
-        slow: how many of the slowest cosines count as slow.
-        removed: (slow,) share of one direction that a fitted curve took out of each cosine, None for none.
+        left: residual in travel order, (n,).
+        slow: number of lowest cosines that count as slow.
+        removed: degrees of freedom that a fitted curve took out of each slow cosine, (slow,); None for none.
 
     Returns:
-        (slow,) power of each slow cosine over the quick power, less one; zero where the slow part is no larger than
-        chance makes it.
+        Power of each slow cosine over the mean power of the others, less one, (slow,); zeros where the slow part is not
+        significant.
     """
     taken = np.zeros(slow) if removed is None else np.minimum(removed, 0.9)
     power = np.square(fft.dct(left, norm="ortho"))[1:]
@@ -83,12 +83,12 @@ def slow_excess(left: np.ndarray, slow: int, removed: np.ndarray | None = None) 
 
 
 def slow_spectrum(columns: np.ndarray, slow: int, *, whole: bool = True) -> np.ndarray:
-    """What columns hold of each of the slowest cosines of the travel, the constant left out.
+    """Power of columns in each of the lowest cosines over the rows, the constant left out.
 
     Args:
         columns: (n,) or (n, d), orthonormal.
-        slow: how many cosines.
-        whole: as shares of all that the columns hold.
+        slow: number of cosines.
+        whole: whether as shares of the columns' whole power.
 
     Returns:
         (slow,).
@@ -97,14 +97,14 @@ def slow_spectrum(columns: np.ndarray, slow: int, *, whole: bool = True) -> np.n
     return np.asarray(power[:slow] / max(float(power.sum()), 1e-300) if whole else power[:slow])
 
 
-def spread(spectrum: np.ndarray, excess: np.ndarray) -> float:
-    """How much more a fitted curve scatters under slow error than under white.
+def variance_inflation(spectrum: np.ndarray, excess: np.ndarray) -> float:
+    """Variance of a fitted curve under slow error over that under white noise.
 
     Args:
-        spectrum: (slow,) share of the curve in each slow cosine.
-        excess: (slow,) of `slow_excess`.
+        spectrum: share of the curve's power in each slow cosine, (slow,).
+        excess: of `slow_excess`, (slow,).
 
     Returns:
-        Variance ratio, at least 1.
+        The ratio, at least 1.
     """
     return 1.0 + float(spectrum @ excess)

@@ -1,4 +1,4 @@
-"""What an error is looked at as, and what it may depend on: residuals in tool and joint space, and their context."""
+"""Residuals in tool and joint space, and the context variables that they may depend on."""
 
 import re
 
@@ -12,25 +12,25 @@ from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf, median_sigma
 from ptt.run.watched import watched_values
 
-ENOUGH = 12  # rows beyond the number of slopes before anything is taken out
-FAR = 6.0  # robust standard deviations
-CHANCE = 1e-3  # of a sound run that its frame is levelled
-LEAST_ROWS = 3  # that each direction, level or run needs
+ENOUGH = 12  # rows beyond the number of columns of frames and mounts, from which these are removed
+FAR = 6.0  # robust standard deviations at which residuals are clipped
+CHANCE = 1e-3  # significance level of the Hausman test for removing the frame
+LEAST_ROWS = 3  # rows that each direction of arrival, or run, needs for the variable to vary
 COORDINATES = ("x", "y", "z")
-WIDE = 1.5  # times the short moves or pauses of a run that long ones take, for that to be worth a look
-SHORT = 0.05  # lever, as a share of the usual one (of the longest), below which a joint hardly moves the tool
+WIDE = 1.5  # ratio of the 95th to the 5th percentile, beyond which lengths or durations of moves vary
+SHORT = 0.05  # least lever of a joint, as a share of its rms lever; least rms lever, as a share of the longest one
 
 
 def residual_views(problem: Problem, residual: np.ndarray) -> dict[str, np.ndarray]:
-    """See a tool-space residual also as joint errors that would cause it.
+    """A residual in tool space, and as the joint errors that would cause it.
 
     Args:
         problem: n rows.
         residual: (n, 3) mm, tool space, base frame; NaN where not observed.
 
     Returns:
-        'x', 'y', 'z' (n,) mm, and 'slider 1'.. (n,) mm or 'joint 1'.. (n,) rad; NaN on rows that do not count. J e of
-        the source paper; on an arm what each joint alone would have to do, see `lone_joints`.
+        'x', 'y', 'z' (n,) mm, and 'slider 1'.. (n,) mm or 'joint 1'.. (n,) rad; NaN on rows that do not count. Joint
+        errors are J e of the source paper; on an arm those of each joint alone, see `lone_joints`.
     """
     view, serial = problem.view, problem.file.machine.kind == "serial"
     seen = problem.used & np.isfinite(residual).all(axis=1)
@@ -42,20 +42,20 @@ def residual_views(problem: Problem, residual: np.ndarray) -> dict[str, np.ndarr
     return views | {f"{word} {i + 1}": inner[:, i] for i in range(view.joints)}
 
 
-def level(problem: Problem, residual: np.ndarray) -> np.ndarray:
-    """Take out of a residual what the tracker's frame could take, all coordinates alike.
+def remove_frame(problem: Problem, residual: np.ndarray) -> np.ndarray:
+    """Remove the tracker's frame, and reflector mounts, from a residual by unweighted least squares.
 
-    A fit weighs coordinates by their noise and leaves out far-off rows; what the model lacks then bends the frame for
-    the sake of the quiet coordinates, and the bend would hide where the error comes from. Where nothing is lacking that
-    would only carry the noise of loud coordinates into the quiet ones.
+    A fit weights coordinates by their noise, so missing physics shifts the frame in favour of the quiet ones, which
+    hides where the error comes from. Where nothing is missing, the unweighted fit would only carry noise from the loud
+    coordinates into the quiet ones; a Hausman test decides.
 
     Args:
         problem: n rows.
         residual: (n, 3) mm, NaN where not observed.
 
     Returns:
-        (n, 3) mm; a frame that is trusted or held by base reflectors takes nothing. Reflector mounts take theirs. As it
-        is where it would take no more than noise has it take.
+        (n, 3) mm; unchanged where the removed part is no more than noise. A frame that is trusted, or held by base
+        reflectors, is not removed.
     """
     seen = problem.used & np.isfinite(residual).all(axis=1)
     columns = list[np.ndarray]()
@@ -69,33 +69,33 @@ def level(problem: Problem, residual: np.ndarray) -> np.ndarray:
     together = np.concatenate(columns, axis=2) if columns else np.zeros((int(seen.sum()), 3, 0))
     if not together.shape[2] or seen.sum() < together.shape[2] + ENOUGH:
         return residual
-    basis = orthonormal(together.reshape(-1, together.shape[2]))
+    basis = orthonormal_basis(together.reshape(-1, together.shape[2]))
     taken, noise = taken_part(basis, residual[seen]), problem.noise
-    if noise is not None and is_by_chance(basis, taken, noise.covariance):
+    if noise is not None and passes_hausman(basis, taken, noise.covariance):
         return residual
     levelled = residual.copy()
     levelled[seen] -= taken
     return levelled
 
 
-def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Directions that columns (3 n, m) span, (3 n, r)."""
+def orthonormal_basis(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis of the range of columns, (3 n, m) -> (3 n, r)."""
     scale = np.sqrt(np.square(columns).sum(axis=0))
     basis, size, _ = np.linalg.svd(columns / np.where(scale > 0, scale, 1.0), full_matrices=False)
     return np.asarray(basis[:, size > 1e-6 * size.max()])
 
 
-def is_by_chance(basis: np.ndarray, taken: np.ndarray, covariance: np.ndarray) -> bool:
-    """Whether equal weights take no more of what a fit by the noise has left than noise alone has them take.
+def passes_hausman(basis: np.ndarray, taken: np.ndarray, covariance: np.ndarray) -> bool:
+    """Hausman test: whether unweighted and weighted estimates of the frame differ by no more than noise.
 
-    Both fits are right where nothing is lacking; then they differ by what the noise makes of it.
+    Both are consistent where the model lacks nothing.
 
     Source: Hausman, Econometrica 46 (1978); the sum of squares by Satterthwaite's approximation.
 
     Args:
-        basis: orthonormal directions of frame and mounts, (3 n, r).
-        taken: what equal weights take, (n, 3) mm.
-        covariance: of one reading, (3, 3) mm^2.
+        basis: orthonormal basis of the shifts by frame and mounts, (3 n, r).
+        taken: what the unweighted fit removes from the residual of the weighted one, (n, 3) mm.
+        covariance: noise of one reading, (3, 3) mm^2.
     """
     rows = basis.reshape(-1, 3, basis.shape[1])
     plain = np.einsum("nip,ij,njq->pq", rows, covariance, rows, optimize=True)
@@ -108,10 +108,10 @@ def is_by_chance(basis: np.ndarray, taken: np.ndarray, covariance: np.ndarray) -
 
 
 def taken_part(basis: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """What orthonormal directions can take of an error by least squares; far-off rows are cut down first.
+    """Projection of an error on a basis by least squares, residuals clipped at `FAR` (two steps).
 
     Args:
-        basis: (3 n, r).
+        basis: orthonormal, (3 n, r).
         error: (n, 3) mm.
 
     Returns:
@@ -128,14 +128,14 @@ def taken_part(basis: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def joint_residual(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Joint errors behind tool errors.
+    """Joint errors that cause tool errors, to first order.
 
     Args:
         jacobian: dp/dq, (n, 3, k).
         residual: (n, 3) mm.
 
     Returns:
-        (n, k) mm or rad: the exact ones where k = 3 and the pose is regular, else the smallest least squares ones.
+        (n, k) mm or rad: exact where k = 3 and all poses are regular, else by the pseudo-inverse.
     """
     if jacobian.shape[1] == jacobian.shape[2] and len(jacobian):
         size = np.abs(jacobian).max(axis=(1, 2)) ** 3
@@ -145,9 +145,9 @@ def joint_residual(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
 
 
 def lone_joints(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Tool errors along the way that each joint alone would move the tool, over the joint's usual lever.
+    """Tool errors projected on the direction in which each joint alone moves the tool, over the joint's rms lever.
 
-    Unlike joint errors proper they are as noisy in one pose as in another: near singular poses blow nothing up.
+    Unlike joint errors by the inverse Jacobian they have the same noise in all poses, singular ones included.
 
     Args:
         jacobian: dp/dq, (n, 3, k).
@@ -163,15 +163,15 @@ def lone_joints(jacobian: np.ndarray, residual: np.ndarray) -> np.ndarray:
 
 
 def context_views(problem: Problem) -> dict[str, np.ndarray]:
-    """Everything that a residual may depend on and that varies.
+    """Context variables that vary in a run.
 
     Args:
         problem: n rows.
 
     Returns:
         (n,) each: 'b1'.. mm or 'q1'.. rad, 'direction1'.. (+1, -1), 'speed1'.. mm/s or rad/s with its sign,
-        'payload' kg, 'temperature' deg C, 'time' s (the row's place in the whole table where there is no clock), 'x',
-        'y', 'z' mm wanted, 'run', and the columns that a person wants watched, by their titles.
+        'payload' kg, 'temperature' deg C, 'time' s (the row number where there is no clock), 'x', 'y', 'z' mm of the
+        target, 'run', and further columns that the user named, by their titles.
     """
     view, table, used = problem.view, problem.table, problem.used
     letter = problem.file.machine.letter
@@ -194,14 +194,15 @@ def context_views(problem: Problem) -> dict[str, np.ndarray]:
 
 
 def path_views(problem: Problem) -> dict[str, np.ndarray]:
-    """What an unknown may depend on: everything that a residual may, and the tool's moves.
+    """Variables that an unknown term may depend on: `context_views`, and the tool's moves.
 
     Args:
         problem: n rows.
 
     Returns:
-        As `context_views`, and 'way x'.., components of the tool's way of arrival, -1 to 1, and 'turn x'.., of its way
-        on less that; 'step' mm, how far it came, and 'pause' s, how long ago it left for there; 'feed' mm/s.
+        As `context_views`, and 'way x'.., components of the tool's unit direction of arrival; 'turn x'.., of its
+        direction of departure less that; 'step' mm, length of the move to the row; 'pause' s, its duration;
+        'feed' mm/s.
     """
     came, turns = ways_of(problem.view.p.numpy(), problem.view.starts.numpy())
     named = {
@@ -216,14 +217,14 @@ def path_views(problem: Problem) -> dict[str, np.ndarray]:
 
 
 def moves_of(problem: Problem) -> dict[str, np.ndarray]:
-    """Lengths and durations of the moves to the rows, where nine in ten differ enough for what settles to show it.
+    """Lengths and durations of the moves to the rows, where they vary enough to show a settling error.
 
     Args:
         problem: the run.
 
     Returns:
         'step', (n,) mm, and 'pause', (n,) s where there is a clock; NaN before the first move of a run. A column of the
-        same title that a person wants watched stands for its own.
+        user's with the same title takes its place.
     """
     view, found = problem.view, {}
     far, since = last_moves(view.p.numpy(), view.time.numpy(), view.starts.numpy())
@@ -242,8 +243,8 @@ def unit_of(problem: Problem, name: str) -> str:
         name: as `path_views` has it.
 
     Returns:
-        'mm', 'rad', 'mm/s', 'rad/s', 'kg', 'C', 's'; '' of directions, runs, rows without a clock and columns that a
-        person wants watched.
+        'mm', 'rad', 'mm/s', 'rad/s', 'kg', 'C', 's'; '' of directions, runs, row numbers and columns that the user
+        named.
     """
     if name in problem.table.watched:
         return ""

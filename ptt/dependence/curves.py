@@ -1,31 +1,31 @@
-"""The curve behind a dependence: which shape it has, how much it explains, where it sits, its means and band."""
+"""The curve behind a dependence: its shape, share of variance, place or period, and binned means with a band."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from ptt.dependence.periods import harmonics, refine_frequency
-from ptt.dependence.regressors import Atoms, build_atoms, orthonormal, raised_cosine
+from ptt.dependence.regressors import TrialFunctions, build_trials, orthonormalise, raised_cosine
 from ptt.dependence.strata import RepeatedPoses
 
-ROUNDING = 1e-3  # of the range of a variable
-BINS = 12
-PHASES = 10
-EDGE = 3.84  # chi-square of one degree of freedom, 95 %
-HALF = 1.96
-LOCAL = ("step", "bump", "period")
+ROUNDING = 1e-3  # of the range of a variable, within which values are one level
+BINS = 12  # of a curve over a variable
+PHASES = 10  # bins of a curve over one period
+EDGE = 3.84  # chi-squared of one degree of freedom, 95 %
+HALF = 1.96  # half-width of a 95 % confidence interval, in standard errors
+LOCAL = ("step", "bump", "period")  # kinds with an unknown place or period
 
 
 @dataclass(frozen=True)
 class FittedCurve:
-    """A curve.
+    """How a residual follows one variable.
 
     Attributes:
-        share: 0 to 1, of the variance, less what chance explains.
+        share: of the variance, 0 to 1, adjusted for chance.
         shape: 'levels', 'smooth', 'step', 'bump', 'period' or 'varying'.
         period: in the variable's unit, or None.
         place: (low, high) of a step or bump, or None.
-        curve: (m, 3) centres, means, half-widths of the 95 % band.
+        curve: centres of bins, means, half-widths of their 95 % confidence band, (m, 3).
     """
 
     share: float
@@ -37,122 +37,134 @@ class FittedCurve:
 
 @dataclass(frozen=True)
 class _Choice:
+    """One trial function, and how well it fits one residual.
+
+    Attributes:
+        kind: index of its kind.
+        index: among the trial functions of its kind.
+        smooth: whether a cubic is fitted beside it.
+        share: of the variance, 0 to 1.
+        parameters: effective number of parameters, the search included.
+    """
+
     kind: int
-    atom: int
-    smooth: bool  # whether a cubic goes with it
+    index: int
+    smooth: bool
     share: float
-    toll: float  # directions that chance would have used up
+    parameters: float
 
 
 def describe(
     residual: np.ndarray,
     values: np.ndarray,
     second: np.ndarray | None,
-    atoms: tuple[Atoms, ...],
-    toll: np.ndarray,
+    trials: tuple[TrialFunctions, ...],
+    parameters: np.ndarray,
     poses: RepeatedPoses,
 ) -> list[FittedCurve]:
     """Describe how residuals follow one variable.
 
     Args:
         residual: (n, m) mm.
-        values: (n,) the variable.
-        second: (n,) the variable that its say varies with, or None.
-        atoms: its trial functions, raw.
-        toll: directions that chance uses up in the search, for each kind.
+        values: the variable, (n,).
+        second: variable that the effect of a direction varies with, (n,), or None.
+        trials: trial functions of the variable, neither centred nor orthogonal.
+        parameters: effective number of parameters of each kind, the search included.
         poses: repeated visits.
 
     Returns:
-        A finding for each residual.
+        One for each residual.
     """
     centred = residual - residual.mean(axis=0)
     total = np.maximum(np.square(centred).sum(axis=0), 1e-300)
     data = (centred / np.sqrt(total)).astype(np.float32)
-    amount = _independent(values, poses)
-    choices = _candidates(atoms, toll, data)
-    chosen = [_choose(row, amount) for row in choices]
-    return [_finish(choice, centred[:, i], values, second, atoms, amount) for i, choice in enumerate(chosen)]
+    effective_rows = _effective_rows(values, poses)
+    choices = _candidates(trials, parameters, data)
+    chosen = [_choose(row, effective_rows) for row in choices]
+    return [_finish(choice, centred[:, i], values, second, trials, effective_rows) for i, choice in enumerate(chosen)]
 
 
-def _independent(values: np.ndarray, poses: RepeatedPoses) -> float:
-    """How many independent rows the data amount to for this variable (Kish's design effect)."""
-    if len(poses.size) == len(values) or not poses.holds(values):
+def _effective_rows(values: np.ndarray, poses: RepeatedPoses) -> float:
+    """Effective number of independent rows for a variable (Kish's design effect)."""
+    if len(poses.size) == len(values) or not poses.is_constant(values):
         return float(len(values))
     usual = float(np.square(poses.size).sum() / poses.size.sum())
     return len(values) / (1.0 + poses.alike * (usual - 1.0))
 
 
-def _candidates(atoms: tuple[Atoms, ...], toll: np.ndarray, data: np.ndarray) -> list[list[_Choice]]:
-    """The best trial function of every kind, by itself and on top of a cubic, for every residual."""
+def _candidates(trials: tuple[TrialFunctions, ...], parameters: np.ndarray, data: np.ndarray) -> list[list[_Choice]]:
+    """The best trial function of every kind for every residual, alone and beside a cubic."""
     choices: list[list[_Choice]] = [[] for _ in range(data.shape[1])]
     flat = np.full((len(data), 1), 1.0 / np.sqrt(len(data)), np.float32)
-    ready = [orthonormal(kind, flat) for kind in atoms]
-    smooth = next((i for i, kind in enumerate(atoms) if kind.kind == "smooth"), None)
+    ready = [orthonormalise(kind, flat) for kind in trials]
+    smooth = next((i for i, kind in enumerate(trials) if kind.kind == "smooth"), None)
     for k, trial in enumerate(ready):
-        _add(choices, trial, k, data, np.zeros(data.shape[1]), toll[k], smooth=False)
+        _add(choices, trial, k, data, np.zeros(data.shape[1]), parameters[k], smooth=False)
         if smooth is not None and trial.kind in LOCAL:
             base = ready[smooth].columns
-            rest = orthonormal(trial, base)
+            rest = orthonormalise(trial, base)
             taken = np.square(base.T @ data).sum(axis=0)
-            _add(choices, rest, k, data, taken, toll[k] + 3.0, smooth=True)
+            _add(choices, rest, k, data, taken, parameters[k] + 3.0, smooth=True)
     return choices
 
 
 def _add(
     choices: list[list[_Choice]],
-    trial: Atoms,
+    trial: TrialFunctions,
     k: int,
     data: np.ndarray,
     taken: np.ndarray,
-    toll: float,
+    parameters: float,
     *,
     smooth: bool,
 ) -> None:
     share = trial.shares(data)
     best = share.argmax(axis=0)
     for i, row in enumerate(choices):
-        row.append(_Choice(k, int(best[i]), smooth, float(taken[i] + share[best[i], i]), float(toll)))
+        row.append(_Choice(k, int(best[i]), smooth, float(taken[i] + share[best[i], i]), float(parameters)))
 
 
-def _choose(row: list[_Choice], amount: float) -> _Choice:
-    """Bayesian information criterion, the search for the best trial function counted as directions used."""
-    return min(row, key=lambda c: amount * np.log(max(1.0 - c.share, 1e-9)) + c.toll * np.log(amount))
+def _choose(row: list[_Choice], effective_rows: float) -> _Choice:
+    """The choice of least Bayesian information criterion, with effective numbers of parameters."""
+    return min(
+        row, key=lambda c: effective_rows * np.log(max(1.0 - c.share, 1e-9)) + c.parameters * np.log(effective_rows)
+    )
 
 
 def choose_columns(values: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, float]:
-    """The trial function that suits best, as columns to fit with others.
+    """The best trial function of a joint, as columns to be fitted beside others.
 
     Args:
-        values: (n,) a joint's values.
-        residual: (n,) mm.
+        values: of the joint, (n,) mm or rad.
+        residual: (n,) mm or rad.
 
     Returns:
-        Columns (n, d), and the directions they use up, one more for each unknown place or period.
+        Columns (n, d), and their effective number of parameters: a searched place or period adds 2 ln(trial functions).
     """
-    atoms = build_atoms(values, periodic=True)
+    trials = build_trials(values, periodic=True)
     centred = residual - residual.mean()
     data = (centred / max(float(np.linalg.norm(centred)), 1e-300)).astype(np.float32)[:, None]
-    toll = np.array([kind.dims + (kind.kind in LOCAL) * 2.0 * np.log(kind.columns.shape[1]) for kind in atoms])
-    choice = _choose(_candidates(atoms, toll, data)[0], float(len(values)))
-    columns = atoms[choice.kind].pick(choice.atom).astype(float)
+    parameters = np.array([kind.dims + (kind.kind in LOCAL) * 2.0 * np.log(kind.columns.shape[1]) for kind in trials])
+    choice = _choose(_candidates(trials, parameters, data)[0], float(len(values)))
+    columns = trials[choice.kind].pick(choice.index).astype(float)
     if choice.smooth:
         columns = np.column_stack([columns, np.polynomial.legendre.legvander(_scaled(values), 3)[:, 1:]])
-    return columns, choice.toll
+    return columns, choice.parameters
 
 
-def corrected(share: float, toll: float, amount: float) -> float:
-    """Share of variance less what chance explains (adjusted R^2).
+def corrected(share: float, parameters: float, effective_rows: float) -> float:
+    """Adjusted R^2.
 
     Args:
-        share: raw, 0 to 1.
-        toll: directions used up.
-        amount: independent rows.
+        share: R^2, 0 to 1.
+        parameters: effective number of parameters.
+        effective_rows: effective number of independent rows.
 
     Returns:
         0 to 1.
     """
-    left = max(amount - 1.0 - toll, 0.25 * amount, 1.0)
-    return float(np.clip(1.0 - (1.0 - share) * (amount - 1.0) / left, 0.0, 1.0))
+    left = max(effective_rows - 1.0 - parameters, 0.25 * effective_rows, 1.0)
+    return float(np.clip(1.0 - (1.0 - share) * (effective_rows - 1.0) / left, 0.0, 1.0))
 
 
 def _finish(
@@ -160,19 +172,19 @@ def _finish(
     residual: np.ndarray,
     values: np.ndarray,
     second: np.ndarray | None,
-    atoms: tuple[Atoms, ...],
-    amount: float,
+    trials: tuple[TrialFunctions, ...],
+    effective_rows: float,
 ) -> FittedCurve:
-    kind, share = atoms[choice.kind], choice.share
-    period, place, toll = None, None, choice.toll
+    kind, share = trials[choice.kind], choice.share
+    period, place, parameters = None, None, choice.parameters
     base = np.polynomial.legendre.legvander(_scaled(values), 3 if choice.smooth else 0)
     if kind.kind == "period":
-        period, share, more = _period(base, residual, values, float(kind.low[choice.atom]), amount)
-        toll += more
+        period, share, more = _period(base, residual, values, float(kind.low[choice.index]), effective_rows)
+        parameters += more
     elif kind.kind == "step":
-        place, share = _step(base, residual, values, float(kind.low[choice.atom]))
+        place, share = _step(base, residual, values, float(kind.low[choice.index]))
     elif kind.kind == "bump":
-        place, share = _bump(base, residual, values, float(kind.low[choice.atom]), float(kind.high[choice.atom]))
+        place, share = _bump(base, residual, values, float(kind.low[choice.index]), float(kind.high[choice.index]))
     shape = "smooth" if kind.kind in ("wavy", "bins") else kind.kind
     if second is not None:
         curve = binned_curve(second, np.sign(values - 1e-9) * residual)
@@ -180,7 +192,7 @@ def _finish(
         curve = binned_curve(np.mod(values, period), residual, PHASES)
     else:
         curve = binned_curve(values, residual)
-    return FittedCurve(corrected(max(share, choice.share), toll, amount), shape, period, place, curve)
+    return FittedCurve(corrected(max(share, choice.share), parameters, effective_rows), shape, period, place, curve)
 
 
 def _scaled(values: np.ndarray) -> np.ndarray:
@@ -193,19 +205,19 @@ def _share(columns: np.ndarray, residual: np.ndarray) -> float:
 
 
 def _period(
-    base: np.ndarray, residual: np.ndarray, values: np.ndarray, frequency: float, amount: float
+    base: np.ndarray, residual: np.ndarray, values: np.ndarray, frequency: float, effective_rows: float
 ) -> tuple[float, float, float]:
-    """Period, share, and extra directions: a second harmonic where it earns its place."""
+    """Period, share, and extra parameters: two for a second harmonic where the information criterion prefers it."""
     rest = residual - base @ np.linalg.lstsq(base, residual, rcond=None)[0]
     frequency = refine_frequency(values, rest, frequency)
     one = _share(np.column_stack([base, harmonics(values, np.array([frequency]))]), residual)
     two = _share(np.column_stack([base, harmonics(values, np.array([frequency, 2.0 * frequency]))]), residual)
-    better = amount * np.log(max(1.0 - two, 1e-9) / max(1.0 - one, 1e-9)) + 2.0 * np.log(amount) < 0
+    better = effective_rows * np.log(max(1.0 - two, 1e-9) / max(1.0 - one, 1e-9)) + 2.0 * np.log(effective_rows) < 0
     return (1.0 / frequency, two, 2.0) if better else (1.0 / frequency, one, 0.0)
 
 
 def _step(base: np.ndarray, residual: np.ndarray, values: np.ndarray, near: float) -> tuple[tuple[float, float], float]:
-    """Where the step lies, with 95 % confidence, and its share: every place between two heights near the best trial."""
+    """95 % confidence interval of a step's place, and its share; places near the best trial are tried."""
     levels = np.unique(values)
     at = int(np.searchsorted(levels, near))
     reach = max(len(levels) // 20, 3)
@@ -221,7 +233,7 @@ def _step(base: np.ndarray, residual: np.ndarray, values: np.ndarray, near: floa
 def _bump(
     base: np.ndarray, residual: np.ndarray, values: np.ndarray, low: float, high: float
 ) -> tuple[tuple[float, float], float]:
-    """Feet of the bump, and its share."""
+    """Ends of a bump, and its share; places and widths around the best trial are tried."""
     middle, width = (low + high) / 2, high - low
     shift, stretch = np.meshgrid(np.linspace(-0.4, 0.4, 9), (0.7, 0.85, 1.0, 1.2, 1.4))
     middles, widths = middle + shift.ravel() * width, stretch.ravel() * width
@@ -232,7 +244,7 @@ def _bump(
 
 
 def _added_shares(base: np.ndarray, residual: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Share of base and one column together, for every column."""
+    """Share of variance of base and one further column, for every column, (m,)."""
     basis = np.linalg.qr(base)[0]
     left = residual - basis @ (basis.T @ residual)
     clean = columns - basis @ (basis.T @ columns)
@@ -245,9 +257,9 @@ def binned_curve(values: np.ndarray, residual: np.ndarray, count: int = BINS) ->
     """Binned means with their confidence band.
 
     Args:
-        values: (n,) the variable.
+        values: the variable, (n,).
         residual: (n,) mm.
-        count: bins of equal count; a variable with fewer levels has one for each. Levels next to each other are one.
+        count: number of bins, see `bins_of`.
 
     Returns:
         (m, 3) centres, means, half-widths of the 95 % confidence band of each mean.
@@ -257,24 +269,26 @@ def binned_curve(values: np.ndarray, residual: np.ndarray, count: int = BINS) ->
     mean = np.bincount(number, residual) / size
     spread = np.bincount(number, np.square(residual - mean[number])) / np.maximum(size - 1.0, 1.0)
     pooled = np.square(residual - mean[number]).sum() / max(len(residual) - len(size), 1)
-    # Few rows tell little about their own scatter.
+    # The variance of few rows is shrunk towards the pooled one, with the weight of four rows.
     spread = (spread * (size - 1.0) + 4.0 * pooled) / (size + 3.0)
     return np.column_stack([centre, mean, HALF * np.sqrt(spread / size)])
 
 
 def bins_of(values: np.ndarray, count: int = BINS) -> tuple[np.ndarray, np.ndarray]:
-    """Put values in bins.
+    """Sort values into bins with equal numbers of rows, or one for each level where there are no more levels than bins.
+
+    Levels within `ROUNDING` of each other are one.
 
     Args:
         values: (n,).
-        count: bins of equal count; a variable with fewer levels has one for each. Levels next to each other are one.
+        count: number of bins, at most.
 
     Returns:
-        (n,) int number of each, and (m,) mean of the values in each.
+        Bin of each value, (n,) int, and mean of the values in each bin, (m,).
     """
     levels = np.unique(values)
     cuts = levels[1:] if len(levels) <= count else np.unique(np.quantile(values, np.linspace(0, 1, count + 1)[1:-1]))
     apart = np.diff(cuts, prepend=levels[0]) > ROUNDING * (levels[-1] - levels[0])
-    cuts = cuts[apart]  # what differs by no more than digits of a table is one level
+    cuts = cuts[apart]  # differences by the rounding of a table are none
     number = np.unique(np.searchsorted(cuts, values, side="right"), return_inverse=True)[1].reshape(-1)
     return number, np.bincount(number, values) / np.bincount(number)

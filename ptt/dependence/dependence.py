@@ -20,8 +20,7 @@ class Dependence(Record):
         residual: 'x', 'y', 'z', 'slider 2' or 'joint 2'.
         on: 'b2', 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'x', 'y', 'z', 'run';
             of an unknown also 'way x', 'turn x', 'feed'.
-        share: 0 to 1, of the residual's variance that a free function of this variable alone explains, less what
-            chance would.
+        share: of the residual's variance, 0 to 1, that a free function of this variable alone explains (adjusted R^2).
         p_value: permutation test, after multiplicity over all residuals, variables and shapes.
         period_mm: period where the dependence is periodic (rad for a joint angle), else None.
         shape: 'levels', 'smooth', 'step', 'bump', 'period' or 'varying'; of an unknown also 'gradual'.
@@ -29,8 +28,8 @@ class Dependence(Record):
             within one period, those of a varying direction on the second variable, with the mean of direction x
             residual.
         place: where a step or a local bump sits, (low, high); of 'gradual' the ends of the joint's travel; else None.
-        with_: the second variable that a direction's say varies with; of 'gradual' 'reversal', its travel since the
-            last one; else None.
+        with_: the second variable that the effect of a direction varies with; of 'gradual' it is 'reversal', the travel
+            since the last one; else None.
         rivals: variables that explain about as much but are the less likely cause.
         acts_on: where an unknown that follows it acts: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways',
             'link 2', or 'x', 'y', 'z' of the tool; None where that is open.
@@ -96,7 +95,7 @@ class Dependence(Record):
 
 
 def of_run(item: Dependence, problem: Problem) -> Dependence:
-    """The same with what the run says of its variable: the unit, and what a law of warmth is reckoned from.
+    """A dependence with the unit of its variable and, where that is a temperature, the reference temperature.
 
     Args:
         item: a dependence.

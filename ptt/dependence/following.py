@@ -1,4 +1,4 @@
-"""What a residual follows: every residual tested against every variable, and the likelier cause of a tie."""
+"""What a residual depends on: a test of every residual against every variable, and the likelier cause of a tie."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from ptt.dependence.causes import position_explains_more, varies_with
 from ptt.dependence.chance import gumbel_tail
-from ptt.dependence.contexts import COORDINATES, context_views, is_joint, level, own_joint, residual_views
+from ptt.dependence.contexts import COORDINATES, context_views, is_joint, own_joint, remove_frame, residual_views
 from ptt.dependence.curves import LOCAL, describe
 from ptt.dependence.dependence import Dependence, of_run
 from ptt.dependence.scores import Score, build_scores
@@ -16,14 +16,14 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 from ptt.run.tails import median_sigma
 
-LEVEL = 0.005  # chance, over all pairs together, below which a dependence is reported
+LEVEL = 0.005  # significance level of the family of all tests
 PERMUTATIONS = 128
-MOST_ROWS = 3000  # more rows than this are thinned: the test is sharp enough
-FAR = 6.0  # robust standard deviations at which a residual is cut off
-NEAR = 0.9  # shares closer than this ratio are a tie
-KNOWN = 0.8  # share of the rows that know a variable, below which it is mostly gaps
-FLAT = 1e-9  # range, in whatever unit, below which a variable is constant but for rounding
-OTHERS = 3  # rows beside the commonest value, below which a variable hardly varies
+MOST_ROWS = 3000  # of more rows a random sample is tested: its power suffices
+FAR = 6.0  # robust standard deviations at which residuals are clipped
+NEAR = 0.9  # ratio of two shares, above which they are a tie
+KNOWN = 0.8  # share of rows with a value, below which a variable is not tested
+FLAT = 1e-9  # range in the variable's own unit, below which it is constant but for rounding
+OTHERS = 3  # rows with another than the commonest value, below which a variable is not tested
 
 
 def dependence_of(problem: Problem, residual: np.ndarray, *, seed: int = 0) -> tuple[Dependence, ...]:
@@ -31,14 +31,14 @@ def dependence_of(problem: Problem, residual: np.ndarray, *, seed: int = 0) -> t
 
     Args:
         problem: n rows.
-        residual: (n, 3) mm, base frame, NaN on rows to leave out. Keep rows that a robust fit left out: a local fault
-            looks like outliers to it; gross errors are cut off here.
+        residual: (n, 3) mm, base frame, NaN on rows to leave out. Keep the outliers of a robust fit, which may be a
+            local fault; gross errors are clipped here.
         seed: of the permutations.
 
     Returns:
         Significant dependences, largest share first.
     """
-    views = residual_views(problem, level(problem, _thinned(residual, problem.used, seed)))
+    views = residual_views(problem, remove_frame(problem, _thinned(residual, problem.used, seed)))
     noise = None
     if problem.noise is not None:
         noise = dict(zip(COORDINATES, map(float, problem.noise.sigma), strict=True))
@@ -59,16 +59,17 @@ def depends_on(
 ) -> tuple[Dependence, ...]:
     """Test every residual against every variable.
 
-    Several trial functions for each variable (smooth curve, bins, steps, bumps, periods); the best counts. Chance is
-    the largest of all over all pairs when rows are permuted together (Westfall and Young 1993) with a Gumbel tail. Rows
-    of one pose are first whitened of the error that they share; slow variables pay for what is left of slow error.
+    The best of several trial functions counts for each variable (smooth curve, bins, steps, bumps, periods). p-values
+    refer to the largest statistic over all pairs under joint permutation of the rows (Westfall and Young 1993), with a
+    Gumbel tail. Rows are first whitened for the error that repeats of a pose share; p-values of variables that change
+    slowly over the run allow for slow error.
 
     Args:
         residuals: (n,) mm each, rows in travel order, NaN where not observed.
         contexts: (n,) each.
         groups: (n,) int, equal for visits of one pose; rows below zero are left out.
         blocks: (n,) int, contiguous blocks of travel; errors slower than a block count as slow.
-        noise: standard deviation of single residuals, mm, so that a quiet residual is not cut off too early.
+        noise: residual -> standard deviation of its noise, mm: a lower bound of the scale at which it is clipped.
         seed: of the permutations.
 
     Returns:
@@ -90,21 +91,21 @@ def depends_on(
 
 
 def _significant(scores: list[Score], slow: int) -> list[tuple[Score, int, float]]:
-    """(score, number of the residual, chance over all pairs) of what is unlikely enough."""
+    """(score, index of the residual, p-value over all pairs) of each significant pair."""
     if not scores:
         return []
     largest = np.max([score.chance for score in scores], axis=0)
     found = []
     for score in scores:
         for r in np.flatnonzero(gumbel_tail(score.found, largest) <= LEVEL):
-            p_value = float(gumbel_tail(score.honest(int(r), slow), largest))
+            p_value = float(gumbel_tail(score.corrected(int(r), slow), largest))
             if p_value <= LEVEL:
                 found.append((score, int(r), p_value))
     return found
 
 
 def _thinned(residual: np.ndarray, used: np.ndarray, seed: int) -> np.ndarray:
-    """Hide rows beyond what the test needs before anything costly is done with them."""
+    """The residual of a random sample of rows, NaN elsewhere; of few rows the whole."""
     rows = np.flatnonzero(used & np.isfinite(residual).all(axis=1))
     if len(rows) <= MOST_ROWS:
         return residual
@@ -125,7 +126,7 @@ def _rows(residuals: dict[str, np.ndarray], groups: np.ndarray, seed: int) -> np
 
 
 def _tidy(contexts: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
-    """Contexts on the rows that count; gaps are bridged, and what hardly varies or is mostly gaps is left out."""
+    """Contexts on the rows that count, gaps interpolated; without those that hardly vary or have many gaps."""
     tidy = {}
     for name, column in contexts.items():
         values = np.asarray(column, dtype=float)[rows]
@@ -158,7 +159,7 @@ def _describe(
         variable = score.variable
         second = None if variable.second is None else contexts[variable.second]
         residual = np.column_stack([data[name] for name, _ in chosen])
-        findings = describe(residual, contexts[variable.name], second, variable.on_rows(), score.toll, poses)
+        findings = describe(residual, contexts[variable.name], second, variable.on_rows(), score.parameters, poses)
         for (name, p_value), finding in zip(chosen, findings, strict=True):
             described.append(
                 Dependence(
@@ -172,7 +173,7 @@ def _describe(
 def _only_clear(
     described: list[Dependence], data: dict[str, np.ndarray], contexts: dict[str, np.ndarray]
 ) -> list[Dependence]:
-    """Leave out varying directions that a steady direction and the second variable by itself explain as well."""
+    """Leave out interactions of a direction and a second variable that both main effects explain as well."""
     kept = []
     for item in described:
         steady = item.with_ is not None and not varies_with(
@@ -186,7 +187,7 @@ def _only_clear(
 def _settle(
     described: list[Dependence], data: dict[str, np.ndarray], contexts: dict[str, np.ndarray], poses: RepeatedPoses
 ) -> tuple[Dependence, ...]:
-    """Sort by share; at the top, the more likely cause of a tie stays and names the others as its rivals."""
+    """Sort by share; of a tie at the top, only the likeliest cause stays, with the others as its rivals."""
     ranked = sorted(described, key=lambda item: -item.share)
     if not ranked:
         return ()
@@ -203,7 +204,7 @@ def _settle(
 
 
 def _remoteness(item: Dependence) -> int:
-    """How far a variable is from being a cause: a joint's own, a joint's with a sharp curve, any, the clock."""
+    """Rank of a variable as a cause: 0 the joint's own, 1 a joint with a local curve, 2 any other, 3 time or run."""
     if own_joint(item.residual, item.on):
         return 0
     if is_joint(item.on) and item.shape in LOCAL:

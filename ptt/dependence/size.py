@@ -11,9 +11,9 @@ from ptt.dependence.regressors import raised_cosine
 from ptt.effects.phrases import SIGNIFICANT
 from ptt.record import Record
 
-ENDS = 0.05  # share of the rows at either end of what turns over
+ENDS = 0.05  # quantile at either end of the turning amount, whose rows are averaged
 Kind = Literal["side", "step", "bump", "period", "law", "varying", "turn"]
-# Rows (m, n) of weights -> what they make of n values, (m,), and its covariance, (m, m).
+# Weights (m, n) -> weighted sums of n values, (m,), and their covariance, (m, m).
 Estimate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
@@ -37,8 +37,8 @@ class Size(Record):
         on: the variable.
         along: the variable that `low` and `high` are of: the second one of 'varying', else the same.
         unit: of `low` and `high`; '' for none.
-        noun: what a joint of this machine is called.
-        rms: of all that the unknown puts into the readings, mm; None where that is not known.
+        noun: 'slider' or 'joint'.
+        rms: of the whole shift of the readings by the unknown term, mm; None where that is not known.
     """
 
     keys: ClassVar[str] = (
@@ -75,7 +75,7 @@ class Size(Record):
 
 
 def estimate_of(values: np.ndarray, sigma: float) -> Estimate:
-    """What weights make of readings that scatter alike.
+    """Weighted sums of independent values of equal variance.
 
     Args:
         values: (n,).
@@ -114,13 +114,13 @@ def size_of(
 
 
 def size_of_side(of: str, estimate: Estimate, side: np.ndarray, values: np.ndarray | None = None) -> Size | None:
-    """The size of what follows the way of an arrival.
+    """The size of a dependence on the direction of arrival.
 
     Args:
         of: what is off.
         estimate: of what is off in n rows.
         side: (n,) +1 for an arrival forward, -1 for one back.
-        values: (n,) a second variable that its say may vary with; None for none.
+        values: a second variable that it may vary with, (n,); None for none.
 
     Returns:
         The size, of kind 'varying' where it clearly does; None where the rows do not show both ways.
@@ -130,13 +130,13 @@ def size_of_side(of: str, estimate: Estimate, side: np.ndarray, values: np.ndarr
 
 
 def size_of_turn(of: str, estimate: Estimate, side: np.ndarray, amount: np.ndarray) -> Size | None:
-    """The size of what turns over gradually after a reversal, between the rows where it is least and most.
+    """The size of a gradual reversal, from the rows where it is least to those where it is most.
 
     Args:
         of: what is off.
         estimate: of what is off in n rows.
         side: (n,) +1 for an arrival forward, -1 for one back.
-        amount: (n,) how far it has turned over.
+        amount: estimate of the reversal error at each row, (n,).
 
     Returns:
         The size; None where the rows do not show both ways.
@@ -144,7 +144,7 @@ def size_of_turn(of: str, estimate: Estimate, side: np.ndarray, amount: np.ndarr
     across = size_of_side(of, estimate, side)
     if across is None:
         return None
-    low, high = np.quantile(amount, (ENDS, 1.0 - ENDS))  # of single rows the ends would be where noise is largest
+    low, high = np.quantile(amount, (ENDS, 1.0 - ENDS))  # single rows would pick the noise
     ends = _mean(amount >= high) - _mean(amount <= low)
     up = estimate(ends[None])[0][0] * across.value > 0.0
     return _single(of, "turn", estimate, ends if up else -ends, -1.0, 1.0)
@@ -163,7 +163,7 @@ def _single(of: str, kind: Kind, estimate: Estimate, weights: np.ndarray, low: f
 
 
 def _law(of: str, estimate: Estimate, values: np.ndarray) -> Size | None:
-    """From the least to the largest of the means along the variable, in the order of the variable."""
+    """Difference of the least and the largest binned mean, the later one along the variable less the earlier."""
     number, centre = bins_of(values)
     if len(centre) < 2:
         return None
@@ -174,7 +174,7 @@ def _law(of: str, estimate: Estimate, values: np.ndarray) -> Size | None:
 
 
 def _varying(of: str, estimate: Estimate, side: np.ndarray, values: np.ndarray) -> Size | None:
-    """Where the difference of the two ways is smallest and where it is largest; None where that is one and the same."""
+    """Reversal error where it is least and largest along a variable; None where both do not differ significantly."""
     number, centre = bins_of(values)
     bins = [number == i for i in range(len(centre))]
     weights = np.stack([_mean(own & (side > 0.0)) - _mean(own & (side < 0.0)) for own in bins])
@@ -195,7 +195,7 @@ def _varying(of: str, estimate: Estimate, side: np.ndarray, values: np.ndarray) 
 
 
 def _local(of: str, estimate: Estimate, values: np.ndarray, place: tuple[float, float], shape: str) -> Size | None:
-    """A step or a bump upon a straight line."""
+    """Height of a step or bump fitted beside a straight line."""
     middle, width = 0.5 * (place[0] + place[1]), place[1] - place[0]
     own = values > middle if shape == "step" else raised_cosine(values, np.array([middle]), np.array([width]))[:, 0]
     weights = _least_squares(values, own.astype(float)[:, None])
@@ -204,7 +204,7 @@ def _local(of: str, estimate: Estimate, values: np.ndarray, place: tuple[float, 
 
 
 def _period(of: str, estimate: Estimate, values: np.ndarray, period: float) -> Size | None:
-    """Amplitude of the first harmonic, and where its first crest is."""
+    """Amplitude of the first harmonic fitted beside a straight line, and its first crest."""
     turn = 2.0 * np.pi / period
     weights = _least_squares(values, np.stack([np.cos(turn * values), np.sin(turn * values)], axis=1))
     if weights is None:
@@ -220,7 +220,7 @@ def _period(of: str, estimate: Estimate, values: np.ndarray, period: float) -> S
 
 
 def _least_squares(values: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
-    """Weights that give the coefficients of some columns beside a straight line, (m, n); None where they are one."""
+    """Least squares weights for the coefficients of columns beside a straight line, (m, n); None where collinear."""
     whole = np.column_stack([np.ones(len(values)), (values - values.mean()) / max(np.ptp(values), 1e-300), columns])
     weights = np.linalg.pinv(whole)
     seen = np.allclose(weights @ whole, np.eye(whole.shape[1]), atol=1e-6)

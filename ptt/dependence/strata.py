@@ -1,4 +1,4 @@
-"""Two looks at repeated poses: every row, freed of what its pose shares, and one mean for each pose."""
+"""Independent rows from repeated poses: each row whitened for its pose's common error, or one mean for each pose."""
 
 from dataclasses import dataclass
 
@@ -6,21 +6,21 @@ import numpy as np
 
 from ptt.run.tails import f_ppf
 
-LARGEST_RATIO = 1e4
-SURELY = 0.99  # of F's distribution, above which repeats surely share something: three axes are looked at
-ENOUGH = 30  # degrees of freedom within poses that tell slow error from a pose's own
-LEAST_POSES = 12  # below which nothing is said about where they are
+LARGEST_RATIO = 1e4  # bound of the variance ratio
+SURELY = 0.99  # confidence of the lower bound of the common variance, of which the largest of all axes is taken
+ENOUGH = 30  # degrees of freedom within poses, from which these tell slow error
+LEAST_POSES = 12  # independent rows below which a variable is not tested
 
 
 @dataclass(frozen=True)
 class RepeatedPoses:
-    """Repeated visits.
+    """Rows grouped by pose, with the error that rows of a pose have in common.
 
     Attributes:
-        number: (n,) pose of each row, numbered in order of first appearance.
-        first: (g,) first row of each pose.
-        size: (g,) rows of each pose.
-        ratio: variance of what repeats of a pose share over that of a single row.
+        number: pose of each row, numbered in order of first appearance, (n,).
+        first: first row of each pose, (g,).
+        size: number of rows of each pose, (g,).
+        ratio: variance of the common error over the variance within poses.
     """
 
     number: np.ndarray
@@ -30,7 +30,7 @@ class RepeatedPoses:
 
     @property
     def alike(self) -> float:
-        """Correlation of two rows of one pose."""
+        """Intraclass correlation: of two rows of one pose."""
         return self.ratio / (1.0 + self.ratio)
 
     def mean(self, columns: np.ndarray) -> np.ndarray:
@@ -41,7 +41,7 @@ class RepeatedPoses:
         member = sparse.csr_matrix((np.ones(rows, columns.dtype), (self.number, np.arange(rows))))
         return np.asarray((member @ columns) / self.size[:, None], dtype=columns.dtype)
 
-    def holds(self, values: np.ndarray) -> bool:
+    def is_constant(self, values: np.ndarray) -> bool:
         """Whether a variable is the same at every visit of a pose."""
         inside = values - self.mean(values[:, None])[self.number, 0]
         return bool(np.square(inside).sum() <= 1e-4 * np.square(values - values.mean()).sum())
@@ -49,15 +49,15 @@ class RepeatedPoses:
 
 @dataclass(frozen=True)
 class Stratum:
-    """Independent rows for one sort of variable, their data and its permutations.
+    """m independent rows on which a variable is tested, with r residuals and B permutations of them.
 
     Attributes:
-        poses: None for the look at every row as it is.
-        means: one row for each pose instead of one for each reading.
-        white: (m, r) whitened residuals, nuisance taken out.
-        nuisance: (m, 1) whitened constant of unit length.
-        shuffled: (m, (1 + B) r) data, then their permutations, each column of unit length.
-        within: (n, r) what visits of one pose differ by, None with too few of them.
+        poses: the poses of the n rows.
+        means: whether a row is the mean of a pose (for variables that are constant in a pose), or a reading.
+        white: residuals, whitened, the constant projected off, (m, r).
+        nuisance: whitened constant of unit length, (m, 1).
+        shuffled: residuals, then their permutations, each column of unit length, (m, (1 + B) r).
+        within: deviations of the readings from the mean of their pose, (n, r); None with too few repeats.
     """
 
     poses: RepeatedPoses
@@ -80,23 +80,22 @@ class Stratum:
         """A variable on the rows of this stratum, (n,) -> (m,)."""
         return column[self.poses.first] if self.means else column
 
-    def spread(self, columns: np.ndarray) -> np.ndarray:
+    def expand(self, columns: np.ndarray) -> np.ndarray:
         """Columns of this stratum on every row, (m, c) -> (n, c)."""
         return columns[self.poses.number] if self.means else columns
 
 
 def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
-    """Estimate how far repeats of a pose share their error at the least, by analysis of variance.
+    """Group rows by pose, and estimate a lower bound of the variance that they have in common (one-way ANOVA).
 
-    What a few repeats scatter by says little of what they share, and where readings are rounded a few that are all the
-    same say nothing.
+    A lower confidence bound, because few repeats tell little; those that are all equal by rounding are not used.
 
     Args:
         residual: (n, r), any units.
         group: (n,) int, poses.
 
     Returns:
-        The poses, with the ratio of the residual that shares most.
+        The poses, with the largest ratio of all residuals.
     """
     _, first, inverse = np.unique(group, return_index=True, return_inverse=True)
     rank = np.empty(len(first), dtype=int)
@@ -113,13 +112,13 @@ def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
     chance = float(f_ppf(SURELY, len(size) - 1, rows - len(size)))
     told = (LARGEST_RATIO * within > between) | (rows - len(size) >= ENOUGH)
     shared = between[told] / np.maximum(within[told], 1e-30) / chance - 1.0
-    alike = 0.0 if told.any() or not between.any() else LARGEST_RATIO  # not one repeat differs: they are one reading
+    alike = 0.0 if told.any() or not between.any() else LARGEST_RATIO  # repeats are copies
     ratio = float(shared.max(initial=0.0) / usual) + alike
     return RepeatedPoses(number, np.sort(first), size, min(max(ratio, 0.0), LARGEST_RATIO))
 
 
 def build_stratum(residual: np.ndarray, poses: RepeatedPoses, *, means: bool, permutations: int, seed: int) -> Stratum:
-    """Whiten residuals and permute them.
+    """Whiten residuals, and permute them.
 
     Args:
         residual: (n, r), each of about unit variance, single precision.
@@ -149,7 +148,7 @@ def whiten(columns: np.ndarray, poses: RepeatedPoses, *, means: bool) -> np.ndar
     """Give columns independent errors of equal variance.
 
     Rows of one pose share an error of their own: v - (1 - root) mean(v), root = 1 / sqrt(1 + size x ratio) (Fuller and
-    Battese 1973, nested errors). Means of poses are weighed by what is left of the noise of their rows.
+    Battese 1973, nested errors). Means of poses are weighted by the inverse of their standard deviation.
 
     Args:
         columns: (n, c), or (g, c) with `means`.

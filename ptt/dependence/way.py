@@ -1,22 +1,22 @@
-"""The way of the tool: from where it came to each reading, and how it turns there to the next."""
+"""Moves of the tool: its direction of arrival at each reading, its change of direction there, travel since reversal."""
 
 import numpy as np
 
 from ptt.run.fading import kept_shares, trailing
 
-REACHES = (0.03, 0.2)  # of the run's extent: stretches over which a hose or a cable forgets the way it was dragged
+REACHES = (0.03, 0.2)  # decay lengths of the memory of direction (of a hose, a cable), as shares of the run's extent
 
 
 def ways_of(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """From where the tool came and how it turns, as unit vectors and their difference.
+    """Directions of arrival, and changes of direction.
 
     Args:
         p: tool positions in travel order, (n, 3) mm.
         starts: (n,) bool, the first row of each run, which is taken to arrive as the second moves.
 
     Returns:
-        The way of arrival, of the last move alone and remembered over stretches of the path, (1 + s, n, 3); and the
-        way on less the way of arrival, (n, 3), zero at the end of a run.
+        Unit directions of arrival of the last move, then exponential means of them along the path with each decay
+        length, (1 + s, n, 3); and unit directions of departure less those of arrival, (n, 3), zero at the end of a run.
     """
     step = np.diff(p, axis=0, prepend=p[:1])
     step[starts] = 0.0
@@ -27,7 +27,7 @@ def ways_of(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     last = np.append(first[1:], len(p))
     for begin, end in zip(first, last, strict=True):
         rows = np.flatnonzero(moved[begin:end]) + begin
-        if len(rows):  # standstill keeps the way; what comes before the first move arrives as it goes
+        if len(rows):  # standstill keeps the direction; rows before the first move have its direction
             came[begin:end] = came[rows[np.maximum(np.searchsorted(rows, np.arange(begin, end), "right") - 1, 0)]]
     on = np.append(came[1:], came[-1:], axis=0)
     on[last - 1] = came[last - 1]
@@ -37,17 +37,17 @@ def ways_of(p: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def since_reversal(q: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """How far a joint has moved since it last turned back.
+    """Travel of a joint since its last reversal.
 
     Args:
-        q: of the joint in travel order, (n,) mm or rad.
+        q: joint values in travel order, (n,) mm or rad.
         starts: (n,) bool, the first row of each run.
 
     Returns:
-        (n,) mm or rad, not negative; since its first row where a run has not turned back yet.
+        (n,) mm or rad, not negative; before the first reversal of a run, since its first row.
     """
     move, row = np.where(starts, 0.0, np.diff(q, prepend=q[:1])), np.arange(len(q))
-    last = np.maximum.accumulate(np.where((move != 0.0) | starts, row, 0))  # the row that a standstill goes on from
+    last = np.maximum.accumulate(np.where((move != 0.0) | starts, row, 0))  # last row that was moved to
     way = np.sign(move[last])
     back = np.append(False, (way[1:] != way[:-1]) & (way[:-1] != 0.0) & ~starts[1:])
     turned = np.maximum.accumulate(np.where(starts, row, np.where(back, row - 1, 0)))
@@ -55,7 +55,7 @@ def since_reversal(q: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
 
 def last_moves(p: np.ndarray, time: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """How far the tool came with its last move, and for how long since the row before it.
+    """Length of the tool's last move, and its duration from the row before.
 
     Args:
         p: tool positions in travel order, (n, 3) mm.

@@ -1,4 +1,4 @@
-"""Where a model fails: the worst part of the workspace, the worst rows, and the error by joint, side, load and time."""
+"""Where a model fails: worst part of the workspace, worst rows, error by joint, direction of arrival, load and time."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,8 +10,8 @@ from ptt.dependence.parts import PartError, Unit, by_level, by_quarter, mean_ove
 from ptt.record import Record
 from ptt.run.problem import Problem
 
-CELLS = 3  # along each axis
-WORST = 10
+CELLS = 3  # of the workspace along each axis
+WORST = 10  # rows that are listed
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,10 @@ class WhereItFails(Record):
     """Where a model fails.
 
     Attributes:
-        region: the cell with the largest error that is well founded, None with too few readings.
+        region: the cell with the largest mean error less its standard error, None with too few readings.
         rows: the worst readings, worst first.
         by_joint: joint errors that would cause the residual, a part for each joint.
-        by_direction: the same, split by the side of arrival.
+        by_direction: joint errors, a part for each joint and direction of arrival.
         by_payload: size of the tool error by load; empty where it does not vary.
         by_time: size of the tool error by quarter of the run.
     """
@@ -104,7 +104,7 @@ def where_it_fails(problem: Problem, residual: np.ndarray) -> WhereItFails:
 
 
 def worst_region(place: np.ndarray, size: np.ndarray) -> Region | None:
-    """The cell of the workspace with the largest mean error, less its standard error.
+    """The cell of the workspace with the largest mean error less its standard error.
 
     Args:
         place: (n, 3) mm.

@@ -36,7 +36,7 @@ def format_ladder(ladder: Ladder) -> str:
 
 
 def left_over(ladder: Ladder) -> list[str]:
-    """One sentence where the last step leaves clearly more than a noise from another source than the model; else none."""
+    """One sentence where the last step leaves clearly more than a noise that no model gave; else none."""
     left, noise = ladder.steps[-1].rms_um["total"], ladder.noise_um["total"]
     if ladder.noise_um["source"] == SATURATED or left <= NOTED * noise:
         return []

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ptt.dependence.contexts import level, residual_views
+from ptt.dependence.contexts import remove_frame, residual_views
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects import Effect
 from ptt.effects.cards import card_of
@@ -31,7 +31,7 @@ def rest_of(found: Diagnosis, given: Model, problem: Problem) -> np.ndarray:
     """
     start = residual_of(given, problem).residual
     moved = (_chain(found.model, problem).reading - _chain(given, problem).reading).numpy()
-    return level(problem, start - moved)
+    return remove_frame(problem, start - moved)
 
 
 def fits_of(found: Diagnosis, given: Model, problem: Problem) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def fits_of(found: Diagnosis, given: Model, problem: Problem) -> dict[str, Any]:
             moved = (whole.reading - less.reading).numpy()
             if term.effect.stage == "drive":
                 joint, moved = _foremost(problem, (whole.q - less.q).numpy())
-            fit = level(problem, moved)
+            fit = remove_frame(problem, moved)
             fits[term.effect.key] = _fit(term.effect, rest + fit, fit, problem, joint)
     return fits
 
