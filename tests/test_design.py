@@ -21,9 +21,9 @@ from ptt.machine import MachineFile, parse_machine
 from ptt.mechanisms.dexterity import singularities
 from ptt.model.model import Model, Term
 from ptt.plan import foresight
-from ptt.plan.arm import telling_poses
+from ptt.plan.arm import d_optimal_poses
 from ptt.plan.first_run import plan_first_run, repeats_in
-from ptt.plan.foresight import beside, columns_of, see_plan
+from ptt.plan.forecast import beside, columns_of, see_plan
 from ptt.plan.space import build_space, draw_poses
 from ptt.plan.visits import singles, table_of
 from ptt.rig.rig import Rig, parse_rig
@@ -172,11 +172,11 @@ def test_poses_of_an_arm_tell_more_than_random_ones(arm: MachineFile) -> None:
         whole = np.concatenate([own, beside(Model(arm), view, every, 0.005)[: 3 * len(q)]], axis=1)
         return float(np.linalg.slogdet(whole.T @ whole + np.eye(whole.shape[1]))[1])
 
-    chosen = telling_poses(Model(arm), space, 60, np.random.default_rng(1), library(), 0.005)
+    chosen = d_optimal_poses(Model(arm), space, 60, np.random.default_rng(1), library(), 0.005)
     assert information(chosen) > information(random) + 2.0
     zeros = torch.zeros(30, dtype=torch.float64)  # what the model has by now is measured as well the next time
     for solved in (Term(library()["dh-offsets"](), zeros), library()["dh-offsets"]()):
-        again = telling_poses(Model(arm) + solved, space, 60, np.random.default_rng(1), library(), 0.005)
+        again = d_optimal_poses(Model(arm) + solved, space, 60, np.random.default_rng(1), library(), 0.005)
         assert information(again) > information(random) + 2.0
 
 

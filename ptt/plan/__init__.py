@@ -1,1 +1,1 @@
-"""Which poses to measure: first, and next where two effects cannot be told apart."""
+"""Design of experiments: poses of a first run, and poses that discriminate between effects."""

@@ -1,4 +1,4 @@
-"""Poses of an arm that tell most of its geometry, out of the many that it can reach or out of a list."""
+"""D-optimal poses for the geometry of a machine, from those that it can reach or from a list."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,15 @@ from ptt.effects.layout import linear_size, usual_values
 from ptt.errors import InputError
 from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.model.model import Model
-from ptt.plan.foresight import beside, columns_of, see_plan
+from ptt.plan.forecast import beside, columns_of, see_plan
 from ptt.plan.selection import select_poses
 from ptt.plan.space import Space, draw_poses
 from ptt.plan.visits import singles, table_of
 from ptt.run.noise import DEFAULT_SIGMA
 from ptt.run.table import Table
 
-CHOICE = 8  # poses among which each one is chosen
+CHOICE = 8  # candidates drawn for each pose that is chosen
+# Effects whose parameters the chosen poses are to determine.
 GEOMETRY = {
     "serial": ("dh-offsets",),
     "three-ptt": ("homing-offset", "tower-position", "tower-tilt", "link-length"),
@@ -29,11 +30,11 @@ class Selection:
     """Poses chosen from a list.
 
     Attributes:
-        rows: which rows of the list, in its order, (count,) int.
-        indices: of the chosen poses.
+        rows: chosen rows of the list, ascending, (count,) int.
+        indices: observability indices of the chosen poses.
         drawn: of as many poses taken at random from the list.
         whole: of the whole list.
-        effects: the effects that they are to tell.
+        effects: keys of the effects that the poses are to determine.
     """
 
     rows: np.ndarray
@@ -43,21 +44,21 @@ class Selection:
     effects: tuple[str, ...]
 
 
-def telling_poses(
+def d_optimal_poses(
     model: Model, space: Space, count: int, random: np.random.Generator, known: Library, sigma: float
 ) -> torch.Tensor:
-    """D-optimal poses of an arm for its geometry from many that the limits allow.
+    """D-optimal poses of an arm for its geometry, from candidates within its limits.
 
     Args:
         model: the arm.
         space: where it can go.
         count: how many poses.
-        random: of the candidates.
+        random: generator of the candidates.
         known: effects by name.
         sigma: noise of one coordinate, mm.
 
     Returns:
-        (count, k) rad.
+        (count, k) rad; the first candidates where no geometry effect is known.
     """
     poses = draw_poses(space, CHOICE * count, random)
     if known.get("dh-offsets") is None and "dh-offsets" not in model.keys:
@@ -68,20 +69,20 @@ def telling_poses(
 
 
 def choose_from(model: Model, candidates: Table, count: int, known: Library, seed: int = 0) -> Selection:
-    """Choose the poses of a list that tell most of a machine's geometry.
+    """Choose D-optimal poses for a machine's geometry from a list.
 
     Args:
-        model: the machine; effects that it has already are told beside the geometry.
+        model: the machine; parameters of its effects are determined beside the geometry.
         candidates: the list.
         count: how many poses.
         known: effects by name.
-        seed: of the random choice that is shown beside.
+        seed: of the random choice for comparison.
 
     Returns:
         The selection.
 
     Raises:
-        InputError: fewer candidates than poses, or nothing to tell.
+        InputError: fewer candidates than poses, or no parameter to determine.
     """
     if candidates.rows < count:
         raise InputError(f"{candidates.rows} candidates for {count} poses", where=candidates.source, fix="list more")
@@ -96,12 +97,12 @@ def choose_from(model: Model, candidates: Table, count: int, known: Library, see
 
 
 def _wanted(model: Model, known: Library) -> list[str]:
-    told = {term.effect.key for term in model.terms if len(term.theta)}  # beside the rest, as the model's own
+    told = {term.effect.key for term in model.terms if len(term.theta)}  # these are among the model's own parameters
     return [name for name in GEOMETRY[model.file.machine.kind] if name in known and name not in told]
 
 
 def _columns(model: Model, table: Table, known: Library, sigma: float) -> tuple[np.ndarray, int]:
-    """Derivatives (n, 3, P) in usual sizes and units of noise, frame and mount last; how many are the machine's."""
+    """Derivatives, (n, 3, P) in usual sizes and units of noise, frame and mount last; number of the others."""
     view, _ = see_plan(model, table)
     parts = []
     for name in _wanted(model, known):

@@ -1,4 +1,4 @@
-"""Contests: how much of one effect's signature another cannot imitate, and which rows would make it more."""
+"""Discrimination of two effects (T-optimality): what one cannot imitate of the other, and which rows add to that."""
 
 from dataclasses import dataclass, replace
 
@@ -8,16 +8,16 @@ from scipy import linalg
 
 @dataclass(frozen=True, eq=False)
 class Contest:
-    """One effect is taken to be the truth; another, with all nuisance beside it, is fitted to it.
+    """One effect is supposed true, and another, with all nuisance parameters, is fitted to its signature.
 
-    With signature s and columns X of all that may be fitted, lambda = min |s - X b|^2 is the non-centrality of the
+    With signature s and columns X of all that is fitted, lambda = min |s - X b|^2 is the non-centrality of the
     chi-squared by which the wrong effect fits worse (Atkinson and Fedorov, Biometrika 62, 1975: T-optimal designs).
-    Rows only add, so all that is known is one triangle R of [X s].
+    All rows so far are kept as the triangular factor R of [X s] (QR), to which further rows are added.
 
     Attributes:
-        columns: (p,) int, columns that are fitted.
-        amplitudes: (P,) of the truth, in usual sizes.
-        triangle: (p + 1, p + 1) R.
+        columns: indices of the fitted columns, (p,).
+        amplitudes: of the true effect, zero in other columns, (P,) in usual sizes.
+        triangle: R, (p + 1, p + 1).
     """
 
     columns: np.ndarray
@@ -36,14 +36,14 @@ class Contest:
 
     @property
     def solution(self) -> np.ndarray:
-        """What is fitted to the signature, (p,) in usual sizes."""
+        """Least squares coefficients b of the fitted columns, (p,) in usual sizes."""
         return linalg.solve_triangular(self.triangle[:-1, :-1], self.triangle[:-1, -1], check_finite=False)
 
     def add(self, rows: np.ndarray) -> "Contest":
         """The contest with further rows.
 
         Args:
-            rows: (r, P) whitened columns of the palette.
+            rows: whitened rows of the design, (r, P).
 
         Returns:
             The contest.
@@ -52,10 +52,10 @@ class Contest:
         return replace(self, triangle=triangle(np.concatenate([self.triangle, more])))
 
     def without(self, columns: np.ndarray) -> "Contest":
-        """The contest with some columns known, not fitted.
+        """The contest with some columns no longer fitted.
 
         Args:
-            columns: of the palette.
+            columns: their indices.
 
         Returns:
             The contest.
@@ -66,10 +66,10 @@ class Contest:
     def gains(self, groups: np.ndarray) -> np.ndarray:
         """What each group of rows would add to lambda.
 
-        With e what is left of the group's signature and H = X (R^T R)^-1 X^T, it is e^T (1 + H)^-1 e.
+        With e the residual of the group's signature and H = X (R^T R)^-1 X^T, it is e^T (1 + H)^-1 e.
 
         Args:
-            groups: (g, r, P) whitened columns.
+            groups: whitened rows of the design, (g, r, P).
 
         Returns:
             (g,).
@@ -87,12 +87,12 @@ class Contest:
 
 
 def open_contest(known: np.ndarray, columns: np.ndarray, amplitudes: np.ndarray) -> Contest:
-    """Set up a contest on what is known before.
+    """Set up a contest on the rows measured so far, and priors.
 
     Args:
-        known: (r, P) triangle of `known_rows`.
-        columns: (p,) columns that are fitted.
-        amplitudes: (P,) of the truth.
+        known: triangle of `known_rows`, (r, P).
+        columns: indices of the fitted columns, (p,).
+        amplitudes: of the true effect, (P,) in usual sizes.
 
     Returns:
         The contest.
@@ -102,7 +102,7 @@ def open_contest(known: np.ndarray, columns: np.ndarray, amplitudes: np.ndarray)
 
 
 def triangle(rows: np.ndarray) -> np.ndarray:
-    """Triangle R with R^T R = A^T A: all that least squares keeps of rows.
+    """Triangular factor R of A, R^T R = A^T A, which suffices for least squares.
 
     Args:
         rows: A, (r, P).

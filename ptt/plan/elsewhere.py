@@ -1,4 +1,4 @@
-"""Elsewhere: how far a fit leaves the tool open all over the workspace, beside the poses that it was made on."""
+"""Uncertainty of a model's commands over the whole workspace, compared with that at the poses of its run."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -18,17 +18,17 @@ from ptt.run.problem import Problem
 from ptt.run.table import make_table
 from ptt.run.viewing import build_view
 
-POSES = 200  # of the workspace; their median is as good as its twentieth part
-FAR = 3.0  # times what is to be expected where the readings are, from which the workspace is worth a word
+POSES = 200  # of the workspace, enough for a median
+FAR = 3.0  # ratio to the expected error at the run's poses, beyond which the uncertainty elsewhere is reported
 
 
 @dataclass(frozen=True)
 class Elsewhere(Record):
-    """How far commands of a fit may be off, as `sigma_um` says it of each.
+    """Expected error of a fitted model's commands, as the column `sigma_um` of `ptt predict`.
 
     Attributes:
-        run: at the poses of the run, root mean square, um.
-        workspace: in half of the workspace it is more than this, um.
+        run: rms over the poses of the run, um.
+        workspace: median over the workspace, um.
     """
 
     keys: ClassVar[str] = "run, workspace"
@@ -37,10 +37,10 @@ class Elsewhere(Record):
     workspace: float
 
     def words(self, error_um: float) -> str:
-        """A sentence where the workspace is far less sure than the readings; '' where it is not.
+        """A sentence where the workspace is far less certain than the run's poses; else ''.
 
         Args:
-            error_um: what is to be expected of the machine at the poses of the run.
+            error_um: error of the model at the poses of the run, rms, um.
         """
         if not self.workspace > FAR * max(error_um, self.run):
             return ""
@@ -52,21 +52,21 @@ class Elsewhere(Record):
 
 
 def elsewhere_um(fitted: FitResult, problem: Problem) -> dict[str, Any]:
-    """The same as a key of JSON; arguments as of `elsewhere`."""
+    """`elsewhere` under its key for JSON; the same arguments."""
     found = elsewhere(fitted, problem)
     return {"elsewhere_um": None if found is None else found.to_dict()}
 
 
 def elsewhere(fitted: FitResult, problem: Problem) -> Elsewhere | None:
-    """How far the machine may miss at the poses of a run, and all over its workspace, unloaded and as warm as drawn.
+    """Expected error at the poses of a run, and over the workspace without load at the reference temperature.
 
     Args:
-        fitted: to the run.
+        fitted: the model, fitted to the run.
         problem: the run.
 
     Returns:
-        None where nothing of the machine was fitted, or its workspace is none, or where nobody asked what sizes of the
-        drawing that the model does not have leave open.
+        None where no effect of the machine was fitted, the workspace is empty, or the fit did not work out the
+        uncertainty by sizes of the drawing that the model does not have.
     """
     file = problem.file
     terms: EffectTerms = [

@@ -1,13 +1,13 @@
-"""How well a plan will tell a parameter, and all parameters of one kind together."""
+"""Expected standard errors of a plan: of each parameter, and of all parameters of one kind."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
 
 class Expected(NamedTuple):
-    """One parameter: its standard error to be expected, None where the rows do not tell it, and its usual size.
+    """Expected standard error of one parameter, None where the rows do not determine it, and its usual size.
 
-    `combined` says whether they tell combinations of it with others, as where all joints alike are the frame.
+    `combined` says whether they determine combinations of it with others, as where all joints alike act as the frame.
     """
 
     name: str
@@ -20,8 +20,8 @@ class Expected(NamedTuple):
 class ExpectedKind(NamedTuple):
     """The parameters of one kind, as the gaps of all sliders.
 
-    `std` is the largest standard error of those that the rows tell, None where they tell none; `unseen` says which
-    they do not tell, '' where they tell all.
+    `std` is the largest standard error of those that the rows determine, None without any; `unseen` says in words that
+    some are not determined, '' where all are.
     """
 
     name: str
@@ -30,7 +30,7 @@ class ExpectedKind(NamedTuple):
 
 
 def by_kind(parameters: Iterable[Expected]) -> list[ExpectedKind]:
-    """Put parameters of one kind together.
+    """Group parameters by kind, the part of their name before the joint.
 
     Args:
         parameters: 'gap_mm 1', 'gap_mm 2', ...

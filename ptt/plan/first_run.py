@@ -1,4 +1,4 @@
-"""The first run: poses over the volume from both sides, true repeats, datum revisits, in random order."""
+"""Plan of a first run: poses over the volume, repeats from both sides, datum revisits, in random order."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,8 +10,8 @@ import torch
 from ptt.effects import Library, library
 from ptt.errors import InputError
 from ptt.model.model import Model
-from ptt.plan.arm import telling_poses
-from ptt.plan.foresight import Foresight, foresee, see_plan
+from ptt.plan.arm import d_optimal_poses
+from ptt.plan.forecast import EffectForecast, forecast, see_plan
 from ptt.plan.pool import with_base
 from ptt.plan.space import Space, build_space, draw_poses
 from ptt.plan.visits import Visit, both_ways, singles, table_of
@@ -20,25 +20,25 @@ from ptt.record import Record
 from ptt.run.noise import DEFAULT_SIGMA, ENOUGH, repeat_groups
 from ptt.run.table import Table
 
-ROWS = 200
-LEAST_ROWS = 60
-DATUM_EVERY = 20
-GROUP_ROWS = 8
-SHUFFLES = 40  # orders that are tried for the best balance of directions
-SHUFFLED_ROWS = 400_000  # in all of them: from 10,000 rows on chance alone leaves less than a hundredth
+ROWS = 200  # by default
+LEAST_ROWS = 60  # for each payload
+DATUM_EVERY = 20  # rows between two datum visits
+GROUP_ROWS = 8  # rows of a group of repeats: twice before, pose, beyond, pose
+SHUFFLES = 40  # orders that are tried for the best balance of directions, at most
+SHUFFLED_ROWS = 400_000  # rows in all of these orders: from 10,000 rows on any order is balanced to a hundredth
 
 
 @dataclass(frozen=True)
 class FirstRun(Record):
-    """A plan and what it can tell.
+    """A plan, and the expected standard errors of each effect.
 
     Attributes:
-        targets: rows in the order of driving.
+        targets: rows in driving order.
         freedom: degrees of freedom of true repeats.
         rising: share of rows that each joint reaches upwards, (k,).
-        datum_visits: number of rows of role datum.
-        effects: what the rows will tell of each effect.
-        sigma: noise of one coordinate that was reckoned with, mm.
+        datum_visits: number of rows with the role datum.
+        effects: forecast of each effect.
+        sigma: assumed noise of one coordinate, mm.
         words: the plan in a few sentences.
     """
 
@@ -51,7 +51,7 @@ class FirstRun(Record):
     freedom: int
     rising: np.ndarray
     datum_visits: int
-    effects: tuple[Foresight, ...]
+    effects: tuple[EffectForecast, ...]
     sigma: float
     words: str
 
@@ -67,14 +67,14 @@ def plan_first_run(
     known: Library | None = None,
     progress: Progress | None = None,
 ) -> FirstRun:
-    """Plan a run that can tell as much as possible of a machine that nobody has measured yet.
+    """Plan a run that determines as much as possible of a machine without any measurements yet.
 
     Args:
         model: the machine, bare or with effects.
-        rows: about how many rows, base reflectors left aside.
-        payloads: loads to be put on one after the other, kg; none leaves the load alone.
-        freedom: degrees of freedom that true repeats are to have.
-        half_size: box about the middle of the reach to stay inside of, mm.
+        rows: approximate number of rows, without base reflectors.
+        payloads: loads to be put on one after the other, kg; empty: no load is stated.
+        freedom: wanted degrees of freedom of true repeats.
+        half_size: half the size in x, y, z of a box about the middle of the workspace, mm; None for no box.
         seed: of poses and order.
         known: effects by name; None for the library.
         progress: told what is done, how much of how much.
@@ -101,12 +101,12 @@ def plan_first_run(
     for level, share in zip(levels, shares, strict=True):
         parts = _parts(model, space, share, groups, random, known, sigma, progress)
         visits += [replace(visit, payload=level) for visit in _in_best_order(model, space, parts, random)]
-    if len(levels) > 1:  # unloaded again at the end: what the load has left behind shows there
+    if len(levels) > 1:  # under the first load again: shows hysteresis and drift
         visits.append(replace(_datum(space), payload=levels[0]))
     table = table_of(with_base(_numbered(visits), model.file), space, straight=model.file.machine.moves == "straight")
     view, timed = see_plan(model, table)
     read = table.role != "base"
-    effects = foresee(model, view, read, known, sigma, progress)
+    effects = forecast(model, view, read, known, sigma, progress)
     rising = (view.direction.numpy()[read] > 0).mean(axis=0)
     done = repeats_in(timed, view.direction.numpy())
     visited = int((table.role == "datum").sum())
@@ -122,7 +122,7 @@ def repeats_in(table: Table, direction: np.ndarray) -> int:
         direction: of arrival, (n, k).
 
     Returns:
-        Rows less distinct ones, base reflectors left aside.
+        Number of rows less number of distinct ones, without base reflectors.
     """
     rows = table.role != "base"
     group = repeat_groups(table, direction)[rows]
@@ -130,7 +130,7 @@ def repeats_in(table: Table, direction: np.ndarray) -> int:
 
 
 def _fewest_groups(share: int, levels: int, freedom: int) -> int:
-    """Groups of repeats that each part of the run needs; three degrees of freedom each, and what datum visits add."""
+    """Groups of repeats needed under each load: three degrees of freedom each, beside those of datum visits."""
     datums = max(share // DATUM_EVERY, 1)
     wanted = -(-(freedom + 2) // levels) - (datums - 2)
     return int(np.clip(-(-wanted // 3), 2, (share - 2 * datums) // GROUP_ROWS))
@@ -140,18 +140,18 @@ def _parts(
     model: Model, space: Space, rows: int, groups: int, random: np.random.Generator, known: Library, sigma: float,
     progress: Progress | None,
 ) -> list[Visit]:  # fmt: skip
-    """Visits of one part of the run, datum aside: groups of repeats, and single poses for the rest."""
+    """Visits under one load without datum visits: groups of repeats, and single poses for the rest."""
     repeated = both_ways(space, groups, random, repeats=GROUP_ROWS // 4)
     left = rows - sum(visit.rows for visit in repeated) - 2 * max(rows // DATUM_EVERY, 1)
     if left <= 0:
         return repeated
     if space.by_tool:
         return [*repeated, *singles(draw_poses(space, left, random, progress))]
-    return [*repeated, *singles(telling_poses(model, space, left, random, known, sigma))]
+    return [*repeated, *singles(d_optimal_poses(model, space, left, random, known, sigma))]
 
 
 def _in_best_order(model: Model, space: Space, parts: list[Visit], random: np.random.Generator) -> list[Visit]:
-    """Random order with a datum every so often; of several, the one whose directions are most even."""
+    """Random order with regular datum visits; of several, the one with the best balance of directions."""
     straight = model.file.machine.moves == "straight"
 
     def bias(visits: list[Visit]) -> float:
@@ -165,7 +165,7 @@ def _in_best_order(model: Model, space: Space, parts: list[Visit], random: np.ra
 
 
 def _with_datums(space: Space, parts: list[Visit]) -> list[Visit]:
-    """Revisit the datum before the first row, then whenever enough rows have passed."""
+    """Visit the datum before the first row, then after every `DATUM_EVERY` rows or more."""
     result, since, datum = [], DATUM_EVERY, _datum(space)
     for part in parts:
         if since >= DATUM_EVERY:
@@ -177,14 +177,14 @@ def _with_datums(space: Space, parts: list[Visit]) -> list[Visit]:
 
 
 def _datum(space: Space) -> Visit:
-    """The middle of the reach, always approached from the same side."""
+    """A visit of the datum, the middle of the workspace, always approached from the same side."""
     middle = space.mechanism.home() if space.by_tool else (space.lower + space.upper) / 2.0
     before = middle - 0.03 * (space.upper - space.lower)
     return Visit(torch.stack([before, middle]), ("datum before", "datum"), "datum")
 
 
 def _numbered(visits: list[Visit]) -> list[Visit]:
-    """Names in the order of driving; the datum's approach is a pose like others."""
+    """Name visits in driving order; the approach to the datum becomes a pose like others."""
     result: list[Visit] = []
     count = 0
     for visit in visits:
@@ -197,8 +197,8 @@ def _numbered(visits: list[Visit]) -> list[Visit]:
     return result
 
 
-def _lost(effects: tuple[Foresight, ...]) -> str:
-    """What the model has and the plan would not measure again."""
+def _lost(effects: tuple[EffectForecast, ...]) -> str:
+    """Words on effects of the model that the plan cannot test; '' without any."""
     lost = [f"{effect.effect} needs {effect.needs}" for effect in effects if effect.in_model and effect.needs]
     return f" Effects of the model that this run could not determine: {'; '.join(lost)}." if lost else ""
 

@@ -1,4 +1,4 @@
-"""Candidate visits: poses over all that can be reached, both arrivals, and the loads, warmth and speeds that matter."""
+"""Candidate visits: poses over the workspace from both sides, under the loads, temperatures and speeds that matter."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,22 +9,22 @@ import torch
 from ptt.effects import Library
 from ptt.effects.cards import card_of
 from ptt.machine import MachineFile
-from ptt.plan.palette import Palette
+from ptt.plan.design import DesignColumns
 from ptt.plan.space import Space, narrow_space
 from ptt.plan.visits import Visit, both_ways
 from ptt.run.problem import Problem
 
-POSES = 160
+POSES = 160  # candidates under one condition, at most
 PAYLOADS = (0.0, 2.5, 5.0)  # kg
-WARMING = 5.0  # K that a warm and a cold part of a run should lie apart, at least
+WARMING = 5.0  # K between the cold and the warm part of a run, at least
 FEEDS = (10.0, 50.0)  # mm/s
-RANGED = ("from", "to")  # shape of effects that say nothing outside the heights they were seen at
-LOADED = {"load", "payload", "link force"}
+RANGED = ("from", "to")  # parameters of curves: the joint values between which they are defined
+LOADED = {"load", "payload", "link force"}  # variables on effect cards that a payload changes
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What rows can be driven under; an empty tuple where it does not matter.
+    """Conditions under which rows can be driven; an empty tuple where one does not matter.
 
     Attributes:
         payloads: kg.
@@ -69,14 +69,14 @@ def conditions_for(problem: Problem, known: Library, confused: Sequence[Sequence
     return Conditions(loads, temps, feeds)
 
 
-def make_pool(palette: Palette, space: Space, conditions: Conditions, random: np.random.Generator) -> list[Visit]:
+def make_pool(design: DesignColumns, space: Space, conditions: Conditions, random: np.random.Generator) -> list[Visit]:
     """Candidate visits under all conditions.
 
     Args:
-        palette: effects that say nothing beyond the heights they were seen at keep the poses inside of those.
+        design: the columns; poses stay within the joint values at which its curves are defined.
         space: where the machine can go.
-        conditions: what rows can be driven under.
-        random: of the poses.
+        conditions: loads, temperatures and speeds.
+        random: generator of the poses.
 
     Returns:
         The visits.
@@ -88,7 +88,7 @@ def make_pool(palette: Palette, space: Space, conditions: Conditions, random: np
         for temp in conditions.temps or nan
         for feed in conditions.feeds or nan
     ]
-    visits = both_ways(_within(palette, space), POSES, random)
+    visits = both_ways(_within(design, space), POSES, random)
     share = max(POSES // len(levels), min(POSES, 48))
     return [
         replace(visit, payload=payload, temp=temp, feed=feed)
@@ -98,7 +98,7 @@ def make_pool(palette: Palette, space: Space, conditions: Conditions, random: np
 
 
 def with_base(visits: Sequence[Visit], file: MachineFile) -> list[Visit]:
-    """Read the base reflectors before and after, where the machine has some.
+    """Add readings of the base reflectors before and after, where the machine has some.
 
     Args:
         visits: the rows.
@@ -122,12 +122,12 @@ def _ends(values: Sequence[float] | np.ndarray) -> tuple[float, ...]:
     return (float(values[0]), float(values[-1])) if len(values) else ()
 
 
-def _within(palette: Palette, space: Space) -> Space:
-    """The space, cut to the heights that saved curves cover."""
+def _within(design: DesignColumns, space: Space) -> Space:
+    """The space, narrowed to the joint values at which all curves are defined."""
     lower, upper = space.lower, space.upper
-    shapes = [rival.shape for rival in palette.rivals]
+    shapes = [rival.shape for rival in design.rivals]
     ranged = [(shape[RANGED[0]], shape[RANGED[1]]) for shape in shapes if RANGED[0] in shape]
-    for term in palette.fitted.layout.terms:
+    for term in design.fitted.layout.terms:
         if any(parameter.stem == RANGED[0] for parameter in term.effect.parameters):
             count = space.joints
             ranged.append((term.theta[-2 * count : -count], term.theta[-count:]))

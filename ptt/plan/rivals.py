@@ -1,4 +1,4 @@
-"""Who might stand in for an effect: the rivals that are named, and others that would do nearly as well."""
+"""Rivals of an effect: those that the diagnosis names, and others that imitate it closely."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +11,13 @@ from ptt.effects.metrology import TrackerFrame
 from ptt.effects.registry import make_effect, parse_key
 from ptt.fitting.result import FitResult
 from ptt.plan.contest import Contest, open_contest, triangle
-from ptt.plan.palette import Palette, Rival, known_rows, mix_palette
+from ptt.plan.design import DesignColumns, Rival, build_design, known_rows
 from ptt.run.problem import Problem
 
-MOST_SHAPES = 4  # of a rival, those that imitate best
-FEW_SHAPES = 12  # searches longer than this are not looked through for rivals that nobody named
-WATCHED = 5  # rivals that nobody named, at most, for each effect
+MOST_SHAPES = 4  # sets of searched parameters of a rival that are kept, those that imitate best
+FEW_SHAPES = 12  # such sets up to which an effect that the diagnosis does not name is tried as a rival
+WATCHED = 5  # rivals beside the named ones, at most, for each effect
+# Words on effect cards that name a measuring instrument.
 TESTERS = ("linear scale", "coordinate measuring machine", "scale bar", "base reflectors", "height gauge",
            "on the bench", "reflector")  # fmt: skip
 
@@ -28,9 +29,9 @@ class Duel:
     Attributes:
         pick: key of the effect.
         rival: key of the rival.
-        named: the diagnosis calls the two alike; else it is only watched.
-        forward: for each shape of the rival, the effect being the truth.
-        backward: for each shape, the rival being the truth as it was fitted; empty where it is only watched.
+        named: whether the diagnosis cannot tell the two apart; else the rival must only not become one.
+        forward: the effect supposed true, one contest for each shape of the rival.
+        backward: the rival supposed true, with its fitted amplitudes; empty where not named.
     """
 
     pick: str
@@ -42,15 +43,15 @@ class Duel:
 
 def find_duels(
     fitted: FitResult, problem: Problem, confused: Sequence[Sequence[str]], known: Library, goal: float
-) -> tuple[Palette, list[Duel]]:
-    """Set up what has to be told apart.
+) -> tuple[DesignColumns, list[Duel]]:
+    """Set up the duels between the effects that have to be told apart.
 
     Args:
         fitted: the model with all picks in it.
         problem: the rows it was fitted on.
-        confused: for each step the pick's key and those of effects that do as well.
+        confused: for each step the pick's key and those of effects that fit as well.
         known: effects by name.
-        goal: separation, in sigma, from which a rival is no danger.
+        goal: separation, in sigma, beyond which a rival that is not named is ignored.
 
     Returns:
         The columns, and the duels.
@@ -63,24 +64,24 @@ def find_duels(
         for effect in [*(make_effect(known, *parse_key(key)) for key in dict.fromkeys(named)), *others]
         for shape in effect.search(problem.view)
     )
-    wide = mix_palette(fitted, problem, rivals)
+    wide = build_design(fitted, problem, rivals)
     rows = known_rows(wide)
     chosen = {step[0]: _leading(wide, rows, step, goal) for step in steps}
     used = sorted({index for found in chosen.values() for *_, places in found for index in places})
-    palette = mix_palette(fitted, problem, tuple(rivals[index] for index in used))
+    design = build_design(fitted, problem, tuple(rivals[index] for index in used))
     kept = np.concatenate([np.arange(wide.width - sum(map(len, wide.index))), *(wide.index[i] for i in used)])
     rows = triangle(rows[:, kept.astype(int)])
     place = {index: number for number, index in enumerate(used)}
     duels = [
-        _duel(palette, rows, pick, key, [place[i] for i in places], is_named)
+        _duel(design, rows, pick, key, [place[i] for i in places], is_named)
         for pick, found in chosen.items()
         for key, is_named, places in found
     ]
-    return palette, duels
+    return design, duels
 
 
 def instrument(pick: str, rival: str, known: Library) -> str:
-    """What tells two effects apart by their cards, best where it names an instrument.
+    """What can tell two effects apart, by their cards; an instrument where one is named.
 
     Args:
         pick: key of one.
@@ -111,26 +112,28 @@ def _by_stage(stages: set[str]) -> str:
 
 
 def _testable(fitted: FitResult, problem: Problem, known: Library, named: Sequence[str]) -> list[Effect]:
-    """Further effects that these rows can test and whose search is short."""
+    """Further effects that the run can test and that have few sets of searched parameters."""
     kind, found = problem.file.machine.kind, []
     for name, cls in known.items():
         if kind not in cls.mechanisms or name in named or name in fitted.model.keys or cls is TrackerFrame:
             continue
         effect = cls()
-        if any(parameter.stem == "from" for parameter in effect.parameters):  # it would tie all poses to its heights
+        if any(parameter.stem == "from" for parameter in effect.parameters):  # its range would bind all poses
             continue
         if effect.needs(problem.view) is None and len(effect.search(problem.view)) <= FEW_SHAPES:
             found.append(effect)
     return found
 
 
-def _leading(palette: Palette, rows: np.ndarray, step: Sequence[str], goal: float) -> list[tuple[str, bool, list[int]]]:
-    """Rivals of one pick, with their closest shapes: the named ones, and others that are within the goal."""
+def _leading(
+    design: DesignColumns, rows: np.ndarray, step: Sequence[str], goal: float
+) -> list[tuple[str, bool, list[int]]]:
+    """Rivals of one pick, with the shapes that imitate it best: the named ones, and others within the goal."""
     pick, *named = step
-    base, amplitudes = palette.base(pick), palette.amplitudes(pick)
+    base, amplitudes = design.base(pick), design.amplitudes(pick)
     apart: dict[str, list[tuple[float, int]]] = {}
-    for index, rival in enumerate(palette.rivals):
-        contest = open_contest(rows, np.concatenate([base, palette.index[index]]), amplitudes)
+    for index, rival in enumerate(design.rivals):
+        contest = open_contest(rows, np.concatenate([base, design.index[index]]), amplitudes)
         apart.setdefault(rival.effect.key, []).append((contest.separation, index))
     best = {key: [index for _, index in sorted(found)[:MOST_SHAPES]] for key, found in apart.items()}
     watched = sorted((min(found)[0], key) for key, found in apart.items() if key not in named)
@@ -138,16 +141,16 @@ def _leading(palette: Palette, rows: np.ndarray, step: Sequence[str], goal: floa
     return [(key, True, best[key]) for key in named if key in best] + [(key, False, best[key][:1]) for key in near]
 
 
-def _duel(palette: Palette, rows: np.ndarray, pick: str, key: str, places: list[int], named: bool) -> Duel:
-    base, own = palette.base(pick), palette.of(pick)
+def _duel(design: DesignColumns, rows: np.ndarray, pick: str, key: str, places: list[int], named: bool) -> Duel:
+    base, own = design.base(pick), design.of(pick)
     forward, backward = [], []
     for place in places:
-        rival = palette.index[place]
-        contest = open_contest(rows, np.concatenate([base, rival]), palette.amplitudes(pick))
+        rival = design.index[place]
+        contest = open_contest(rows, np.concatenate([base, rival]), design.amplitudes(pick))
         forward.append(contest)
         if not named:
             continue
-        truth = np.zeros(palette.width)
+        truth = np.zeros(design.width)
         truth[rival] = contest.solution[len(base) :]
         backward.append(open_contest(rows, np.concatenate([base, own]), truth))
     return Duel(pick, key, named, tuple(forward), tuple(backward))

@@ -1,15 +1,15 @@
-"""Selection: of many candidate poses the few that tell most, D-optimal, by greedy choice and exchange."""
+"""D-optimal selection of candidate poses by greedy choice and Fedorov exchange."""
 
 import numpy as np
 
 SWEEPS = 4  # rounds of exchange, at most
-GAIN = 1e-9  # growth of log det below which an exchange is none
+GAIN = 1e-9  # least growth of log det for an exchange
 
 
 def select_poses(columns: np.ndarray, count: int) -> np.ndarray:
-    """Choose poses that make det(1 + sum X^T X) as large as a greedy choice and pairwise exchanges get it.
+    """Choose poses that maximise det(1 + sum X^T X), by greedy choice and pairwise exchanges.
 
-    One usual size is known of each parameter beforehand.
+    The 1 is a prior standard deviation of one usual size for each parameter.
 
     Source: Fedorov, Theory of Optimal Experiments (1972); one pose adds log det(1 + X M^-1 X^T) to log det M.
 
@@ -23,7 +23,7 @@ def select_poses(columns: np.ndarray, count: int) -> np.ndarray:
     if count >= len(columns):
         return np.arange(len(columns))
     before = np.eye(columns.shape[-1])
-    spread = before  # inverse information
+    spread = before  # inverse of the information matrix
     chosen: list[int] = []
     for _ in range(count):
         best, _ = _best(columns, spread, chosen)

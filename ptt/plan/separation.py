@@ -1,4 +1,4 @@
-"""What to measure next: the poses that best tell apart effects that a run could not."""
+"""What to measure next: poses that best discriminate between effects that a run could not tell apart."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -9,9 +9,9 @@ import torch
 
 from ptt.effects import Library, library
 from ptt.fitting.result import FitResult
-from ptt.plan.ahead import paint_ahead
 from ptt.plan.contest import Contest
-from ptt.plan.palette import Palette
+from ptt.plan.design import DesignColumns
+from ptt.plan.planned import planned_rows
 from ptt.plan.pool import Conditions, conditions_for, make_pool, with_base
 from ptt.plan.rivals import Duel, find_duels, instrument
 from ptt.plan.space import Space, build_space
@@ -21,11 +21,11 @@ from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 
-GOAL = 8.0  # sigma, of the separation to reach
-MOST_ROWS = 80  # base reflectors left aside
-LEAST_ROWS = 24  # so that one bad reading, or a corner of the volume, does not decide
-RESERVE = 1.1  # what is aimed at beyond the goal, because the order of driving changes a little
-FLAT = 1.0  # sigma that all poses of the pool together must add, or nothing can be measured this way
+GOAL = 8.0  # separation to reach, sigma
+MOST_ROWS = 80  # without base reflectors
+LEAST_ROWS = 24  # so that neither one bad reading nor a corner of the volume decides
+RESERVE = 1.1  # factor on the goal in the choice of poses, because their driving order changes the separation a little
+FLAT = 1.0  # least increase of separation by all candidates together, sigma (in quadrature); else no pose can help
 BASE = 'reflectors fixed to the base, and frame = "measured" in the machine file'
 
 
@@ -38,9 +38,9 @@ class Pair(Record):
         rival: key of the other.
         before: separation on the run, sigma.
         after: with the chosen rows, sigma.
-        ceiling: with every pose that was looked at, sigma.
-        exact: no pose can tell them apart.
-        instrument: what could, by the effects' cards.
+        ceiling: with all candidate poses, sigma.
+        exact: whether no pose can tell them apart.
+        instrument: what could, by the effects' cards; '' where poses can.
     """
 
     keys: ClassVar[str] = (
@@ -58,7 +58,7 @@ class Pair(Record):
 
     @property
     def words(self) -> str:
-        """What no pose can tell, '' where some can."""
+        """A sentence where no pose can tell them apart; else ''."""
         return say_ambiguity(self.pick, self.rival, self.instrument) if self.exact else ""
 
 
@@ -68,10 +68,10 @@ class Separation(Record):
 
     Attributes:
         targets: rows to drive in this order; None where no pose helps.
-        pairs: what they tell apart, and what they cannot.
-        before: least separation of the pairs that poses can tell apart, sigma; NaN without any.
-        after: with the targets.
-        reached: the goal is reached.
+        pairs: the confused pairs of effects.
+        before: least separation of the pairs that poses can tell apart, on the run, sigma; NaN without any.
+        after: least separation of these with the targets, sigma; NaN likewise.
+        reached: whether it reaches the goal.
         words: for a machinist.
     """
 
@@ -91,7 +91,7 @@ class Separation(Record):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The words, one sentence about each thing."""
+        """The words, one sentence each."""
         return tuple(self.words.split("\n"))
 
 
@@ -112,7 +112,7 @@ def plan_separation(
     Args:
         fitted: the model with all picks in it.
         problem: the rows it was fitted on.
-        confused: for each step the pick's key and those of effects that do as well; steps without others are skipped.
+        confused: for each step the pick's key and those of effects that fit as well; steps without others are skipped.
         known: effects by name; None for the library.
         seed: of the candidate poses.
 
@@ -122,11 +122,11 @@ def plan_separation(
     known = library() if known is None else known
     if not any(len(step) > 1 for step in confused):
         return None
-    palette, duels = find_duels(fitted, problem, confused, known, GOAL)
+    design, duels = find_duels(fitted, problem, confused, known, GOAL)
     space = build_space(problem.file)
     conditions = conditions_for(problem, known, confused)
-    pool = make_pool(palette, space, conditions, np.random.default_rng([seed, 31]))
-    groups = paint_ahead(palette, pool, space, still=True)
+    pool = make_pool(design, space, conditions, np.random.default_rng([seed, 31]))
+    groups = planned_rows(design, pool, space, still=True)
     everything = groups.reshape(-1, groups.shape[-1])
     ceilings = {id(contest): contest.add(everything).separation for contest in _contests(duels)}
     open_ = [_still_open(duel, ceilings) for duel in duels]
@@ -134,9 +134,9 @@ def plan_separation(
     chosen = _choose(_contests(open_), groups) if hopeful else []
     visits = in_driving_order([pool[index] for index in chosen], space) if chosen else []
     visits = [visit.named(f"m{number + 1}") for number, visit in enumerate(visits)]
-    rows = paint_ahead(palette, visits, space).reshape(-1, palette.width) if visits else np.zeros((0, palette.width))
+    rows = planned_rows(design, visits, space).reshape(-1, design.width) if visits else np.zeros((0, design.width))
     pairs = tuple(
-        _judge(duel, live, palette, (rows, everything), ceilings, known)
+        _judge(duel, live, design, (rows, everything), ceilings, known)
         for duel, live in zip(duels, open_, strict=True)
         if duel.named
     )
@@ -148,7 +148,7 @@ def _contests(duels: Sequence[Duel]) -> list[Contest]:
 
 
 def _still_open(duel: Duel, ceilings: dict[int, float]) -> Duel:
-    """A duel with the contests that poses can decide; a rival that holds the effect as a special case never loses."""
+    """The duel with only the contests that poses can decide: a rival that contains the effect fits any of its data."""
 
     def alive(contest: Contest) -> bool:
         return ceilings[id(contest)] ** 2 > contest.misfit + FLAT**2
@@ -159,7 +159,7 @@ def _still_open(duel: Duel, ceilings: dict[int, float]) -> Duel:
 
 
 def _choose(contests: list[Contest], groups: np.ndarray) -> list[int]:
-    """Add the group of rows that helps most those contests that are not decided yet."""
+    """Choose groups of rows greedily, by the growth of log(1 + lambda) over the contests that are not decided yet."""
     chosen: list[int] = []
     free, goal = np.ones(len(groups), dtype=bool), GOAL * RESERVE
     rows = groups.shape[1] // 3
@@ -182,19 +182,19 @@ def _choose(contests: list[Contest], groups: np.ndarray) -> list[int]:
 def _judge(
     duel: Duel,
     live: Duel,
-    palette: Palette,
+    design: DesignColumns,
     rows: tuple[np.ndarray, np.ndarray],
     ceilings: dict[int, float],
     known: Library,
 ) -> Pair:
-    """Separation of a pair before and after, the least over shapes and over who is right."""
+    """Separation of a pair before and after, the least over the rival's shapes and over which of the two is true."""
     new, everything = rows
     exact = not live.forward
     contests = list(duel.forward) if exact else _contests([live])
     before = min(contest.separation for contest in contests)
     after = min((contest.add(new) if len(new) else contest).separation for contest in contests)
     ceiling = min(ceilings[id(contest)] for contest in contests)
-    held = exact and all(_grows(contest.without(palette.frames), everything) for contest in duel.forward)
+    held = exact and all(_grows(contest.without(design.frames), everything) for contest in duel.forward)
     tool = BASE if held else instrument(duel.pick, duel.rival, known)
     return Pair(duel.pick, duel.rival, before, after, ceiling, exact, tool if exact else "")
 

@@ -1,4 +1,4 @@
-"""Where a machine can be sent: joint values inside travel, away from singularities, inside a box if one is given."""
+"""Poses that a machine can be sent to: within travel, away from singularities, inside a box if one is given."""
 
 from dataclasses import dataclass, replace
 
@@ -17,10 +17,10 @@ from ptt.progress import Progress
 from ptt.run.viewing import joint_limits
 
 MARGIN = 0.01  # share of the travel that is left alone at either end
-SAFE = 0.5  # share of home's margin to the nearest singularity that a pose keeps
-GRID = 13  # joint values along each slider when the reachable volume is measured out
-OVERSHOOT = 40  # draws for each pose that is wanted, before giving up
-BATCH, LARGE_BATCH = 512, 16_384  # poses that are tried at once; the sequence is the same
+SAFE = 0.5  # least margin of a pose to the nearest singularity, as a share of that of the home pose
+GRID = 13  # heights of each slider in the grid that finds the extent of the workspace
+OVERSHOOT = 40  # draws for each wanted pose, at most
+BATCH, LARGE_BATCH = 512, 16_384  # poses drawn at once, at least and at most; the sequence does not depend on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Space:
         lower: (k,) mm or rad, joint limits with a margin.
         upper: (k,) mm or rad.
         box: (2, 3) mm, lowest and highest tool position.
-        by_tool: poses are spread evenly over the tool's volume, not over the joints' travel.
+        by_tool: whether poses are drawn evenly over the tool's volume (3-PTT), not over the joints' travel (arm).
     """
 
     mechanism: Mechanism
@@ -48,7 +48,7 @@ class Space:
 
 
 def build_space(file: MachineFile, half_size: tuple[float, float, float] | None = None) -> Space:
-    """Measure out where a machine can go.
+    """Find where a machine can go.
 
     Args:
         file: the machine.
@@ -76,7 +76,7 @@ def build_space(file: MachineFile, half_size: tuple[float, float, float] | None 
 
 
 def narrow_space(space: Space, lower: Tensor, upper: Tensor) -> Space:
-    """The part of a space between closer joint limits, measured out anew.
+    """The part of a space within narrower joint limits, its extent found anew.
 
     Args:
         space: the whole.

@@ -13,9 +13,9 @@ from ptt.run.travel import read_travel
 
 DECIMALS = 4  # of targets in mm, 0.1 um
 DECIMALS_RAD = 7  # of joint commands
-NEAREST, FARTHEST = 2.0, 15.0  # mm that each slider moves on an approach
-NEAREST_RAD, FARTHEST_RAD = 0.02, 0.15
-TRIES = 60
+NEAREST, FARTHEST = 2.0, 15.0  # mm that each slider moves on an approach, drawn log-uniformly
+NEAREST_RAD, FARTHEST_RAD = 0.02, 0.15  # rad that each joint of an arm moves
+TRIES = 60  # candidate poses beyond three for each visit
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +88,9 @@ def singles(poses: Tensor) -> list[Visit]:
 
 
 def in_driving_order(visits: Sequence[Visit], space: Space) -> list[Visit]:
-    """Short travel, under one payload after the other, cold before warm.
+    """Order visits for short travel, cold before warm, then one payload after the other.
 
-    Nearest neighbour, then crossings undone.
+    Within each group nearest neighbour, improved by 2-opt.
 
     Args:
         visits: in any order.
@@ -136,7 +136,7 @@ def _short_path(visits: Sequence[Visit], space: Space) -> list[Visit]:
 
 
 def table_of(visits: Sequence[Visit], space: Space, *, straight: bool) -> Table:
-    """A targets table of visits in the order given; it says from which side each joint arrives.
+    """Table of targets of visits in the given order, with the direction of arrival of each joint.
 
     Args:
         visits: rows; base reflectors are visits of role 'base' with any joint values.

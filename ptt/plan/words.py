@@ -7,7 +7,7 @@ import numpy as np
 from ptt.plan.pool import Conditions
 from ptt.run.problem import Problem
 
-FARTHER = 1.25  # times as far out, or as tall, as the run was: worth saying
+FARTHER = 1.25  # ratio to the run's radius or height, beyond which new poses are said to go further
 
 
 def say_separation(
@@ -17,7 +17,7 @@ def say_separation(
     conditions: Conditions,
     goal: float,
 ) -> Iterator[str]:
-    """What to drive and what it is good for.
+    """Sentences on what to measure, and the separations that it gives.
 
     Args:
         places: (m, 3) mm, chosen tool positions.
@@ -37,7 +37,7 @@ def say_separation(
 
 
 def say_ambiguity(pick: str, rival: str, instrument: str) -> str:
-    """Two effects that no pose tells apart.
+    """Sentence on two effects that no pose tells apart.
 
     Args:
         pick: key of one.

@@ -1,4 +1,4 @@
-"""Columns that rows are judged by: what the model, the tracker frame and rival effects would change in each reading."""
+"""Design columns: derivatives of the readings by the model's unknowns, the tracker's frames and rival effects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,15 +18,16 @@ from ptt.run.frames import by_own, rigid_columns
 from ptt.run.problem import SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.run.view import View
 
-EASE = 1e-4  # prior on every unknown, in usual sizes squared: a hundred usual sizes cost one sigma
-FAINT = 0.01  # share of the fitted amplitudes at which columns are taken: what imitates exactly does so to first order
+EASE = 1e-4  # prior information on every unknown, per usual size squared: a hundred usual sizes cost one sigma
+# Share of the fitted amplitudes at which derivatives are taken: exact ambiguities then hold to first order.
+FAINT = 0.01
 CHUNK = 20000  # rows whose columns are held in memory at once
-CHUNKS = 4  # of a long run that are looked at; they stand for the others
+CHUNKS = 4  # of a long run that are evaluated, at most; weighted to stand for all
 
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """An effect that is not in the model, in one shape.
+    """An effect that is not in the model, with given values of its searched parameters.
 
     Attributes:
         effect: the effect.
@@ -38,20 +39,20 @@ class Rival:
 
 
 @dataclass(frozen=True, eq=False)
-class Palette:
-    """Which columns there are, whitened and in units of usual sizes.
+class DesignColumns:
+    """The P columns of the design, whitened and in usual sizes.
 
-    Columns: the model's unknowns as its fit has them (reflector mounts and frames last), a frame of a new run where
-    runs have their own, the rivals.
+    In this order: the model's unknowns as in its fit (reflector mounts and frames last), the frame of a new run where
+    each run has its own, the rivals.
 
     Attributes:
-        fitted: the model that the columns are taken at.
+        fitted: the model at which derivatives are taken.
         problem: the rows it was fitted on.
-        rivals: effects that might be in the place of one of the model's.
-        own_frame: a new run has a frame of its own.
-        index: for each rival its columns.
-        scale: (P,) usual size of each column.
-        prior: (P,) weight of the prior on each column.
+        rivals: effects that might take the place of one of the model's.
+        own_frame: whether a new run has a frame of its own.
+        index: indices of the columns of each rival.
+        scale: usual size of each column, (P,).
+        prior: prior information on each column, (P,).
     """
 
     fitted: FitResult
@@ -80,7 +81,7 @@ class Palette:
 
     @property
     def linear(self) -> np.ndarray:
-        """Columns of amplitudes of the model's effects, (P,) bool; what they do grows with nothing else."""
+        """Columns of linear parameters of the model's effects, (P,) bool."""
         layout, flags = self.fitted.layout, np.zeros(self.width, dtype=bool)
         for number, (term, free) in enumerate(zip(layout.terms, layout.free, strict=True)):
             sizes = [(p.role == "linear", p.size(self.problem.view.joints)) for p in term.effect.parameters]
@@ -101,8 +102,8 @@ class Palette:
         return values
 
 
-def mix_palette(fitted: FitResult, problem: Problem, rivals: tuple[Rival, ...]) -> Palette:
-    """Set up the columns.
+def build_design(fitted: FitResult, problem: Problem, rivals: tuple[Rival, ...]) -> DesignColumns:
+    """Set up the design columns.
 
     Args:
         fitted: the model with the effects in question.
@@ -110,7 +111,7 @@ def mix_palette(fitted: FitResult, problem: Problem, rivals: tuple[Rival, ...]) 
         rivals: effects that might stand in their place.
 
     Returns:
-        The palette.
+        The columns.
     """
     layout = fitted.layout
     own_frame = problem.frames > 0 and problem.file.tracker.frame in ("fitted-per-run", "measured")
@@ -127,14 +128,16 @@ def mix_palette(fitted: FitResult, problem: Problem, rivals: tuple[Rival, ...]) 
         prior.append(np.where(held_values(rival.effect, problem), 1.0, EASE))
         index.append(np.arange(start, start + len(usual)))
         start += len(usual)
-    return Palette(fitted, problem, rivals, own_frame, tuple(index), np.concatenate(scale), np.concatenate(prior))
+    return DesignColumns(fitted, problem, rivals, own_frame, tuple(index), np.concatenate(scale), np.concatenate(prior))
 
 
-def paint(palette: Palette, view: View, frame: np.ndarray | None, mount: np.ndarray | None = None) -> np.ndarray:
-    """Columns of rows.
+def design_rows(
+    design: DesignColumns, view: View, frame: np.ndarray | None, mount: np.ndarray | None = None
+) -> np.ndarray:
+    """Design rows.
 
     Args:
-        palette: which.
+        design: the columns.
         view: n rows.
         frame: (n,) int, tracker frame of each row; None for a new run.
         mount: (n,) int, reflector mount of each row; None for the first.
@@ -142,8 +145,8 @@ def paint(palette: Palette, view: View, frame: np.ndarray | None, mount: np.ndar
     Returns:
         (n, 3, P), whitened, in usual sizes.
     """
-    fitted, layout = palette.fitted, palette.fitted.layout
-    linear = palette.linear
+    fitted, layout = design.fitted, design.fitted.layout
+    linear = design.linear
     faint = fitted.unknowns * np.where(linear[: len(fitted.unknowns)], FAINT, 1.0)
     terms = [(term.effect, theta) for term, theta in zip(layout.terms, layout.thetas(faint), strict=True)]
     at = linearise(terms, view, crossed=False)
@@ -156,50 +159,50 @@ def paint(palette: Palette, view: View, frame: np.ndarray | None, mount: np.ndar
         held = np.zeros(view.rows, dtype=int) if mount is None else mount
         parts += by_own(chain.by_slot[..., -3:].numpy(), held, layout.mounts)
     if layout.frames:
-        new = frame is None and palette.own_frame
+        new = frame is None and design.own_frame
         where = np.full(view.rows, -1) if new else np.zeros(view.rows, dtype=int) if frame is None else frame
         parts += [np.where((where == i)[:, None, None], rigid.numpy(), 0.0) for i in range(layout.frames)]
-        parts += [rigid.numpy() * float(new)] if palette.own_frame else []
-    parts += [signature(chain, rival.effect, rival.shape).numpy() for rival in palette.rivals]
+        parts += [rigid.numpy() * float(new)] if design.own_frame else []
+    parts += [signature(chain, rival.effect, rival.shape).numpy() for rival in design.rivals]
     columns = np.concatenate(parts, axis=-1) if parts else np.zeros((view.rows, 3, 0))
-    return np.einsum("ij,njp->nip", fitted.noise.whitener, columns * palette.scale, optimize=True)
+    return np.einsum("ij,njp->nip", fitted.noise.whitener, columns * design.scale, optimize=True)
 
 
-def known_rows(palette: Palette) -> np.ndarray:
-    """What is known before: the run that was fitted, base reflectors and priors, as rows of a least squares problem.
+def known_rows(design: DesignColumns) -> np.ndarray:
+    """The run that was fitted, its base reflectors and the priors, as rows of a least squares problem.
 
     Args:
-        palette: the columns.
+        design: the columns.
 
     Returns:
         (r, P): a triangle with the same sums of squares as all those rows.
     """
-    problem = palette.problem
-    used = problem.used & ~palette.fitted.outliers & np.isfinite(palette.fitted.residual).all(axis=1)
-    stack = [np.diag(np.sqrt(palette.prior)), _base_rows(palette)]
-    whole = palette.fitted.layout.see(problem, palette.fitted.unknowns)
+    problem = design.problem
+    used = problem.used & ~design.fitted.outliers & np.isfinite(design.fitted.residual).all(axis=1)
+    stack = [np.diag(np.sqrt(design.prior)), _base_rows(design)]
+    whole = design.fitted.layout.see(problem, design.fitted.unknowns)
     parts = stretches(whole.rows, CHUNK)
     apart = -(-len(parts) // CHUNKS)
     weight = np.sqrt(len(parts) / len(parts[::apart]))
     for (first, last), view in islice(zip(parts, view_chunks(whole, CHUNK), strict=True), 0, None, apart):
         rows = slice(first, last)
-        columns = paint(palette, view, problem.frame[rows], problem.mount[rows])[used[rows]]
-        stack = [triangle(np.concatenate([*stack, weight * columns.reshape(-1, palette.width)]))]
+        columns = design_rows(design, view, problem.frame[rows], problem.mount[rows])[used[rows]]
+        stack = [triangle(np.concatenate([*stack, weight * columns.reshape(-1, design.width)]))]
     return stack[0]
 
 
-def _base_rows(palette: Palette) -> np.ndarray:
-    """Base reflectors: of the frames that were fitted, and once more of a new run's."""
-    base, frames = palette.problem.base, palette.fitted.layout.frames
+def _base_rows(design: DesignColumns) -> np.ndarray:
+    """Design rows of base reflectors: as read in the fitted run, and once more in a new one."""
+    base, frames = design.problem.base, design.fitted.layout.frames
     if base is None or not frames:
-        return np.zeros((0, palette.width))
+        return np.zeros((0, design.width))
     rigid = rigid_columns(torch.as_tensor(base.place))
     own = by_own(rigid.numpy(), base.frame, frames)
-    first = len(palette.fitted.layout.scale) - 6 * frames
-    old = np.zeros((len(base.place), 3, palette.width))
+    first = len(design.fitted.layout.scale) - 6 * frames
+    old = np.zeros((len(base.place), 3, design.width))
     old[..., first : first + 6 * frames] = np.concatenate(own, axis=-1)
     new = np.zeros_like(old)
     again = np.where((base.frame == 0)[:, None, None], rigid.numpy(), 0.0)
     new[..., first + 6 * frames : first + 6 * frames + 6] = again
-    both = [base.whitened(part, palette.fitted.noise.whitener) for part in (old, new)]
-    return (np.concatenate(both) * palette.scale).reshape(-1, palette.width)
+    both = [base.whitened(part, design.fitted.noise.whitener) for part in (old, new)]
+    return (np.concatenate(both) * design.scale).reshape(-1, design.width)

@@ -1,4 +1,4 @@
-"""What rows will be able to tell before they are measured: which effects, how many of their parameters, how well."""
+"""Forecast of a plan: which effects its rows can test, and expected standard errors of their parameters."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -29,20 +29,20 @@ from ptt.run.viewing import build_view
 
 DWELL, FEED = 10.0, 20.0  # s for a reading, and between two runs; mm/s between poses
 FRAME_USUAL = torch.tensor([SHIFT_USUAL] * 3 + [TURN_USUAL] * 3, dtype=torch.float64)
-FREE = 1e-6  # prior on what is fitted beside an effect, in usual sizes squared
+FREE = 1e-6  # prior information on each parameter fitted beside an effect, per usual size squared
 
 
 @dataclass(frozen=True)
-class Foresight(Record):
-    """What a plan can tell of one effect, everything else that is fitted taken off.
+class EffectForecast(Record):
+    """What a plan can determine of one effect, with everything else fitted beside it.
 
     Attributes:
         effect: its key.
-        seen: combinations of its parameters that the rows will see.
-        size: how many parameters it has.
-        needs: what the rows lack for it to be tested, '' where they can.
+        seen: number of combinations of its parameters that the rows determine.
+        size: number of its parameters.
+        needs: what the rows lack to test it, '' where they can.
         in_model: whether the model has it already.
-        parameters: what the rows will tell of each.
+        parameters: expected standard error of each.
     """
 
     keys: ClassVar[str] = "effect, in_model, testable, needs, seen, of: size, parameters"
@@ -56,13 +56,13 @@ class Foresight(Record):
 
     @property
     def testable(self) -> bool:
-        """Whether the rows lack nothing."""
+        """Whether the rows can test the effect."""
         return not self.needs
 
 
-def foresee(
+def forecast(
     model: Model, view: View, rows: np.ndarray, known: Library, sigma: float, progress: Progress | None = None
-) -> tuple[Foresight, ...]:
+) -> tuple[EffectForecast, ...]:
     """Expected standard errors of the effects of a model, and of every one that could be added, one at a time.
 
     Args:
@@ -93,14 +93,14 @@ def foresee(
                 alone = case.model is not model
                 own = (_chain(case.model, part), _read_beside(case.model, part, read, sigma)) if alone else shared
                 case.add(*own, read, sigma)
-    return tuple(replace(_foresee(case), in_model=number < len(model.terms)) for number, case in enumerate(cases))
+    return tuple(replace(_forecast(case), in_model=number < len(model.terms)) for number, case in enumerate(cases))
 
 
 class _Case:
-    """One effect beside a model that does not have it, and what the rows so far tell of both.
+    """One effect beside a model without it, and the information of the rows so far on both.
 
-    That is R of the QR of the columns of all that is fitted, the effect's last: rows add to it chunk by chunk (TSQR:
-    Demmel et al. 2012), and it keeps the digits that normal equations lose.
+    That is R of the QR decomposition of all fitted columns, the effect's last. Rows are added chunk by chunk (TSQR:
+    Demmel et al. 2012), without the loss of digits of normal equations.
     """
 
     def __init__(self, model: Model, effect: Effect, view: View) -> None:
@@ -115,7 +115,14 @@ class _Case:
         self.beside = 0  # columns of what is fitted beside it
 
     def add(self, chain: Chain, nuisance: np.ndarray, rows: np.ndarray, sigma: float) -> None:
-        """Add rows, of which some are read; what is fitted beside them in usual sizes, (r, m)."""
+        """Add rows.
+
+        Args:
+            chain: model at n rows.
+            nuisance: columns fitted beside the effect at the rows that are read, (r, m) in usual sizes.
+            rows: those that are read as poses, (n,) bool.
+            sigma: noise of one coordinate, mm.
+        """
         shifts = signature_of(chain, self.effect, self.shape).numpy() / sigma
         columns = np.asarray(shifts)[rows].reshape(-1, len(self.usual))
         both = np.concatenate([nuisance, columns * self.usual], axis=1)
@@ -126,18 +133,18 @@ class _Case:
         self.root = np.asarray(np.linalg.qr(np.concatenate([self.root, both]), mode="r"))
 
     def information(self) -> np.ndarray:
-        """On the effect's parameters when everything else is fitted beside them, (p, p)."""
+        """Information on the effect's parameters with everything else fitted beside them, (p, p)."""
         left = self.root[self.beside :, self.beside :]
         return np.asarray(left.T @ left)
 
 
-def _foresee(case: _Case) -> Foresight:
-    """What the rows will tell of one effect."""
+def _forecast(case: _Case) -> EffectForecast:
+    """Expected standard errors of one effect."""
     names, sizes, usual = case.names, case.sizes, case.usual
     if case.lack:
         blank = tuple(Expected(text, p.unit, None, p.usual) for text, p in zip(names, sizes, strict=True))
-        return Foresight(case.effect.key, 0, len(sizes), case.lack, blank)
-    # Held values are defined to be near zero: the rows need not see them.
+        return EffectForecast(case.effect.key, 0, len(sizes), case.lack, blank)
+    # Held values have a prior near zero: the rows need not determine them.
     held = np.array([p.held for p in sizes], dtype=float)
     information = case.information() + np.diag(held)
     strength, ways = np.linalg.eigh(information)
@@ -152,14 +159,14 @@ def _foresee(case: _Case) -> Foresight:
         for name, p, wide, share in zip(names, sizes, variance, hidden, strict=True)
     )
     kept = tuple(value for value, own in zip(values, held, strict=True) if not own)
-    return Foresight(case.effect.key, seen, len(kept), "", kept)
+    return EffectForecast(case.effect.key, seen, len(kept), "", kept)
 
 
 def see_plan(model: Model, table: Table) -> tuple[View, Table]:
-    """Planned rows as effects will see them, with the time they will take.
+    """View of planned rows, read at standstill, with estimated times.
 
     Args:
-        model: for the machine.
+        model: of the machine.
         table: the plan.
 
     Returns:
@@ -169,7 +176,7 @@ def see_plan(model: Model, table: Table) -> tuple[View, Table]:
     place = np.where(np.isfinite(place), place, 0.0)
     way = np.linalg.norm(np.diff(place, axis=0, prepend=place[:1]), axis=1)
     timed = table.replace(time_s=np.cumsum(way / FEED + DWELL))
-    return build_view(model.file, timed).standing(), timed  # as planned readings are taken
+    return build_view(model.file, timed).standing(), timed  # planned readings are taken at standstill
 
 
 def columns_of(model: Model, effect: Effect, view: View, sigma: float) -> np.ndarray:
@@ -182,23 +189,23 @@ def _chain(model: Model, view: View) -> Chain:
 
 
 def beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np.ndarray:
-    """Rows of what is fitted beside an effect: the model's own parameters, mount, and frame, base included.
+    """Design rows of what is fitted beside an effect: the model's own parameters, mount and frame, with priors.
 
     Args:
         model: as it is now.
         view: n rows.
-        rows: (n,) bool.
+        rows: those that are read as poses, (n,) bool.
         sigma: noise of one coordinate, mm.
 
     Returns:
-        (r, P) in usual sizes and units of noise; the first 3 x rows are readings.
+        (r, P) in usual sizes and units of noise: readings first, then base reflectors and priors.
     """
     read = _read_beside(model, view, rows, sigma)
     return np.concatenate([read, _prior_beside(model, read.shape[1])])
 
 
 def _read_beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np.ndarray:
-    """The readings among those rows, (3 x rows, P)."""
+    """Design rows of the readings, (3 x rows, P)."""
     terms = [(term.effect, term.theta) for term in model.terms if len(term.theta)]
     at = linearise(terms, view)
     kind = model.file.machine.kind
@@ -209,11 +216,11 @@ def _read_beside(model: Model, view: View, rows: np.ndarray, sigma: float) -> np
     if model.file.tracker.frame != "trusted":
         parts.append(rigid_columns(at.prediction.reading) * FRAME_USUAL)
     columns = torch.cat(parts, dim=-1).numpy()[rows] / sigma
-    return np.asarray(columns.reshape(3 * len(columns), columns.shape[-1]))  # a trusted frame beside no effect has none
+    return np.asarray(columns.reshape(3 * len(columns), columns.shape[-1]))  # P = 0 for a trusted frame without effects
 
 
 def _prior_beside(model: Model, width: int) -> np.ndarray:
-    """The others: readings of base reflectors, and what is known beforehand, (r, P)."""
+    """Design rows of base reflectors and of the prior, (r, P)."""
     free = np.sqrt(FREE) * np.eye(width)
     if model.file.tracker.frame != "measured":
         return np.asarray(free)

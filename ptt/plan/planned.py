@@ -1,4 +1,4 @@
-"""Rows to come: how visits that are driven after a run would be read, by the columns of its model."""
+"""Design rows of planned visits, as if they were driven after the run."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from ptt.plan.foresight import DWELL, FEED
-from ptt.plan.palette import Palette, paint
+from ptt.plan.design import DesignColumns, design_rows
+from ptt.plan.forecast import DWELL, FEED
 from ptt.plan.space import Space
 from ptt.plan.visits import Visit, table_of
 from ptt.run.mounts import place_mounts
@@ -16,28 +16,28 @@ from ptt.run.view import View
 from ptt.run.viewing import build_view
 
 
-def paint_ahead(palette: Palette, visits: Sequence[Visit], space: Space, *, still: bool = False) -> np.ndarray:
-    """Columns of visits that are driven in this order after the run.
+def planned_rows(design: DesignColumns, visits: Sequence[Visit], space: Space, *, still: bool = False) -> np.ndarray:
+    """Design rows of visits that are driven in this order after the run.
 
     Args:
-        palette: the columns.
-        visits: all of the same number of rows.
-        space: for tool positions.
-        still: all are read at the same moment, because their order is not known yet.
+        design: the columns.
+        visits: all with the same number of rows.
+        space: of the machine, for tool positions.
+        still: whether all have the same time, because their order is not known yet.
 
     Returns:
-        (visits, 3 x rows, P).
+        (visits, 3 x rows, P) whitened, in usual sizes.
     """
-    straight = palette.problem.file.machine.moves == "straight"
-    view = _later(palette, table_of(visits, space, straight=straight), still)
-    columns = paint(palette, view, None)
-    return columns.reshape(len(visits), -1, palette.width)
+    straight = design.problem.file.machine.moves == "straight"
+    view = _later(design, table_of(visits, space, straight=straight), still)
+    columns = design_rows(design, view, None)
+    return columns.reshape(len(visits), -1, design.width)
 
 
-def _later(palette: Palette, table: Table, still: bool) -> View:
-    """Rows to come as effects see them: after the run, under its load and warmth where nothing else is asked."""
-    problem = palette.problem
-    old = palette.fitted.layout.see(problem, palette.fitted.unknowns)
+def _later(design: DesignColumns, table: Table, still: bool) -> View:
+    """View of planned rows: after the run, with its last load and temperature where the table states none."""
+    problem = design.problem
+    old = design.fitted.layout.see(problem, design.fitted.unknowns)
     step = np.linalg.norm(np.diff(table.target, axis=0, prepend=table.target[:1]), axis=1) / FEED
     clock = np.cumsum(np.nan_to_num(step) + DWELL)
     view = build_view(problem.file, table.replace(time_s=clock))
