@@ -20,7 +20,7 @@ from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, parse_machine
 from ptt.mechanisms.dexterity import singularities
 from ptt.model.model import Model, Term
-from ptt.plan import foresight
+from ptt.plan import forecast
 from ptt.plan.arm import d_optimal_poses
 from ptt.plan.first_run import plan_first_run, repeats_in
 from ptt.plan.forecast import beside, columns_of, see_plan
@@ -216,7 +216,7 @@ def test_options_that_cannot_be_read_are_refused_in_one_line(words: tuple[str, s
 def test_a_long_plan_is_foreseen_in_chunks_as_in_one(bench: MachineFile, monkeypatch: pytest.MonkeyPatch) -> None:
     model = Model(bench) + library()["link-length"]() + library()["backlash"]()
     whole = plan_first_run(model, rows=300).effects
-    monkeypatch.setattr(foresight, "view_chunks", partial(view_chunks, size=41))
+    monkeypatch.setattr(forecast, "view_chunks", partial(view_chunks, size=41))
     parts = plan_first_run(model, rows=300).effects
     assert [(one.effect, one.seen, one.size, one.in_model) for one in parts] == [
         (one.effect, one.seen, one.size, one.in_model) for one in whole
