@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from test_check import run_verb
 
-from ptt.door.reading import asked_once
+from ptt.door.reading import ask_once
 
 DATA = Path(__file__).parent.parent / "data" / "sealed_one"
 SENT, READ = ["b1_cmd", "b2_cmd", "b3_cmd"], ["x_meas", "y_meas", "z_meas"]
@@ -61,6 +61,6 @@ def test_a_file_that_is_read_for_its_roles_first_is_asked_about_once() -> None:
         questions.append(question)
         return "a"
 
-    once = asked_once(ask)
+    once = ask_once(ask)
     assert [once("which?", ("a", "b")), once("which?", ["a", "b"]), once("what?", ("a",))] == ["a", "a", "a"]
     assert questions == ["which?", "what?"]

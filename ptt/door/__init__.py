@@ -1,1 +1,1 @@
-"""Behind the front door: what a library user calls and a verb of the command line prints, with the same guards."""
+"""The functions behind `import ptt` and the command line: both have the same checks and results."""

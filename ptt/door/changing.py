@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from ptt.diagnosis.telling.words import sentences
 from ptt.door.handed import RowsLike
 from ptt.door.model import EffectLike, Model, as_model, model_of
-from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard
+from ptt.door.opened import Opened, open_checked
+from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.errors import ModelError
@@ -51,7 +51,7 @@ class Changed(Result):
 
     @cached_property
     def model(self) -> Model:
-        """The model after the last step, with its history: what `model.save` writes reads back the same."""
+        """The model after the last step, with its history; equal to what is read back after `model.save`."""
         return model_of(record(self.ladder, self.verb, self.opened.files), self.library)
 
     @property
@@ -61,7 +61,7 @@ class Changed(Result):
 
     @cached_property
     def elsewhere(self) -> Elsewhere | None:
-        """How far commands of the model may be off at the poses of the run, and all over the workspace."""
+        """Expected error of the model's commands at the poses of the run, and over the workspace."""
         return elsewhere(self.ladder.steps[-1].fitted, self.opened.problem)
 
     def _figures(self) -> Mapping[str, Any]:
@@ -105,7 +105,7 @@ def add(
     sizes: bool = False,
     anyway: bool = False,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Changed:
     """Add effects to a model one after the other, refit everything jointly, and show the error fall.
 
@@ -126,8 +126,8 @@ def add(
         SetupError: a mistake in the set-up, unless `anyway`.
     """
     usage = "add(model, run, effect, ...)"
-    machine, tell = as_model(model, usage), Heard(note)
-    opened = meet(machine, as_run(run, machine, usage), anyway=anyway, note=tell)
+    machine, tell = as_model(model, usage), NoteCollector(note)
+    opened = open_checked(machine, as_run(run, machine, usage), anyway=anyway, note=tell)
     new = [machine.make(effect) for effect in _named(effects, usage)]
     machine = machine.knowing(new)
     if sizes:
@@ -142,7 +142,7 @@ def remove(
     *effects: EffectLike,
     anyway: bool = False,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Changed:
     """Take effects out of a model, refit the others jointly, and show what that does to the error.
 
@@ -162,15 +162,15 @@ def remove(
         SetupError: a mistake in the set-up, unless `anyway`.
     """
     usage = "remove(model, run, effect, ...)"
-    machine, tell = as_model(model, usage), Heard(note)
-    opened = meet(machine, as_run(run, machine, usage), anyway=anyway, note=tell)
+    machine, tell = as_model(model, usage), NoteCollector(note)
+    opened = open_checked(machine, as_run(run, machine, usage), anyway=anyway, note=tell)
     keys = [each if isinstance(each, str) else machine.make(each).key for each in _named(effects, usage)]
     ladder = descend(opened.model, opened.noisy(progress), keys, progress=progress)
     return _finish(ladder, opened, "remove", machine, tell.lines)
 
 
 def fit(
-    model: Any, run: RowsLike, *, anyway: bool = False, progress: Progress = unwatched, note: Note = unheard
+    model: Any, run: RowsLike, *, anyway: bool = False, progress: Progress = unwatched, note: Note = ignore_note
 ) -> Changed:
     """Refit the effects of a model to a run, and say what the run can and cannot tell of them.
 
@@ -188,8 +188,8 @@ def fit(
         SetupError: a mistake in the set-up, unless `anyway`.
     """
     usage = "fit(model, run)"
-    machine, tell = as_model(model, usage), Heard(note)
-    opened = meet(machine, as_run(run, machine, usage), anyway=anyway, note=tell)
+    machine, tell = as_model(model, usage), NoteCollector(note)
+    opened = open_checked(machine, as_run(run, machine, usage), anyway=anyway, note=tell)
     ladder = climb(opened.model, opened.noisy(progress), [], progress=progress)
     return _finish(ladder, opened, "fit", machine, tell.lines)
 

@@ -9,8 +9,8 @@ from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import find_mistakes
 from ptt.door.options import ReadOptions
-from ptt.door.reading import asked_once, purpose_of, read_rows, require_commands
-from ptt.door.result import Note, Result, unheard
+from ptt.door.reading import ask_once, purpose_of, read_rows, require_commands
+from ptt.door.result import Note, Result, ignore_note
 from ptt.door.run import Run, Targets
 from ptt.door.words import as_run, read_for
 from ptt.errors import MachineError
@@ -34,7 +34,7 @@ class Checked(Result):
     """What was found in the set-up of a run and its machine.
 
     Attributes:
-        found: the findings, and both files with the sure ones undone.
+        found: the findings, and machine file and run with the sure ones corrected.
         drawn: the machine file as it was given.
         read: the run as it was read.
     """
@@ -45,12 +45,12 @@ class Checked(Result):
 
     @property
     def machine_is_as_it_was(self) -> bool:
-        """Whether nothing was undone in the machine file."""
+        """Whether nothing was corrected in the machine file."""
         return (self.file.machine, self.file.tracker) == (self.drawn.machine, self.drawn.tracker)
 
     @property
     def run_is_as_it_was(self) -> bool:
-        """Whether nothing was undone in the run: a cure of the machine file alone leaves it."""
+        """Whether nothing was corrected in the run."""
         return self.table is None or same_rows(self.table, self.read)
 
     @property
@@ -65,12 +65,12 @@ class Checked(Result):
 
     @property
     def file(self) -> MachineFile:
-        """The machine file, with what is sure undone."""
+        """The machine file, with its sure mistakes corrected."""
         return self.found.file
 
     @property
     def table(self) -> Table | None:
-        """The run, with what is sure undone."""
+        """The run, with its sure mistakes corrected."""
         return self.found.table
 
     def _figures(self) -> Mapping[str, Any]:
@@ -96,7 +96,7 @@ class Described(Result):
     """What a machine file alone says.
 
     Attributes:
-        said: in figures.
+        said: figures of the machine, and remarks.
         file: the machine.
     """
 
@@ -127,7 +127,7 @@ def check(model: Any, run: RowsLike = None) -> Checked | Described:
 
     Raises:
         InputError: a file that cannot be read.
-        WorkspaceError: nothing is found but commands at which the links do not meet.
+        WorkspaceError: the links do not meet at some commands, and no mistake was found that explains it.
     """
     machine = as_model(model, USAGE)
     if run is None:
@@ -140,7 +140,7 @@ def check(model: Any, run: RowsLike = None) -> Checked | Described:
 
 
 def check_path(
-    model: Model, run: RowsLike, reading: ReadOptions, *, ask: Ask | None = None, note: Note = unheard
+    model: Model, run: RowsLike, reading: ReadOptions, *, ask: Ask | None = None, note: Note = ignore_note
 ) -> Checked:
     """Check a file as the command line does: rows out of order are a finding, not a refusal.
 
@@ -155,20 +155,25 @@ def check_path(
 
 
 def check_unbuilt(
-    path: Path, refused: MachineError, run: RowsLike, reading: ReadOptions, ask: Ask | None = None, note: Note = unheard
+    path: Path,
+    refused: MachineError,
+    run: RowsLike,
+    reading: ReadOptions,
+    ask: Ask | None = None,
+    note: Note = ignore_note,
 ) -> Checked:
-    """The same beside a machine file that no machine can be built of, as a diameter given for a radius makes it.
+    """`check_path` with a machine file whose sizes make no machine, as a diameter given for a radius does.
 
     Args:
         path: of the machine file.
-        refused: what was said when it was read.
+        refused: the error that was raised when it was read.
         run: a run or targets.
         reading: how.
         ask: who answers what the file leaves open.
         note: told what was understood.
 
     Raises:
-        MachineError: as refused, where no radius is to blame or the run does not show which.
+        MachineError: `refused`, where no radius is the cause or the run does not show which.
     """
     file = read_unbuilt(path) if path.is_file() else None
     if file is None:
@@ -187,7 +192,7 @@ def _check_rows(
     note: Note,
     refused: MachineError | None = None,
 ) -> Checked:
-    ask = ask and asked_once(ask)
+    ask = ask and ask_once(ask)
     purpose = purpose_of(run, reading, ask)
     table = read_rows(run, file, reading, purpose, checked=True, ordered=False, ask=ask, note=note)
     rows = (Run if purpose == "run" else Targets)(table, (run,), reading)
@@ -195,7 +200,7 @@ def _check_rows(
 
 
 def _checked(file: MachineFile, rows: Run | Targets) -> Checked:
-    """The findings; where there are none, commands at which the links do not meet are refused as every verb does."""
+    """The findings; without any, commands at which the links do not meet are refused, as by every verb."""
     found = find_mistakes(file, rows)
     if not found.findings and not found.unexplained:
         require_commands(file, rows.table)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
-from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard
+from ptt.door.opened import Opened, open_checked
+from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
 from ptt.fitting.chunks import LONG, sample_stretches, take
 from ptt.judge.before_after import BeforeAfter, compare_pair, format_pair
@@ -26,13 +26,13 @@ USAGE = "compare(model, run, after=None)"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Compared(Result):
-    """A run held against a model.
+    """A run compared with a model.
 
     Attributes:
         result: all figures and residuals.
         opened: run and model.
-        notes: what was left aside, a line each.
-        pair: the run beside a later one; None where none was given.
+        notes: what was left out, a line each.
+        pair: the run compared with a later one; None where none was given.
     """
 
     result: Comparison
@@ -42,7 +42,7 @@ class Compared(Result):
 
     @property
     def rms_um(self) -> dict[str, float]:
-        """Error that is left after the frame, x, y, z, total."""
+        """Rms error after frame alignment, x, y, z, total, um."""
         figures: dict[str, float] = self.to_dict()["rms_um"]
         return figures
 
@@ -100,26 +100,26 @@ class Compared(Result):
 
 
 def compare(
-    model: Any, run: RowsLike, *, after: RowsLike = None, progress: Progress = unwatched, note: Note = unheard
+    model: Any, run: RowsLike, *, after: RowsLike = None, progress: Progress = unwatched, note: Note = ignore_note
 ) -> Compared:
     """Compare a run with a model: errors per axis, noise floor, where it fails, what it depends on.
 
     Args:
         model: the model; a network is left aside.
         run: the run.
-        after: a later run of the same machine, held beside it: errors of the tool against the targets of both.
+        after: a later run of the same machine, whose errors against its targets are shown beside those of the run.
         progress: told what is done, how much of how much.
         note: told what is left aside.
 
     Returns:
-        The comparison. Mistakes in the set-up are no refusal here: they are shown first.
+        The comparison; mistakes in the set-up are shown first, and do not raise.
 
     Raises:
-        InputError: the run cannot be seen through this machine.
+        InputError: the run does not fit this machine.
     """
     machine = as_model(model, USAGE)
-    tell = Heard(note)
-    opened = meet(machine, as_run(run, machine, USAGE), anyway=True, note=tell)
+    tell = NoteCollector(note)
+    opened = open_checked(machine, as_run(run, machine, USAGE), anyway=True, note=tell)
     if opened.compensator.network is not None:
         tell("the compensator's network is left aside: only the physics is compared")
     if opened.table.rows > LONG:
@@ -131,6 +131,6 @@ def compare(
         tell(f"not fitted yet, so left out: {', '.join(result.without_values)}; `ptt fit` fits them")
     pair = None
     if after is not None:
-        later = meet(machine, as_run(after, machine, USAGE), anyway=True, note=tell)
+        later = open_checked(machine, as_run(after, machine, USAGE), anyway=True, note=tell)
         pair = compare_pair(opened.table, later.table, opened.model.file)
     return Compared(result, opened, tuple(tell.lines), pair)

@@ -14,8 +14,8 @@ from ptt.diagnosis.telling.words import doubt_in_words
 from ptt.door.given import require_number
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
-from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard
+from ptt.door.opened import Opened, open_checked
+from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
 from ptt.effects.curve import COORDINATES, JOINT
 from ptt.effects.phrases import capital
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-DOUBT_SHARE = 0.1  # of a held-out error: with less the sum of both squares is the same
-LEAST_CHUNK = 1000  # rows: sums over fewer at a time cost more than they save
+DOUBT_SHARE = 0.1  # ratio to the held-out error, below which the doubt adds nothing to the root sum of squares
+LEAST_CHUNK = 1000  # rows: smaller chunks cost more time than they save memory
 USAGE = "diagnose(model, run)"
 # Of the table of candidates.
 TO_ADD = "+ marks the effects to add; each of the others explains part of the same error, on the model as given."
@@ -52,9 +52,9 @@ class Diagnosed(Result):
     """What the run says about the model.
 
     Attributes:
-        result: everything; None where the set-up has to be mended first.
+        result: the diagnosis; None where the set-up has to be corrected first.
         opened: run and model; None in the same case.
-        check: what was found in the set-up.
+        check: findings about the set-up.
         file: the machine as it was given.
         notes: what was left aside, a line each.
     """
@@ -138,7 +138,7 @@ def diagnose(
     chunk_rows: int | None = None,
     anyway: bool = False,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Diagnosed:
     """Say what is missing from the model, or that nothing is, or that none of the effects fits.
 
@@ -152,18 +152,18 @@ def diagnose(
         note: told what is left aside.
 
     Returns:
-        The diagnosis; verdict 'setup' where the set-up has to be mended first.
+        The diagnosis; verdict 'setup' where the set-up has to be corrected first.
 
     Raises:
-        InputError: the run cannot be seen through this machine, or a number is out of its range.
+        InputError: the run does not fit this machine, or a number is out of its range.
     """
     require_number(steps, 1, "steps", whole=True)
     require_number(chunk_rows, LEAST_CHUNK, "chunk_rows", whole=True)
     machine = as_model(model, USAGE)
     rows = as_run(run, machine, USAGE)
-    tell = Heard(note)
+    tell = NoteCollector(note)
     try:
-        opened = meet(machine, rows, anyway=anyway, note=tell)
+        opened = open_checked(machine, rows, anyway=anyway, note=tell)
     except SetupError as error:
         return Diagnosed(None, None, error.check, machine.file, tuple(tell.lines))
     if opened.compensator.network is not None:
@@ -183,7 +183,7 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
 
     Args:
         result: the diagnosis.
-        problem: the run, for what its frame took and the lines of what was left out.
+        problem: the run, for its frame and the lines of rows that were left out; None without these.
 
     Returns:
         Lines.
@@ -257,7 +257,7 @@ def _candidates(result: Diagnosis) -> list[str]:
 
 
 def _meanings(result: Diagnosis) -> list[str]:
-    """What each step means, where the verdict has no room for it."""
+    """What each step means, unless the words of the verdict say it."""
     steps = result.candidates[: len(result.suggested)]
     if all(step.words in result.words for step in steps):
         return []

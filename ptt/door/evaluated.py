@@ -23,16 +23,16 @@ UNALIGNED = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Evaluated(Result):
-    """What a compensation did.
+    """Errors before and after a compensation.
 
     Attributes:
         result: errors of the rows that count, before and after; of several protocols the first.
         protocols: the same by protocol, where the errors are computed on held-out rows; empty where measured.
         judged: whether goals were set.
         notes: what was found on the way, a line each.
-        warnings: what makes two runs poor to compare: few rows in common, visited more often, measured under another
-            load, at another temperature or speed, with gross readings, or with a tracker set up anew in each.
-        set_up: of one run, what the frames of targets and tracker took.
+        warnings: doubts about the comparison of two runs: few rows in common, poses visited more often, another load,
+            temperature or speed, gross readings, or a tracker set up anew in each.
+        set_up: of a single run, the frames of targets and tracker that were removed.
     """
 
     result: Evaluation
@@ -107,7 +107,7 @@ def _table(data: dict[str, Any], judged: bool) -> list[str]:
 
 
 def _remarks(row: dict[str, Any], is_noise: bool, judged: bool) -> list[str]:
-    """What is to be said of an axis: the goal where one was set, and where nothing but noise is left."""
+    """Remarks on an axis: on the goal where one was set, and where only noise is left."""
     noise = ["what is left is noise"] if is_noise else []
     if not judged:
         return noise

@@ -12,10 +12,10 @@ from ptt.door.evaluated import SHOWN_ROWS, Evaluated
 from ptt.door.given import require_word
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
-from ptt.door.opened import meet
+from ptt.door.opened import open_checked
 from ptt.door.options import ReadOptions
 from ptt.door.reading import read_rows, require_mm
-from ptt.door.result import Heard, Note, unheard
+from ptt.door.result import Note, NoteCollector, ignore_note
 from ptt.door.run import Rows, Run
 from ptt.door.words import as_run, read_for
 from ptt.errors import InputError
@@ -34,7 +34,7 @@ NO_SEAT = (
     "without --model it is not known whether the reflector sits at the arm's tool point; if it does not, its rotation "
     "with the tool counts as error before and after"
 )
-WORSE = 1.5  # times the error before from which a compensation did harm, or the runs stand the wrong way round
+WORSE = 1.5  # ratio of the error after to that before, from which the two runs may be interchanged
 HELD_OUT = ("blocks", "random")
 
 
@@ -48,7 +48,7 @@ def evaluate(
     goal: float | tuple[float, float, float] | None = None,
     anyway: bool = False,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Evaluated:
     """Say how much error is gone: two runs as measured, or one run and a model on held-out rows.
 
@@ -118,11 +118,11 @@ def computed(
     goals: Mapping[str, float] | None = None,
     anyway: bool = False,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Evaluated:
-    """Hold whole blocks out, and beside them the source paper's random split; arguments as `evaluate`."""
-    tell = Heard(note)
-    opened = meet(model, run, anyway=anyway, note=tell)
+    """Errors on held-out blocks, and with the source paper's random split; arguments as `evaluate`."""
+    tell = NoteCollector(note)
+    opened = open_checked(model, run, anyway=anyway, note=tell)
     results = {}
     for name in HELD_OUT:
         protocol = PROTOCOLS[name](opened.problem)
@@ -132,9 +132,9 @@ def computed(
 
 
 def run_rows(
-    path: RowsLike, model: Model | None, reading: ReadOptions, ask: Ask | None = None, note: Note = unheard
+    path: RowsLike, model: Model | None, reading: ReadOptions, ask: Ask | None = None, note: Note = ignore_note
 ) -> Table:
-    """Read one of two runs as the command line does: no set-up is checked, so another unit is refused."""
+    """Read one of two runs as the command line does. The set-up is not checked, so wrong units are refused here."""
     return read_rows(path, None if model is None else model.file, reading, ask=ask, note=note)
 
 
@@ -181,7 +181,7 @@ def read_goals(goal: float | Iterable[float] | None, where: str = "goal") -> dic
 
 
 def _few_matched(data: dict[str, Any]) -> str:
-    """What to say where less than half of a run has a counterpart in the other; '' where there is no such thing."""
+    """Warning where less than half of a run has a counterpart in the other; else ''."""
     matched = data["protocol"]["rows"]
     rows = {side: matched + len(left) for side, left in data["unmatched"].items()}
     few = [f"{count} rows of {side.upper()}" for side, count in rows.items() if 2 * matched < count]
@@ -189,7 +189,7 @@ def _few_matched(data: dict[str, Any]) -> str:
 
 
 def _interchanged(data: dict[str, Any]) -> str:
-    """What to say where the tool misses by far more after a compensation than before it; '' where it does not."""
+    """Warning where the error after a compensation is far larger than before it; else ''."""
     before, after = (data["length"][f"{side}_um"] for side in ("before", "after"))
     if after < WORSE * before:
         return ""
@@ -197,7 +197,7 @@ def _interchanged(data: dict[str, Any]) -> str:
 
 
 def _gross(before: Table, after: Table, result: Evaluation) -> list[str]:
-    """What to say of readings that no machine explains: which they are, and what the error would be without them."""
+    """Warning on gross readings: which they are, and the error reduction without them; empty without any."""
     runs = {"before": before, "after": after}
     places = [runs[side].place(row) for side, rows in result.gross.items() for row in rows]
     if not places:
@@ -212,7 +212,7 @@ def _gross(before: Table, after: Table, result: Evaluation) -> list[str]:
 
 
 def _frame_known_false(model: Model | None, frame: Frame | None) -> str:
-    """What to say where readings are trusted that the model itself says are shifted; '' where they are not."""
+    """Warning where the frame is trusted although the model has effects that shift all readings; else ''."""
     if model is None or (frame or model.file.tracker.frame) != "trusted":
         return ""
     off = [name for name in SHIFTING if name in model.effects]

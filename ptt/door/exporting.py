@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-LEAST_STEP = 1e-6  # mm or rad: no controller resolves less
+LEAST_STEP = 1e-6  # mm or degrees: no controller resolves less
 USAGE = "export(model, format, out)"
 FREE = (
     "the model was fitted together with the tracker's frame, so no reading shows a shift or turn common to all "
@@ -35,10 +35,10 @@ FREE = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Exported(Result):
-    """What came of an export.
+    """The result of an export.
 
     Attributes:
-        result: files, what they hold, what they cannot hold, what error that leaves.
+        result: the files, the effects that they hold and cannot hold, and the remaining error.
         format: its name.
         model: the file or folder of the model, as it was named.
     """
@@ -90,7 +90,7 @@ def export(
         What was written, what the format holds, what it cannot hold, and what error that leaves.
 
     Raises:
-        InputError: no such format, one for other machines, a step that is none, or a file that cannot be written.
+        InputError: an unknown format, one for other machines, an invalid step, or a file that cannot be written.
     """
     machine = as_model(model, USAGE)
     named = _unchanged(machine)
@@ -105,7 +105,7 @@ def export(
 
 
 def _unchanged(model: Model) -> Path | None:
-    """What a model was read from, where that still says the same."""
+    """Path that a model was read from, if the file still holds the same model; else None."""
     if model.path is None or not model.path.exists():
         return None
     try:

@@ -1,4 +1,4 @@
-"""Words and numbers that were handed over: one of those that there are, not below the least; as options have it."""
+"""Validation of words and numbers passed as arguments, with the same messages as the options of the command line."""
 
 import math
 from collections.abc import Iterable
@@ -9,15 +9,15 @@ from ptt.errors import InputError, shown
 
 
 def require_word(given: object, words: Iterable[str], where: str) -> None:
-    """Refuse a word that is none of those that an argument takes.
+    """Refuse a word that an argument does not take.
 
     Args:
-        given: what was handed over; None stands for what holds without it.
-        words: that there are.
-        where: the argument.
+        given: the value; None is the default and always allowed.
+        words: allowed words.
+        where: name of the argument, for the message.
 
     Raises:
-        InputError: it is another one.
+        InputError: it is not one of them.
     """
     known = tuple(words)
     if given is not None and not (isinstance(given, str) and given in known):
@@ -26,17 +26,17 @@ def require_word(given: object, words: Iterable[str], where: str) -> None:
 
 
 def require_number(given: object, least: float, where: str, *, whole: bool = False, unlimited: bool = False) -> None:
-    """Refuse a number that nothing can be worked out with.
+    """Refuse a number out of range.
 
     Args:
-        given: what was handed over; None stands for what holds without it.
-        least: the smallest that has a meaning.
-        where: the argument.
-        whole: whether it counts something.
-        unlimited: whether it is a limit, and may be none.
+        given: the value; None is the default and always allowed.
+        least: smallest allowed value.
+        where: name of the argument, for the message.
+        whole: whether it has to be an integer.
+        unlimited: whether infinity is allowed, as no limit.
 
     Raises:
-        InputError: it is no number, not finite, below the least, or beyond any machine.
+        InputError: it is not a number, not finite, below the least, or larger than `GREATEST`.
     """
     fix = f"give a {'whole ' if whole else ''}number from {least:g} on"
     if given is None:
@@ -53,14 +53,14 @@ def require_number(given: object, least: float, where: str, *, whole: bool = Fal
 
 
 def require_finite(value: float, where: str) -> None:
-    """Refuse a number that is not finite, or beyond any machine.
+    """Refuse a number that is not finite, or larger than any machine needs.
 
     Args:
         value: the number.
-        where: the argument or option.
+        where: the argument or option, for the message.
 
     Raises:
-        InputError: it is such a one.
+        InputError: it is not finite, or larger than `GREATEST`.
     """
     if not math.isfinite(value):
         raise InputError(f"{value} is not a finite number", where=where, fix="give a number")

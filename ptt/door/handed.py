@@ -1,4 +1,4 @@
-"""Rows that were handed over as a path, a data frame or an array, as files that the readers take."""
+"""Rows passed as a path, a data frame or an array, turned into files for the readers."""
 
 import shutil
 import weakref
@@ -13,14 +13,14 @@ import numpy as np
 
 from ptt.errors import InputError, WorkspaceError
 
-FRAME = "frame.csv"  # what a data frame is called where a file's name is wanted
+FRAME = "frame.csv"  # file that a data frame is written to
 ANSWERS = "answers.toml"
 RowsLike = Any  # a path, a data frame, an array of positions, or something read before
 
 
 @contextmanager
 def as_file(given: RowsLike, usage: str) -> Iterator[Path]:
-    """A file with the rows that were handed over.
+    """A file with the given rows.
 
     Args:
         given: a path; rows that were read before, a data frame, or an array of positions (n, 3) in mm.
@@ -38,7 +38,7 @@ def as_file(given: RowsLike, usage: str) -> Iterator[Path]:
 
 
 class _Folder:
-    """A folder that lives as long as whoever keeps it."""
+    """A temporary folder that is deleted with this object."""
 
     def __init__(self) -> None:
         self.path = Path(mkdtemp(prefix="ptt_"))
@@ -47,7 +47,7 @@ class _Folder:
 
 @dataclass(frozen=True)
 class Handed:
-    """A file to read, and what it is called where it had to be written first."""
+    """A file to read; of one written for a data frame, its name in messages and the folder that holds it."""
 
     path: Path
     called: str = ""
@@ -55,7 +55,7 @@ class Handed:
 
 
 def pairs(values: Mapping[str, float | str] | None) -> list[str]:
-    """The same as a person types it after --set."""
+    """Values for all rows as typed after --set: 'name=value' each."""
     if values is not None and not isinstance(values, Mapping):
         raise InputError(f"got a {type(values).__name__}", where="set", fix='write it as set={"payload_kg": 2}')
     return [
@@ -69,12 +69,12 @@ def titles(given: Sequence[str]) -> tuple[str, ...]:
 
 
 def path_of(given: Handed | None) -> Path | None:
-    """Where it is; None for none."""
+    """Path of a file, or None."""
     return None if given is None else given.path
 
 
 def answers_of(given: str | Path | Mapping[str, Any] | None) -> Handed | None:
-    """The file of saved answers, written where they were handed over as a mapping."""
+    """The file of saved answers, written first where they are a mapping."""
     if given is None or isinstance(given, str | Path):
         return None if given is None else Handed(Path(given))
     if not isinstance(given, Mapping):
@@ -89,12 +89,12 @@ def answers_of(given: str | Path | Mapping[str, Any] | None) -> Handed | None:
 
 
 def file_of(given: RowsLike, usage: str, called: str = "data frame") -> Handed:
-    """The file of rows, written where they were handed over as a data frame or were read before.
+    """The file of rows, written first where they are a data frame or were read before.
 
     Args:
         given: a path, a data frame, or rows.
-        usage: how the verb is called.
-        called: what messages call it.
+        usage: how the verb is called, for messages.
+        called: name of a data frame in messages.
 
     Raises:
         InputError: it is something else.
@@ -130,7 +130,7 @@ def positions(given: RowsLike) -> RowsLike:
 
 
 def called_in(text: str, written: Sequence[Handed]) -> str:
-    """A text with data frames instead of the files that they were written to."""
+    """A text in which files written for data frames are replaced by the names of these."""
     for each in written:
         text = text.replace(str(each.path), each.called) if each.called else text
     return text
@@ -138,7 +138,7 @@ def called_in(text: str, written: Sequence[Handed]) -> str:
 
 @contextmanager
 def worded(written: Sequence[Handed]) -> Iterator[None]:
-    """Errors speak of data frames, not of the files that they were written to."""
+    """Replace the files written for data frames by the names of these in errors that are raised inside."""
     try:
         yield
     except InputError as error:

@@ -1,4 +1,4 @@
-"""A run held against a model: the guards that stand before every verb, and where its noise floor comes from."""
+"""A run opened with a model: the checks before every verb, and the noise floor of the run."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from ptt.diagnosis.telling.floor import noise_floor
 from ptt.door.model import Model, load
 from ptt.door.options import ReadOptions
 from ptt.door.reading import require_commands
-from ptt.door.result import Note, unheard
+from ptt.door.result import Note, ignore_note
 from ptt.door.run import Run, Targets, read_path
 from ptt.effects.registry import Library
 from ptt.errors import SetupError, TableError
@@ -30,16 +30,16 @@ from ptt.setup import Check, check_setup
 
 @dataclass(frozen=True)
 class Opened:
-    """A run and the model it is held against.
+    """A run and a model for it, checked.
 
     Attributes:
-        compensator: model, and the network where a compensator folder was named.
+        compensator: the model, and the network where there is one.
         table: the rows.
-        problem: the same, seen through the machine.
+        problem: the rows with the kinematics of the machine.
         files: the run files, in the order given.
         library: effects by name, the user's own included.
-        check: what was found in the set-up.
-        run: as it was read: files that were written of data frames last as long as it does.
+        check: findings about the set-up.
+        run: as it was read; keeps the temporary files of data frames alive.
     """
 
     compensator: Compensator
@@ -57,7 +57,7 @@ class Opened:
 
     @property
     def set_up(self) -> dict[str, Any]:
-        """What the frames of targets and tracker took, and effects of other runs that are left out, for JSON."""
+        """Frames of targets and tracker, and effects of other runs that are left out, for JSON."""
         return set_up(self.problem) | {"other_runs": [term.effect.key for term in self.model.aside]}
 
     def noise(self) -> Noise:
@@ -73,12 +73,12 @@ class Opened:
         progress("noise", 0, 1)
         return self.problem.with_noise(self.noise())
 
-    def as_noisy(self, note: Note = unheard) -> Problem:
-        """The problem with its noise floor; as it is where nothing tells it."""
+    def as_noisy(self, note: Note = ignore_note) -> Problem:
+        """The problem with its noise floor, without it where nothing tells it."""
         noise = self.noise_or_none(note)
         return self.problem if noise is None else self.problem.with_noise(noise)
 
-    def noise_or_none(self, note: Note = unheard) -> Noise | None:
+    def noise_or_none(self, note: Note = ignore_note) -> Noise | None:
         """The noise floor; None where nothing tells it."""
         try:
             return self.noise()
@@ -88,9 +88,9 @@ class Opened:
 
 
 def open_run(
-    run: str | Path, model: str | Path, reading: ReadOptions, *, ask: Ask | None = None, note: Note = unheard
+    run: str | Path, model: str | Path, reading: ReadOptions, *, ask: Ask | None = None, note: Note = ignore_note
 ) -> Opened:
-    """Read a run and a model and bring them together.
+    """Read a run and a model, and check the run against the model.
 
     Args:
         run: tracker CSV.
@@ -107,23 +107,23 @@ def open_run(
         SetupError: a mistake in the set-up that makes the rest worthless, unless `reading.anyway`.
     """
     loaded = load(model, effects=reading.effects or ())
-    return meet(loaded, read_path(run, loaded, reading, ask=ask, note=note), anyway=reading.anyway, note=note)
+    return open_checked(loaded, read_path(run, loaded, reading, ask=ask, note=note), anyway=reading.anyway, note=note)
 
 
-def meet(model: Model, run: Run, *, anyway: bool = False, note: Note = unheard) -> Opened:
-    """Hold a run against a model, after everything that would make that worthless was looked for.
+def open_checked(model: Model, run: Run, *, anyway: bool = False, note: Note = ignore_note) -> Opened:
+    """Check a run against a model, and build the problem.
 
     Args:
         model: machine, effects, network.
         run: as read.
         anyway: whether to go on although the set-up looks mistaken.
-        note: told what was found and followed.
+        note: told what was found and assumed.
 
     Returns:
         Both, the model as it holds for this run.
 
     Raises:
-        InputError: the run cannot be seen through this machine.
+        InputError: the run does not fit this machine.
         SetupError: a mistake in the set-up that is sure, unless `anyway`.
     """
     physics, table = model.physics, run.table
@@ -146,7 +146,7 @@ def meet(model: Model, run: Run, *, anyway: bool = False, note: Note = unheard) 
 
 
 def _seen(file: MachineFile, table: Table, *, anyway: bool, note: Note) -> tuple[Table, Problem]:
-    """The run through its machine; where somebody goes on over targets that the commands contradict, without them."""
+    """Build the problem; with `anyway` without the targets where these contradict the joint commands."""
     try:
         return table, build_problem(file, table)
     except TableError as error:
@@ -170,7 +170,7 @@ def find_mistakes(file: MachineFile, rows: Run | Targets) -> Check:
     return check_setup(file, rows.table, ordered=rows.reading.ordered, units_said=rows.reading.states_units)
 
 
-def check_rows(file: MachineFile, rows: Run | Targets, *, anyway: bool = False, note: Note = unheard) -> Check:
+def check_rows(file: MachineFile, rows: Run | Targets, *, anyway: bool = False, note: Note = ignore_note) -> Check:
     """Look for set-up mistakes before any physics; what is not sure is a note.
 
     Args:
@@ -190,7 +190,7 @@ def check_rows(file: MachineFile, rows: Run | Targets, *, anyway: bool = False, 
         raise SetupError(f"{_told(rows.table, setup)}. `ptt check` writes cured files, --anyway goes on", setup)
     for finding in setup.findings:
         if finding.mistake == "target-frame":
-            continue  # found, said and followed by whoever sees the run through its machine
+            continue  # `build_problem` handles it, and `set_up_lines` reports it
         note(f"set-up: {'' if finding.sure else 'perhaps '}{finding.mistake}: {finding.words}; {finding.fix}")
     if setup.unexplained:
         note(f"set-up: {setup.unexplained}")

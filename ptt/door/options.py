@@ -1,4 +1,4 @@
-"""How runs are read, as a person or a program says it; loads nothing heavy."""
+"""Options for reading runs; imports nothing heavy."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class ReadOptions:
         set_: 'column=value' each.
         map_: saved answers on columns and units.
         effects: Python files with effects of the user's own.
-        json: whether a program, not a person, is listening: nobody is asked then.
+        json: whether the result is for a program: no questions are asked then.
         anyway: whether to go on although the set-up looks mistaken.
         context: titles of columns of the user's own that the error may depend on.
     """
@@ -38,12 +38,12 @@ class ReadOptions:
 
     @property
     def ordered(self) -> bool:
-        """Whether somebody said what to do where time goes back."""
+        """Whether the user stated the order of the rows, which settles time stamps that go back."""
         return "order" in self.values
 
     @property
     def states_units(self) -> bool:
-        """Whether a person said in a file of answers which units the columns are in."""
+        """Whether a file of saved answers states units of columns."""
         if self.map_ is None or not Path(self.map_).exists():
             return False
         from ptt.run.readers import load_mapping

@@ -1,4 +1,4 @@
-"""What may be written where; loads nothing heavy."""
+"""Protection of existing files from being overwritten; imports nothing heavy."""
 
 import csv
 from collections.abc import Iterable
@@ -16,12 +16,12 @@ OWN = (b"reversal1", b"in_domain", b"shift_um")  # titles that `ptt predict` put
 
 
 def refuse_readings(out: Path, copied: Iterable["np.ndarray"] = ()) -> None:
-    """Refuse to write targets or commands over a tracker run, which nothing brings back.
+    """Refuse to overwrite a tracker run by targets or commands.
 
     Args:
         out: the file about to be written; an earlier list of targets or commands may be replaced.
-        copied: readings among the targets whose commands are written, (m, 3) mm part by part: where earlier commands
-            stand beside the very same ones, they were copied from there and are not lost.
+        copied: readings in the targets whose commands are written, (m, 3) mm in parts: earlier commands with the same
+            readings may be replaced, since these are only a copy.
 
     Raises:
         InputError: a file of that name has a column x_meas, with other readings.

@@ -16,7 +16,7 @@ from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
 from ptt.door.opened import check_rows
 from ptt.door.outputs import refuse_readings
-from ptt.door.result import Heard, Note, Result, unheard
+from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
 from ptt.door.tally import Tally, tally
 from ptt.door.words import as_targets
@@ -114,7 +114,7 @@ class Predicted(Result):
         return text_of_figures(self.to_dict())
 
     def plot(self) -> "Figure":
-        """Draw how far each command goes beside the drawing's, over the targets and in their order."""
+        """Draw the correction of each command against the drawing's, over the targets and in their order."""
         from ptt.show.plots.corrections import draw_corrections
 
         return draw_corrections(self.table.target, self.commands)
@@ -128,9 +128,9 @@ def predict(
     limit_mm: float = LIMIT_MM,
     anyway: bool = False,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Predicted:
-    """Work out the commands that put the real tool on its targets: physics and network inverted, never the tracker.
+    """Compute the commands that put the real tool on its targets: physics and network are inverted, never the tracker.
 
     Args:
         model: the model, or what `train` handed back.
@@ -148,36 +148,36 @@ def predict(
         SetupError: a mistake in the set-up, unless `anyway`.
         TableError: a row without target, or without the load or warmth that an effect depends on.
     """
-    require_asked(reversal, limit_mm)
-    machine, tell = as_model(model, USAGE), Heard(note)
+    require_options(reversal, limit_mm)
+    machine, tell = as_model(model, USAGE), NoteCollector(note)
     rows = as_targets(targets, machine, USAGE)
     check_rows(machine.file, rows, anyway=anyway, note=tell)
     table = with_places(machine.file, rows.table)
     frames, asked = target_frames(machine.file, table), standing(table)
     require_context(machine.physics, asked)
-    tell_places(placed_rows(rows.table, table), tell)
-    tell_frames(frames, tell)
+    note_places(placed_rows(rows.table, table), tell)
+    note_frames(frames, tell)
     commands = without(_invert(machine, asked, reversal, limit_mm, progress), table.role == "base")
     network = machine.compensator.network is not None
     warnings = warnings_of(machine, asked, tally(table, commands))
     return Predicted(commands, table, network, tuple(frames), limit_mm, tuple(tell.lines), warnings)
 
 
-def require_asked(reversal: str | None, limit_mm: float) -> None:
-    """Refuse a word for reversal compensation that is none, and a limit that no correction can be within."""
+def require_options(reversal: str | None, limit_mm: float) -> None:
+    """Refuse an unknown word for reversal compensation, and a negative limit."""
     require_word(reversal, REVERSALS, "reversal")
     require_number(limit_mm, 0.0, "limit_mm", unlimited=True)
 
 
-def tell_places(rows: int, note: Note) -> None:
-    """Say which targets are those of the drawing at their joint commands."""
+def note_places(rows: int, note: Note) -> None:
+    """Note how many targets were computed by the drawing from joint commands."""
     if rows:
         count = "1 row has" if rows == 1 else f"{rows} rows have"
         note(f"{count} joint commands and no x_cmd, y_cmd, z_cmd: the target is where the drawing puts the tool there")
 
 
-def tell_frames(frames: Iterable[RunFrame], note: Note) -> None:
-    """Say in which frames targets are stated where that is not the base's."""
+def note_frames(frames: Iterable[RunFrame], note: Note) -> None:
+    """Note the frames of targets that are not in the base frame."""
     for frame in frames:
         if frame.source not in ("base", "unknown"):
             note(f"targets are taken to be in {frame.words}")
@@ -191,8 +191,9 @@ def warnings_of(
     Args:
         machine: the model.
         table: the targets, or some of them.
-        counted: what became of all of them.
-        parts: loads, warmth and speeds beyond the model's run, part by part; None: the table is all targets.
+        counted: figures of all commands.
+        parts: loads, temperatures and speeds beyond the model's run, for each part of the targets; None: the table
+            holds all targets.
     """
     network = machine.compensator.network is not None
     bare = [] if machine.physics.terms or network else [BARE]
@@ -201,7 +202,7 @@ def warnings_of(
     rows = sum(counted.status.values())
     context = [*missing_context(machine.physics, table), *beyond_lines(parts, table.source, rows)]
     left = [term.effect.key for term in machine.physics.terms if not term.effect.reverses]
-    left = [key for key in left_to_controller(machine.physics) if key in left]  # of reversals the commands tell
+    left = [key for key in left_to_controller(machine.physics) if key in left]  # the others are in `reversal_note`
     unsure += [f"left to the controller, as the machine file says: {', '.join(left)}"] if left else []
     return (*bare, *unsure, *context, *counted.warnings(table.source, network=network))
 

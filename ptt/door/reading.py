@@ -1,4 +1,4 @@
-"""Rows of a file for a machine: which are refused, and what is understood of them."""
+"""Reading of files for a machine: checks of units and commands, and notes on what was understood."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from ptt.door.options import ReadOptions
-from ptt.door.result import Note, unheard
+from ptt.door.result import Note, ignore_note
 from ptt.errors import TableError
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
@@ -32,7 +32,7 @@ def read_rows(
     checked: bool = False,
     ordered: bool = True,
     ask: Ask | None = None,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Table:
     """Read a table for a machine, and tell what was understood of it.
 
@@ -41,8 +41,8 @@ def read_rows(
         file: the machine; None where none is known.
         reading: how.
         purpose: 'run', 'targets' or 'sliders'.
-        checked: whether the set-up is checked after, which finds other units by itself.
-        ordered: whether time that goes back is refused until the order of the rows was said.
+        checked: whether the set-up is checked afterwards, which finds wrong units by itself.
+        ordered: whether time stamps that go back are refused unless the order of the rows is stated.
         ask: who answers what the file leaves open; None makes that an error.
         note: told what was understood.
 
@@ -75,7 +75,7 @@ def read_rows(
 
 
 def require_mm(table: Table, file: MachineFile | None, reading: ReadOptions) -> None:
-    """Refuse metres in a mm column; a person who answered on units knows better.
+    """Refuse metres in a mm column, unless saved answers state the units.
 
     Args:
         table: the rows.
@@ -98,7 +98,7 @@ def _require_size(table: Table, file: MachineFile | None, reading: ReadOptions) 
 
 
 def require_commands(file: MachineFile, table: Table) -> None:
-    """Refuse joint commands at which the drawing does not close, by line.
+    """Refuse joint commands at which the links of the drawing do not meet, by line.
 
     Args:
         file: the machine.
@@ -116,7 +116,7 @@ def require_commands(file: MachineFile, table: Table) -> None:
 
 
 def beyond_travel(file: MachineFile, table: Table) -> list[str]:
-    """A line for each slider whose travel by the drawing holds not a single command of a run.
+    """A note on each slider with no command of a run within its travel.
 
     Args:
         file: the machine.
@@ -158,8 +158,8 @@ def purpose_of(path: str | Path, reading: ReadOptions, ask: Ask | None = None) -
     return "run" if held.keys() & READINGS and any(name.endswith("_cmd") for name in held) else "targets"
 
 
-def asked_once(ask: Ask) -> Ask:
-    """Somebody to ask who is asked the same thing once, however often a file is read."""
+def ask_once(ask: Ask) -> Ask:
+    """Wrap a questioner so that each question is asked once, however often a file is read."""
     said: dict[tuple[str, ...], str] = {}
 
     def once(question: str, choices: Sequence[str]) -> str:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ptt.again.recheck import recheck as hold_against
+from ptt.again.recheck import recheck as recheck_run
 from ptt.again.result import Recheck
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
-from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard
+from ptt.door.opened import Opened, open_checked
+from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
 from ptt.progress import Progress, unwatched
 from ptt.run.named import named_rows
@@ -25,12 +25,12 @@ USAGE = "recheck(model, run)"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rechecked(Result):
-    """What a new run says of a machine that was solved.
+    """The recheck of a solved model on a new run.
 
     Attributes:
-        result: everything.
+        result: the recheck.
         opened: run and model.
-        notes: what was left aside, a line each.
+        notes: what was left out, a line each.
     """
 
     result: Recheck
@@ -44,7 +44,7 @@ class Rechecked(Result):
 
     @property
     def changed(self) -> tuple[dict[str, Any], ...]:
-        """What is otherwise than it was: effect, parameter, unit, before, now, std, z, words."""
+        """Values that have changed: effect, parameter, unit, before, now, std, z, words."""
         return tuple(item.to_dict() for item in self.result.changed)
 
     @property
@@ -80,7 +80,7 @@ def recheck(
     *,
     anyway: bool = False,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Rechecked:
     """Compare a new run with a solved model: is the machine the same, what has changed, what is new?
 
@@ -95,14 +95,14 @@ def recheck(
         What has changed.
 
     Raises:
-        InputError: the run cannot be seen through this machine, or nothing was fitted in the model.
+        InputError: the run does not fit this machine, or the model has no fitted effect.
         SetupError: a mistake in the set-up.
     """
     machine = as_model(model, USAGE)
     rows = as_run(run, machine, USAGE)
-    tell = Heard(note)
-    opened = meet(machine, rows, anyway=anyway, note=tell)
+    tell = NoteCollector(note)
+    opened = open_checked(machine, rows, anyway=anyway, note=tell)
     if opened.compensator.network is not None:
         tell("the compensator's network is left aside: only the physics is compared with the run")
-    result = hold_against(opened.model, opened.problem, opened.library, progress=lambda what: progress(what, 0, 0))
+    result = recheck_run(opened.model, opened.problem, opened.library, progress=lambda what: progress(what, 0, 0))
     return Rechecked(result, opened, tuple(tell.lines))

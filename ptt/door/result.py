@@ -13,9 +13,9 @@ Note = Callable[[str], None]
 
 
 class Result(InNotebook):
-    """Base of all results.
+    """Base of the results of all verbs.
 
-    A result of a verb says what the verb says: `to_dict()` is what `--json` prints, `str()` what a person is shown.
+    `to_dict()` is what the command prints with `--json`, `str()` what it prints without.
     """
 
     def to_dict(self) -> dict[str, Any]:
@@ -38,15 +38,15 @@ class Result(InNotebook):
         return str(self)
 
 
-def unheard(text: str) -> None:
-    """Take a note where nobody listens."""
+def ignore_note(text: str) -> None:
+    """Ignore a note."""
 
 
-class Heard:
-    """A listener that keeps what it is told, and passes it on.
+class NoteCollector:
+    """Collects notes, and passes them on.
 
     Attributes:
-        lines: what it was told.
+        lines: the notes so far.
     """
 
     def __init__(self, note: Note) -> None:

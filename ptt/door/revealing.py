@@ -15,11 +15,11 @@ from ptt.run.axes import AXES_TOTAL
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Revealed(Result):
-    """A seal that was opened.
+    """An opened challenge.
 
     Attributes:
-        sealed: what was hidden.
-        score: what the model says of it, and where its commands put the real tool.
+        sealed: the hidden faults.
+        score: the model compared with them, and the true tool error with its commands.
     """
 
     sealed: Sealed

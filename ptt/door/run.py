@@ -9,7 +9,7 @@ from ptt.door.handed import Handed, RowsLike, answers_of, called_in, file_of, pa
 from ptt.door.model import Model, as_model
 from ptt.door.options import ReadOptions
 from ptt.door.reading import beyond_travel, read_rows
-from ptt.door.result import Note, unheard
+from ptt.door.result import Note, ignore_note
 from ptt.notebook import InNotebook
 from ptt.run.blanks import fill_between, fill_blanks
 from ptt.run.display import between_steps
@@ -108,7 +108,7 @@ def read(
 
 
 def read_path(
-    path: str | Path, model: Model, reading: ReadOptions, *, ask: Ask | None = None, note: Note = unheard
+    path: str | Path, model: Model, reading: ReadOptions, *, ask: Ask | None = None, note: Note = ignore_note
 ) -> Run:
     """Read a run as the command line does.
 
@@ -162,7 +162,7 @@ def read_targets(
 
 
 def targets_path(
-    path: str | Path, model: Model, reading: ReadOptions, *, ask: Ask | None = None, note: Note = unheard
+    path: str | Path, model: Model, reading: ReadOptions, *, ask: Ask | None = None, note: Note = ignore_note
 ) -> Targets:
     """Read targets as the command line does; arguments as `read_path`."""
     table, blanks = fill_between(read_rows(path, model.file, reading, "targets", checked=True, ask=ask, note=note))
@@ -172,7 +172,7 @@ def targets_path(
 
 
 def _renamed(rows: AnyRows, written: Sequence[Handed]) -> AnyRows:
-    """Rows that speak of data frames, too; their files stay as long as they do."""
+    """Rows whose notes and labels name data frames instead of their files, which they keep alive."""
     if not any(each.called for each in written):
         return rows
     labels = tuple(called_in(label, written) for label in rows.table.run_label)

@@ -13,7 +13,7 @@ from ptt.door.given import require_number
 from ptt.door.handed import RowsLike, as_file
 from ptt.door.options import ReadOptions
 from ptt.door.reading import read_rows
-from ptt.door.result import Note, Result, unheard
+from ptt.door.result import Note, Result, ignore_note
 from ptt.errors import InputError, TableError, WorkspaceError
 from ptt.rig import Rig, RunResult, load_rig, write_run
 from ptt.rig import simulate as run_rig
@@ -133,7 +133,7 @@ def simulate_path(
     noise: bool = True,
     seed: int | None = None,
     ask: Ask | None = None,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Simulated:
     """Simulate as the command line does.
 
@@ -164,7 +164,7 @@ def simulate_path(
 
 @contextmanager
 def _named(targets: Table) -> Iterator[None]:
-    """Targets that are refused by the line of their file: the rig counts them as they come, and knows no file."""
+    """Restate an error on a target with the line of its file; the rig only knows its row number."""
     try:
         yield
     except WorkspaceError as error:
@@ -193,7 +193,7 @@ def _commands(table: Table) -> pd.DataFrame:
 
 
 def _holds_commands(table: Table, joints: list[str]) -> bool:
-    """Whether commands to send stand beside the targets, as `ptt predict` writes them."""
+    """Whether the file of targets has columns of commands too, as `ptt predict` writes them."""
     beside = {title.strip().lower() for title in table.understood.ignored}
     return {*joints} <= beside
 

@@ -1,4 +1,4 @@
-"""sliders.csv column by column, and what is said of it."""
+"""Columns of sliders.csv, and its summary as JSON and text."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -20,7 +20,7 @@ def sliders_columns(table: Table, commands: Commands, *, sent: bool | None = Non
     Args:
         table: the targets.
         commands: what to send there.
-        sent: whether all rows of the list are sent, where these are some of them.
+        sent: whether all rows of the list are sent; None where these are all rows.
 
     Returns:
         Title -> (n,).
@@ -39,12 +39,12 @@ def sliders_columns(table: Table, commands: Commands, *, sent: bool | None = Non
 
 
 def _of_targets(values: np.ndarray, targets: np.ndarray) -> np.ndarray:
-    """Values (n,) that only targets have."""
+    """Values of targets, (n,); None on base reflectors."""
     return values if targets.all() else np.where(targets, values.astype(object), np.array(None))
 
 
 def _as_given(table: Table) -> dict[str, np.ndarray]:
-    """Every column of the input in its own order, also those without content; what was set for all rows behind them."""
+    """Columns of the input in its order, empty ones included, then values that were set for all rows."""
     held = columns_of(table)
     empty = {"name": table.name, "role": table.role}
     meant = table.understood.mapping.columns
@@ -57,7 +57,7 @@ def _put(columns: dict[str, np.ndarray], stem: str, values: np.ndarray) -> None:
 
 
 def summary_of(counted: Tally, out: str | None, network: bool, limit_mm: float) -> dict[str, Any]:
-    """What is said of commands, for JSON."""
+    """Summary of commands, for JSON."""
     return {
         "rows": counted.rows,
         "base_rows": counted.base,
@@ -72,12 +72,12 @@ def summary_of(counted: Tally, out: str | None, network: bool, limit_mm: float) 
 
 
 def frame_figures(frames: Iterable[RunFrame]) -> dict[str, Any]:
-    """In which frames targets were stated, for JSON."""
+    """Frames in which targets were stated, other than the base frame, for JSON."""
     return {"target_frame": [frame.to_dict() for frame in frames if frame.source != "base"]}
 
 
 def text_of_figures(data: dict[str, Any]) -> str:
-    """The same for a person."""
+    """Summary of commands as text."""
     counts = ", ".join(f"{count} {status}" for status, count in data["status"].items() if count)
     network = f", {data['in_domain']} in the network's training domain" if data["network"] else ", physics alone"
     lines = [(f"{data['out']}: " if data["out"] else "") + f"{data['rows']} rows ({counts}){network}"]

@@ -17,8 +17,8 @@ from ptt.door.model import Model
 from ptt.door.opened import check_rows
 from ptt.door.options import ReadOptions
 from ptt.door.outputs import is_commands, refuse_readings
-from ptt.door.predicting import require_asked, tell_frames, tell_places, warnings_of
-from ptt.door.result import Note, Result, unheard
+from ptt.door.predicting import note_frames, note_places, require_options, warnings_of
+from ptt.door.result import Note, Result, ignore_note
 from ptt.door.run import Targets
 from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
 from ptt.door.tally import Tally, tally
@@ -35,7 +35,7 @@ from ptt.run.target_frame import RunFrame, target_frames
 from ptt.run.wanted import placed_rows, with_places
 from ptt.run.written import text_of
 
-LONG = 4 * 1024**2  # bytes: what is shorter takes less memory than the program itself
+LONG = 4 * 1024**2  # bytes: a shorter file takes less memory than the program itself
 __all__ = ["NotInParts", "Streamed", "is_long", "predict_file"]
 
 
@@ -83,11 +83,11 @@ def predict_file(
     anyway: bool = False,
     ask: Ask | None = None,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Streamed:
-    """Work out the commands of a file into another, as `predict` does; memory does not grow with the rows.
+    """Compute commands from file to file, as `predict` does, in constant memory.
 
-    The set-up is looked at on stretches of the travel, all else on every row.
+    The set-up is checked on a sample of stretches of the travel, all else on every row.
 
     Args:
         model: the model.
@@ -105,11 +105,11 @@ def predict_file(
         What was written.
 
     Raises:
-        NotInParts: joint commands tell an arm's postures or the targets' frame, or only the whole file how it is read
-            and what stands in an empty cell.
+        NotInParts: the file has to be read as a whole: for the postures of an arm, the targets' frame, its format, or
+            its empty cells.
         InputError: as `predict`.
     """
-    require_asked(reversal, limit_mm)
+    require_options(reversal, limit_mm)
     if not is_commands(out):
         refuse_readings(out)
     if model.compensator.network is not None and model.compensator.space == "joints":
@@ -119,7 +119,7 @@ def predict_file(
         spool, placed = _read(model, path, reading, folder, ask, progress)
         for line in spool.understood():
             note(line)
-        tell_places(placed, note)
+        note_places(placed, note)
         refuse_readings(out, (spool.take(*bounds).measured for bounds in stretches(spool.rows)))
         sample = spool.sample(CHUNK, STRETCH_ROWS)
         require_pose(sample)
@@ -129,7 +129,7 @@ def predict_file(
         frames = target_frames(model.file, sample)
         if spool.commands and {frame.source for frame in frames} - {"base", "stated"}:
             raise NotInParts  # a frame that the commands tell is found from all of them
-        tell_frames(frames, note)
+        note_frames(frames, note)
         compensator = model.compensator
         plan = plan_of(compensator.model, reversal, limit_mm, compensator.error)
         stream = Stream(plan, spool, *compensator.network_parts(), folder)
@@ -180,7 +180,7 @@ def _invert(stream: Stream, model: Model, progress: Progress) -> tuple[Tally, li
 
 
 def merged(titles: Sequence[str], more: Sequence[str]) -> list[str]:
-    """Two lists of titles in one: what only one of them has stands before the title that follows it there."""
+    """Merge two lists of titles, keeping the order of both."""
     done, rest = list[str](), list(titles)
     for title in more:
         if title in rest:

@@ -1,4 +1,4 @@
-"""Figures of many commands, part by part: counts, largest values, and the first rows of each status."""
+"""Figures of commands, which add up over parts: counts, largest values, first rows of each status."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -17,17 +17,17 @@ class Tally:
     """Figures of some rows.
 
     Attributes:
-        rows: how many are targets.
-        status: rows of each status.
+        rows: number of targets.
+        status: number of rows of each status.
         first: lines in the file of the first rows of each status.
-        in_domain: rows inside the network's domain.
-        gap: largest way between the exact and the first-order command, mm.
+        in_domain: number of rows inside the network's training domain.
+        gap: largest distance of the tool between the exact and the first-order command, mm.
         shift: largest static correction that is sent, mm.
         sigma: largest uncertainty of those that are sent, mm; None where nothing tells.
-        missed: largest way between what is asked for and where the command brings the tool, mm.
+        missed: largest distance between the target and where the command brings the tool by the model, mm.
         reversal: largest reversal compensation, mm or rad.
         words: who compensates what at a reversal.
-        arm: whether joints turn.
+        arm: whether the machine is an arm, with angles in rad.
         approached: rows that are uncertain mostly because the joints' direction of arrival at the first row is unknown.
         base: rows of base reflectors beside the targets, at which the machine stands.
     """
@@ -52,7 +52,7 @@ class Tally:
         return sum(self.status[status] for status in SENT)
 
     def __add__(self, other: "Tally") -> "Tally":
-        """Of these rows and those behind them."""
+        """Figures of these rows and of further ones."""
         return Tally(
             self.rows + other.rows,
             {name: count + other.status[name] for name, count in self.status.items()},

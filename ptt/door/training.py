@@ -13,8 +13,8 @@ from ptt.correct.training.train import train as train_model
 from ptt.door.given import require_word
 from ptt.door.handed import RowsLike
 from ptt.door.model import Model, as_model
-from ptt.door.opened import Opened, meet
-from ptt.door.result import Heard, Note, Result, unheard
+from ptt.door.opened import Opened, open_checked
+from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.progress import Progress, unwatched
@@ -118,7 +118,7 @@ def train(
     hold_out: Literal["blocks", "random"] = "blocks",
     anyway: bool = False,
     progress: Progress = unwatched,
-    note: Note = unheard,
+    note: Note = ignore_note,
 ) -> Trained:
     """Fit the effects of a model and train the network on what they leave.
 
@@ -139,8 +139,8 @@ def train(
     """
     require_word(hold_out, PROTOCOLS, "hold_out")
     machine = as_model(model, USAGE)
-    tell = Heard(note)
-    opened = meet(machine, as_run(run, machine, USAGE), anyway=anyway, note=tell)
+    tell = NoteCollector(note)
+    opened = open_checked(machine, as_run(run, machine, USAGE), anyway=anyway, note=tell)
     protocol = PROTOCOLS[hold_out](opened.problem)
     training = train_model(opened.model, opened.as_noisy(tell), protocol=protocol, progress=progress)
     return Trained(training, opened, machine.library, tuple(tell.lines))

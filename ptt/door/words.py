@@ -1,4 +1,4 @@
-"""What a verb is handed, made into what it needs, or refused in words."""
+"""Conversion of the arguments of a verb to runs and targets, with errors that name the way out."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -48,14 +48,14 @@ def as_targets(given: Any, model: Model, usage: str) -> Targets:
 
 
 def read_for(rows: AnyRows, model: Model) -> AnyRows:
-    """Rows that were read before, perhaps for another machine; targets alone do for any.
+    """Rows that were read before, checked for a machine; targets without joint values fit any.
 
     Args:
         rows: a run or targets.
         model: the machine.
 
     Raises:
-        TableError: they hold values of joints, and the machine has others.
+        TableError: they hold joint values of a machine with other joints.
     """
     table, spec = rows.table, model.file.machine
     if table.command is not None and (table.joint_prefix, table.command.shape[1]) != (spec.letter, spec.joints):

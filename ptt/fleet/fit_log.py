@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from ptt.door.handed import Handed, worded
-from ptt.door.result import Note, unheard
+from ptt.door.result import Note, ignore_note
 from ptt.effects import library
 from ptt.effects.sudden import Sudden
 from ptt.errors import ModelError
@@ -138,7 +138,7 @@ def fit_log(model: Model, log: Log, client: Any = None, tell: Progress | None = 
 
 def fit_file(
     log: Path, model: Path, out: Path, scheduler: str | None = None, workers: int | None = None,
-    tell: Progress | None = None, *, anyway: bool = False, effects: Sequence[str] = (), note: Note = unheard,
+    tell: Progress | None = None, *, anyway: bool = False, effects: Sequence[str] = (), note: Note = ignore_note,
 ) -> LogFit:  # fmt: skip
     """Fit a model to a log in a file, and write it.
 

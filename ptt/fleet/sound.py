@@ -7,7 +7,7 @@ from typing import Any
 from ptt.door.opened import check_rows
 from ptt.door.options import ReadOptions
 from ptt.door.reading import require_commands
-from ptt.door.result import Note, unheard
+from ptt.door.result import Note, ignore_note
 from ptt.door.run import Run
 from ptt.errors import InputError, shown
 from ptt.fitting.chunks import CHUNK
@@ -19,7 +19,9 @@ NUMERIC = re.compile("DOUBLE|FLOAT|DECIMAL|U?(TINY|SMALL|BIG|HUGE)?INT.*")
 HEADER = 2  # line of the first row in a file whose titles are its first line
 
 
-def require_sound(machine: MachineFile, rows: Path, log: Path, *, anyway: bool = False, note: Note = unheard) -> None:
+def require_sound(
+    machine: MachineFile, rows: Path, log: Path, *, anyway: bool = False, note: Note = ignore_note
+) -> None:
     """Refuse a log that `ptt add` would refuse as a run: what a fit to it says would be worthless.
 
     Args:
