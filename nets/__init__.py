@@ -1,4 +1,4 @@
-"""Gaussian radial basis function network: a general regressor that knows where it was trained and when to stay silent.
+"""Gaussian radial basis function network: a regressor with a training domain, and a test whether it helps at all.
 
 Centres without supervision (`nets.centres`), widths (`nets.widths`), weights with supervision (`nets.weights`),
 everything else chosen by held-out error (`nets.selection`). `nets.training` joins them.

@@ -1,4 +1,4 @@
-"""The linear problem that one choice of centres and widths leaves for the weights."""
+"""Design matrix for the weights, given centres and widths."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from nets.scaling import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Columns of the least-squares problem, features and outputs freed from what the background explains of them.
+    """Columns of the least-squares problem, features and outputs with the background projected off.
 
     Attributes:
         background: (n, h): ones, and the scaled inputs where there is a straight-line part.
-        features: (n, q): hidden nodes, less their fit by the background. Wide nodes are nearly flat; freed of that,
-            the sums of products do not cancel.
+        features: (n, q): hidden nodes, less their fit by the background. Wide nodes are nearly constant; without
+            this the normal equations would lose digits by cancellation.
         outputs: (n, o), less their fit by the background.
         removed_features: (h, q) coefficients of that fit.
         removed_outputs: (h, o).
@@ -45,7 +45,7 @@ class Design:
 def build_design(
     scaled: FloatArray, outputs: FloatArray, centres: FloatArray, widths: FloatArray, *, affine: bool
 ) -> Design:
-    """Evaluate the hidden nodes and free everything from the background.
+    """Evaluate the hidden nodes, and project the background off features and outputs.
 
     Args:
         scaled: (n, m) scaled inputs.

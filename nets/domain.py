@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 CELL = 1e-3  # of the box diagonal: training points closer than this count as one place
-SPACING_QUANTILE = 0.9
-REACH_SPACINGS = 2.0
-BOX_SPACINGS = 0.5
+SPACING_QUANTILE = 0.9  # of the distances to the nearest neighbour: the typical spacing
+REACH_SPACINGS = 2.0  # typical spacings to the nearest training point, at most
+BOX_SPACINGS = 0.5  # typical spacings outside the bounding box, at most
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from nets.weights import normal_equations, products, ridge_path
 
 IntArray = npt.NDArray[np.int64]
 
-LEAST_PLACES = 20  # with ten, up to 7 % of pure noise outputs passed for a gain
-PLAIN_GAIN = 0.5  # of the root mean square error: never seen on independent noise from 20 places on
+LEAST_PLACES = 20  # distinct inputs; with ten, up to 7 % of pure noise outputs were learned
+PLAIN_GAIN = 0.5  # ratio of rms errors below which a gain needs no test; never seen on independent noise
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ class HeldOut:
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What the held-out rows say of a choice, each output by itself.
+    """Test of a choice on held-out rows, for each output.
 
     Attributes:
         heldout_rms: (o,) of the choice, in units of the outputs.
         null_rms: (o,) of predicting zero.
-        p_value: (o,) that a gain like this comes from a network that helps no fold more than it hurts.
+        p_value: (o,) of the one-sided t test of the gain over folds, see `judge`.
         learned: (o,) whether the output is to be predicted at all.
     """
 
@@ -142,8 +142,8 @@ def judge(held_out: HeldOut, settings: RbfSettings) -> Verdict:
     - the root mean square error is less than half that of zero: few folds make the t test strict, and one fold that
       had nothing to gain would veto what helps all others.
 
-    Fewer than 20 distinct inputs teach nothing. Rows in different groups count as independent: groups shorter than
-    the noise remembers (drift) let it be learned.
+    With fewer than 20 distinct inputs no output is learned. Rows in different groups count as independent: with groups
+    shorter than the correlation time of the noise, drift is learned.
 
     Args:
         held_out: errors of all candidates.

@@ -41,7 +41,7 @@ def train_rbf(
         inputs: (n, m), any unit per column.
         outputs: (n, o).
         groups: (n,) integers; rows of one group are held out together: whole blocks of travel, all visits of a pose.
-            Make them longer than the noise remembers, else slow drift passes for something to learn.
+            Make them longer than the correlation time of the noise, else drift is learned.
         settings: candidates and rules; the defaults where None.
 
     Returns:
@@ -78,14 +78,14 @@ def train_rbf(
 
 
 def muted(training: RbfTraining, kept: npt.NDArray[np.bool_]) -> RbfTraining:
-    """Take outputs back that turned out not to help where it counts.
+    """Set outputs of a trained network to zero, as if they had not been learned.
 
     Args:
         training: a trained network.
         kept: (o,) outputs that stay as they are; the others become zero.
 
     Returns:
-        The same where nothing changes; the null network where no output is left.
+        The training unchanged where all learned outputs are kept; the null network where none is left.
     """
     learned = training.learned & kept
     if (learned == training.learned).all():
@@ -97,7 +97,7 @@ def muted(training: RbfTraining, kept: npt.NDArray[np.bool_]) -> RbfTraining:
     chosen = training.chosen if learned.any() else Candidate(0, 0.0, False)
     ridges = np.where(learned, training.ridges, 0.0)
     network = GaussianRbf.from_tensors(tensors)
-    # Zero misses every row by what it is, those that were held out as well.
+    # Of an output set to zero, training and held-out error are those of the null network.
     heldout, fitted = (np.where(learned, rms, training.null_rms) for rms in (training.heldout_rms, training.fitted_rms))
     return replace(
         training, network=network, chosen=chosen, ridges=ridges, learned=learned, heldout_rms=heldout, fitted_rms=fitted

@@ -101,7 +101,7 @@ def read_rows(
         file: the machine; None where none is known.
         reading: how.
         purpose: 'run', 'targets' or 'sliders'.
-        checked: whether the set-up is checked after, which finds other units by itself.
+        checked: whether the set-up is checked afterwards, which finds wrong units by itself.
 
     Returns:
         The table.
@@ -115,12 +115,12 @@ def read_rows(
 
 
 def refuse_idle(given: Mapping[str, object], what: str, fix: str) -> None:
-    """Refuse options that would say nothing: what was meant by them would silently not be done.
+    """Refuse options that have no effect in this call, instead of ignoring them.
 
     Args:
         given: option -> its value.
-        what: why it says nothing here.
-        fix: the way out.
+        what: why it has no effect here, for the message.
+        fix: the way out, for the message.
 
     Raises:
         InputError: one of them was given.
@@ -133,7 +133,7 @@ def refuse_idle(given: Mapping[str, object], what: str, fix: str) -> None:
 
 
 def asker(reading: ReadOptions) -> "Ask | None":
-    """Who answers what a file leaves open: nobody where a program is listening or no terminal is there."""
+    """A questioner on the terminal; None with --json, or without a terminal."""
     if reading.json or not sys.stdin.isatty():
         return None
 

@@ -7,8 +7,8 @@ import typer
 
 from ptt.commands.common import Json, Map, ReadOptions, note, read_rows, show
 
-SHOWN_ROWS = 12
-RARE = 0.03  # share of walks below which a family is a crossing of others
+SHOWN_ROWS = 12  # targets without status 'ok' that are listed, at most
+RARE = 0.03  # share of random walks below which a family of singularities is not listed: a crossing of others
 
 
 def dexterity(
@@ -80,7 +80,7 @@ def _text(data: dict[str, Any]) -> str:
 
 
 def _evenness(entries: list[dict[str, Any]], turning: bool) -> list[str]:
-    """The median and the worst condition number; of an arm's targets its turns do not count, as they do at home."""
+    """Median and worst condition number of targets; of an arm for the tool's position alone, without rotation."""
     from statistics import median
 
     if not entries:
@@ -93,7 +93,7 @@ def _evenness(entries: list[dict[str, Any]], turning: bool) -> list[str]:
 
 
 def _arm(space: dict[str, Any]) -> list[str]:
-    """Most even and singular configurations of an arm, one turn of a radian counted as its characteristic length."""
+    """Most isotropic and singular poses of an arm; a rotation of one radian counts as its characteristic length."""
     position = space["most_isotropic_position"]
     lines = [
         f"  a turn of one radian counts as {space['length_mm']:.0f} mm",
@@ -116,7 +116,7 @@ def _degrees(q: list[float]) -> str:
 
 
 def _targets(entries: list[dict[str, Any]], turning: bool) -> list[str]:
-    """How many targets have each status, how even they are, and the odd ones; `turning`: an arm, whose tool turns."""
+    """Numbers of targets by status, their condition numbers, and those without status 'ok'; `turning` for an arm."""
     if not entries:
         return []
     counts = {status: sum(entry["status"] == status for entry in entries) for status in {e["status"] for e in entries}}

@@ -84,7 +84,7 @@ def add(
     if model is None:
         machine, model = _told(*machine_called(opened, machine), machine)
     if model is not None:
-        load(model, effects=files)  # a drawing with an effect that nobody knows would fail in every run
+        load(model, effects=files)  # refused here: an unknown effect would fail in every run
     file = drawing_of(opened, machine, model)
     reading = ReadOptions(None, targets, set_, map_, None, json)
     ordered = any(text.startswith("order=") for text in set_ or ())
@@ -93,7 +93,7 @@ def add(
         try:
             table = read_rows(path, file, reading, checked=True)
             is_there(opened, machine, sha256(path), path)
-            add_machine(opened, machine, model)  # with its first run: one without any would only wait for ever
+            add_machine(opened, machine, model)  # only with its first run: a machine without runs is no use
             added.append(add_run(opened, machine, path, table, when, ordered=ordered, units_said=reading.states_units))
         except (PttError, OSError) as error:
             if len(run) == 1:
@@ -110,7 +110,7 @@ def add(
 
 
 def _told(name: str, drawing: Path | None, given: str) -> tuple[str, Path | None]:
-    """A machine as it is called, with a word on it where that is not what was given."""
+    """Name and drawing of a machine, with a note on the name where it was given by its file."""
     from ptt.fleet.store import shown
 
     if drawing is not None:
@@ -126,7 +126,7 @@ def _named(store: "Store", machine: str) -> str:
 
 
 def _files(effects: list[Path] | None) -> tuple[str, ...]:
-    """Files of effects by names that other processes find too; one that cannot be loaded is refused here."""
+    """Absolute paths of effect files, for worker processes; one that cannot be loaded is refused here."""
     files = tuple(str(path.absolute()) for path in effects or ())
     if files:
         from ptt.effects import library

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ptt.machine import MachineFile
     from ptt.run.table import Table
 
-SHOWN_GROSS = 5  # that anybody reads
+SHOWN_GROSS = 5  # gross readings that are listed, at most
 
 
 def iso(
@@ -47,7 +47,7 @@ def iso(
     from ptt.errors import TableError
     from ptt.judge.iso.figures import IsoAxes, is_axis_file, iso_of_poses, read_axis_figures
 
-    if effects:  # no figure needs them; a file that cannot be used is said all the same
+    if effects:  # not needed, but a file that cannot be loaded is refused
         from ptt.effects.registry import library
 
         library(*effects)
@@ -121,7 +121,7 @@ def _pose_lines(figures: dict[str, Any]) -> list[str]:
 
 
 def _gross_lines(figures: dict[str, Any]) -> list[str]:
-    """Readings that no machine explains, which count all the same, and what the figures would be without them."""
+    """Gross readings, which count all the same, and the figures without them."""
     if not figures["gross"]:
         return []
     named, rest = figures["gross"][:SHOWN_GROSS], len(figures["gross"]) - SHOWN_GROSS

@@ -29,8 +29,8 @@ VERBS = (
 UNLISTED = ("train",)  # train.py has a program of its own; `run` and `ptt train` do the same
 PROGRAM = "ptt"
 INTERRUPTED = 130  # as shells say it of a program that was ended by Ctrl-C
-COUNTED = {"_duckdb"}  # modules that complain of objects which nobody has collected when the process ends
-MESSAGE = 580  # characters of the one line that an error is
+COUNTED = {"_duckdb"}  # modules that report leaked objects unless these are collected when the process ends
+MESSAGE = 580  # characters of an error, at most
 HELP = "Finds out why a 3-PTT parallel robot misses its target, names the missing physics, and corrects it."
 
 
@@ -200,7 +200,7 @@ def _fail(message: str, code: int) -> int:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """No warning of a library reaches the user, who can do nothing about it; whoever asked for them has them."""
+    """Hide warnings of libraries, which the user cannot act on, unless warnings were asked for."""
     with warnings.catch_warnings():
         if not sys.warnoptions and not any(action == "error" and not text for action, text, *_ in warnings.filters):
             warnings.simplefilter("ignore")
@@ -208,13 +208,13 @@ def _quiet() -> Iterator[None]:
 
 
 def _spare_the_end() -> None:
-    """The interpreter's last collections would go through every object of torch and pandas for nothing."""
+    """Freeze the garbage collector: its last passes over all objects of torch and pandas would only take time."""
     if not COUNTED & sys.modules.keys():
         gc.freeze()
 
 
 def _end(code: int) -> NoReturn:
-    """End the process with a code that the interpreter's own flushing of a closed output cannot change."""
+    """End the process with a code; output is flushed here, so that a closed one cannot change it."""
     for stream in (sys.stdout, sys.stderr):
         try:
             if stream is not None:

@@ -1,4 +1,4 @@
-"""Numbers on a command line: finite, and such as a machine can mean. One place for all verbs."""
+"""Validation of numbers on the command line, in one place for all verbs: finite and of plausible size."""
 
 import math
 from collections.abc import Mapping
@@ -6,18 +6,18 @@ from typing import Any
 
 from ptt.door.given import require_finite
 
-UNLIMITED = ("limit_mm",)  # arguments that are a limit, and may be none
+UNLIMITED = ("limit_mm",)  # arguments that may be infinite, as no limit
 
 
 def require_numbers(values: Mapping[str, Any], options: Mapping[str, str]) -> None:
-    """Refuse numbers that nothing can be worked out with.
+    """Refuse numbers that are not finite, or larger than any machine needs.
 
     Args:
         values: name of a verb's argument -> value.
-        options: name of an argument -> what its option is called.
+        options: name of an argument -> its option.
 
     Raises:
-        InputError: one is not finite, or beyond any machine.
+        InputError: one is not finite, or too large.
     """
     for name, value in values.items():
         for each in value if isinstance(value, tuple) else (value,):

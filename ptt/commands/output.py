@@ -31,7 +31,7 @@ def show(data: Mapping[str, Any], text: str, json: bool) -> None:
 
 
 def say(text: str) -> None:
-    """Print on standard output, or say that it cannot be.
+    """Print on standard output.
 
     Args:
         text: a result.
@@ -44,7 +44,7 @@ def say(text: str) -> None:
     try:
         typer.echo(text)
         sys.stdout.flush()
-    except UnicodeEncodeError:  # a terminal without our letters, or half a character in a name
+    except UnicodeEncodeError:  # a terminal without these characters, or a lone surrogate in a name
         typer.echo(text.encode("ascii", "backslashreplace").decode())
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
@@ -52,7 +52,7 @@ def say(text: str) -> None:
 
 
 def say_aside(text: str) -> None:
-    """Print on standard error where anybody listens there."""
+    """Print on standard error, if it is open."""
     with suppress(OSError, ValueError):
         if sys.stderr is not None:
             clean = text.encode("utf-8", "replace").decode()
@@ -60,9 +60,9 @@ def say_aside(text: str) -> None:
 
 
 def note(text: str) -> None:
-    """Say something beside the result, on standard error.
+    """Print a note on standard error.
 
-    A person sees it at once. Elsewhere it waits for the result, so that an error is the only line there is.
+    At once on a terminal. Elsewhere with the result, so that an error is the only line.
     """
     if sys.stderr is not None and sys.stderr.isatty():
         say_aside(text)
@@ -71,7 +71,7 @@ def note(text: str) -> None:
 
 
 def tell_notes(keep: bool = True) -> None:
-    """Print the notes that wait, or with `keep` false forget them."""
+    """Print the waiting notes, or with `keep` false drop them."""
     for text in _waiting if keep else ():
         say_aside(text)
     _waiting.clear()

@@ -46,7 +46,7 @@ KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (  # by the end of an option's 
     ("PATH", ("export",)),  # a folder is looked into by the format itself
     (".ngc", ("program",)),
 )
-ENDS = {  # how a file of a kind may end; what another kind's file ends with would be taken for one
+ENDS = {  # suffixes of each kind of file; that of another kind is refused
     "machine": (".toml",),
     "rig": (".toml",),
     "readings": (".csv",),
@@ -61,13 +61,13 @@ HEAD = 8192  # bytes of a file that tell its kind
 
 
 def checked(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """A verb that looks at its numbers and where it is to write before all else, and writes digests where asked.
+    """Wrap a verb: check its numbers and outputs first, and write digests where asked.
 
     Args:
         verb: a function whose paths are named by typer's annotations; those named in `OUTPUTS` are written.
 
     Returns:
-        The same, with that check before it, and with an option `--sha256` where it writes.
+        The verb with these checks, and with an option `--sha256` where it writes files.
     """
     if getattr(verb, "outputs_checked", False):
         return verb
@@ -104,11 +104,11 @@ def _with_digests(verb: Callable[[], Any], values: Mapping[str, Any]) -> Any:
 
 
 def require_outputs(values: Mapping[str, Any], metavars: Mapping[str, str]) -> None:
-    """Refuse outputs that would cost something.
+    """Refuse outputs that would overwrite inputs or files of another kind.
 
     Args:
         values: name of a verb's argument -> value.
-        metavars: name -> the word that stands for it in the help, which says its kind.
+        metavars: name -> metavar in the help, whose end says the kind of file.
 
     Raises:
         InputError: an output is an input, lies within a folder that is one, is named twice, or is of another kind.
@@ -125,7 +125,7 @@ def require_outputs(values: Mapping[str, Any], metavars: Mapping[str, str]) -> N
 
 
 def file_kind(path: Path) -> str:
-    """What a file is by what it begins with: a key of `WORDS`."""
+    """Kind of a file by its beginning: a key of `WORDS`, or 'readings'."""
     with path.open("rb") as file:
         head = file.read(HEAD)
     text = head.replace(b"\0", b"").decode("utf-8", "replace")  # without the zeros, UTF-16 too shows its titles
@@ -151,14 +151,14 @@ def file_kind(path: Path) -> str:
 
 
 def _paths(value: Any) -> Iterator[Path]:
-    """Paths among the values of one argument that name something."""
+    """Existing paths among the values of one argument."""
     for each in value if isinstance(value, list | tuple) else (value,):
         if isinstance(each, Path) and os.path.lexists(each):
             yield each
 
 
 def _require_apart(out: Path, given: Path) -> None:
-    """An output that is the input, whatever links or names lead there, or lies within a folder that is one."""
+    """Refuse an output that is an input, through links as well, or lies within an input folder."""
     first, second = Path(os.path.realpath(out)), Path(os.path.realpath(given))
     same = first == second or (first.exists() and second.exists() and first.samefile(second))
     if same and not second.is_dir():
@@ -170,7 +170,7 @@ def _require_apart(out: Path, given: Path) -> None:
 
 
 def _require_kind(out: Path, metavar: str) -> None:
-    """A file that is there is replaced by one of its own kind only."""
+    """Refuse to replace an existing file by one of another kind."""
     expected = next((kinds for end, kinds in KINDS if metavar.endswith(end)), None)
     target = Path(os.path.realpath(out))
     if metavar == "DIR" and target.exists() and not target.is_dir():
@@ -189,7 +189,7 @@ def _require_kind(out: Path, metavar: str) -> None:
 
 
 def _require_end(out: Path, expected: tuple[str, ...]) -> None:
-    """A name that ends like a file of another kind is a slip: whoever opens it next would be misled."""
+    """Refuse a name with the suffix of another kind of file."""
     own, end = [each for kind in expected for each in ENDS.get(kind, ())], out.suffix.lower()
     if own and end not in own and any(end in ends for ends in ENDS.values()):
         what = f"ends in {end}, but would be {WORDS.get(expected[0], 'a tracker run')}"
@@ -197,7 +197,7 @@ def _require_end(out: Path, expected: tuple[str, ...]) -> None:
 
 
 def _options(verb: Callable[..., Any]) -> Iterator[tuple[str, str]]:
-    """Arguments of a verb with what their options are called."""
+    """Arguments of a verb with their options."""
     for name, hint in verb.__annotations__.items():
         for extra in getattr(hint, "__metadata__", ()):
             called = getattr(extra, "default", None)  # where typer puts the first of the names that it is given
@@ -206,7 +206,7 @@ def _options(verb: Callable[..., Any]) -> Iterator[tuple[str, str]]:
 
 
 def _metavars(verb: Callable[..., Any]) -> Iterator[tuple[str, str]]:
-    """Arguments of a verb with the word that typer shows for them."""
+    """Arguments of a verb with their metavars."""
     for name, hint in verb.__annotations__.items():
         for extra in getattr(hint, "__metadata__", ()):
             if getattr(extra, "metavar", None):
