@@ -103,7 +103,7 @@ def _show_machine(path: Path, drawing: Path | None, effects: list[Path] | None, 
 
 
 def _drawn_if_possible(file: "MachineFile", path: Path) -> Path | None:
-    """Where a picture that nobody asked for was written; None where it cannot be, which is no fault of the machine."""
+    """Draw without being asked: the picture's path, or None with a note where it cannot be written."""
     from ptt.errors import HostError, InputError
 
     try:

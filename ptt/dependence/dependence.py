@@ -33,8 +33,8 @@ class Dependence(Record):
         rivals: variables that explain about as much but are the less likely cause.
         acts_on: where an unknown that follows it acts: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways',
             'link 2', or 'x', 'y', 'z' of the tool; None where that is open.
-        unit: of the variable; '' where it has none, or nobody knows it.
-        size: of an unknown, how large it is and which way it goes; None where nobody knows it.
+        unit: of the variable; '' where it has none, or it is not known.
+        size: of an unknown, its size and sign; None where not estimated.
         reference_c: temperature at which the drawing holds, C, where the variable or the second one is a temperature;
             else None.
         points: of an unknown, (m, 2) the readings that its curve stands for: the curve's variable, and mm or rad.
@@ -74,7 +74,7 @@ class Dependence(Record):
 
     @property
     def words(self) -> str:
-        """How large it is and which way it goes, in a sentence; '' where nobody knows it."""
+        """Sentence on its size and sign; '' without a size."""
         return "" if self.size is None else say_size(self.size)
 
     def how(self, second: str | None = None) -> str:

@@ -1,4 +1,4 @@
-"""The error of a part of the rows, and of a run by level, quarter and the like."""
+"""Error figures of parts of a run: by level of a context, and by quarter of the run."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -19,8 +19,8 @@ class PartError:
     Attributes:
         label: 'slider 2', 'slider 2 up', '2.5 kg', 'first quarter'.
         rows: readings.
-        rms: root mean square of what is looked at, in `unit`.
-        mean: its mean; for sizes of tool errors, the mean size.
+        rms: root mean square of the values, in `unit`: signed joint errors, or lengths of tool errors.
+        mean: their mean.
         error: standard error of that mean.
         unit: 'mm', or 'rad' for a joint that turns.
     """

@@ -1,4 +1,4 @@
-"""Places, values and sizes of a dependence in words, with their units."""
+"""Places, values and sizes of a dependence in words, with units and significant digits."""
 
 from collections.abc import Mapping
 
@@ -7,11 +7,11 @@ import numpy as np
 from ptt.dependence.size import Size
 from ptt.effects.phrases import SIGNIFICANT, capital, figure, scaled
 
-NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
-ELSEWHERE = 2.0  # times a size along one axis that its unknown makes in all, from which most of it is elsewhere
-NOTHING = 0.01  # of a size: what beside it is none
-FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # digits of a value that anybody can use
-UNLIKE = 9  # digits that tell any two values of a table apart
+NO_CHANCE = 1e-12  # smaller p-values are shown as below this one
+ELSEWHERE = 2.0  # ratio of the rms at the tool to a size along the variable, from which the error mostly lies elsewhere
+NOTHING = 0.01  # share of a size, below which a second one is none
+FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # decimals that are shown, at most
+UNLIKE = 9  # decimals that distinguish any two values of a table
 WAYS = {
     "way": "the {} component of the tool's direction of travel",
     "turn": "the {} component of the tool's change of direction",
@@ -48,7 +48,7 @@ def by_chance(p_value: float) -> str:
 
 
 def between(low: float, high: float, unit: str) -> str:
-    """A place with as many digits as tell its ends apart, as one value where nobody could tell them.
+    """An interval with as many decimals as distinguish its ends; a single value where `FINEST` does not.
 
     Args:
         low: its lower end.
@@ -64,18 +64,18 @@ def between(low: float, high: float, unit: str) -> str:
 
 
 def _apart(low: float, high: float, most: int = UNLIKE) -> int:
-    """Digits that tell two values apart."""
+    """Decimals that distinguish two values."""
     return int(np.clip(1 - np.floor(np.log10(max(abs(high - low), 1e-9))), 0, most))
 
 
 def middle(low: float, high: float, unit: str) -> str:
-    """The middle of a place, with as many digits as its width is worth and its unit."""
+    """The middle of an interval with its unit, with decimals by the interval's width."""
     digits = int(np.clip(np.ceil(-np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, UNLIKE)))
     return f"{0.5 * (low + high):z.{digits}f} {unit}".strip()
 
 
 def say_size(size: Size) -> str:
-    """How large a dependence is and which way it goes.
+    """Sentence on the size and sign of a dependence.
 
     Args:
         size: the size.
@@ -123,12 +123,12 @@ def say_size(size: Size) -> str:
 
 
 def _is_elsewhere(size: Size, value: float) -> bool:
-    """Whether the tool is off by much more than by what it is on the whole."""
+    """Whether a tool error's rms is much larger than a value: most of it then varies with something else."""
     return size.of in ("x", "y", "z") and size.rms is not None and size.rms > ELSEWHERE * value
 
 
 def _then(size: Size, more: str, less: str) -> str:
-    """The value at the other end of what varies."""
+    """Words on the reversal error at the other end of the second variable."""
     value, std = size.other or 0.0, size.other_std or 0.0
     if abs(value) <= SIGNIFICANT * std or abs(value) < NOTHING * abs(size.value):
         bound = abs(value) + 2.0 * std
@@ -138,12 +138,12 @@ def _then(size: Size, more: str, less: str) -> str:
 
 
 def _bound(size: Size) -> float:
-    """What a size that is not known stays within."""
+    """Bound of a size whose sign is not significant: two standard errors beyond it."""
     return abs(size.value) + 2.0 * size.std
 
 
 def who_is_off(of: str) -> str:
-    """In words: 'rail 2' of 'rail 2 outward', 'the tool' of its 'x'."""
+    """The part that is off, in words: 'rail 2' for 'rail 2 outward', 'the tool' for 'x'."""
     return "the tool" if of in ("x", "y", "z") else of.removesuffix(" outward").removesuffix(" sideways")
 
 
@@ -157,10 +157,10 @@ def _arrival(size: Size) -> str:
 
 
 def _values(low: float, high: float, unit: str) -> tuple[str, str]:
-    """Two values of a variable that are told apart by their digits, each with its unit."""
+    """Two values of a variable with their unit, with enough decimals to distinguish them."""
     apart = _apart(low, high)
     digits = min(apart, FINEST.get(unit, apart))
-    if f"{low:z.{digits}f}" == f"{high:z.{digits}f}":  # as fine as anybody needs is too coarse for these
+    if f"{low:z.{digits}f}" == f"{high:z.{digits}f}":  # the usual decimals do not distinguish them
         digits = apart
     one, two = (f"{value:z.{digits}f}" for value in (low, high))
     return f"{one} {unit}".strip(), f"{two} {unit}".strip()

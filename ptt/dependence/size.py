@@ -1,4 +1,4 @@
-"""How large a dependence is and which way it goes: one figure with its sign, its standard error, and where it holds."""
+"""Size of a dependence: one signed value with its standard error, and the places that it refers to."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ Estimate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 @dataclass(frozen=True)
 class Size(Record):
-    """How far something is off, and which way.
+    """Signed size of an error that depends on one variable.
 
     Attributes:
         of: what is off: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the

@@ -211,7 +211,7 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
 
 
 def _next(result: Diagnosis) -> list[str]:
-    """What to do with the verdict."""
+    """Lines on the next step after the verdict."""
     lines, names = [], " ".join(_as_word(group[0]) for group in result.suggested)
     if names:
         sizes = result.names_size

@@ -203,5 +203,5 @@ def as_model(given: Any, usage: str) -> Model:
 
 
 def kind_of(given: Any) -> str:
-    """What was handed over, in words."""
+    """Type of an argument, in words."""
     return "nothing" if given is None else f"a {type(given).__name__}"

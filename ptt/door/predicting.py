@@ -76,7 +76,7 @@ class Predicted(Result):
 
     @property
     def status(self) -> np.ndarray:
-        """What becomes of each row, (n,): 'ok' and 'uncertain' are sent."""
+        """Status of each row, (n,); those with 'ok' and 'uncertain' are sent."""
         return self.commands.status
 
     @property
