@@ -48,6 +48,17 @@ def test_a_cycle_of_poses_has_all_its_visits_and_distances():
     assert found.to_dict()["aligned"]["AD_um"] == either.to_dict()["aligned"]["AD_um"]
 
 
+def test_a_lost_reading_does_not_part_the_visits_of_a_cycle():
+    """Both poses drift alike from cycle to cycle, so that the distance repeats exactly."""
+    target = np.tile([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]], (6, 1))
+    measured = target + np.repeat(np.arange(6.0), 2)[:, None] * [0.05, 0.0, 0.0]
+    measured[4] = np.nan
+    (figures,) = pose_report(target, measured).distances
+    assert figures.cycles == 5 and figures.repeatability == pytest.approx(0.0, abs=1e-9)
+    measured[[1, 3, 7, 9]] = np.nan  # of no more than one cycle both are left
+    assert pose_report(target, measured).distances == ()
+
+
 def test_distance_figures_by_hand():
     first, second = np.zeros((3, 3)), np.array([[0.0, 0.0, 10.1], [0.0, 0.0, 10.2], [0.0, 0.0, 10.3]])
     figures = distance_figures(first, np.vstack([second, [[0.0, 0.0, 99.0]]]), first[0], np.array([6.0, 0.0, 8.0]))

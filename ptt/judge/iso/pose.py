@@ -37,24 +37,27 @@ def pose_report(
     """
     load = np.full(len(target), np.nan) if payload is None else np.asarray(payload, dtype=np.float64)
     sides = np.zeros((len(target), 0)) if direction is None else np.asarray(direction, dtype=np.float64)
-    seen = np.flatnonzero(np.isfinite(measured).all(axis=1) & np.isfinite(target).all(axis=1))
+    asked = np.flatnonzero(np.isfinite(target).all(axis=1))
+    seen: NDArray[np.bool_] = np.isfinite(measured).all(axis=1)
     keys = np.column_stack([same_places(target), number_alike(load, SAME_LOAD), sides])
-    groups = [seen[rows] for rows in group_rows(keys[seen])]
-    repeated = [rows for rows in groups if len(rows) > 1]
+    visits = [asked[rows] for rows in group_rows(keys[asked])]
+    counts = [int(seen[rows].sum()) for rows in visits]
+    repeated = [rows for rows, count in zip(visits, counts, strict=True) if count > 1]
     if not repeated:
         fix = "measure poses repeatedly, each time from the same side"
         raise TooFewError("no pose was measured twice", fix=fix)
-    poses = tuple(_pose(target, measured, sides, load, rows) for rows in repeated)
+    poses = tuple(_pose(target, measured, sides, load, rows[seen[rows]]) for rows in repeated)
+    distances = [
+        distance_figures(measured[one], measured[two], a.target, b.target)
+        for (one, a), (two, b) in pairwise(zip(repeated, poses, strict=True))
+        if np.linalg.norm(a.target - b.target) > SAME_POSE
+    ]
     return PoseReport(
         poses=poses,
         variations=_variations(poses),
-        distances=tuple(
-            distance_figures(measured[a.rows], measured[b.rows], a.target, b.target)
-            for a, b in pairwise(poses)
-            if np.linalg.norm(a.target - b.target) > SAME_POSE
-        ),
+        distances=tuple(each for each in distances if each is not None),
         drifts=tuple(_drift(pose.target, measured[pose.rows]) for pose in poses if len(pose.rows) >= 4),
-        single=len(groups) - len(repeated),
+        single=counts.count(1),
     )
 
 
@@ -91,22 +94,25 @@ def accuracy_and_repeatability(target: Array, measured: Array) -> tuple[Array, f
     return offset, float(np.linalg.norm(offset)), float(distance.mean() + 3.0 * distance.std(ddof=1))
 
 
-def distance_figures(first: Array, second: Array, first_target: Array, second_target: Array) -> DistanceFigures:
+def distance_figures(first: Array, second: Array, first_target: Array, second_target: Array) -> DistanceFigures | None:
     """Distance accuracy AD and repeatability RD between two poses, the j-th visit of one with the j-th of the other.
 
     Args:
-        first: (n1, 3) readings of one pose, mm.
-        second: (n2, 3) readings of the other, mm; visits beyond the shorter of both are left out.
+        first: (n1, 3) readings of the visits of one pose, mm; NaN was not observed.
+        second: (n2, 3) of the other; visits beyond the shorter of both, or lost in either, are left out.
         first_target: (3,) mm.
         second_target: (3,) mm.
 
     Returns:
-        The figures.
+        The figures; None where fewer than two visits of both were observed.
     """
     cycles = min(len(first), len(second))
     distance = np.linalg.norm(first[:cycles] - second[:cycles], axis=1)
-    commanded = float(np.linalg.norm(first_target - second_target))
-    return DistanceFigures(commanded, cycles, float(distance.mean()) - commanded, 3.0 * float(distance.std(ddof=1)))
+    distance, commanded = distance[np.isfinite(distance)], float(np.linalg.norm(first_target - second_target))
+    if len(distance) < 2:
+        return None
+    accuracy = float(distance.mean()) - commanded
+    return DistanceFigures(commanded, len(distance), accuracy, 3.0 * float(distance.std(ddof=1)))
 
 
 def _pose(target: Array, measured: Array, sides: Array, load: Array, rows: NDArray[np.intp]) -> PoseFigures:
