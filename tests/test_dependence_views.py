@@ -87,6 +87,8 @@ def test_regions_need_readings_and_levels_need_variety() -> None:
     assert worst_region(np.eye(3), np.ones(3)) is None
     assert by_level(np.full(5, 2.0), np.ones(5), "kg") == ()
     assert sum(part.rows for part in by_level(np.arange(40.0), np.ones(40), "kg")) == 40
+    parts = by_level(np.array([1.0, 2.0, np.nan, 2.0]), np.ones(4), "kg")  # nobody knows that it was no load
+    assert [(part.label, part.rows) for part in parts] == [("1 kg", 1), ("2 kg", 2)]
 
 
 def test_the_noise_of_loud_coordinates_is_not_carried_into_a_quiet_one() -> None:

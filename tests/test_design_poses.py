@@ -49,7 +49,14 @@ def test_directions_come_in_opposite_pairs() -> None:
     ways = directions(3)
     assert len({tuple(way) for way in ways}) == 8
     np.testing.assert_array_equal(ways[::2], -ways[1::2])
-    assert len(directions(7)) == 64
+    assert len({tuple(way) for way in directions(6)}) == len(directions(6)) == 64
+
+
+@pytest.mark.parametrize("joints", [6, 7, 9])
+def test_any_two_joints_move_alike_in_half_of_the_directions(joints: int) -> None:
+    ways = directions(joints)
+    assert len(ways) == 64
+    np.testing.assert_array_equal(ways.T @ ways, 64.0 * np.eye(joints))
 
 
 def test_a_visit_arrives_from_either_side_of_every_joint(bench: MachineFile) -> None:

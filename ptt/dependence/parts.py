@@ -66,14 +66,15 @@ def by_level(values: np.ndarray, size: np.ndarray, unit: str) -> tuple[PartError
     """Error by level of a context.
 
     Args:
-        values: (n,) context.
+        values: (n,) context; NaN where nobody knows it.
         size: (n,) mm.
         unit: for the labels.
 
     Returns:
         A part for each level, or for each quarter of many levels; empty where there is one level only.
     """
-    values = np.round(np.nan_to_num(values), 6)
+    known = np.isfinite(values)
+    values, size = np.round(values[known], 6), size[known]
     levels = np.unique(values)
     if len(levels) < 2:
         return ()

@@ -54,17 +54,17 @@ def conditions_for(problem: Problem, known: Library, confused: Sequence[Sequence
     table = problem.table
     loads: tuple[float, ...] = ()
     if "payload" in requires or telling & LOADED:
-        seen = () if table.payload_kg is None else np.unique(np.round(table.payload_kg[problem.used], 3))
+        seen = np.unique(np.round(_known(table.payload_kg, problem), 3))
         loads = tuple(sorted({float(value) for value in (*PAYLOADS, *_ends(seen))}))
-    elif table.payload_kg is not None:
-        loads = (float(table.payload_kg[problem.used][-1]),)
+    else:
+        loads = tuple(float(value) for value in _known(table.payload_kg, problem)[-1:])
     temps: tuple[float, ...] = ()
     if "temperature" in requires and table.temp_c is not None:
         low, high = (float(end(table.temp_c[problem.used])) for end in (np.nanmin, np.nanmax))
         temps = (round(low, 1), round(max(high, low + WARMING), 1))
     feeds: tuple[float, ...] = ()
     if "speed" in requires:
-        own = () if table.feed_mm_s is None else np.unique(table.feed_mm_s[problem.used])
+        own = np.unique(_known(table.feed_mm_s, problem))
         feeds = tuple(float(value) for value in (_ends(own) if len(own) > 1 else FEEDS))
     return Conditions(loads, temps, feeds)
 
@@ -116,6 +116,12 @@ def with_base(visits: Sequence[Visit], file: MachineFile) -> list[Visit]:
         return replace(beside, q=q, name=names, role="base")
 
     return [read(visits[0], 0), *visits, read(visits[-1], -1)]
+
+
+def _known(column: np.ndarray | None, problem: Problem) -> np.ndarray:
+    """Values of a context in the used rows that state it."""
+    values = np.zeros(0) if column is None else np.asarray(column, dtype=float)[problem.used]
+    return values[np.isfinite(values)]
 
 
 def _ends(values: Sequence[float] | np.ndarray) -> tuple[float, ...]:

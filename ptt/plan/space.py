@@ -1,6 +1,7 @@
 """Poses that a machine can be sent to: within travel, away from singularities, inside a box if one is given."""
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import torch
@@ -19,6 +20,7 @@ from ptt.run.viewing import joint_limits
 MARGIN = 0.01  # share of the travel that is left alone at either end
 SAFE = 0.5  # least margin of a pose to the nearest singularity, as a share of that of the home pose
 GRID = 13  # heights of each slider in the grid that finds the extent of the workspace
+MOST_FREE = 5  # joints whose directions are drawn freely beside the opposite ones: 64 ways in all
 OVERSHOOT = 40  # draws for each wanted pose, at most
 BATCH, LARGE_BATCH = 512, 16_384  # poses drawn at once, at least and at most; the sequence does not depend on it
 
@@ -167,14 +169,20 @@ def draw_poses(space: Space, count: int, random: np.random.Generator, progress: 
 def directions(joints: int) -> np.ndarray:
     """Ways in which all joints can move at once, opposite ones next to each other.
 
+    All of them up to six joints; of more a fractional factorial design, whose further columns are products of the first
+    ones, so that any two joints move alike in half of the ways.
+
     Args:
         joints: k.
 
     Returns:
         (2^k, k), +1 and -1; at most 64 rows.
     """
-    count = min(2**joints, 64)
-    half = np.array([[1.0 if (index >> bit) & 1 else -1.0 for bit in range(joints)] for index in range(count // 2)])
+    free = min(joints, MOST_FREE + 1) - 1
+    index = np.arange(2**free)
+    bits = np.array([np.where((index >> bit) & 1, 1.0, -1.0) for bit in range(free)]).reshape(free, -1)
+    pairs = [bits[list(some)].prod(axis=0) for size in range(2, free + 1) for some in combinations(range(free), size)]
+    half = np.stack([*bits, np.full(len(index), -1.0), *pairs][:joints], axis=1)
     return np.stack([half, -half], axis=1).reshape(-1, joints)
 
 

@@ -38,7 +38,7 @@ def pose_report(
     load = np.full(len(target), np.nan) if payload is None else np.asarray(payload, dtype=np.float64)
     sides = np.zeros((len(target), 0)) if direction is None else np.asarray(direction, dtype=np.float64)
     asked = np.flatnonzero(np.isfinite(target).all(axis=1))
-    seen: NDArray[np.bool_] = np.isfinite(measured).all(axis=1)
+    seen = np.asarray(np.isfinite(measured).all(axis=1))
     keys = np.column_stack([same_places(target), number_alike(load, SAME_LOAD), sides])
     visits = [asked[rows] for rows in group_rows(keys[asked])]
     counts = [int(seen[rows].sum()) for rows in visits]
