@@ -8,7 +8,7 @@ import pytest
 from ptt.effects.registry import library
 from ptt.fitting.prior import design_effect_of
 from ptt.fitting.solve import fit
-from ptt.fleet.shares import POSES, Share, drawers_of
+from ptt.fleet.shares import BUCKETS, Share, buckets_of
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
@@ -36,14 +36,14 @@ def test_groups_that_are_empty_or_small_make_independent_rows_no_crowd(sizes: li
     assert clustered <= 10  # of three standard deviations, with the long tail of a chi-squared
 
 
-def test_a_log_of_a_few_poses_is_no_crowd_because_most_drawers_are_empty() -> None:
+def test_a_log_of_a_few_poses_is_no_crowd_because_most_buckets_are_empty() -> None:
     place, clustered = np.random.default_rng(1).uniform(-80.0, 80.0, (50, 3)).round(3), 0
-    at = drawers_of(place)[np.arange(1000) % 50]
+    at = buckets_of(place)[np.arange(1000) % 50]
     nothing = (np.zeros((0, 0)), np.zeros(0), 0.0, 0), np.zeros(0)
     for seed in range(200):
         residual = np.random.default_rng(seed).normal(size=(1000, 3))
         columns = (*residual.T, np.square(residual).sum(axis=1), np.ones(1000))
-        poses = np.stack([np.bincount(at, column, POSES) for column in columns], axis=1)
+        poses = np.stack([np.bincount(at, column, BUCKETS) for column in columns], axis=1)
         clustered += Share(*nothing, poses, np.zeros(3), 1000, (np.zeros(0, int), np.zeros(0))).design_effect > 1.0
     assert clustered <= 10
 

@@ -17,7 +17,7 @@ from ptt.fleet.alarms import Alarm
 from ptt.fleet.models import OF_RUN
 from ptt.fleet.overview import overview
 from ptt.fleet.past import Past, unsettled
-from ptt.fleet.queue import alone_with, keep, next_task
+from ptt.fleet.queue import alone_with, keep_outcome, next_task
 from ptt.fleet.run import run_all
 from ptt.fleet.runs import open_task, read_task
 from ptt.fleet.store import Store, add_machine, add_run, create_store, open_store
@@ -190,7 +190,7 @@ def test_a_machine_on_which_nothing_was_ever_found_has_nothing_to_refit(tmp_path
     for day, solved in (("2026-03-06", DRAWING), ("2026-04-06", None)):
         path = measure(tmp_path, day, GAPS)
         add_run(plant, "press", path, read_table(path), None, ordered=False, units_said=False)
-        keep(plant, Outcome(next_task(plant, "press").run, "press", "recheck", "same", "", 0.0, solved=solved))
+        keep_outcome(plant, Outcome(next_task(plant, "press").run, "press", "recheck", "same", "", 0.0, solved=solved))
     refused = fleet("accept", plant.folder, "press")
     assert refused.exit_code == 3 and "nothing was ever fitted to 'press'" in refused.stderr
 
@@ -204,7 +204,7 @@ def test_a_run_that_is_added_late_is_held_against_the_model_of_its_time(
     put(plant, early)
     task = next_task(plant, "mill")
     assert task.solved == accepted.removesuffix("# once more\n")
-    keep(plant, Outcome(task.run, "mill", "recheck", "same", "", 0.0))
+    keep_outcome(plant, Outcome(task.run, "mill", "recheck", "same", "", 0.0))
     put(plant, late)
     assert next_task(plant, "mill").solved == accepted
 

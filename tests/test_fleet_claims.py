@@ -12,7 +12,7 @@ from test_fleet_store import fill
 
 from ptt.errors import InputError
 from ptt.fleet.database import transaction
-from ptt.fleet.queue import again, claim, keep, next_task, waiting
+from ptt.fleet.queue import claim, keep_outcome, next_task, requeue_failed, waiting
 from ptt.fleet.run import run_all
 from ptt.fleet.store import create_store
 from ptt.fleet.task import Outcome
@@ -61,7 +61,7 @@ def test_readings_that_are_gone_are_named_with_the_way_out(tmp_path):
 def test_what_came_of_a_run_is_written_once(tmp_path):
     store = fill(tmp_path / "s", 1, 1)
     task = next_task(store, "m0")
-    assert keep(store, outcome(task)) and not keep(store, outcome(task))
+    assert keep_outcome(store, outcome(task)) and not keep_outcome(store, outcome(task))
     assert len(store.ask("SELECT * FROM outcomes")) == 1
 
 
@@ -131,4 +131,4 @@ def test_a_failed_run_waits_again_only_when_asked(tmp_path):
 
     assert run_all(store, work=failed).verdicts == {"failed": 2}
     assert run_all(store, work=failed).runs == 0
-    assert again(store) == 2 and sum(waiting(store).values()) == 2
+    assert requeue_failed(store) == 2 and sum(waiting(store).values()) == 2

@@ -17,7 +17,7 @@ from ptt.fleet import log as logs
 from ptt.fleet.fit_log import fit_file, fit_log
 from ptt.fleet.log import enter_part, hand_on, open_log, read_log, read_part
 from ptt.fleet.log_copy import to_parquet
-from ptt.fleet.shares import Passes, drawers_of
+from ptt.fleet.shares import Passes, buckets_of
 from ptt.fleet.sound import require_sound
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
@@ -107,12 +107,12 @@ def test_a_clock_that_is_set_back_goes_on_from_part_to_part_as_in_a_run(empty: b
     np.testing.assert_allclose(np.concatenate(parts)[told], whole, atol=1e-9)
 
 
-def test_readings_of_a_pose_fall_into_one_drawer_where_its_target_is_written_to_the_micron():
+def test_readings_of_a_pose_fall_into_one_bucket_where_its_target_is_written_to_the_micron():
     random = np.random.default_rng(4)
     place = np.round(random.uniform(-80.0, 80.0, (2000, 3)), 3)
-    drawer = drawers_of(place)
-    assert (drawers_of(place + random.uniform(-4e-4, 4e-4, place.shape)) == drawer).all()
-    assert len(np.unique(drawer)) > 1500  # by chance 1582 of 4096
+    bucket = buckets_of(place)
+    assert (buckets_of(place + random.uniform(-4e-4, 4e-4, place.shape)) == bucket).all()
+    assert len(np.unique(bucket)) > 1500  # by chance 1582 of 4096
 
 
 def test_what_the_machine_was_given_comes_back_and_rows_far_off_are_left_out(tmp_path):

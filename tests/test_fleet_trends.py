@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ptt.fleet.alarms import Names, amount, of_movement, unlike
+from ptt.fleet.alarms import Names, alarm_of_movement, amount, unlike
 from ptt.fleet.overview import Standing
-from ptt.fleet.past import Past, of_changes, of_runs
+from ptt.fleet.past import Past, alarms_of_changes, alarms_of_runs
 from ptt.fleet.trends import Moves, Series, movements
 from ptt.fleet.words import machine_in_words
 
@@ -135,7 +135,7 @@ def words(kind: str, slope: float, usual: float) -> str:
     )
     moves = movements(given)
     names = Names(given.names, [f"play of slider {i}" for i in range(COUNT)], ["mm"] * COUNT, np.full(COUNT, usual))
-    alarm = of_movement(moves.movements[0], moves, names, given.days)
+    alarm = alarm_of_movement(moves.movements[0], moves, names, given.days)
     return "" if alarm is None else alarm.words
 
 
@@ -199,28 +199,28 @@ def past(month: int, verdict: str | None, added: tuple[str, ...] = (), error: fl
 
 def test_physics_that_came_stays_an_alarm_after_the_model_has_it():
     runs = [past(1, "missing"), past(2, "new", ("once-per-rev",), 32.2), past(3, "same"), past(4, None)]
-    (alarm,) = of_runs(runs)
+    (alarm,) = alarms_of_runs(runs)
     assert (alarm.effect, alarm.trend, alarm.when) == ("once-per-rev", "new", "2026-02-05")
     assert "32.2 um, where 5.5 um" in alarm.words
-    assert of_runs([runs[0], runs[2]]) == []
+    assert alarms_of_runs([runs[0], runs[2]]) == []
 
 
 def test_a_last_run_that_could_not_be_used_or_named_is_an_alarm_until_a_better_one_comes():
-    assert [alarm.trend for alarm in of_runs([past(1, "missing"), past(2, "new"), past(3, None)])] == ["new"]
-    assert [alarm.trend for alarm in of_runs([past(1, "missing"), past(2, "setup")])] == ["setup"]
-    assert of_runs([past(1, "missing"), past(2, "setup"), past(3, "same")]) == []
+    assert [alarm.trend for alarm in alarms_of_runs([past(1, "missing"), past(2, "new"), past(3, None)])] == ["new"]
+    assert [alarm.trend for alarm in alarms_of_runs([past(1, "missing"), past(2, "setup")])] == ["setup"]
+    assert alarms_of_runs([past(1, "missing"), past(2, "setup"), past(3, "same")]) == []
 
 
 def test_what_the_last_run_shows_otherwise_is_an_alarm_before_it_is_a_trend():
     worn = replace(past(3, "changed"), changed=(("backlash", "gap_mm 2", "Slider 2 loses 45 um"),))
-    (alarm,) = of_changes([past(1, "missing"), worn, past(4, None)], [])
+    (alarm,) = alarms_of_changes([past(1, "missing"), worn, past(4, None)], [])
     assert (alarm.effect, alarm.parameter, alarm.trend, alarm.when) == ("backlash", "gap_mm 2", "changed", "2026-03-05")
     assert alarm.words == "Slider 2 loses 45 um"
-    assert of_changes([worn], [alarm]) == []  # a trend of the same value says more
+    assert alarms_of_changes([worn], [alarm]) == []  # a trend of the same value says more
     all_of_it = replace(worn, changed=tuple(("backlash", f"gap_mm {joint}", "All at once") for joint in (1, 2, 3)))
-    (whole,) = of_changes([all_of_it], [])  # one sentence for three values
+    (whole,) = alarms_of_changes([all_of_it], [])  # one sentence for three values
     assert (whole.effect, whole.parameter, whole.words) == ("backlash", "", "All at once")
-    assert of_changes([replace(worn, accepted=True)], []) == of_changes([worn, past(4, "same")], []) == []
+    assert alarms_of_changes([replace(worn, accepted=True)], []) == alarms_of_changes([worn, past(4, "same")], []) == []
 
 
 def test_a_value_that_no_run_tells_is_shown_as_none():

@@ -11,7 +11,7 @@ from ptt.again.result import Recheck
 from ptt.challenge.truth import table_of
 from ptt.effects import library
 from ptt.fitting.solve import residual_of, rms
-from ptt.fleet.again import hold_against
+from ptt.fleet.again import recheck_or_diagnose
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine, parse_machine
@@ -93,6 +93,6 @@ def test_a_machine_that_is_the_same_errs_as_expected_in_the_frame_of_the_reflect
 
 def test_a_store_holds_a_machine_without_values_against_its_drawing_in_that_frame_as_well() -> None:
     later = run_of(4, (0.1, 0.1, 0.1))
-    found = hold_against(Model(later.file), later, library(), str)
+    found = recheck_or_diagnose(Model(later.file), later, library(), str)
     assert found.verdict == "new" and found.now_um == pytest.approx(as_compared(Model(later.file), later), rel=0.01)
     assert found.now_um > 90.0

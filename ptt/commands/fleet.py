@@ -152,7 +152,7 @@ def run(
     from functools import partial
 
     from ptt.errors import InputError
-    from ptt.fleet.queue import again as once_more
+    from ptt.fleet.queue import requeue_failed
     from ptt.fleet.run import run_all
     from ptt.fleet.store import open_store
     from ptt.fleet.work import work
@@ -162,7 +162,7 @@ def run(
     opened, files = open_store(store), _files(effects)
     do = partial(work, effects=files) if files else None
     if again:
-        note(f"{once_more(opened)} failed runs will be retried")
+        note(f"{requeue_failed(opened)} failed runs will be retried")
     with progress() as tell:
         if scheduler is None and workers is None:
             done = run_all(opened, tell, do)

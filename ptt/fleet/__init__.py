@@ -1,1 +1,1 @@
-"""Many machines, many months: a store of runs, what became of each, and who is going bad."""
+"""Many machines over many months: a store of their runs and results, and alarms on what changes."""

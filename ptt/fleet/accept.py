@@ -1,4 +1,4 @@
-"""A repair or a change is accepted: the model fitted to a run is the machine's from that run on."""
+"""Accepting a repair or a change: the model fitted to a run is the machine's from that run on."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,17 +22,18 @@ MADE = "SELECT made, toml FROM models WHERE machine = ? AND run = ? AND made IN 
 
 @dataclass(frozen=True)
 class Accepted(Record):
-    """A model that was taken as its machine's.
+    """A model that was accepted as its machine's.
 
     Attributes:
         machine: its name.
-        run: SHA-256 of the run that it was fitted to.
+        run: SHA-256 of the run that the model was fitted to.
         file: name of the run's file.
-        date: from which on it holds, ISO 8601.
+        date: the model holds from this date on, ISO 8601.
         new: whether it was not the machine's model already.
-        error_um: of that run 'before', with the model that held until then, and 'after'; held-out rows 'heldout'.
+        error_um: rms errors of that run: 'before' with the model that held until then, 'after' with this one,
+            'heldout' with this one on held-out rows; None where the model has no history.
         noise_um: the noise floor of that run.
-        waiting: later runs that wait to be held against it.
+        waiting: number of later runs that wait to be rechecked against it.
     """
 
     machine: str
@@ -65,24 +66,24 @@ class Accepted(Record):
 def accept(
     store: Store, machine: str, which: str | None = None, tell: Tell | None = None, work: Work | None = None
 ) -> Accepted:
-    """Fit a machine's model to one of its runs, and hold later runs against that.
+    """Fit a machine's model to one of its runs, and let later runs be rechecked against that.
 
-    What the run cannot test (an effect of loads, where it has one load) stays as it was. The models before stay in the
-    store. The same run accepted twice is accepted once.
+    Effects that the run cannot test (one of loads, where it has a single load) stay as they were. Earlier models stay
+    in the store. Accepting a run again does nothing.
 
     Args:
         store: the store.
         machine: its name.
         which: the run: file name, date or beginning of its SHA-256; None for the last.
         tell: told what is being done.
-        work: what fits the model; None for `ptt.fleet.work.refit`.
+        work: fits the model; None for `ptt.fleet.work.refit`.
 
     Returns:
-        What was accepted.
+        The accepted model.
 
     Raises:
         InputError: no such machine or run, the run has not been processed yet, or another process works on the machine.
-        PosesError: the run cannot be used, or nothing was ever fitted to the machine.
+        PosesError: the run cannot be used, or no effect was ever fitted to the machine.
     """
     run = _chosen(store, machine, which)
     with alone_with(store, machine, "accept when it is done"):
@@ -105,7 +106,7 @@ def _accept(store: Store, run: dict[str, Any], tell: Tell, work: Work | None) ->
 
 
 def _already(store: Store, run: dict[str, Any]) -> Accepted | None:
-    """The run, where its model is the machine's from it on as it is."""
+    """The run, where the machine's model was made from it already; None otherwise."""
     with transaction(store.file, read_only=True) as connection:
         made = rows(connection, MADE, run["machine"], run["run"])
     return _told(run, made[0]["toml"], new=False, waiting=0) if made else None
@@ -117,7 +118,7 @@ def _told(run: dict[str, Any], text: str, *, new: bool, waiting: int) -> Accepte
 
 
 def errors_of(text: str) -> tuple[dict[str, float | None], float | None]:
-    """What the last step of a model says of the run that it was fitted to, um: errors, and the noise floor."""
+    """Rms errors of the last step in a model's history ('before', 'after', 'heldout'), and its noise floor, um."""
     entries = read_entries(parse_machine(text, ""))
     if not entries:
         return {"before": None, "after": None, "heldout": None}, None
@@ -127,11 +128,11 @@ def errors_of(text: str) -> tuple[dict[str, float | None], float | None]:
 
 
 def _chosen(store: Store, machine: str, which: str | None) -> dict[str, Any]:
-    """The run that is meant.
+    """The row of the run to accept.
 
     Raises:
-        InputError: none, several, or one that was not worked on.
-        PosesError: one that could not be used.
+        InputError: there is none or several, or it was not processed yet.
+        PosesError: it could not be used.
     """
     run = which_run(store, machine, which)
     if run["verdict"] is None:

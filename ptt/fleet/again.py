@@ -1,4 +1,4 @@
-"""Has a machine changed since its model was made? `ptt recheck`; a diagnosis where the model has nothing to recheck."""
+"""Comparison of a later run with the machine's model: a recheck, or a diagnosis where the model has no effects."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -15,16 +15,16 @@ from ptt.run.problem import Problem
 
 
 @dataclass(frozen=True)
-class Again:
-    """What a later run says.
+class Rechecked:
+    """How a later run compares with the machine's model.
 
     Attributes:
         verdict: 'same', 'changed' or 'new'.
-        words: for a person.
-        result: as `ptt recheck --json` has it.
+        words: the verdict for a person.
+        result: as `ptt recheck --json`.
         added: effects that are new.
-        expected_um: error of a machine that has not changed.
-        now_um: error of this run with the model as it was.
+        expected_um: rms error of this run if the machine has not changed; None where unknown.
+        now_um: rms error of this run with the model as it was.
     """
 
     verdict: str
@@ -35,27 +35,28 @@ class Again:
     now_um: float | None
 
 
-def hold_against(model: Model, problem: Problem, known: Library, tell: Tell) -> Again:
-    """Hold a later run against the model that an earlier one made.
+def recheck_or_diagnose(model: Model, problem: Problem, known: Library, tell: Tell) -> Rechecked:
+    """Compare a later run with the model that was fitted to an earlier one.
 
     Args:
-        model: as it holds for the run.
+        model: the model as it applies to the run.
         problem: the run, with its noise floor.
         known: effects by name.
         tell: told what is being done.
 
     Returns:
-        What it says.
+        The comparison.
     """
     if not any(len(term.theta) for term in model.terms):
         return _against_the_drawing(model, problem, known, tell)
     found = recheck(model, problem, known, progress=tell)
     added = [] if found.new is None else [step[0] for step in found.new.suggested]
-    return Again(found.verdict, found.words, found.to_dict(), added, found.error_um["expected"], found.error_um["now"])
+    error = found.error_um
+    return Rechecked(found.verdict, found.words, found.to_dict(), added, error["expected"], error["now"])
 
 
-def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: Tell) -> Again:
-    """A machine on which nothing was found has no values that could change; whatever is found now is new."""
+def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: Tell) -> Rechecked:
+    """A model without effects has no values that could have changed; whatever a diagnosis finds is new."""
     found = diagnose_run(model, problem, known, progress=tell)
     verdict = "same" if found.verdict == "nothing-missing" else "new"
     as_given = residual_of(model, problem, found.noise)  # a diagnosis fits the frame, even one that reflectors hold
@@ -71,4 +72,4 @@ def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: T
         "since": None,
         "words": found.words,
     }
-    return Again(verdict, found.words, result, added, expected, now)
+    return Rechecked(verdict, found.words, result, added, expected, now)

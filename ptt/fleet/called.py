@@ -1,4 +1,4 @@
-"""What stands where a machine is named: its name, or its machine file or compensator folder, which has that name."""
+"""How the command line names a machine: by its name, or by its machine file or compensator folder."""
 
 import os
 from pathlib import Path
@@ -9,17 +9,17 @@ from ptt.fleet.store import machine_of as drawing_known
 
 
 def machine_called(store: Store, text: str) -> tuple[str, Path | None]:
-    """A machine's name, and its drawing where that was named in its place.
+    """A machine's name, and the path of its drawing where that was given instead of the name.
 
-    A name that the store knows is that machine, whatever files lie about.
+    A name that the store knows comes before a file or folder of the same name.
 
     Args:
         store: the store.
         text: a name, or the path of a machine file (.toml) or of a compensator folder.
 
     Returns:
-        The name: of a file the one under [machine], else what the file is called. And the file or folder; None where a
-        name was given.
+        The name (that under [machine] of a file, or the file's own without its ending), and the file or folder; None
+        where a name was given.
 
     Raises:
         InputError: the file is no machine file, or the folder no whole compensator.

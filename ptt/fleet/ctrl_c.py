@@ -1,4 +1,4 @@
-"""Ctrl-C while processes start or end: it waits, and they never get it."""
+"""Holding back Ctrl-C while processes are started or ended."""
 
 import signal
 import threading
@@ -8,13 +8,13 @@ from contextlib import contextmanager
 
 @contextmanager
 def held_back() -> Iterator[list[int]]:
-    """Let what is within be done whole; a cluster that is half started or half closed cannot be stopped in one line.
+    """Hold back SIGINT while the body runs: a cluster that is half started or half closed fails with long tracebacks.
 
-    A terminal sends Ctrl-C to every process that it runs. Those that are started within inherit that they do not
-    listen, so that only the one which started them ends them.
+    A terminal sends Ctrl-C to every process that it runs. Processes that are started in the body inherit a mask that
+    blocks it, so that only the process which started them ends them.
 
     Yields:
-        The signals that came meanwhile, for whoever is to obey them then.
+        A list that collects the signals held back; the caller has to act on them.
     """
     came: list[int] = []
     if threading.current_thread() is not threading.main_thread():  # no other thread is interrupted
@@ -25,7 +25,7 @@ def held_back() -> Iterator[list[int]]:
     if masked:
         from multiprocessing import resource_tracker
 
-        resource_tracker.ensure_running()  # started later by another thread, it would let the signal into that again
+        resource_tracker.ensure_running()  # its start unblocks SIGINT in this thread: start it before blocking
     old = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if masked else set()
     try:
         yield came

@@ -1,4 +1,4 @@
-"""The store's DuckDB file: one writer at a time, so everybody opens it briefly and waits for the others."""
+"""Access to the store's DuckDB file: it allows one writing process, so each opens it briefly and waits for others."""
 
 import random
 import re
@@ -15,15 +15,15 @@ from ptt.errors import HostError, InputError, shown
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection as Connection
 
-PATIENCE = 60.0  # s that anybody waits for the file; transactions here take a few milliseconds
-ONE_THREAD = {"threads": 1}  # what is asked here is small: starting threads takes longer than answering
+PATIENCE = 60.0  # s to wait for the file; transactions here take a few milliseconds
+ONE_THREAD = {"threads": 1}  # queries here are small: starting threads takes longer than answering
 DAMAGED = re.compile("IOException|Corrupt|checksum|SerializationException|InternalException|FatalException")
-INTERRUPTED = "Query interrupted"  # what DuckDB says of a statement that Ctrl-C broke off
-PAUSE = 0.02  # s before the first further try; doubled up to half a second, so that many waiting do not crowd
+INTERRUPTED = "Query interrupted"  # DuckDB's message for a statement that Ctrl-C broke off
+PAUSE = 0.02  # s before the file is tried again; doubled each time up to half a second (exponential backoff)
 
 
 def duckdb() -> Any:
-    """The package, or a word on how to get it.
+    """The package duckdb, imported when it is first needed.
 
     Raises:
         InputError: it is not installed.
@@ -37,23 +37,23 @@ def duckdb() -> Any:
 
 @contextmanager
 def transaction(path: Path, *, read_only: bool = False, patience: float = PATIENCE) -> Iterator["Connection"]:
-    """All or nothing of what is done to a database, alone with it while it lasts.
+    """A transaction on a database file: committed when the body ends, undone where it raises.
 
     Args:
         path: the DuckDB file.
-        read_only: nothing will be written; several may read at once.
-        patience: how long to wait for others, s.
+        read_only: nothing will be written; several processes may read at once.
+        patience: how long to wait for processes that have the file open, s.
 
     Yields:
         The connection.
 
     Raises:
-        InputError: another program keeps the file, or it is none of DuckDB's, or damaged.
+        InputError: another program keeps the file open, it is no DuckDB file, or it is damaged.
         HostError: the disk is full.
     """
     connection, package = _connect(path, read_only, patience), duckdb()
     try:
-        with _heard():
+        with _interruptible():
             connection.begin()
             yield connection
             connection.commit()
@@ -65,24 +65,24 @@ def transaction(path: Path, *, read_only: bool = False, patience: float = PATIEN
 
 @contextmanager
 def in_memory() -> Iterator["Connection"]:
-    """A connection to a database of this process alone, which reads and writes files of readings.
+    """A connection to a database in memory, for queries that read and write files of readings.
 
     Yields:
         The connection.
     """
-    with _heard(), _database().cursor() as connection:
+    with _interruptible(), _database().cursor() as connection:
         yield connection
 
 
 @cache
 def _database() -> "Connection":
-    """The database in memory: opening one takes longer than reading a run."""
+    """The database in memory, opened once: opening takes longer than reading a run."""
     return duckdb().connect(config=ONE_THREAD)
 
 
 @contextmanager
-def _heard() -> Iterator[None]:
-    """Ctrl-C as everywhere else: DuckDB makes an error of its own of it, which would be told as a run's outcome."""
+def _interruptible() -> Iterator[None]:
+    """Turn DuckDB's own error after Ctrl-C into KeyboardInterrupt; as an error it would be kept as a run's outcome."""
     try:
         yield
     except RuntimeError as error:
@@ -92,7 +92,7 @@ def _heard() -> Iterator[None]:
 
 
 def _failed(path: Path, error: Exception) -> Exception:
-    """What DuckDB says of a file that is damaged or cannot grow, as an error of ours; a mistake of ours as it is."""
+    """DuckDB's error for a file that is damaged or cannot grow as InputError or HostError; any other as it is."""
     text = " ".join(str(error).split())
     if re.search("No space|Disk quota|could not allocate", text, re.IGNORECASE):
         return HostError(f"{path}: cannot be written ({shown(text, 200)}); make room and try again")
@@ -122,34 +122,34 @@ def _connect(path: Path, read_only: bool, patience: float) -> "Connection":
 
 
 def _holder(message: str) -> str:
-    """What DuckDB says of who holds the file."""
+    """The part of DuckDB's message that says which process holds the file."""
     start = message.find("Conflicting lock")
     return message[start:].split(". ")[0] if start >= 0 else message
 
 
 def rows(connection: "Connection", query: str, *values: Any) -> list[dict[str, Any]]:
-    """What a query answers, one dictionary for each row."""
-    answer = connection.execute(query, _kept(values))
+    """The rows that a query returns, each as column -> value."""
+    answer = connection.execute(query, _storable(values))
     names = [column[0] for column in answer.description or ()]
     return [dict(zip(names, row, strict=True)) for row in answer.fetchall()]
 
 
 def now() -> datetime:
-    """The time, UTC, as the store has it."""
+    """The time now, UTC without a time zone, as the store keeps times."""
     return datetime.now(UTC).replace(tzinfo=None)
 
 
 def insert(connection: "Connection", table: str, **values: Any) -> None:
-    """Put one row into a table; its column names are ours, its values are anybody's."""
+    """Insert one row into a table. Values may come from users; table and column names are not escaped."""
     marks = ", ".join("?" for _ in values)
-    connection.execute(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({marks})", _kept(values.values()))
+    connection.execute(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({marks})", _storable(values.values()))
 
 
-def _kept(values: Iterable[Any]) -> list[Any]:
-    """Values as the database takes them; a name that came as bytes of no encoding is none.
+def _storable(values: Iterable[Any]) -> list[Any]:
+    """Values as a list for the database.
 
     Raises:
-        InputError: a text that is no UTF-8.
+        InputError: a text that is not UTF-8, such as a file name of other bytes.
     """
     found = list(values)
     for text in (value for value in found if isinstance(value, str)):

@@ -1,4 +1,4 @@
-"""A model fitted to a log part by part."""
+"""Fitting a model to a log (a run too long for memory), part by part."""
 
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -45,12 +45,12 @@ class LogFit:
     """A model fitted to a log.
 
     Attributes:
-        fitted: the fit; it holds nothing of single rows.
-        rows: that counted.
+        fitted: the fit; its fields for single rows (residuals, predictions) are empty.
+        rows: how many rows were fitted.
         gross: rows left out as gross errors, (m,) int from 0.
-        before_um: what the model left as it was given, x, y, z, total.
-        after_um: what is left; of rows it had not seen as much, since there are many and few values.
-        passes: over the log.
+        before_um: rms residual of the model as it was given, by x, y, z and total.
+        after_um: the same of the fitted model. It stands for the held-out error too: rows are many and values few.
+        passes: how often the log was read.
     """
 
     fitted: FitResult
@@ -91,11 +91,11 @@ class LogFit:
         return "\n".join([*lines, f"{passes}; {self.fitted.status}"])
 
     def to_file(self, log: Log, source: Path) -> MachineFile:
-        """The fitted model with its covariance and one more step of its history.
+        """The fitted model as a machine file, with its covariance and one more step of its history.
 
         Args:
-            log: that it was fitted to.
-            source: its file as it was given.
+            log: the log that it was fitted to.
+            source: the log's file as it was given.
         """
         digest = sha256(source)
         step: dict[str, Any] = {
@@ -114,9 +114,9 @@ def fit_log(model: Model, log: Log, client: Any = None, tell: Progress | None = 
     """Fit a model to a log.
 
     Args:
-        model: effects without values start where the first rows put them.
+        model: the model; effects without values start from a fit to the first rows.
         log: the log.
-        client: of a dask cluster whose workers see the file; None does it here, a part at a time.
+        client: of a dask cluster whose workers see the file; None to work in this process, a part at a time.
         tell: told what is being done.
 
     Returns:
@@ -140,14 +140,14 @@ def fit_file(
     log: Path, model: Path, out: Path, scheduler: str | None = None, workers: int | None = None,
     tell: Progress | None = None, *, anyway: bool = False, effects: Sequence[str] = (), note: Note = ignore_note,
 ) -> LogFit:  # fmt: skip
-    """Fit a model to a log in a file, and write it.
+    """Fit a model to a log file, and write the fitted model.
 
     Args:
         log: Parquet, or a CSV, which is copied to Parquet beside `out` for as long as it takes.
-        model: machine.toml.
-        out: machine.toml.
+        model: machine.toml to start from.
+        out: machine.toml to write.
         scheduler: address of a dask scheduler whose workers see the file; None starts `workers` here.
-        workers: how many; None for none, the parts are then worked on in this process.
+        workers: number of processes to start; None, without a scheduler, to work in this process alone.
         tell: told what is being done.
         anyway: whether to go on although the set-up looks mistaken.
         effects: Python files with effects of the user's own; workers have to see them at the same place.
@@ -180,7 +180,7 @@ def fit_file(
 
 
 def start_of(model: Model, log: Log, noise: Noise) -> list[Term]:
-    """All terms with values; new ones start where the first rows put them, shapes and all.
+    """All terms with values; those that have none get them, shape parameters included, from a fit to the first rows.
 
     Raises:
         ModelError: the moment of a sudden effect is not known yet.

@@ -1,7 +1,7 @@
-"""A log of more rows than one machine holds: Parquet that is read part by part, where a part is worked on.
+"""A log, a run with more rows than memory holds: a Parquet file read part by part, in the process that works on a part.
 
-Rows beside a part are read with it, so that its speeds and turns are those of the whole travel; how the joints came to
-it is handed on from the part before (`ptt.run.turns`).
+Neighbouring rows are read with a part, so that its speeds and directions are those of the whole travel; the memory of
+hysteresis at its first row is passed on from the part before (`ptt.run.turns`).
 """
 
 import re
@@ -28,9 +28,9 @@ from ptt.run.target_frame import in_base
 from ptt.run.turns import Entry
 from ptt.run.viewing import build_view
 
-SPREAD = 4_000  # rows all over a log that tell the frame and what varies
-KEPT_ROWS = 4  # rows of it that are kept
-NUMBERS = re.compile(
+SPREAD = 4_000  # rows, evenly spaced over a log, from which the frame and what varies are found (one to two times)
+KEPT_ROWS = 4  # of these rows that `Log.whole` keeps: it is sent with every task
+NUMBERS = re.compile(  # titles of numeric columns
     r"[xyz]_(cmd|meas|std)|q[xyzw]_(cmd|meas)|[bq]\d+_cmd(_rad|_deg)?|(dir|tau)\d+|repeat|time_s|payload_kg|temp_c|feed_mm_s"
 )
 
@@ -39,13 +39,13 @@ Part = tuple[int, int]  # first row, and the row after the last
 
 @dataclass(frozen=True)
 class LogState:
-    """What one part of a log hands on to the next.
+    """The state at the end of one part of a log, from which the next part starts.
 
     Attributes:
-        entry: how the joints came to its first row.
-        direction: (k,) in which each joint moved last.
-        clock: s, what it showed last, since the first row; NaN where it never did.
-        back: s, by how much it went back in all until then.
+        entry: memory of hysteresis at the next part's first row.
+        direction: direction in which each joint moved last, (k,), +1 or -1.
+        clock: last time that was read, s since the first row; NaN where there was none yet.
+        back: sum of all steps by which the time went back until then, s.
     """
 
     entry: Entry
@@ -56,18 +56,19 @@ class LogState:
 
 @dataclass(frozen=True)
 class Log:
-    """A long log, and what each of its parts must know of the whole.
+    """A long log, and what each of its parts has to know of the whole.
 
     Attributes:
         machine: the machine.
-        file: Parquet with the columns of a tracker CSV, in travel order.
-        rows: n.
-        parts: rows of each.
-        whole: what all parts share: the first motion into the base frame, what varies, where targets are stated.
-        ranges: column -> lowest and highest load, temperature and speed.
-        driven: whether the machine moved while it was read.
-        clock: seconds of the first row.
-        noise: as far as first rows or the machine file tell it.
+        file: Parquet file with the columns of a tracker CSV, in travel order.
+        rows: number of its rows.
+        parts: first row, and row after the last, of each part.
+        whole: a problem of few rows that holds what all parts share: the first estimate of the motion into the base
+            frame, what varies, in which frame targets are stated.
+        ranges: column -> lowest and highest payload, temperature and speed.
+        driven: whether the machine moved while it was read, so that rows have speeds.
+        clock: time of the first row, s.
+        noise: the noise floor from the first rows or the machine file; None where neither gives one.
     """
 
     machine: MachineFile
@@ -82,18 +83,19 @@ class Log:
 
 
 def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
-    """Look at a log: how long it is, and what its parts must know of the whole.
+    """Open a log: count its rows, cut it into parts, and find what all parts share.
 
     Args:
         machine: the machine.
-        file: Parquet with the columns of a tracker CSV, one run in travel order.
-        size: rows of a part, at most.
+        file: Parquet file with the columns of a tracker CSV, one run in travel order.
+        size: most rows of a part.
 
     Returns:
         The log.
 
     Raises:
-        InputError: it cannot be read, or holds what only a run that is read whole can tell.
+        InputError: it cannot be read, or has base reflectors, an arm's own mount or several runs, which parts cannot
+            have.
     """
     path = Path(file)
     rows = int(ask_log(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
@@ -105,22 +107,22 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
     seen = build_view(machine, in_base(table, first.stated_in))
     driven = ("speed" in seen.varies) == ("speed" in first.view.varies)
     clock = 0.0 if table.time_s is None else float(table.time_s[0])
-    varies = first.view.varies | spread.view.varies - {"speed", "direction"}  # those two are told by rows side by side
-    few = take_entered(spread, [(0, KEPT_ROWS)], [None])  # it travels with every task
+    varies = first.view.varies | spread.view.varies - {"speed", "direction"}  # these two need consecutive rows
+    few = take_entered(spread, [(0, KEPT_ROWS)], [None])
     few = replace(few, view=replace(few.view, varies=varies))
     parts = tuple(stretches(rows, size))
     return Log(machine, path, rows, parts, few, ranges_of(spread), driven, clock, first.noise)
 
 
 def read_part(log: Log, part: Part) -> Problem:
-    """A part and the rows beside it, not entered yet.
+    """Read a part with its neighbouring rows; the state before it is not applied yet.
 
     Args:
         log: the log.
         part: its rows.
 
     Returns:
-        The rows as a problem; `enter_part` cuts off those beside.
+        The rows as a problem, from which `enter_part` removes the neighbours.
     """
     low, high = max(part[0] - NEIGHBOUR_ROWS, 0), min(part[1] + NEIGHBOUR_ROWS, log.rows)
     table, whole = read_log(log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
@@ -139,15 +141,15 @@ def read_part(log: Log, part: Part) -> Problem:
 
 
 def enter_part(problem: Problem, part: Part, state: LogState | None) -> Problem:
-    """The rows of a part alone, entered as the part before left them.
+    """The rows of a part alone, with the state at the end of the part before applied.
 
     Args:
-        problem: of `read_part`.
+        problem: from `read_part`.
         part: its rows.
-        state: of the part before; None for the first.
+        state: at the end of the part before; None for the first part.
 
     Returns:
-        The part.
+        The part as a problem.
     """
     number = problem.view.number
     assert number is not None
@@ -159,7 +161,7 @@ def enter_part(problem: Problem, part: Part, state: LogState | None) -> Problem:
 
 
 def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
-    """What a part hands on to the next: cheap, and the only thing that is done one part after the other."""
+    """The state at the end of a part, arguments as of `enter_part`: the only step that cannot be done in parallel."""
     view, low = enter_part(problem, part, state).view, max(part[0] - NEIGHBOUR_ROWS, 0)
     shown = problem.view.time[part[0] - low : part[1] - low]
     told = torch.isfinite(shown)
@@ -172,7 +174,7 @@ def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
 
 
 def _gone_back(shown: Tensor, state: LogState | None) -> Tensor:
-    """What is laid onto a part's clock where it goes back, as of a run (`ptt.run.viewing.elapsed`), (n,) s."""
+    """What to add to the time of each row so that it never goes back (as in `ptt.run.viewing.elapsed`), (n,) s."""
     told, before = torch.isfinite(shown), state.clock if state else np.nan
     steps = torch.diff(shown[told], prepend=shown.new_full((1,), before)).nan_to_num()  # nothing comes before the first
     back = torch.full_like(shown, state.back if state else 0.0)
@@ -189,11 +191,11 @@ def _require_one_run(problem: Problem, path: Path) -> None:
 
 
 def read_log(path: Path, which: str) -> Table:
-    """Some rows of a log.
+    """Read some rows of a log.
 
     Args:
-        path: Parquet.
-        which: the end of the query, such as 'LIMIT 20'.
+        path: Parquet file.
+        which: end of the SQL query, such as 'LIMIT 20'.
 
     Returns:
         The rows, with their line numbers.
@@ -211,7 +213,7 @@ def read_log(path: Path, which: str) -> Table:
 
 
 def _numbers(values: np.ndarray) -> np.ndarray:
-    """A column without a single number, which is one of texts to DuckDB, as numbers."""
+    """A column as numbers; DuckDB gives one whose cells are all empty as texts."""
     return np.where(values == "", "nan", values).astype(float) if values.dtype.kind == "U" else values
 
 
@@ -219,11 +221,11 @@ SOURCE = "read_parquet(?, file_row_number = true)"
 
 
 def ask_log(path: Path, query: str) -> dict[str, np.ndarray]:
-    """The columns that a query of a log answers with.
+    """The columns that a query of a log returns, each (n,), masked where empty.
 
     Args:
-        path: Parquet.
-        query: in SQL, of `SOURCE`.
+        path: Parquet file.
+        query: SQL query of `SOURCE`.
 
     Raises:
         InputError: it cannot be read.

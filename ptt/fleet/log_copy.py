@@ -1,4 +1,4 @@
-"""A log that is a CSV, copied to Parquet, which can be read part by part."""
+"""Copying a log from CSV to Parquet, which can be read part by part."""
 
 from pathlib import Path
 
@@ -8,8 +8,8 @@ from ptt.run.readers.encoding import decode
 from ptt.run.readers.mapping import Mapping
 from ptt.run.readers.text import raw_text
 
-GROUP = 20_480  # rows of a Parquet group, DuckDB's own unit times ten: a part reads one or two
-HEAD = 2**18  # bytes that tell how a file is written
+GROUP = 20_480  # rows of a Parquet row group, ten of DuckDB's vectors of 2048: a part of a log reads one or two
+HEAD = 2**18  # bytes from which encoding, delimiter and decimal sign are found
 READ = "a log is Parquet, or a CSV with one line of titles (docs/files.md)"
 
 
@@ -31,11 +31,11 @@ def require_log(log: Path) -> None:
 
 
 def to_parquet(csv: Path, out: Path) -> None:
-    """Copy a CSV of any length to Parquet, a stretch at a time.
+    """Copy a CSV of any length to Parquet; DuckDB streams it, so that memory does not limit its size.
 
     Args:
-        csv: with the titles of a tracker CSV (docs/files.md).
-        out: Parquet file.
+        csv: file with the titles of a tracker CSV (docs/files.md).
+        out: Parquet file to write.
 
     Raises:
         InputError: it cannot be read.
@@ -53,7 +53,7 @@ def to_parquet(csv: Path, out: Path) -> None:
 
 
 def _separators(csv: Path) -> str:
-    """What DuckDB has to be told of delimiter and decimal comma, found as for a run; '' where it finds them itself."""
+    """Options of read_csv for delimiter and decimal sign, found as for a run; '' where DuckDB finds them itself."""
     with csv.open("rb") as file:
         data = file.read(HEAD)
     data = data if len(data) < HEAD else data[: data.rfind(b"\n") + 1]

@@ -1,4 +1,8 @@
-"""The models of a machine over time: which one held when, and which runs have to be held against another."""
+"""The models of a machine over time: which one applies to a run, and which runs wait again when a model changes.
+
+Column `made` of the table of models: 'given' (the drawing), 'solved' (a diagnosis, or a recheck with new physics),
+'refit' (the values of one run, for the record), 'accepted', and 'superseded TIME' (a solved one that was replaced).
+"""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -8,10 +12,12 @@ from ptt.fleet.database import insert, now, rows
 if TYPE_CHECKING:
     from duckdb import DuckDBPyConnection as Connection
 
+# Models that runs may be compared with.
 HELD = """
 SELECT models.run, models.toml FROM models JOIN runs USING (run)
 WHERE models.machine = ? AND made IN ('solved', 'accepted') """
 WHEN = "(runs.date, runs.place) {} (SELECT (date, place) FROM runs WHERE run = ?) "
+# Processed runs after a run, up to and including the next one whose model was accepted.
 LATER = (
     "SELECT run FROM outcomes JOIN runs USING (run) WHERE runs.machine = ? AND "
     + WHEN.format(">")
@@ -20,25 +26,25 @@ LATER = (
     WHERE models.machine = ? AND made = 'accepted'
     AND (next.date, next.place) > (SELECT (date, place) FROM runs WHERE run = ?)), (runs.date, runs.place))"""
 )
-OF_RUN = ("outcomes", "checks", "diagnoses", "rechecks", "parameters", "fits")
+OF_RUN = ("outcomes", "checks", "diagnoses", "rechecks", "parameters", "fits")  # tables with results of runs
 
 
 def drawing_of(connection: "Connection", machine: str) -> str:
-    """The machine.toml as it was given."""
+    """Text of a machine's drawing, the machine.toml as it was given."""
     query = "SELECT toml FROM models WHERE machine = ? AND made = 'given'"
     return str(rows(connection, query, machine)[0]["toml"])
 
 
 def model_at(connection: "Connection", machine: str, run: str) -> tuple[str, str] | None:
-    """The model that a run is held against: the machine's when it was measured, else the first that there is.
+    """The model that a run is compared with: the latest from that run or an earlier one, else the first later one.
 
     Args:
         connection: to the store.
         machine: its name.
-        run: SHA-256.
+        run: SHA-256 of the run.
 
     Returns:
-        The run that made it, and the machine.toml; None where no run was worked on yet.
+        SHA-256 of the run that the model was fitted to, and text of its machine.toml; None where there is no model yet.
     """
     for side, order in ((WHEN.format("<="), "DESC"), (WHEN.format(">"), "ASC")):
         query = f"{HELD} AND {side} ORDER BY runs.date {order}, runs.place {order} LIMIT 1"
@@ -48,37 +54,38 @@ def model_at(connection: "Connection", machine: str, run: str) -> tuple[str, str
 
 
 def accept_model(connection: "Connection", machine: str, run: str, toml: str) -> list[str]:
-    """Take a model as the machine's from a run on.
+    """Store a model as the machine's from a run on, and put later runs back into the queue.
 
     Args:
         connection: to the store.
         machine: its name.
-        run: SHA-256 of the run that it was fitted to.
-        toml: the model.
+        run: SHA-256 of the run that the model was fitted to.
+        toml: text of the model.
 
     Returns:
-        Later runs, up to the next whose model was accepted: they wait to be held against it.
+        The later runs, up to the next whose model was accepted.
     """
     later = [str(row["run"]) for row in rows(connection, LATER, machine, run, machine, run)]
     insert(connection, "models", machine=machine, run=run, made="accepted", toml=toml, since=now())
-    # What they added to the old model is kept, under a name that no run is held against.
+    # Models that they made from the old one are kept, under a name that `HELD` does not find.
     past = f"superseded {now().isoformat()}"
     query = "UPDATE models SET made = ? WHERE made = 'solved' AND list_contains(?, run)"
     connection.execute(query, [past, later])
-    let_wait(connection, later)
+    forget_outcomes(connection, later)
     return later
 
 
 def forget_run(connection: "Connection", machine: str, run: str) -> list[str]:
-    """Take a run out, with all that came of it.
+    """Remove a run with its results and models, and put runs that depend on its model back into the queue.
 
     Args:
         connection: to the store.
         machine: its name.
-        run: SHA-256.
+        run: SHA-256 of the run.
 
     Returns:
-        Other runs that were held against a model that it made, or follow one: they wait to be worked on once more.
+        The runs that are back in the queue: those compared with a model fitted to it and, if any, those after it up to
+        the next whose model was accepted.
     """
     others = [str(row["run"]) for row in rows(connection, "SELECT run FROM outcomes WHERE machine = ?", machine)]
     held = {other for other in others if (model_at(connection, machine, other) or ("", ""))[0] == run}
@@ -86,12 +93,12 @@ def forget_run(connection: "Connection", machine: str, run: str) -> list[str]:
         held |= {str(row["run"]) for row in rows(connection, LATER, machine, run, machine, run)}
     for table in (*OF_RUN, "models", "runs"):
         connection.execute(f"DELETE FROM {table} WHERE run = ?", [run])
-    let_wait(connection, sorted(held - {run}))
+    forget_outcomes(connection, sorted(held - {run}))
     return sorted(held - {run})
 
 
-def let_wait(connection: "Connection", runs: Sequence[str]) -> None:
-    """Forget what came of runs, so that they are worked on once more."""
+def forget_outcomes(connection: "Connection", runs: Sequence[str]) -> None:
+    """Delete the results and models of runs, so that they wait to be processed again."""
     found = list(runs)
     for table in OF_RUN:
         connection.execute(f"DELETE FROM {table} WHERE list_contains(?, run)", [found])

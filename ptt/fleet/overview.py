@@ -1,4 +1,4 @@
-"""How a fleet stands: of each machine its last verdict, what moves, and what somebody should look at."""
+"""Overview of a fleet: each machine's last verdict and error, its trends, and its alarms."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ptt.errors import InputError
-from ptt.fleet.alarms import MONTH, SISTERS, Alarm, Names, of_movement, unlike, unlike_alarm
-from ptt.fleet.past import RUNS, Past, of_changes, of_runs, past_of, unsettled
+from ptt.fleet.alarms import MONTH, SISTERS, Alarm, Names, alarm_of_movement, unlike, unlike_alarm
+from ptt.fleet.past import RUNS, Past, alarms_of_changes, alarms_of_runs, past_of, unsettled
 from ptt.fleet.store import Store, shown
-from ptt.fleet.trends import Moves, Series, movements
+from ptt.fleet.trends import Movement, Moves, Series, movements
 from ptt.notebook import InNotebook
 from ptt.record import Record
 from ptt.run.dates import days_of
@@ -18,16 +18,16 @@ from ptt.run.dates import days_of
 
 @dataclass(frozen=True)
 class Standing:
-    """How one machine stands.
+    """The present state of one machine, from all its runs.
 
     Attributes:
         machine: its name.
-        drawing: digest of its drawing; sisters share it.
+        drawing: digest of its drawing; sister machines share it.
         past: its runs by date.
         alarms: what somebody should look at.
-        names: of its values.
-        days: (n,) of the runs that tell values, days since 1970.
-        moves: what moves.
+        names: names of its p values.
+        days: dates of the n runs whose fits tell values, (n,) days since 1970.
+        moves: drifts and jumps of its values over those runs; None where no run tells any.
     """
 
     machine: str
@@ -45,21 +45,21 @@ class Standing:
 
     @property
     def verdict(self) -> str:
-        """Of the last run; 'accepted' where what it showed was accepted since, 'waiting' before any was worked on."""
+        """Verdict of the last run; 'accepted' where its model was accepted since, 'waiting' before the first one."""
         if self.last is None:
             return "waiting"
         return "accepted" if self.last.accepted else str(self.last.verdict)
 
     @property
     def error_um(self) -> float | None:
-        """What the last run misses with the machine's model."""
+        """Rms error of the last run with the machine's model: the one accepted from it, if there is one."""
         if self.last is None:
             return None
         return self.last.error_um if self.last.left_um is None else self.last.left_um
 
     @property
     def waiting(self) -> int:
-        """Runs that nobody worked on yet."""
+        """Number of runs that were not processed yet."""
         return sum(past.verdict is None for past in self.past)
 
     def to_dict(self) -> dict[str, Any]:
@@ -81,10 +81,10 @@ class Standing:
         }
 
     def trends(self) -> list[dict[str, Any]]:
-        """What moves, whether it alarms or not, in the units of the file."""
+        """Drifts and jumps, whether they are alarms or not, in the units of the machine file."""
         return [self._trend(movement) for movement in self.moves.movements] if self.moves else []
 
-    def _trend(self, movement: Any) -> dict[str, Any]:
+    def _trend(self, movement: Movement) -> dict[str, Any]:
         place, drift = movement.place, movement.kind == "drift"
         effect, _, parameter = self.names.names[place].partition(" ")
         factor = float(self.names.usual[place]) * (MONTH if drift else 1.0)
@@ -101,10 +101,10 @@ class Standing:
 
 @dataclass(frozen=True)
 class Overview(InNotebook, Record):
-    """How a fleet stands.
+    """The present state of a fleet.
 
     Attributes:
-        machines: by name.
+        machines: in the order of their names.
     """
 
     keys: ClassVar[str] = "machines"
@@ -128,11 +128,11 @@ class Overview(InNotebook, Record):
 
 
 def overview(store: Store, machine: str | None = None) -> Overview:
-    """How a fleet stands.
+    """Work out the present state of a fleet from its store.
 
     Args:
         store: the store.
-        machine: one of them alone, judged beside the others; None for all.
+        machine: the one to return, compared with its sisters all the same; None for all.
 
     Returns:
         Its machines by name.
@@ -158,15 +158,15 @@ def _standing(name: str, drawing: str, rows: Sequence[Mapping[str, Any]]) -> Sta
     if told:
         names, series = _series(told)
         moves = movements(series)
-        alarms = [of_movement(movement, moves, names, series.days) for movement in moves.movements]
+        alarms = [alarm_of_movement(movement, moves, names, series.days) for movement in moves.movements]
         sound = tuple(alarm for alarm in alarms if alarm is not None)
         standing = Standing(name, drawing, past, sound, names, series.days, moves)
-    trends = (*of_runs(past), *standing.alarms)
-    return replace(standing, alarms=unsettled((*trends, *of_changes(past, trends)), past))
+    trends = (*alarms_of_runs(past), *standing.alarms)
+    return replace(standing, alarms=unsettled((*trends, *alarms_of_changes(past, trends)), past))
 
 
 def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
-    """All runs of a machine as sums over all its values; of one that a run's model lacks that run tells nothing."""
+    """All runs of a machine over the union of their values; zeros where a run's model lacks a value."""
     known: dict[str, tuple[str, str, float]] = {}
     for row in told:
         known |= dict(zip(row["names"], zip(row["labels"], row["units"], row["usual"], strict=True), strict=True))
@@ -183,7 +183,7 @@ def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
 
 
 def _beside_sisters(standings: Sequence[Standing]) -> list[Standing]:
-    """Each machine's last values and its error beside those of machines with the same drawing."""
+    """Add alarms for machines whose last values or error are unlike those of machines with the same drawing."""
     extra: dict[str, list[Alarm]] = {}
     for drawing in {standing.drawing for standing in standings}:
         beside = {key: values for key, values in _last_values(standings, drawing).items() if len(values) >= SISTERS}
@@ -198,6 +198,11 @@ def _beside_sisters(standings: Sequence[Standing]) -> list[Standing]:
 def _last_values(
     standings: Sequence[Standing], drawing: str
 ) -> dict[tuple[str, str, str, str], dict[str, tuple[float, float]]]:
+    """Last values of the machines of one drawing.
+
+    Returns:
+        (effect, parameter, label, unit) -> machine -> value and standard error in that unit.
+    """
     found: dict[tuple[str, str, str, str], dict[str, tuple[float, float]]] = {}
     for standing in standings:
         if standing.drawing != drawing:

@@ -1,4 +1,4 @@
-"""Who works on a store: a file that is locked as long as its process lives, however that ends."""
+"""Which processes work on a store: each locks a file, which the system unlocks when the process ends, even killed."""
 
 import os
 import sys
@@ -22,10 +22,10 @@ else:
 
 @contextmanager
 def owner(folder: Path) -> Iterator[str]:
-    """A name for this process that others can ask after.
+    """Give this process a name, with a locked file by which others can tell that it is alive.
 
     Args:
-        folder: where its file lies.
+        folder: where the lock file lies.
 
     Yields:
         The name.
@@ -44,7 +44,7 @@ def owner(folder: Path) -> Iterator[str]:
 
 
 def alive(folder: Path, name: str) -> bool:
-    """Whether the process of that name still runs; the system lets go of its lock when it ends, killed or not."""
+    """Whether the process of that name still runs: its file is locked. The file of one that ended is removed."""
     path = folder / name
     try:
         with path.open("r+") as file:

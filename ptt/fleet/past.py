@@ -1,4 +1,4 @@
-"""One run of a machine as it stands in the store, and what such runs say that somebody should look at."""
+"""Runs of a machine as the store has them, and the alarms that follow from their verdicts."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -18,9 +18,10 @@ SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count,
 FROM runs LEFT JOIN outcomes USING (run) LEFT JOIN fits USING (run) LEFT JOIN rechecks USING (run)
     LEFT JOIN (SELECT run, toml FROM models WHERE made = 'accepted') accepted USING (run)
 ORDER BY runs.machine, runs.date, runs.place"""
+# Verdicts that are alarms of the last run -> how their words begin, and what stands in place of an effect.
 HEADS = {"new": "something that the model does not have", "setup": "a mistake in the set-up", "failed": "not usable"}
-ONCE = ("jump", "new")
 WHATS = {"new": "new physics", "setup": "set-up", "failed": "run"}
+ONCE = ("jump", "new")  # alarms of what happened once, which an accepted model settles
 
 
 @dataclass(frozen=True)
@@ -29,17 +30,17 @@ class Past(Record):
 
     Attributes:
         run: SHA-256 of its file.
-        file: its name.
+        file: name of its file.
         date: when it was measured.
-        rows: of the file.
-        verdict: None while it waits.
-        error_um: what was left with the model.
-        expected_um: what had been left when the model was made.
+        rows: number of rows of the file.
+        verdict: None while it waits to be processed.
+        error_um: rms error with the model that held before the run.
+        expected_um: rms error of the run that this model was made from.
         noise_um: the noise floor.
-        words: what was said of it.
-        added: effects that were new in it and belong to the model since.
-        accepted: whether the model fitted to it was accepted, and is the machine's from it on.
-        left_um: what that model leaves of it; None where none was accepted.
+        words: the verdict for a person.
+        added: effects that were new in this run and were added to the model.
+        accepted: whether the model fitted to this run was accepted as the machine's from its date on.
+        left_um: rms error of this run with that model; None where none was accepted.
         changed: values that had changed, each as effect, parameter and words.
     """
 
@@ -59,7 +60,7 @@ class Past(Record):
 
 
 def past_of(row: Mapping[str, Any]) -> Past:
-    """A run as the store has it, a row of `RUNS`."""
+    """A run from its row of the query `RUNS`."""
     suggested = json.loads(row["suggested"] or "[]") if row["verdict"] == "new" else []
     changed = [(each["effect"], each["parameter"], each["words"]) for each in json.loads(row["changed"] or "[]")]
     accepted = row["accepted"]
@@ -72,8 +73,8 @@ def past_of(row: Mapping[str, Any]) -> Past:
     )  # fmt: skip
 
 
-def of_runs(past: Sequence[Past]) -> list[Alarm]:
-    """What the runs themselves say: physics that came at some time and stays, and a last run that cannot be used.
+def alarms_of_runs(past: Sequence[Past]) -> list[Alarm]:
+    """Alarms from verdicts: new physics, in whichever run it appeared, and a last run that is new or cannot be used.
 
     Args:
         past: a machine's runs by date.
@@ -91,21 +92,21 @@ def of_runs(past: Sequence[Past]) -> list[Alarm]:
     return alarms
 
 
-def of_changes(past: Sequence[Past], alarms: Sequence[Alarm]) -> list[Alarm]:
-    """What is otherwise in the last run than the model says; a few runs show that before they show a trend.
+def alarms_of_changes(past: Sequence[Past], alarms: Sequence[Alarm]) -> list[Alarm]:
+    """Alarms for values that the last run's recheck calls changed: seen after fewer runs than a trend needs.
 
     Args:
         past: a machine's runs by date.
-        alarms: that there are; a value that one of them is about is left out.
+        alarms: other alarms; values that they are about are left out here.
 
     Returns:
-        The alarms; of an effect that has changed as a whole one, about no single parameter.
+        The alarms; one for several parameters of an effect that share their words, with an empty `parameter`.
     """
     done = [each for each in past if each.verdict is not None]
     if not done or done[-1].accepted:
         return []
     told, day = {(alarm.effect, alarm.parameter) for alarm in alarms}, done[-1].date.date().isoformat()
-    said: dict[tuple[str, str], list[str]] = {}  # values of which one sentence tells are one alarm
+    said: dict[tuple[str, str], list[str]] = {}  # effect and words -> the parameters that share them
     for effect, parameter, words in done[-1].changed:
         if (effect, parameter) not in told:
             said.setdefault((effect, words), []).append(parameter)
@@ -116,13 +117,13 @@ def of_changes(past: Sequence[Past], alarms: Sequence[Alarm]) -> list[Alarm]:
 
 
 def unsettled(alarms: Sequence[Alarm], past: Sequence[Past]) -> tuple[Alarm, ...]:
-    """Alarms without what happened once, a jump or new physics, up to a run whose model somebody accepted."""
+    """Alarms without jumps and new physics up to the date of the last run whose model was accepted."""
     accepted = max((each.date.date().isoformat() for each in past if each.accepted), default="")
     return tuple(each for each in alarms if each.trend not in ONCE or (each.when or "") > accepted)
 
 
 def _came(run: Past) -> Alarm:
-    """Physics that the model did not have: it was added to it, so later runs are the same again and do not say so."""
+    """The alarm for effects that were new in a run: they were added to the model, so no later run shows them as new."""
     day, names = run.date.date().isoformat(), listed(list(run.added))
     error = ""
     if run.error_um is not None and run.expected_um is not None:

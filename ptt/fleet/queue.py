@@ -1,4 +1,4 @@
-"""Which runs wait, who works on them, and what came of them; every step one short transaction."""
+"""The queue of runs: which wait, which process has claimed a machine, and storing outcomes; each in one transaction."""
 
 import json
 import platform
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ptt.errors import InputError
 from ptt.fleet.database import insert, now, rows, transaction
-from ptt.fleet.models import drawing_of, let_wait, model_at
+from ptt.fleet.models import drawing_of, forget_outcomes, model_at
 from ptt.fleet.owner import alive, owner
 from ptt.fleet.readings import read_columns
 from ptt.fleet.store import Store, shown
@@ -29,22 +29,22 @@ WHERE outcomes.run IS NULL AND runs.machine = ? AND NOT list_contains(?, runs.ru
 
 
 def waiting(store: Store) -> dict[str, int]:
-    """How many runs of each machine wait, the longest waiting first."""
+    """Machine -> how many of its runs wait, the machine with the oldest waiting run first."""
     return {row["machine"]: int(row["runs"]) for row in store.ask(WAITING)}
 
 
 def claim(store: Store, owner: str, besides: Collection[str] = ()) -> str | None:
-    """Take a machine of which runs wait; nobody else works on it until it is let go or this process ends.
+    """Claim a machine with waiting runs: no other process works on it until it is released or this process ends.
 
-    A machine's runs are worked on one after the other, because the first makes the model for the others.
+    A machine's runs are processed one after the other, because the first makes the model for the others.
 
     Args:
         store: the store.
-        owner: name of this process, of `ptt.fleet.owner.owner`.
-        besides: machines of which all that waits was given up for now.
+        owner: name of this process, from `ptt.fleet.owner.owner`.
+        besides: machines to pass over: all their waiting runs were given up for now.
 
     Returns:
-        The machine; None where all that waits is taken.
+        The machine; None where every machine with waiting runs is claimed or passed over.
     """
     with transaction(store.file) as connection:
         machines = [str(row["machine"]) for row in rows(connection, WAITING)]
@@ -54,15 +54,15 @@ def claim(store: Store, owner: str, besides: Collection[str] = ()) -> str | None
 
 @contextmanager
 def alone_with(store: Store, machine: str, then: str) -> Iterator[None]:
-    """Have one machine to oneself, whether runs of it wait or not.
+    """Claim one machine while the body runs, whether runs of it wait or not.
 
     Args:
         store: the store.
         machine: its name.
-        then: what to do once nobody else works on it.
+        then: the way out that the error message gives.
 
     Raises:
-        InputError: another process does.
+        InputError: another process has claimed it.
     """
     with owner(store.workers) as name:
         with transaction(store.file) as connection:
@@ -77,6 +77,7 @@ def alone_with(store: Store, machine: str, then: str) -> Iterator[None]:
 
 
 def _take(store: Store, connection: "Connection", owner: str, machine: str) -> bool:
+    """Claim a machine; False where a living process, this one included, has claimed it already."""
     taken = rows(connection, "SELECT owner FROM claims WHERE machine = ?", machine)
     if taken and (taken[0]["owner"] == owner or alive(store.workers, taken[0]["owner"])):
         return False
@@ -86,19 +87,19 @@ def _take(store: Store, connection: "Connection", owner: str, machine: str) -> b
 
 
 def release(store: Store, owner: str, machine: str | None = None) -> None:
-    """Let a machine go; None for all of this process."""
+    """Release a machine that a process has claimed; None for all of them."""
     with transaction(store.file) as connection:
         query = "DELETE FROM claims WHERE owner = ?"
         connection.execute(*((query, [owner]) if machine is None else (f"{query} AND machine = ?", [owner, machine])))
 
 
 def next_task(store: Store, machine: str, besides: Sequence[str] = ()) -> Task | None:
-    """The oldest run of a machine that waits, with its readings and the model it is held against.
+    """The oldest waiting run of a machine, with its readings and the model that it is compared with.
 
     Args:
         store: the store.
         machine: its name.
-        besides: runs that were given up for now.
+        besides: runs to pass over: they were given up for now.
 
     Returns:
         The task; None where none waits.
@@ -112,7 +113,7 @@ def next_task(store: Store, machine: str, besides: Sequence[str] = ()) -> Task |
 
 
 def task_of(store: Store, run: Mapping[str, Any], drawing: str, solved: str | None) -> Task:
-    """A run, as the store has it, with the model that it is held against."""
+    """The task for a run: its row of the table of runs, the drawing, and the model to compare with (both as TOML)."""
     columns = read_columns(store.folder / run["readings"])
     return Task(
         run["run"], run["machine"], run["date"].isoformat(), run["file"], columns, drawing, solved, run["ordered"],
@@ -120,15 +121,15 @@ def task_of(store: Store, run: Mapping[str, Any], drawing: str, solved: str | No
     )  # fmt: skip
 
 
-def keep(store: Store, outcome: Outcome) -> bool:
-    """Write down what came of a run, all of it or nothing.
+def keep_outcome(store: Store, outcome: Outcome) -> bool:
+    """Store the outcome of a run with its results, models and parameter values, all or nothing.
 
     Args:
         store: the store.
-        outcome: what came of it.
+        outcome: the outcome.
 
     Returns:
-        False where somebody wrote it down before.
+        False where the run has an outcome already; nothing is stored then.
     """
     with transaction(store.file) as connection:
         if rows(connection, "SELECT 1 FROM outcomes WHERE run = ?", outcome.run):
@@ -146,15 +147,15 @@ def keep(store: Store, outcome: Outcome) -> bool:
     return True
 
 
-def again(store: Store, verdict: str = "failed") -> int:
-    """Let runs of a verdict wait once more.
+def requeue_failed(store: Store) -> int:
+    """Put all runs with the verdict 'failed' back into the queue.
 
     Returns:
         How many.
     """
     with transaction(store.file) as connection:
-        found = [row["run"] for row in rows(connection, "SELECT run FROM outcomes WHERE verdict = ?", verdict)]
-        let_wait(connection, found)
+        found = [row["run"] for row in rows(connection, "SELECT run FROM outcomes WHERE verdict = 'failed'")]
+        forget_outcomes(connection, found)
     return len(found)
 
 
@@ -190,7 +191,7 @@ def _keep_told(connection: "Connection", outcome: Outcome) -> None:
 
 
 def _program(connection: "Connection") -> str:
-    """The program that runs, by its name in the table of programs."""
+    """Versions of this program and its packages in one line: the key of its row in the table of programs."""
     own = {name: _version(name) for name in ("ptt", "torch", "numpy", "scipy")}
     name = " ".join(f"{key} {value}" for key, value in (*own.items(), ("python", platform.python_version())))
     if not rows(connection, "SELECT 1 FROM programs WHERE program = ?", name):

@@ -1,4 +1,4 @@
-"""A run's table as columns, kept in Parquet, and back again bit for bit."""
+"""A run's table written as columns of a Parquet file, and read back bit for bit."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,19 +13,19 @@ from ptt.run.table import Table, make_table, table_to_frame
 from ptt.run.written import QUATERNION
 
 Columns = Mapping[str, np.ndarray]
-OWN = ("machine", "run_sha256", "line")
-PLAIN = ("repeat", "time_s", "payload_kg", "temp_c", "feed_mm_s")
-MOST_JOINTS = 32
+OWN = ("machine", "run_sha256", "line")  # columns that the file has beside those of a tracker CSV
+PLAIN = ("repeat", "time_s", "payload_kg", "temp_c", "feed_mm_s")  # columns that are fields of a table as they stand
+MOST_JOINTS = 32  # columns of joints are looked for up to, and without, this number
 
 
 def write_readings(table: Table, machine: str, run: str, path: Path) -> None:
-    """Write a table as Parquet, whole or not at all: the columns of a tracker CSV, and whose they are.
+    """Write a table as Parquet, whole or not at all: the columns of a tracker CSV, and those of `OWN`.
 
     Args:
         table: one run.
-        machine: its name.
-        run: SHA-256 of its file.
-        path: where to.
+        machine: name of the machine.
+        run: SHA-256 of the run's file.
+        path: file to write.
     """
     frame = table_to_frame(table).drop(columns=[title for title in table.extra if title in OWN])
     frame = frame.assign(line=table.line)
@@ -40,10 +40,13 @@ def write_readings(table: Table, machine: str, run: str, path: Path) -> None:
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
-    """The columns of a run as arrays; empty cells are NaN, empty texts ''.
+    """The columns of a run as arrays (n,): empty cells are NaN, of texts ''.
 
     Args:
         path: Parquet file of `write_readings`.
+
+    Returns:
+        Title -> values, without 'machine' and 'run_sha256'.
 
     Raises:
         InputError: it is gone or damaged.
@@ -59,20 +62,20 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def plain_columns(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Columns as DuckDB hands them out -> NaN and '' for what is empty."""
+    """Columns as DuckDB returns them (masked where empty) as plain arrays with NaN or '' in empty cells."""
     return {name: _plain(values) for name, values in columns.items()}
 
 
 def columns_to_table(columns: Columns, file: str, run: str) -> Table:
-    """The table that a run was read into.
+    """The table of a run from its columns: the inverse of `write_readings`.
 
     Args:
-        columns: of `read_columns`.
+        columns: from `read_columns`.
         file: name of the run's file, for messages.
-        run: its SHA-256.
+        run: SHA-256 of that file.
 
     Returns:
-        The table, without the columns that mean nothing to the program.
+        The table, without columns that have no meaning for the program.
     """
     prefix = "q" if "q1_cmd_rad" in columns else "b"
     angle = "_rad" if prefix == "q" else ""
@@ -110,6 +113,7 @@ def _plain(values: Any) -> np.ndarray:
 
 
 def _stack(columns: Columns, names: list[str]) -> np.ndarray | None:
+    """Columns side by side, (n, k), NaN for those that are missing; None where all are."""
     there = [name for name in names if name in columns]
     if not there:
         return None

@@ -1,4 +1,4 @@
-"""A run is taken out of a store again: of another machine, or measured wrongly."""
+"""Removing a run from a store, such as one of another machine or one that was measured wrongly."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from ptt.record import Record
 
 @dataclass(frozen=True)
 class Removed(Record):
-    """A run that is no more in its store.
+    """A run that was removed from its store.
 
     Attributes:
         machine: its name.
         run: SHA-256.
         file: name of its file.
         date: when it was measured, ISO 8601.
-        waiting: runs that were held against a model that this one made; they wait to be worked on once more.
+        waiting: number of runs that were compared with a model made from this one; they wait to be processed again.
     """
 
     machine: str
@@ -36,7 +36,7 @@ class Removed(Record):
 
 
 def remove(store: Store, machine: str, which: str) -> Removed:
-    """Take a run out of a store, and all that came of it; adding its file again is as if it had never been there.
+    """Remove a run and all its results from a store; its file can be added again as a new run.
 
     Args:
         store: the store.
@@ -44,7 +44,7 @@ def remove(store: Store, machine: str, which: str) -> Removed:
         which: the run: file name, date or beginning of its SHA-256.
 
     Returns:
-        What was taken out.
+        The run that was removed.
 
     Raises:
         InputError: no such machine or run, or another process works on the machine.
@@ -52,6 +52,6 @@ def remove(store: Store, machine: str, which: str) -> Removed:
     run = which_run(store, machine, which)
     with alone_with(store, machine, "remove when it is done"), transaction(store.file) as connection:
         later = forget_run(connection, machine, run["run"])
-    for kept in (run["kept"], run["readings"]):  # of whoever is killed before, no row names these any more
+    for kept in (run["kept"], run["readings"]):  # last: a process killed before this leaves files that no row names
         (store.folder / kept).unlink(missing_ok=True)
     return Removed(machine, run["run"], run["file"], run["date"].isoformat(), len(later))

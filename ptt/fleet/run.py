@@ -1,4 +1,4 @@
-"""Everything new in a store worked on, in this process; what is done stays done, however it ends."""
+"""Processing all waiting runs of a store in this process; each outcome is stored at once, however the rest ends."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from functools import partial
 from typing import ClassVar
 
 from ptt.fleet.owner import owner
-from ptt.fleet.queue import claim, keep, next_task, release, waiting
+from ptt.fleet.queue import claim, keep_outcome, next_task, release, waiting
 from ptt.fleet.store import Store
 from ptt.fleet.task import Outcome, Task
 from ptt.progress import Progress, Tell, unwatched
@@ -20,9 +20,9 @@ class Done(Record):
     """What one `ptt fleet run` did.
 
     Attributes:
-        verdicts: verdict -> runs.
-        elsewhere: runs that wait because another process works on their machines.
-        lost: runs that no worker brought back, and why; they wait for the next time.
+        verdicts: verdict -> number of runs.
+        elsewhere: number of runs that wait because another process has claimed their machines.
+        lost: runs whose workers died or failed, and why; they wait for the next time.
     """
 
     keys: ClassVar[str] = "runs, verdicts, elsewhere, lost"
@@ -33,7 +33,7 @@ class Done(Record):
 
     @property
     def runs(self) -> int:
-        """How many runs were worked on."""
+        """How many runs were processed."""
         return sum(self.verdicts.values())
 
     def count(self, verdict: str) -> None:
@@ -52,12 +52,12 @@ class Done(Record):
 
 
 def run_all(store: Store, progress: Progress | None = None, work: Work | None = None) -> Done:
-    """Work on every run that waits.
+    """Process every waiting run.
 
     Args:
         store: the store.
         progress: told what is being done, how many runs are done of how many.
-        work: what is done with one run; None for `ptt.fleet.work.work`.
+        work: processes one run; None for `ptt.fleet.work.work`.
 
     Returns:
         What was done.
@@ -72,7 +72,7 @@ def run_all(store: Store, progress: Progress | None = None, work: Work | None = 
                 while (task := next_task(store, machine)) is not None:
                     place = f"{machine}, {task.date[:10]}"
                     outcome = do(task, partial(_tell, tell, place, done.runs, total))
-                    if keep(store, outcome):
+                    if keep_outcome(store, outcome):
                         done.count(outcome.verdict)
                 release(store, name, machine)
         finally:

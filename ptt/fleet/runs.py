@@ -1,4 +1,4 @@
-"""A run and a model brought together, as every worker does it: read, checked, seen through its machine."""
+"""A task unpacked in the process that works on it: its table, its set-up check, its problem and its model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,10 +19,10 @@ from ptt.setup import Check, check_setup
 
 @dataclass(frozen=True)
 class Opened:
-    """A run beside a model.
+    """A run, and the model that it is compared with.
 
     Attributes:
-        model: as it holds for this run.
+        model: the model as it applies to this run.
         problem: the readings, with their noise floor.
         known: effects by name.
     """
@@ -33,19 +33,19 @@ class Opened:
 
 
 def read_task(task: Task) -> tuple[Table, Check]:
-    """The table of a run, and what is mistaken in its set-up."""
+    """The table of a run, and the check of its set-up."""
     table = columns_to_table(task.columns, task.file, task.run)
     file = parse_machine(task.drawing, task.machine)
     return table, check_setup(file, table, ordered=task.ordered, units_said=task.units_said)
 
 
 def open_task(task: Task, table: Table, effects: Sequence[str] = ()) -> Opened:
-    """A run seen through its machine, with the model that it is held against.
+    """The problem that a run poses, and the model that it is compared with.
 
     Args:
         task: the run.
-        table: its readings.
-        effects: Python files with effects of the user's own, where this process sees them.
+        table: its readings, from `read_task`.
+        effects: paths, as this process sees them, of Python files with effects of the user's own.
     """
     known = library(*effects)
     given = read_model(parse_machine(task.solved or task.drawing, task.machine), known)

@@ -1,4 +1,4 @@
-"""By how much more than their rows say runs scatter, and how sure a movement is beside that."""
+"""By how much more than their stated errors the runs of a machine scatter, and how significant a movement then is."""
 
 from dataclasses import dataclass
 
@@ -7,57 +7,57 @@ from scipy import stats
 
 from ptt.fitting.stated import SEEN_INFORMATION
 
-MEDIAN = 0.37  # degrees of freedom that a squared median is worth beside a mean of squares, normal rows
-RIDGE = 1e-9  # of the strongest direction: below it a value is not told by any run
-STATED = 0.5  # chance, before any run, that runs scatter by what their rows say and no more
-WIDER = np.geomspace(1.0, 100.0, 200)  # times more by which they may, each factor as likely as the other
+MEDIAN_EFFICIENCY = 0.37  # of a median of squares as an estimate of a normal variance, against their mean
+RIDGE = 1e-9  # eigenvalues below this share of the largest count as zero
+PRIOR_AS_STATED = 0.5  # prior probability that runs scatter by their stated errors and no more
+FACTORS = np.geomspace(1.0, 100.0, 200)  # by which stated errors may be too small; log-uniform prior
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """How runs scatter about what they are said to follow.
+    """How runs scatter about the level, drifts and jumps that were fitted to them.
 
     Attributes:
-        ratio: to what their rows say, root mean square.
-        freedom: degrees of freedom that tell it; infinite where nothing does.
+        ratio: rms of their deviations in units of the stated standard errors.
+        freedom: degrees of freedom of that estimate; infinite, with a ratio of one, where there are none to tell it by.
     """
 
     ratio: float
     freedom: float
 
     @property
-    def wider(self) -> float:
-        """Times their stated errors, at least one: Birge's ratio."""
+    def birge_ratio(self) -> float:
+        """By how much stated errors have to be widened, at least one (Birge)."""
         return max(self.ratio, 1.0)
 
     def chance(self, score: float) -> float:
-        """Chance of a movement at least as sure, were there none.
+        """Two-sided p-value of a movement, averaged over the posterior of the factor on the stated errors.
 
-        Few runs cannot tell a drift from a value that is set anew for each, and a ratio that comes out near one by luck
-        must not decide: what the factor may be is weighed by what the runs say of it.
+        Few runs cannot tell a drift from a value that is set anew for each run, and a ratio that is near one by luck
+        must not decide: so the factor is not estimated but integrated out.
 
         Args:
             score: size of the movement in stated standard errors.
 
         Returns:
-            The chance.
+            The p-value, 0 to 1.
         """
         if not np.isfinite(self.freedom):
             return float(2.0 * stats.norm.sf(score))
-        prior = np.full(len(WIDER), (1.0 - STATED) / len(WIDER))
-        prior[0] += STATED
-        fit = -self.freedom * (np.log(WIDER) + 0.5 * (self.ratio / WIDER) ** 2)
+        prior = np.full(len(FACTORS), (1.0 - PRIOR_AS_STATED) / len(FACTORS))
+        prior[0] += PRIOR_AS_STATED
+        fit = -self.freedom * (np.log(FACTORS) + 0.5 * (self.ratio / FACTORS) ** 2)
         weight = prior * np.exp(fit - fit.max())
-        return float(weight @ (2.0 * stats.norm.sf(score / WIDER)) / weight.sum())
+        return float(weight @ (2.0 * stats.norm.sf(score / FACTORS)) / weight.sum())
 
 
 def scatter_of_all(information: np.ndarray, rest: np.ndarray, moves: int) -> Scatter:
-    """How all values of a machine scatter, by the median: what moves and is not found yet must not hide itself.
+    """Scatter over all p values of n runs, by a median, which movements that are not found yet hardly inflate.
 
     Args:
-        information: (n, p, p) of each run.
-        rest: (n, p) scores about what is known.
-        moves: how many movements were taken out.
+        information: information matrix of each run, (n, p, p).
+        rest: score of each run about the fitted level and movements, (n, p).
+        moves: how many movements were fitted.
 
     Returns:
         The scatter.
@@ -69,17 +69,17 @@ def scatter_of_all(information: np.ndarray, rest: np.ndarray, moves: int) -> Sca
     if freedom < 1:
         return Scatter(1.0, np.inf)
     ratio = float(np.median(rest[told] ** 2 / own[told])) / float(stats.chi2.median(1)) * rank / freedom
-    return Scatter(float(np.sqrt(ratio)), MEDIAN * freedom)
+    return Scatter(float(np.sqrt(ratio)), MEDIAN_EFFICIENCY * freedom)
 
 
 def scatter_of_one(information: np.ndarray, rest: np.ndarray, place: int, course: np.ndarray) -> Scatter:
-    """The same of one value beside its movement: a slider that homes anew for each run scatters more than others.
+    """Scatter of a single value: that of a slider which homes anew for each run is larger than that of others.
 
     Args:
-        information: (n, p, p) of each run.
-        rest: (n, p) scores about what is known.
-        place: number of the value.
-        course: (n,) its movement.
+        information: information matrix of each run, (n, p, p).
+        rest: score of each run about the fitted level and movements, (n, p).
+        place: index of the value.
+        course: regressor of its movement, (n,); it and a constant are fitted once more, over this value alone.
 
     Returns:
         The scatter.
@@ -96,6 +96,6 @@ def scatter_of_one(information: np.ndarray, rest: np.ndarray, place: int, course
 
 
 def _rank(information: np.ndarray) -> int:
-    """Directions that rows know better than their usual size."""
+    """Number of directions in which the information exceeds that of the usual sizes."""
     strength = np.linalg.eigvalsh(information)
     return int((strength > max(SEEN_INFORMATION, RIDGE * strength[-1])).sum())

@@ -1,20 +1,20 @@
-"""What one run's information tells of its values: the directions that its rows see, all values free."""
+"""The part of parameter space that one run determines, from its information matrix."""
 
 import numpy as np
 
 from ptt.fitting.stated import unseen_directions
 
-LEAST_SHARE = 1e-6  # of a value in the directions that are seen: below it nothing is told of it
+LEAST_SHARE = 1e-6  # of a value's axis in the seen directions, squared: below it the run says nothing of that value
 
 
 def seen_inverse(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Inverse of an information in the directions that it sees, nothing in the others.
+    """Inverse of an information matrix in the directions that it determines, zero in the others.
 
     Args:
-        information: (p, p) in usual sizes.
+        information: (p, p), values in units of their usual sizes.
 
     Returns:
-        The covariance of what is seen, (p, p), and which values have a part in it, (p,) bool.
+        The covariance in the seen directions, (p, p), and which values have a part in them, (p,) bool.
     """
     unseen = unseen_directions(information)
     seen = np.eye(len(information)) - unseen @ unseen.T

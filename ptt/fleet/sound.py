@@ -1,4 +1,4 @@
-"""What keeps a log from being fitted: cells that are no numbers, time that goes back, mistakes in the set-up."""
+"""Checks before a log is fitted: cells that are no numbers, time that goes back, mistakes in the set-up."""
 
 import re
 from pathlib import Path
@@ -16,20 +16,20 @@ from ptt.machine import MachineFile
 from ptt.run.table import Table
 
 NUMERIC = re.compile("DOUBLE|FLOAT|DECIMAL|U?(TINY|SMALL|BIG|HUGE)?INT.*")
-HEADER = 2  # line of the first row in a file whose titles are its first line
+HEADER = 2  # line number of the first row in a file whose first line is its titles
 
 
 def require_sound(
     machine: MachineFile, rows: Path, log: Path, *, anyway: bool = False, note: Note = ignore_note
 ) -> None:
-    """Refuse a log that `ptt add` would refuse as a run: what a fit to it says would be worthless.
+    """Refuse a log that `ptt add` would refuse as a run: a fit to it would be worthless.
 
     Args:
         machine: the machine.
         rows: the log as Parquet.
         log: as it was given; in a CSV an empty cell is a missing reading, and the text NaN a mistake.
-        anyway: whether mistakes in the set-up, and time that goes back, are notes.
-        note: told what is not sure.
+        anyway: whether mistakes in the set-up, and time that goes back, are noted instead of refused.
+        note: told of them, and of mistakes that are not sure.
 
     Raises:
         InputError: no rows, a cell that is no number, time that goes back.
@@ -48,7 +48,7 @@ def require_sound(
 
 
 def _require_set_up(machine: MachineFile, table: Table, log: Path, anyway: bool, note: Note) -> None:
-    """The first rows tell of axes, units, sliders and lengths; of the order of all rows the clock has told."""
+    """Check axes, units, sliders and lengths by the first rows; the order of all rows was checked by their time."""
     check = check_rows(machine, Run(table, (log,), ReadOptions(set_=["order=rows"])), anyway=anyway, note=note)
     if not check.sure:
         require_commands(machine, table)
@@ -56,7 +56,7 @@ def _require_set_up(machine: MachineFile, table: Table, log: Path, anyway: bool,
 
 def _require_numbers(rows: Path, log: Path, name: str, kind: str, *, nan: bool) -> None:
     column = '"' + name.replace('"', '""') + '"'
-    value = f"TRY_CAST({column}::VARCHAR AS DOUBLE)"  # a column that holds a text, or nothing at all, is one of texts
+    value = f"TRY_CAST({column}::VARCHAR AS DOUBLE)"  # a column with a text, or with empty cells alone, is VARCHAR
     if NUMERIC.fullmatch(kind):
         value = f"{column}::DOUBLE"
     wrong = f"{value} IS NULL OR isinf({value})" + (f" OR isnan({value})" if nan else "")
@@ -90,5 +90,6 @@ SELECT * FROM (
 
 
 def _rows(path: Path, query: str) -> list[dict[str, Any]]:
+    """The rows that a query of a log returns, each as column -> value."""
     columns = ask_log(path, query)
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -1,4 +1,4 @@
-"""A fleet's store: one folder with a DuckDB file, the run files as they came, and Parquet of their readings."""
+"""A fleet's store: one folder with a DuckDB file, the run files unchanged, and their readings as Parquet."""
 
 import hashlib
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ PART = 2**20  # bytes of a run that are copied at a time
 
 @dataclass(frozen=True)
 class Added:
-    """What became of one file that was to be added.
+    """The result of adding one file.
 
     Attributes:
         file: its name.
-        run: SHA-256.
-        rows: of the run.
+        run: its SHA-256.
+        rows: number of rows of the run.
         date: when it was measured, and how that is known, in words.
-        new: whether it was not there before.
+        new: whether the store did not hold it before.
     """
 
     file: str
@@ -57,11 +57,11 @@ class Store:
 
     @property
     def workers(self) -> Path:
-        """Folder of the files that tell which processes work on the store."""
+        """Folder of lock files of the processes that work on the store (`ptt.fleet.owner`)."""
         return self.folder / "working"
 
     def ask(self, query: str, *values: Any) -> list[dict[str, Any]]:
-        """What a query of tables answers, one dictionary for each row."""
+        """The rows that a query returns, each as column -> value, in a transaction of its own."""
         with transaction(self.file, read_only=True) as connection:
             return rows(connection, query, *values)
 
@@ -83,7 +83,7 @@ def create_store(folder: str | Path) -> Store:
     if store.file.exists():
         raise InputError("is already a fleet's store", where=str(folder), fix="use it, or name another folder")
     if place.is_dir():
-        sweep(store.file)  # of one that was broken off
+        sweep(store.file)  # remains of a creation that was interrupted
     if place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise InputError("is not an empty folder", where=str(folder), fix="name a new folder")
     place.mkdir(parents=True, exist_ok=True)
@@ -126,15 +126,15 @@ def machine_of(store: Store, machine: str) -> MachineFile | None:
 
 
 def drawing_of(store: Store, machine: str, model: Path | None) -> MachineFile:
-    """A machine's drawing: the one that is kept, or, the first time, the one given.
+    """A machine's drawing: the one in the store, or, where the machine is new, the one given.
 
     Args:
         store: the store.
-        machine: any text but none.
-        model: its machine.toml, or a compensator folder; None where it is known already.
+        machine: its name.
+        model: its machine.toml, or a compensator folder; None where the store has the machine.
 
     Raises:
-        InputError: no name, no drawing, or another than the one that is kept.
+        InputError: an empty name, no drawing, or one that differs from that in the store.
     """
     if not machine.strip():
         raise InputError("the machine has no name", fix="give it one, such as 'mill 3'")
@@ -151,7 +151,7 @@ def drawing_of(store: Store, machine: str, model: Path | None) -> MachineFile:
 
 
 def add_machine(store: Store, machine: str, model: Path | None) -> MachineFile:
-    """A machine's drawing as `drawing_of` tells it, kept when it is first given."""
+    """A machine's drawing as from `drawing_of`; a machine that is new is added to the store."""
     given = drawing_of(store, machine, model)
     with transaction(store.file) as connection:
         if not rows(connection, "SELECT 1 FROM machines WHERE machine = ?", machine):
@@ -165,21 +165,21 @@ def add_machine(store: Store, machine: str, model: Path | None) -> MachineFile:
 def add_run(
     store: Store, machine: str, path: Path, table: Table, date: datetime | None, *, ordered: bool, units_said: bool
 ) -> Added:
-    """Keep a run: its file unchanged, its readings as Parquet, and a row that makes both count.
+    """Add a run: its file unchanged, its readings as Parquet, and last the row of the table that names both.
 
-    Whoever is killed on the way leaves files that no row names; adding the run again writes the same ones.
+    A process that is killed on the way leaves files that no row names; adding the run again overwrites them.
 
     Args:
         store: the store.
-        machine: that was measured; the store knows it.
+        machine: name of the machine that was measured; the store has it.
         path: the run's file.
-        table: what it was read into.
-        date: when it was measured; None to go by the file's name, else by its own date.
-        ordered: whether somebody said that the rows are in travel order.
-        units_said: whether somebody said in which units the columns are.
+        table: the table that was read from it.
+        date: when it was measured; None for the date in the file's name, else that of the file.
+        ordered: whether the user stated that the rows are in travel order.
+        units_said: whether the user stated the units of the columns.
 
     Returns:
-        What became of it.
+        Name, date and size of the run, and whether it is new.
 
     Raises:
         InputError: the run is another machine's.
@@ -205,7 +205,7 @@ def add_run(
 
 
 def date_of(path: Path) -> tuple[datetime, str]:
-    """When a file was measured, as far as it tells, and what told it."""
+    """When a file was measured, by its name or its date of change (UTC), and which of them, in words."""
     named = date_in_name(path.name)
     if named is not None:
         return datetime(named.year, named.month, named.day), "by the file's name"
@@ -227,7 +227,7 @@ def read_date(text: str) -> datetime:
 
 
 def shown(name: str) -> str:
-    """A name as it may be printed: what a terminal would obey is spelled out."""
+    """A name that is safe to print: control characters are escaped."""
     return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in name)
 
 
@@ -245,7 +245,7 @@ def is_there(store: Store, machine: str, run: str, path: Path) -> bool:
 
 
 def _drawing(file: MachineFile) -> str:
-    """Digest of a drawing without the machine's name: sisters have the same."""
+    """Digest of a drawing without the machine's name, which sister machines share."""
     text = file.machine.model_dump_json(exclude={"name"})
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

@@ -1,4 +1,4 @@
-"""What one run asks for and what comes of it: plain values that travel between processes."""
+"""The task of processing one run, and its outcome: plain values that are sent between processes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,18 +11,18 @@ Did = Literal["check", "diagnosis", "recheck", "nothing"]
 
 @dataclass(frozen=True)
 class Task:
-    """One run of one machine to be worked on.
+    """One run of one machine that is to be processed.
 
     Attributes:
         run: SHA-256 of the run's file.
         machine: name of the machine.
         date: when it was measured, ISO 8601.
         file: name of the run's file, for messages.
-        columns: its readings, title -> (n,).
-        drawing: the machine.toml as it was given.
-        solved: the machine.toml with what an earlier run showed; None where no run was diagnosed yet.
-        ordered: whether somebody said that the rows are in travel order.
-        units_said: whether somebody said in which units the columns are.
+        columns: its readings, title of a column -> (n,).
+        drawing: text of the machine.toml as it was given.
+        solved: text of the machine.toml fitted to an earlier run; None where no run was diagnosed yet.
+        ordered: whether the user stated that the rows are in travel order.
+        units_said: whether the user stated the units of the columns.
     """
 
     run: str
@@ -38,20 +38,21 @@ class Task:
 
 @dataclass(frozen=True)
 class Testimony:
-    """What a run says of the parameters of a model, with everything that a set-up may hold left free beside them.
+    """Normal equations of one run for the p parameters of its machine, what belongs to the set-up eliminated.
 
-    Around zero in usual sizes the rows' sum of squares is `x I x - 2 h x` and a constant: sums of this kind add up
-    over runs.
+    As a function of the parameters x, in units of their usual sizes, the run's sum of squares is x I x - 2 h x and a
+    constant. I and h of several runs can be added.
 
     Attributes:
-        names: 'effect parameter', one for each of p values.
+        names: 'effect parameter' of each.
         labels: the same for a person.
-        units: of each.
-        usual: (p,) usual sizes.
-        information: (p, p) I.
-        score: (p,) h.
-        values: (p,) as fitted, in their own units.
-        std: (p,) of what the rows see of each, in their own units; NaN where they see nothing.
+        units: of each, as in the machine file.
+        usual: usual size of each, (p,) in those units.
+        information: I, (p, p).
+        score: h, (p,).
+        values: the fitted values, (p,) in their units.
+        std: their standard errors in the directions that the rows determine, (p,) in their units; NaN where the rows
+            say nothing of a value.
     """
 
     names: tuple[str, ...]
@@ -66,25 +67,25 @@ class Testimony:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a run.
+    """The outcome of processing one run.
 
     Attributes:
         run: SHA-256 of its file.
         machine: name of the machine.
-        did: what was done with it last.
+        did: the last step that was done: 'check', 'diagnosis', 'recheck' or 'nothing'.
         verdict: 'setup', 'failed', of a first run 'missing', 'nothing-missing' or 'unknown', of a later one 'same',
             'changed' or 'new'.
         words: for a person.
-        seconds: that it took.
-        error_um: what is left with the model, root mean square over the rows; of a later run with the model as it was.
-        expected_um: what had been left when the model was made.
+        seconds: how long it took.
+        error_um: rms error: of a first run with the fitted model, of a later one with the model as it was.
+        expected_um: of a later run, rms error of the run that its model was made from.
         noise_um: the noise floor.
-        check: findings on the set-up, as `ptt check --json` has them.
-        diagnosis: as `ptt diagnose --json` has it, of a first run.
-        recheck: as `ptt recheck --json` has it, of a later one.
-        solved: a machine.toml that later runs are to be compared with; None where the old one stays.
-        refit: the machine.toml as this run alone would have it.
-        told: what the run says of the parameters.
+        check: findings on the set-up, as `ptt check --json`.
+        diagnosis: of a first run, as `ptt diagnose --json`.
+        recheck: of a later run, as `ptt recheck --json`.
+        solved: text of a machine.toml that later runs are to be compared with; None where the old one stays.
+        refit: text of the machine.toml fitted to this run.
+        told: what the run says of the parameters; None where it was not fitted.
     """
 
     run: str

@@ -1,4 +1,4 @@
-"""What one run says of a model's parameters, in a form that adds up over runs."""
+"""Normal equations of one run for the machine's own parameters, in a form that can be added over runs."""
 
 from dataclasses import dataclass
 
@@ -13,17 +13,17 @@ from ptt.model.model import parameter_names
 
 
 def told_by(fitted: FitResult) -> Testimony:
-    """What the rows of a fit say of the machine's own parameters; set-up effects, frames and mounts are free beside.
+    """Normal equations of a fit for the machine's own parameters; those of set-up, frames and mounts are eliminated.
 
-    The fit's normal equations (G + W) u = g hold the rows' part G and a prior W; the prior is taken out, and what is
-    not the machine's is eliminated (Schur complement), so that runs that were set up differently can be added. What is
-    searched (a period, a settling length) counts as known.
+    The fit's normal equations (G + W) u = g hold the rows' part G and a prior W. The prior is taken out, and unknowns
+    that are not the machine's are eliminated (Schur complement), so that runs with different set-ups can be added.
+    Shape parameters (a period, a settling length) count as known.
 
     Args:
         fitted: a fit of one run.
 
     Returns:
-        Information and score of p values.
+        Information and score of the machine's p linear parameters.
     """
     layout = fitted.layout
     named = _own_values(fitted)
@@ -44,20 +44,20 @@ def told_by(fitted: FitResult) -> Testimony:
 
 
 def _seen_std(information: np.ndarray) -> np.ndarray:
-    """Standard errors in usual sizes, in the directions that the rows see; NaN where a value has no part in any."""
+    """Standard errors in usual sizes, in the directions that the rows determine; NaN for values outside of them."""
     inverse, told = seen_inverse(information)
     return np.where(told, np.sqrt(np.maximum(np.diag(inverse), 0.0)), np.nan)
 
 
 @dataclass(frozen=True)
 class OwnValues:
-    """Which of a fit's unknowns are the machine's, and the names of those p among them that are not searched.
+    """Which of a fit's unknowns are the machine's own, and names of the p linear ones among them.
 
     Attributes:
-        own: (u,) bool, which are.
-        names: 'effect parameter', p of them.
+        own: whether each unknown is the machine's own (of an effect that does not belong to one run), (u,) bool.
+        names: 'effect parameter' of each linear one.
         labels: the same for a person.
-        units: of each.
+        units: of each, as in the machine file.
     """
 
     own: np.ndarray

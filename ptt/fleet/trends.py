@@ -1,10 +1,11 @@
-"""What moves from run to run: one machine's values as level, drifts and jumps, chosen one by one on all runs together.
+"""Drifts and jumps of one machine's values from run to run, by forward selection in generalised least squares.
 
-Each run says about p values x that its rows' sum of squares is x I x - 2 h x (`ptt.fleet.task.Testimony`). A machine
-that stays as it is has one x = a for all runs; a value that drifts adds b (t - t0), one that jumps c [t >= t1]. Both
-are least squares over runs with the full matrices, so that what a run cannot tell apart (a homing offset from the
-tracker's z) weighs nothing, and one slider that moves is not said as a third of it on each. Generalised least squares,
-forward selection with Bonferroni's bound on what was tried.
+Of p values x each run gives the normal equations I x = h (`ptt.fleet.task.Testimony`): its sum of squares is
+x I x - 2 h x and a constant. A machine that does not change has one level x = a for all runs; a value that drifts adds
+b (t - t0), one that jumps c [t >= t1]. All are fitted to all runs with the full matrices, so that directions which a
+run cannot determine (a homing offset against the tracker's z) have no weight, and one slider that moves does not show
+as a third of it on each. Movements are added one by one, the p-value of the best multiplied by the number of candidates
+(Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -16,19 +17,19 @@ import numpy as np
 from ptt.fleet.scatter import RIDGE, scatter_of_all, scatter_of_one
 from ptt.fleet.seen import seen_inverse
 
-ALPHA = 0.01  # chance that a machine on which nothing moves is said to move
-MOST_MOVEMENTS = 8  # that are looked for on one machine
+ALPHA = 0.01  # significance level for one machine: chance of a false movement
+MOST_MOVEMENTS = 8  # looked for on one machine
 
 
 @dataclass(frozen=True)
 class Series:
-    """One machine's runs.
+    """What n runs of one machine say of its p values, in units of their usual sizes.
 
     Attributes:
-        names: (p) of the values.
-        days: (n,) when each run was measured, days.
-        information: (n, p, p), in usual sizes; zero where a run's model has no such value.
-        score: (n, p).
+        names: of the values.
+        days: when each run was measured, (n,) days since 1970.
+        information: information matrix of each run, (n, p, p); zeros where a run's model lacks a value.
+        score: right-hand side of each run's normal equations, (n, p).
     """
 
     names: tuple[str, ...]
@@ -39,16 +40,16 @@ class Series:
 
 @dataclass(frozen=True)
 class Movement:
-    """One value that moves.
+    """A drift or jump of one value.
 
     Attributes:
-        place: its number among the names.
+        place: index of the value among the names.
         kind: 'drift' or 'jump'.
-        day: of a jump, the first run behind it; of a drift the middle of the runs.
-        before: of a jump, the last run before it; NaN of a drift.
-        size: usual sizes a day (drift) or usual sizes (jump).
-        std: of the size; wider where runs scatter by more than their rows say.
-        p_value: after multiplicity.
+        day: of a jump the date of the first run after it, of a drift the mean date, days since 1970.
+        before: of a jump the date of the last run before it; NaN for a drift.
+        size: usual sizes per day (drift) or usual sizes (jump).
+        std: standard error of the size, widened where runs scatter by more than their stated errors.
+        p_value: after Bonferroni's correction.
     """
 
     place: int
@@ -62,14 +63,15 @@ class Movement:
 
 @dataclass(frozen=True)
 class Moves:
-    """What moves on one machine.
+    """The movements of one machine, and its p values in n runs, in units of their usual sizes.
 
     Attributes:
         movements: in the order in which they were found.
-        values: (n, p) usual sizes, as each run alone has them; in what it does not see, where the runs together put it.
-        std: (n, p) of these, as the run's rows state it; infinite where a run says nothing.
-        course: (n, p) usual sizes, level, drifts and jumps.
-        scatter: times their stated errors by which runs scatter, at least one.
+        values: (n, p), of each run alone; along directions that it does not determine, as fitted to all runs; NaN where
+            it says nothing of a value.
+        std: their stated standard errors, (n, p); infinite where a run says nothing of a value.
+        course: as fitted to all runs (level, drifts and jumps), (n, p).
+        scatter: how much more than their stated errors the runs scatter, at least one.
     """
 
     movements: tuple[Movement, ...]
@@ -80,35 +82,35 @@ class Moves:
 
 
 @dataclass(frozen=True)
-class Course:
-    """A way in which one value may move.
+class Candidate:
+    """A movement that may be added to the fit.
 
     Attributes:
-        place: its number.
+        place: index of the value.
         kind: 'drift' or 'jump'.
-        course: (n,) how it would move, per unit of its size.
-        day: as of `Movement`.
-        before: as of `Movement`.
+        regressor: the movement in each run for a size of one, (n,).
+        day: as in `Movement`.
+        before: as in `Movement`.
     """
 
     place: int
     kind: Literal["drift", "jump"]
-    course: np.ndarray
+    regressor: np.ndarray
     day: float
     before: float = float("nan")
 
 
 def movements(series: Series) -> Moves:
-    """Find what moves.
+    """Find the drifts and jumps of one machine.
 
     Args:
-        series: one machine's runs, by date.
+        series: its runs, by date.
 
     Returns:
-        What moves, and each run's values.
+        The movements, and the values of each run.
     """
     candidates = _candidates(series)
-    chosen: list[Course] = []
+    chosen: list[Candidate] = []
     tried = max(len(candidates), 1)
     found: list[float] = []
     for _ in range(MOST_MOVEMENTS):
@@ -120,48 +122,54 @@ def movements(series: Series) -> Moves:
     return _told(series, chosen, found)
 
 
-def _candidates(series: Series) -> list[Course]:
-    """Every value with a line, and with a step before each run but the first."""
+def _candidates(series: Series) -> list[Candidate]:
+    """For each value that at least three runs tell, a straight line in time, and a step at each date but the first."""
     days, own = series.days, []
     line = days - days.mean()
     for place in range(len(series.names)):
         told = series.information[:, place, place] > 0.0
         if told.sum() < 3 or np.ptp(days[told]) == 0.0:
             continue
-        own.append(Course(place, "drift", line, float(days.mean())))
+        own.append(Candidate(place, "drift", line, float(days.mean())))
         for day in np.unique(days[told])[1:]:
             before = float(days[told & (days < day)].max())
-            own.append(Course(place, "jump", (days >= day).astype(float), float(day), before))
+            own.append(Candidate(place, "jump", (days >= day).astype(float), float(day), before))
     return own
 
 
-def _best(series: Series, chosen: Sequence[Course], candidates: Sequence[Course]) -> tuple[Course, float] | None:
-    """The candidate that takes most of what the chosen ones leave, and its chance before multiplicity."""
+def _best(
+    series: Series, chosen: Sequence[Candidate], candidates: Sequence[Candidate]
+) -> tuple[Candidate, float] | None:
+    """The candidate that reduces the sum of squares most beside the chosen ones, and its uncorrected p-value."""
     _, inverse, rest = _solve(series, chosen)
     best, most = None, -np.inf
     for candidate in candidates:
-        place, course = candidate.place, candidate.course
+        place, regressor = candidate.place, candidate.regressor
         cross = _cross(series, candidate, chosen)
-        information = float((course**2) @ series.information[:, place, place])
+        information = float((regressor**2) @ series.information[:, place, place])
         left = information - float(cross @ inverse @ cross)
         if left <= RIDGE * information:
             continue
-        score = abs(float(course @ rest[:, place])) / np.sqrt(left)
-        # The time of a jump is searched: a unit of twice the log likelihood for each e-fold of places, twice.
+        score = abs(float(regressor @ rest[:, place])) / np.sqrt(left)
+        # A jump's date is fitted too: in the ranking 2 log(number of dates) is taken off twice its log likelihood.
         rank = score**2 - (2.0 * np.log(max(len(np.unique(series.days)) - 1, 1)) if candidate.kind == "jump" else 0.0)
         if rank > most:
             most, best = rank, (candidate, score)
     if best is None:
         return None
     candidate, score = best
-    _, _, after = _solve(series, [*chosen, candidate])  # what it does not take is what it has to be judged by
+    _, _, after = _solve(series, [*chosen, candidate])  # the scatter is that of the residuals with it in the fit
     every = scatter_of_all(series.information, after, len(chosen) + 1)
-    own = scatter_of_one(series.information, after, candidate.place, candidate.course)
+    own = scatter_of_one(series.information, after, candidate.place, candidate.regressor)
     return candidate, max(every.chance(score), own.chance(score))
 
 
-def _solve(series: Series, chosen: Sequence[Course]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Levels and sizes of the chosen, the inverse of their normal matrix, and each run's score about them, (n, p)."""
+def _solve(series: Series, chosen: Sequence[Candidate]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit levels and the sizes of the chosen m movements.
+
+    Returns:
+        Levels and sizes (p + m,), the pseudo-inverse of their normal matrix, and each run's score about the fit (n, p).
+    """
     count = len(series.names)
     size = count + len(chosen)
     normal, right = np.zeros((size, size)), np.zeros(size)
@@ -170,36 +178,37 @@ def _solve(series: Series, chosen: Sequence[Course]) -> tuple[np.ndarray, np.nda
     for at, each in enumerate(chosen, count):
         normal[at] = _cross(series, each, chosen)
         normal[:count, at] = normal[at, :count]
-        right[at] = each.course @ series.score[:, each.place]
+        right[at] = each.regressor @ series.score[:, each.place]
     inverse = np.linalg.pinv(normal, rcond=RIDGE, hermitian=True)
     values = inverse @ right
     course = _course(series, values, chosen)
     return values, inverse, series.score - np.einsum("npq,nq->np", series.information, course)
 
 
-def _course(series: Series, values: np.ndarray, chosen: Sequence[Course]) -> np.ndarray:
+def _course(series: Series, values: np.ndarray, chosen: Sequence[Candidate]) -> np.ndarray:
+    """The values in each run by the fitted levels and sizes, (n, p)."""
     course = np.tile(values[: len(series.names)], (len(series.days), 1))
     for size, each in zip(values[len(series.names) :], chosen, strict=True):
-        course[:, each.place] += size * each.course
+        course[:, each.place] += size * each.regressor
     return course
 
 
-def _cross(series: Series, candidate: Course, chosen: Sequence[Course]) -> np.ndarray:
-    """What one way shares with all levels and the chosen ways, (p + m,): a row of the normal matrix."""
-    place, course = candidate.place, candidate.course
-    levels = np.einsum("n,np->p", course, series.information[:, place])
-    sizes = [float((course * each.course) @ series.information[:, place, each.place]) for each in chosen]
+def _cross(series: Series, candidate: Candidate, chosen: Sequence[Candidate]) -> np.ndarray:
+    """A candidate's row of the normal matrix, against all levels and the chosen movements, (p + m,)."""
+    place, regressor = candidate.place, candidate.regressor
+    levels = np.einsum("n,np->p", regressor, series.information[:, place])
+    sizes = [float((regressor * each.regressor) @ series.information[:, place, each.place]) for each in chosen]
     return np.concatenate([levels, sizes])
 
 
-def _told(series: Series, chosen: Sequence[Course], chances: Sequence[float]) -> Moves:
+def _told(series: Series, chosen: Sequence[Candidate], chances: Sequence[float]) -> Moves:
     values, inverse, rest = _solve(series, chosen)
-    scatter = scatter_of_all(series.information, rest, len(chosen)).wider
+    scatter = scatter_of_all(series.information, rest, len(chosen)).birge_ratio
     course = _course(series, values, chosen)
     count, moves = len(series.names), []
     seen, std = _by_run(series, course, rest)
     for number, each in enumerate(chosen):
-        wide = max(scatter, scatter_of_one(series.information, rest, each.place, each.course).wider)
+        wide = max(scatter, scatter_of_one(series.information, rest, each.place, each.regressor).birge_ratio)
         error = wide * float(np.sqrt(max(inverse[count + number, count + number], 0.0)))
         size = float(values[count + number])
         moves.append(Movement(each.place, each.kind, each.day, each.before, size, error, chances[number]))
@@ -207,9 +216,10 @@ def _told(series: Series, chosen: Sequence[Course], chances: Sequence[float]) ->
 
 
 def _by_run(series: Series, course: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values of each run and their standard errors, (n, p) each, NaN and infinite where it says nothing.
+    """Values of each run and their standard errors, (n, p) each; NaN and infinite where it says nothing of a value.
 
-    All are free beside each other: what a value does that no movement says would else tilt those that look like it.
+    The values of a run are fitted jointly: fitted one by one, a change of one that no movement describes would also
+    shift those that are correlated with it.
     """
     values, std = np.full(course.shape, np.nan), np.full(course.shape, np.inf)
     for number, information in enumerate(series.information):

@@ -1,4 +1,4 @@
-"""Which run of a machine somebody means: by its file, its date or its SHA-256."""
+"""Finding a run of a machine by its file name, its date or its SHA-256."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,19 +8,19 @@ from ptt.fleet.store import Store, shown
 
 RUNS = """
 SELECT runs.*, outcomes.verdict FROM runs LEFT JOIN outcomes USING (run) WHERE runs.machine = ? ORDER BY date, place"""
-ENOUGH = 6  # characters of a SHA-256 that somebody may name a run by
+ENOUGH = 6  # least number of characters of a SHA-256 by which a run may be named
 
 
 def which_run(store: Store, machine: str, which: str | None = None) -> dict[str, Any]:
-    """The run that is meant.
+    """Find one run of a machine.
 
     Args:
         store: the store.
         machine: its name.
-        which: file name, date or beginning of its SHA-256; None for the last.
+        which: file name, date or beginning of its SHA-256; None for the last run by date.
 
     Returns:
-        Its row of the table of runs, and its verdict; None where nobody worked on it yet.
+        Its row of the table of runs, with its verdict, None where it was not processed yet.
 
     Raises:
         InputError: no such machine, no such run, or several.

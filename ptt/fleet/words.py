@@ -1,4 +1,4 @@
-"""One machine of a fleet as text: run by run, what moves, what somebody should look at."""
+"""One machine of a fleet as text: its runs, its values in the first and the last of them, its alarms."""
 
 from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.fleet.alarms import amount
@@ -10,7 +10,7 @@ def machine_in_words(machine: Standing) -> str:
     """One machine as a person reads it.
 
     Args:
-        machine: how it stands.
+        machine: its present state.
 
     Returns:
         Several lines.

@@ -1,4 +1,4 @@
-"""One run: check the set-up, diagnose or recheck it, and say what its rows tell of the parameters."""
+"""Processing one run: check its set-up, diagnose or recheck it, refit, and give its normal equations for trends."""
 
 import time
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from ptt.diagnosis.diagnose import diagnose_run
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import PttError
 from ptt.fitting.solve import FitResult, fit, hold, residual_of, rms
-from ptt.fleet.again import hold_against
+from ptt.fleet.again import recheck_or_diagnose
 from ptt.fleet.runs import Opened, open_task, read_task
 from ptt.fleet.task import Outcome, Task
 from ptt.fleet.told import told_by
@@ -25,15 +25,15 @@ from ptt.run.problem import Problem
 
 
 def work(task: Task, tell: Tell | None = None, effects: Sequence[str] = ()) -> Outcome:
-    """Do what is to be done with one run.
+    """Process one run.
 
     Args:
         task: the run.
         tell: told what is being done.
-        effects: Python files with effects of the user's own, where this process sees them.
+        effects: paths, as this process sees them, of Python files with effects of the user's own.
 
     Returns:
-        What came of it; data that cannot work are an outcome, 'failed', as well.
+        The outcome; any error becomes one with the verdict 'failed'.
     """
     start, tell = time.perf_counter(), tell or (lambda what: None)
     try:
@@ -41,21 +41,21 @@ def work(task: Task, tell: Tell | None = None, effects: Sequence[str] = ()) -> O
     except PttError as error:
         outcome = Outcome(task.run, task.machine, "nothing", "failed", str(error), 0.0)
     except Exception as error:
-        # What nobody foresaw in one run must not stop the others; it is told, `--again` tries it.
+        # An error that nobody foresaw in one run must not stop the others; `ptt fleet run --again` retries it.
         words = f"unexpected {type(error).__name__}: {error}"
         outcome = Outcome(task.run, task.machine, "nothing", "failed", words, 0.0)
     return replace(outcome, seconds=time.perf_counter() - start)
 
 
 def refit(task: Task, effects: Sequence[str] = ()) -> str:
-    """The model that a run is held against, fitted to it instead.
+    """Fit the model that a run is compared with to that run.
 
     Args:
         task: the run.
-        effects: as `work`.
+        effects: as of `work`.
 
     Returns:
-        The machine.toml, with its history.
+        Text of the machine.toml, with its history.
     """
     table, _ = read_task(task)
     opened = open_task(task, table, effects)
@@ -68,12 +68,12 @@ def _work(task: Task, tell: Tell, effects: Sequence[str]) -> Outcome:
     if check.sure:
         return Outcome(task.run, task.machine, "check", "setup", str(check), 0.0, check=check.to_dict())
     opened = open_task(task, table, effects)
-    outcome = (_first if task.solved is None else _again)(task, opened, tell)
+    outcome = (_diagnose if task.solved is None else _recheck)(task, opened, tell)
     return replace(outcome, check=check.to_dict())
 
 
-def _first(task: Task, opened: Opened, tell: Tell) -> Outcome:
-    """Diagnose, add what is suggested, and keep that as the model."""
+def _diagnose(task: Task, opened: Opened, tell: Tell) -> Outcome:
+    """Process a machine's first run: diagnose it, add the suggested effects, and keep that as the model."""
     model, problem, known = opened.model, opened.problem, opened.known
     found = diagnose_run(model, problem, known, progress=tell)
     tell("add")
@@ -84,11 +84,11 @@ def _first(task: Task, opened: Opened, tell: Tell) -> Outcome:
     )  # fmt: skip
 
 
-def _again(task: Task, opened: Opened, tell: Tell) -> Outcome:
-    """Recheck, and where there is new physics add it to the model; the values of this run are told in any case."""
+def _recheck(task: Task, opened: Opened, tell: Tell) -> Outcome:
+    """Process a later run: recheck it, add new physics to the model if there is any, and refit the values to it."""
     model, problem = opened.model, opened.problem
     tell("recheck")
-    again = hold_against(model, problem, opened.known, tell)
+    again = recheck_or_diagnose(model, problem, opened.known, tell)
     tell("refit")
     solved, fitted = None, fit(_testable(model, opened), problem)
     if again.added:
@@ -101,7 +101,7 @@ def _again(task: Task, opened: Opened, tell: Tell) -> Outcome:
 
 
 def _add(model: Model, opened: Opened, keys: list[str], task: Task) -> tuple[str, FitResult, float]:
-    """The model with effects added, as TOML with its history; its last fit; the noise floor in um."""
+    """Add effects to a model and fit it: its TOML with history, the last fit, and the noise floor in um."""
     effects = [make_effect(opened.known, *parse_key(key)) for key in keys]
     ladder = climb(model, opened.problem, effects)
     sources: list[dict[str, Any]] = [{"file": task.file, "sha256": task.run}]
@@ -113,16 +113,18 @@ def _add(model: Model, opened: Opened, keys: list[str], task: Task) -> tuple[str
 
 
 def _testable(model: Model, opened: Opened) -> Model:
-    """The model with what this run says nothing of held as it was, and shapes too, so that sizes can be compared."""
+    """The model with effects that this run cannot test held fixed, and all shapes, so that sizes can be compared."""
     view = opened.problem.view
-    return replace(model, terms=tuple(hold(t) if t.effect.needs(view) else _shaped(t) for t in model.terms))
+    return replace(model, terms=tuple(hold(t) if t.effect.needs(view) else _hold_shape(t) for t in model.terms))
 
 
-def _shaped(term: Term) -> Term:
+def _hold_shape(term: Term) -> Term:
+    """A term whose searched parameters (a period, a settling length) are held fixed."""
     searched = {parameter.stem for parameter in term.effect.parameters if parameter.role == "searched"}
     return replace(term, fixed=term.fixed | searched)
 
 
 def _left(fitted: FitResult, problem: Problem) -> float:
+    """Rms residual over the used rows without gross errors, um."""
     rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
     return float(rms(fitted.residual, rows)["total"])

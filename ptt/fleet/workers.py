@@ -1,8 +1,8 @@
-"""Everything new in a store worked on by other processes, here or on other machines: dask.distributed carries it.
+"""Processing all waiting runs of a store on dask.distributed workers, here or on other computers.
 
-Workers get a run's readings and the machine's models by message and hand back what came of it; the store is opened by
-the submitting process alone, so a worker needs neither the folder nor duckdb, and one that dies takes nothing with it:
-its run is given to another, and goes back to the queue if that is lost as often as the scheduler bears.
+Workers get a run's readings and the machine's models by message and send back the outcome. Only the submitting process
+opens the store, so a worker needs neither the folder nor duckdb, and nothing is lost when one dies: its run is given to
+another worker, and stays in the queue if workers die of it as often as the scheduler allows.
 """
 
 import logging
@@ -14,13 +14,13 @@ from typing import Any
 from ptt.errors import InputError
 from ptt.fleet.ctrl_c import held_back
 from ptt.fleet.owner import owner
-from ptt.fleet.queue import claim, keep, next_task, release, waiting
+from ptt.fleet.queue import claim, keep_outcome, next_task, release, waiting
 from ptt.fleet.run import Done
 from ptt.fleet.store import Store
 from ptt.fleet.task import Outcome, Task
 from ptt.progress import Progress, unwatched
 
-AHEAD = 2  # machines in hand for each worker, so that none waits for the submitting process
+AHEAD = 2  # tasks submitted for each worker, so that none waits for the submitting process
 PATIENCE = "30s"  # for a scheduler to answer
 
 
@@ -31,14 +31,14 @@ def run_on_workers(
     progress: Progress | None = None,
     work: Callable[[Task], Outcome] | None = None,
 ) -> Done:
-    """Work on every run that waits, each as one task; runs of one machine follow each other.
+    """Process every waiting run, each as one task; runs of one machine follow each other.
 
     Args:
         store: the store.
         scheduler: address of a running one; None starts one here.
         workers: how many processes to start here; None for two.
         progress: told what is being done, how many runs are done of how many.
-        work: what is done with one run; None for `ptt.fleet.work.work`.
+        work: processes one run; None for `ptt.fleet.work.work`.
 
     Returns:
         What was done.
@@ -86,11 +86,11 @@ def cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
         with client:
             yield client
         return
-    # One thread each: the sums are numpy's, and threads of one process would wait for each other.
+    # dask and tornado log every call and every task that Ctrl-C interrupts: hidden unless tracebacks are asked for.
     level = logging.WARNING if os.environ.get("PTT_TRACEBACK") else logging.CRITICAL
-    # They tell of every call and every task that Ctrl-C breaks off.
     logging.getLogger("tornado.application").setLevel(level)
     with held_back() as pressed:
+        # One thread each: threads of one process would wait for each other.
         local = LocalCluster(
             n_workers=workers or 2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1",
             silence_logs=level,
@@ -107,7 +107,7 @@ def cluster(scheduler: str | None, workers: int | None) -> Iterator[Any]:
 
 
 def _why(failed: BaseException) -> str:
-    """What kept a run from being worked on: its workers died, or what they said, in a line."""
+    """Why no worker processed a run, in one line: its workers died, or the error that one raised."""
     from distributed import KilledWorker
 
     if isinstance(failed, KilledWorker):
@@ -128,7 +128,7 @@ def _distribute(
     def submit(machine: str) -> None:
         task = next_task(store, machine, given_up.get(machine, []))
         if task is None:
-            ended.add(machine)  # what still waits there was given up: taken again, it would come for ever
+            ended.add(machine)  # all that still waits there was given up: claimed again, it would come back for ever
             release(store, name, machine)
             return
         future = client.submit(work, task, pure=False)
@@ -142,16 +142,16 @@ def _distribute(
 
     fill()
     for future in running:
-        if future.status in ("lost", "pending"):  # its worker died with the outcome in its hands: another runs it again
+        if future.status in ("lost", "pending"):  # its worker died before the outcome came: another repeats it
             running.add(future)
             continue
         task = doing.pop(future)
         tell(f"{task.machine}, {task.date[:10]}")
         if future.status == "finished":
             outcome = future.result()
-            if keep(store, outcome):
+            if keep_outcome(store, outcome):
                 done.count(outcome.verdict)
-        else:  # its workers died one after the other, or are of another make: that must not end the rest
+        else:  # its workers died one after the other, or run another version: that must not end the rest
             done.lost.append(f"{task.machine}, {task.file} ({_why(future.exception())})")
             given_up.setdefault(task.machine, []).append(task.run)
         future.release()
