@@ -1,4 +1,4 @@
-"""The variable that tells an effect, as its card names it: its values along a run."""
+"""Telling variables of effects: the variable, named on an effect's card, against which its residual shows a pattern."""
 
 from collections.abc import Callable
 
@@ -11,12 +11,12 @@ from ptt.run.view import View
 
 
 def telling_values(name: str, view: View, joint: int) -> Tensor:
-    """Values of the variable that tells an effect.
+    """Values of a telling variable along a run.
 
     Args:
         name: one of `ptt.effects.card.TELLING`.
         view: n rows; of a 3-PTT for 'link force' and 'link angle', with a screw lead or gear period for 'phase'.
-        joint: from 0, where the variable belongs to one.
+        joint: number of the joint, from 0; ignored where the variable belongs to none.
 
     Returns:
         (n,) in mm, rad, s, K, kg, N or N mm; 'phase' as the distance into a turn, in the joint's unit.
@@ -25,14 +25,14 @@ def telling_values(name: str, view: View, joint: int) -> Tensor:
 
 
 def travel_since_reversal(view: View, joint: int) -> Tensor:
-    """How far a joint has come since it last turned, between two rows or at one.
+    """How far a joint has moved since it last reversed, whether between two rows or at one.
 
     Args:
         view: n rows.
         joint: from 0.
 
     Returns:
-        (n,) mm or rad; NaN on the first row of a run, before which nobody knows the travel.
+        (n,) mm or rad; NaN on the first row of a run, before which the travel is unknown.
     """
     q, way = view.q[:, joint], view.direction[:, joint]
     before = (q - view.turning_point[:, joint]).abs()

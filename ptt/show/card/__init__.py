@@ -1,1 +1,1 @@
-"""The result in short, for page and report alike: findings with side, size, place, cure and how sure; ties."""
+"""The result card, a diagnosis in short, for the studio's page and the report alike: words, bar and pictures."""

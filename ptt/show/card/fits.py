@@ -1,4 +1,4 @@
-"""This run's data with the fit of one effect through it: what the residual is without the effect, and what it takes."""
+"""Component-plus-residual plots of effects: the run's residual without one effect, and the part that it explains."""
 
 from dataclasses import replace
 from typing import Any
@@ -17,12 +17,12 @@ from ptt.run.problem import Problem
 from ptt.show.card.telling import telling_of
 from ptt.show.sizing import spread
 
-LEVER = 0.5  # of the usual one, below which an arm's pose tells little of a joint
-MOST_READINGS = 1200  # that a picture shows
+LEVER = 0.5  # share of a joint's median lever arm below which a pose of an arm says too little of the joint to be shown
+MOST_READINGS = 1200  # shown in a picture
 
 
 def rest_of(found: Diagnosis, given: Model, problem: Problem) -> np.ndarray:
-    """What a diagnosis leaves of each reading, (n, 3) mm, the frame taken out.
+    """Residual of each reading with the model that a diagnosis suggests, the frame fitted, (n, 3) mm.
 
     Args:
         found: the diagnosis.
@@ -35,7 +35,7 @@ def rest_of(found: Diagnosis, given: Model, problem: Problem) -> np.ndarray:
 
 
 def fits_of(found: Diagnosis, given: Model, problem: Problem) -> dict[str, Any]:
-    """For each step the residual with everything but this effect, and the part of it that the effect explains.
+    """For each suggested effect the residual without it (all others kept), and the part of that which it explains.
 
     Args:
         found: the diagnosis.
@@ -43,7 +43,9 @@ def fits_of(found: Diagnosis, given: Model, problem: Problem) -> dict[str, Any]:
         problem: the readings.
 
     Returns:
-        Effect -> 'telling', 'data_um', 'fit_um', 'rows', 'labels' (of variable and residual), as lists.
+        Effect -> 'telling' (its telling variable), 'data_um' (residual without it), 'fit_um' (its part) and 'rows',
+        (m,) each as lists; 'labels': of the variable's axis, of the residual's component, and the unit of both
+        residuals (um or urad); 'steps': whether the variable is a direction of arrival.
     """
     steps = {step[0] for step in found.suggested}
     if not steps:
@@ -63,16 +65,16 @@ def fits_of(found: Diagnosis, given: Model, problem: Problem) -> dict[str, Any]:
 
 
 def _foremost(problem: Problem, shift: np.ndarray) -> tuple[int, np.ndarray]:
-    """The joint that moves the tool most by its own error, and that motion alone.
+    """The joint whose own error moves the tool most, and that motion alone.
 
-    An arm's joints move the tool in much the same ways, so that one would show the other's error beside its own.
+    An arm's joints move the tool in similar directions: with all of them, the error of one would show on another.
 
     Args:
         problem: n rows.
-        shift: (n, k) mm or rad, of each joint.
+        shift: error of each joint, (n, k) mm or rad.
 
     Returns:
-        Its number from 0, and (n, 3) mm.
+        Number of the joint from 0, and the motion of the tool, (n, 3) mm.
     """
     jacobian = problem.view.jacobian.numpy()
     size = [float(np.nanmean(np.square(shift[:, i : i + 1] * jacobian[:, :, i]))) for i in range(shift.shape[1])]
@@ -81,6 +83,7 @@ def _foremost(problem: Problem, shift: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def _chain(model: Model, problem: Problem) -> Prediction:
+    """The model's prediction of all rows in the base frame."""
     with torch.no_grad():
         return predict([(term.effect, term.theta) for term in model.terms], problem.view)
 
@@ -105,7 +108,7 @@ def _fit(effect: Effect, data: np.ndarray, fit: np.ndarray, problem: Problem, jo
 
 
 def _shown(views: dict[str, np.ndarray], residual: str, joint: int | None) -> tuple[str, int]:
-    """The component of the residual that is drawn, and the joint whose variable it is drawn against, from 0."""
+    """The component of the residual to draw (that of largest variance), and the joint of the variable, from 0."""
     inner = [name for name in views if name not in "xyz"]
     names = ["x", "y", "z"] if residual != "joint" else inner if joint is None else [inner[joint]]
     name = max(names, key=lambda each: float(np.nanvar(views[each])))
@@ -113,9 +116,9 @@ def _shown(views: dict[str, np.ndarray], residual: str, joint: int | None) -> tu
 
 
 def _seen(problem: Problem, residual: np.ndarray, name: str, joint: int, lone: bool) -> np.ndarray:
-    """One component of a residual, (n,) mm or rad; on an arm what its joint alone would have to be off by.
+    """One component of a residual, (n,) mm or rad; where `lone`, the error of this joint alone that fits it best.
 
-    Poses that give a joint a short lever tell little of it, and their noise would fill the picture: they are NaN.
+    In the latter case poses that give the joint a short lever arm are NaN: their noise would fill the picture.
     """
     if not lone:
         return residual_views(problem, residual)[name]

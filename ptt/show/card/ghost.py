@@ -1,7 +1,7 @@
-"""The machine as lines at some poses, and how far each effect moves its parts: what a ghost beside the drawing shows.
+"""The machine as lines at some poses, and the displacement of its parts by each effect, drawn enlarged as a ghost.
 
-How far is taken from the model's own causal chain (everything with the effect less everything without it), so that any
-effect has a ghost, one of a user's own too; enlarging it is linear.
+The displacement is the difference of the model's causal chain with and without the effect, so that every effect has a
+ghost, one of a user's own too. It is enlarged linearly.
 """
 
 from typing import Any
@@ -20,19 +20,19 @@ from ptt.show.sizing import spread
 
 
 def poses_of(problem: Problem) -> np.ndarray:
-    """Rows spread over the travel, (m,) int."""
+    """At most `POSES` of the used rows, evenly spaced along the travel, (m,) int."""
     rows = np.flatnonzero(problem.used)
     return rows[spread(len(rows), POSES)]
 
 
 def machine_lines(problem: Problem) -> MachineLines:
-    """The machine as drawn, at the commands of each row.
+    """The nominal machine at the commands of each row, as lines.
 
     Args:
         problem: n rows.
 
     Returns:
-        Its lines.
+        The lines.
     """
     view, spec = problem.view, problem.file.machine
     mechanism, q, p = view.mechanism, view.q.numpy(), view.p.numpy()
@@ -52,16 +52,18 @@ def machine_lines(problem: Problem) -> MachineLines:
 
 
 def ghosts_of(model: Model, problem: Problem, keys: tuple[str, ...]) -> dict[str, Any]:
-    """How far the parts of the machine are off because of each effect.
+    """Displacement of the machine's parts by each effect, at some poses.
 
     Args:
         model: with the effects at their values.
         problem: the readings.
-        keys: the effects.
+        keys: keys of the effects.
 
     Returns:
-        'rows' (m,), and for each effect in 'shift' the same arrays as `parts` gives, in mm of displacement, with
-        'share', how much each leg or joint has of it.
+        'rows': the m poses. 'shift': effect -> its displacements in mm as nested lists, and its 'stage'. Of a 3-PTT
+        'rails' (3, 2, 3), 'sliders' (m, 3, 3), 'platform' (m, 3), 'grown' (m, 3) length added to each link, and 'share'
+        (3, 3): for slider, tower and link of each leg the largest displacement over all rows. Of an arm 'chain' (m, p,
+        3), 'platform' (m, 3), and 'share' (1, k) of each joint.
     """
     terms = [(term.effect, term.theta) for term in model.terms]
     view, rows = problem.view, poses_of(problem)
@@ -79,7 +81,7 @@ def ghosts_of(model: Model, problem: Problem, keys: tuple[str, ...]) -> dict[str
 
 
 def _legs(view: View, rows: np.ndarray, dq: torch.Tensor, geometry: torch.Tensor, dp: torch.Tensor) -> dict[str, Any]:
-    """Displacement of rails, sliders and platform of a 3-PTT."""
+    """Displacement of the parts of a 3-PTT, as `ghosts_of` returns it."""
     mechanism = view.mechanism
     assert isinstance(mechanism, ThreePtt)
     slots = geometry[:, :12].reshape(-1, 3, 4).numpy()
@@ -97,14 +99,14 @@ def _legs(view: View, rows: np.ndarray, dq: torch.Tensor, geometry: torch.Tensor
 
 
 def _at_ends(q: np.ndarray, shift: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """A rail's own shift at both ends of its travel, (2, 3), by the line through its shifts along the travel."""
+    """Shift of a rail at both ends of its travel, (2, 3) mm, by a straight line fitted to its shifts along it."""
     about = q - q.mean()
     slope = (about @ (shift - shift.mean(axis=0))) / max(float(about @ about), 1e-12)
     return shift.mean(axis=0) + (ends - q.mean())[:, None] * slope
 
 
 def _arm(view: View, rows: np.ndarray, dq: torch.Tensor, geometry: torch.Tensor, dp: torch.Tensor) -> dict[str, Any]:
-    """Displacement of the joints and the tool of an arm."""
+    """Displacement of the joints and the tool of an arm, as `ghosts_of` returns it."""
     arm = view.mechanism
     assert isinstance(arm, Serial)
     q, own = view.q[rows], geometry[rows]

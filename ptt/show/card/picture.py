@@ -1,4 +1,4 @@
-"""The machine with its fault on paper: solid parts shaded, what is off as an orange ghost, its sizes beside it."""
+"""The machine with its fault as a static picture: shaded solids, displaced parts as an orange ghost, sizes beside."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,10 +15,10 @@ from ptt.show.card.solids import Solid
 from ptt.show.card.words import by_part
 
 FAULT = "#b34700"
-TURN, RISE = np.radians(38.0), np.radians(20.0)  # from where it is seen
-LIGHT = np.array([0.35, -0.5, 0.8])
-RIM = 6.0  # pixels about a label that stay free
-DIM = 0.55  # of a colour that is left on the far side of a part
+TURN, RISE = np.radians(38.0), np.radians(20.0)  # azimuth and elevation of the viewpoint
+LIGHT = np.array([0.35, -0.5, 0.8])  # direction toward the light
+RIM = 6.0  # pixels around a label that stay free
+DIM = 0.55  # share of its colour that a face edge-on to the light keeps
 
 
 def draw_scene(
@@ -28,9 +28,10 @@ def draw_scene(
 
     Args:
         lines: the machine.
-        shift: how far an effect moves its parts, the middle pose of it; None for no ghost.
-        values: of the finding, written beside their parts.
-        times: how much the ghost is enlarged.
+        shift: displacements by an effect, from `ptt.show.card.ghost`, of which the middle pose is drawn; None for no
+            ghost.
+        values: values of the finding, written beside their parts.
+        times: factor by which displacements are enlarged.
 
     Returns:
         The figure.
@@ -48,7 +49,7 @@ def draw_scene(
     middle = float(_seen(lines.chains.reshape(-1, 3))[0][:, 0].mean())
     for who, said in by_part(values if shift is not None else ()):
         place, _ = _seen(place_of_part(there, who)[None])
-        words = f"{who}: " + "\n".join(size.partition("\n")[0] for size in said)  # which way is said beside the picture
+        words = f"{who}: " + "\n".join(size.partition("\n")[0] for size in said)  # the text beside says which way
         box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": GHOST, "alpha": 0.9}
         right = place[0, 0] > middle
         note = axes.annotate(
@@ -65,7 +66,7 @@ def draw_scene(
 
 
 def _draw_apart(figure: Figure, notes: list[Annotation]) -> None:
-    """Raise labels that would lie on one another, the lowest first."""
+    """Raise labels that overlap, the lowest first."""
     if len(notes) < 2:
         return
     figure.draw_without_rendering()
@@ -82,7 +83,7 @@ def _draw_apart(figure: Figure, notes: list[Annotation]) -> None:
 
 
 def _fill(axes: Any, parts: list[tuple[Solid, str, float]]) -> None:
-    """Triangles from the far ones to the near ones."""
+    """Fill shaded triangles from far to near (painter's algorithm), of solids with colour and opacity."""
     corners, colours, depth = [], [], []
     light = LIGHT / np.linalg.norm(LIGHT)
     for solid, colour, alpha in parts:
@@ -102,7 +103,7 @@ def _fill(axes: Any, parts: list[tuple[Solid, str, float]]) -> None:
 
 
 def _seen(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points as they are seen from the side and a little from above: (n, 2) and their depth (n,)."""
+    """Orthographic projection of points (n, 3): coordinates in the picture (n, 2) and depth (n,), mm."""
     across = np.array([-np.sin(TURN), np.cos(TURN), 0.0])
     toward = np.array([np.cos(TURN) * np.cos(RISE), np.sin(TURN) * np.cos(RISE), np.sin(RISE)])
     up = np.cross(toward, across)

@@ -1,4 +1,4 @@
-"""The result card: from error to noise, at most three findings, ties as ties, and what comes next."""
+"""The result card: verdict, errors, findings with their sizes, cures and ties, and what to measure next."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,23 +17,23 @@ from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.show.card.words import in_prose, length, pretty
 
-VALUES = 6  # of one finding
-OFF_SCALE = 10.0  # usual sizes from which a value is worth a second look: the drawing or a unit may be wrong
+VALUES = 6  # listed of one finding at most
+OFF_SCALE = 10.0  # usual sizes above which a value is flagged: the drawing or a unit may be wrong
 
 
 @dataclass(frozen=True)
 class CauseValue:
-    """One number of a finding.
+    """One value of a finding.
 
     Attributes:
-        who: 'slider 2', 'link 1', 'column'.
-        joint: its number; 0 where it belongs to none.
-        text: what it does, with its size, as in 'is 201 um too long'.
-        size: not negative, in `unit`.
-        error: standard error; None where unknown.
-        unit: as said.
-        worth: size in usual sizes.
-        side: which way, the words after the size, as in 'too long'.
+        who: the part that has it: 'slider 2', 'link 1', 'column'.
+        joint: number of the joint, from 1; 0 where it belongs to none.
+        text: predicate with the size, as in 'is 201 um too long'.
+        size: absolute value, in `unit`.
+        error: standard error, in `unit`; None where unknown.
+        unit: as in the text.
+        worth: size in units of the usual size.
+        side: which way: the words after the size, as in 'too long'.
     """
 
     who: str
@@ -48,20 +48,21 @@ class CauseValue:
 
 @dataclass(frozen=True)
 class Cause:
-    """One cause.
+    """One finding: an effect that the diagnosis suggests.
 
     Attributes:
         effect: its key.
-        words: side and size in one sentence.
-        cause: what is wrong with such a machine, from the effect's card.
-        values: each number with its side.
-        cure: what to turn, move or enter, by how much; where that cannot be said, what mends such a machine.
-        probability: that it is part of what is missing.
-        tie: what cannot be told apart from it; '' for nothing.
-        others: effects that would do as well.
-        before_um: held-out error before this step.
-        after_um: with it.
-        off_scale: whether a value is far beyond what is usual.
+        words: direction and size in one sentence.
+        cause: what is wrong with a machine that has this effect, from the effect's card.
+        values: its values.
+        cure: what to turn, move or enter, and by how much; where that is unknown, the remedy of the effect's card; ''
+            where the set-up has errors that nothing explains.
+        probability: that it is part of what is missing, 0 to 1.
+        tie: sentence on what it cannot be told from; '' where there is nothing.
+        others: keys of effects that explain the readings as well.
+        before_um: held-out rms error before this step.
+        after_um: held-out rms error with it.
+        off_scale: whether a value exceeds `OFF_SCALE` usual sizes.
     """
 
     effect: str
@@ -83,14 +84,14 @@ class DiagnosisCard(Record):
 
     Attributes:
         verdict: 'missing', 'nothing-missing' or 'unknown'.
-        probability: of the verdict.
+        probability: of the verdict, 0 to 1.
         title: the verdict in a line.
-        words: one or two sentences more.
-        error_um: of the model as given.
-        left_um: with all findings.
-        noise_um: of one reading, total.
-        findings: the largest first.
-        measure_next: what to measure to part ties, a line each.
+        words: one or more sentences on it.
+        error_um: rms error of the model as given.
+        left_um: rms error with all findings.
+        noise_um: noise of one reading, total.
+        findings: in the order of the steps.
+        measure_next: what to measure to resolve ties, a line each.
     """
 
     verdict: str
@@ -109,7 +110,7 @@ def card_of_diagnosis(found: Diagnosis, problem: Problem) -> DiagnosisCard:
 
     Args:
         found: the diagnosis.
-        problem: the readings; they tell in which gauge values are said.
+        problem: the readings; values are stated in the gauge that is sparsest on them.
 
     Returns:
         The card.
@@ -143,11 +144,12 @@ def _title(found: Diagnosis, findings: Sequence[Cause]) -> str:
 
 
 def _set_up(found: Diagnosis) -> str:
-    """What nothing explains in the set-up, before anything else is said."""
+    """Sentence on errors in the set-up that nothing explains, or ''."""
     return f"{capital(found.unexplained)} " if found.unexplained else ""
 
 
 def _words(found: Diagnosis, problem: Problem) -> str:
+    """The errors, or, of an unknown, what it depends on or why nothing can be said."""
     before, after = (float(found.rms_um[when]["total"]) for when in ("before", "after"))
     noise = found.noise.total * 1e3
     if found.verdict == "nothing-missing":
@@ -164,13 +166,13 @@ def _words(found: Diagnosis, problem: Problem) -> str:
 
 
 def _far(found: Diagnosis) -> str:
-    """What the readings tell of the rest of the workspace, as a sentence more."""
+    """Sentence on the error in the rest of the workspace, or ''."""
     words = "" if found.elsewhere is None else found.elsewhere.words(float(found.rms_um["after"]["total"]))
     return f" {words.partition(';')[0]}." if words else ""
 
 
 def _doubt(steps: Sequence[Candidate]) -> str:
-    """What no reading shows beside the error of the last step, as a sentence more."""
+    """Sentence on how far the tool may be off without any reading showing it, or ''."""
     words = doubt_in_words(steps[-1].heldout_after, steps[-1].tool_doubt) if steps else ""
     return f" {capital(words)}." if words else ""
 
@@ -186,7 +188,7 @@ def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Pro
         words=pretty(f"{capital(words)}."),
         cause=card.cause,
         values=values,
-        # Nobody turns a screw for columns that disagree by more than any machine is built off.
+        # Columns of the run that disagree by more than any machine error are no reason to adjust the machine.
         cure="" if found.unexplained else pretty(remedy(told, problem.view) or card.remedy.rstrip(".")),
         probability=float(one.probability),
         tie=pretty(headline(one.effect, tied[1:], one.sum_of)),
@@ -204,6 +206,7 @@ def noun_of(told: GaugedTerm, problem: Problem) -> str:
 
 
 def _said(told: GaugedTerm, problem: Problem) -> list[ValuePhrase]:
+    """Phrases for the values that are worth saying; for the largest one where none is."""
     effect, theta = told.term.effect, told.term.theta
     std = torch.full_like(theta, torch.nan) if told.term.std is None else told.term.std
     parts = effect.say(theta, std, problem.view)

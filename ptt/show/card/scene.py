@@ -1,4 +1,4 @@
-"""The machine as solid parts at one pose, with the parts that an effect moves beside it, enlarged: a ghost."""
+"""The machine as solids at one pose, and a ghost: the parts that an effect displaces, by enlarged displacements."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ import numpy as np
 from ptt.show.card.solids import Solid, ball, block, joined, plate, tube
 from ptt.show.sizing import round_down
 
-AT_FAULT = 0.25  # of the largest share, from which a part is drawn as the one that is off
+AT_FAULT = 0.25  # of the largest displacement, from which a leg or joint counts as displaced
 PART_COLOURS = {"rails": "#aab2b8", "sliders": "#4c5a66", "links": "#7d8b96", "platform": "#5b7f9b"}
-GHOST = "#e69f00"  # what is off
-POSES = 48  # along the travel; a slider scrubs through them
-SEEN_SHARE = 0.13  # of the machine's size that the largest displacement is drawn as
+GHOST = "#e69f00"  # colour of displaced parts
+POSES = 48  # along the travel, among which a control on the page chooses
+SEEN_SHARE = 0.13  # of the machine's size: length at which the largest displacement is drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class PoseLines:
 
     @property
     def size(self) -> float:
-        """The machine's size, mm."""
+        """Diagonal of the machine's bounding box, mm; 1 where it has no finite point."""
         points = np.concatenate([each.reshape(-1, 3) for each in (self.rails, self.chains, self.platform)])
         points = points[np.isfinite(points).all(axis=1)]
         return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) else 1.0
@@ -45,7 +45,7 @@ class MachineLines:
     Attributes:
         rails: (r, 2, 3) mm, ends of each rail; none on a serial arm.
         chains: (n, c, m, 3) mm, for each row c lines of m points: links of a 3-PTT, the arm of a serial one.
-        platform: (n, j, 3) mm, corners of the platform, closed by the drawer; no corners on a serial arm.
+        platform: (n, j, 3) mm, corners of the platform, an open polygon; none on a serial arm.
     """
 
     rails: np.ndarray
@@ -61,10 +61,11 @@ def parts_of(lines: PoseLines) -> dict[str, Solid]:
     """The machine as solids.
 
     Args:
-        lines: at one pose.
+        lines: the machine at one pose.
 
     Returns:
-        'rails', 'sliders', 'links', 'platform', those that it has.
+        Those of 'rails', 'sliders', 'links' and 'platform' that it has; of an arm 'sliders' are its joints and
+        'platform' its tool.
     """
     size = lines.size
     thick = 0.011 * size
@@ -98,16 +99,16 @@ def _arm_parts(chain: np.ndarray, size: float) -> dict[str, Solid]:
 
 
 def moved(lines: PoseLines, shift: Mapping[str, Any], at: int, times: float) -> PoseLines:
-    """The machine with an effect, enlarged.
+    """The machine displaced by an effect.
 
     Args:
-        lines: at one pose.
-        shift: of the effect, as `ptt.show.card.ghost` gives it.
-        at: which of the poses.
-        times: how much it is enlarged.
+        lines: the machine at one pose.
+        shift: displacements by the effect, from `ptt.show.card.ghost`.
+        at: index of the pose among those of `shift`.
+        times: factor by which displacements are enlarged.
 
     Returns:
-        Its lines.
+        The displaced lines.
     """
     if "chain" in shift:
         chain = lines.chains[0] + times * np.asarray(shift["chain"][at])
@@ -121,11 +122,11 @@ def moved(lines: PoseLines, shift: Mapping[str, Any], at: int, times: float) -> 
 
 
 def usual_times(lines: PoseLines, shift: Mapping[str, Any]) -> float:
-    """Round factor at which an effect is well seen.
+    """Round factor of enlargement at which an effect is well seen.
 
     Args:
-        lines: at one pose.
-        shift: of the effect.
+        lines: the machine at one pose.
+        shift: displacements by the effect.
 
     Returns:
         1, 2 or 5 times a power of ten.
@@ -136,10 +137,10 @@ def usual_times(lines: PoseLines, shift: Mapping[str, Any]) -> float:
 
 
 def legs_at_fault(shift: Mapping[str, Any]) -> tuple[str, tuple[int, ...]]:
-    """Which kind of part is off, and which of them.
+    """Which kind of part an effect displaces most, and which legs or joints.
 
     Args:
-        shift: of an effect.
+        shift: displacements by the effect.
 
     Returns:
         'slider', 'tower', 'link', 'joint' or 'tool', and numbers from 0; no numbers for the tool.
@@ -153,11 +154,11 @@ def legs_at_fault(shift: Mapping[str, Any]) -> tuple[str, tuple[int, ...]]:
 
 
 def place_of_part(lines: PoseLines, who: str) -> np.ndarray:
-    """Where a part is, for a label.
+    """Where the label of a part is anchored.
 
     Args:
-        lines: at one pose.
-        who: 'slider 2', 'link 1', 'tower 3', 'joint 4'; anything else is the tool's.
+        lines: the machine at one pose.
+        who: 'slider 2', 'link 1', 'tower 3', 'joint 4'; anything else stands for the tool.
 
     Returns:
         (3,) mm.
@@ -177,12 +178,12 @@ def place_of_part(lines: PoseLines, who: str) -> np.ndarray:
 
 
 def only(lines: PoseLines, kind: str, legs: Sequence[int]) -> dict[str, Solid]:
-    """The solids of some legs: what is drawn as a ghost.
+    """The solids that are drawn as a ghost: those of the displaced legs, or the whole of an arm.
 
     Args:
-        lines: at one pose, moved.
-        kind: as `legs_at_fault` tells.
-        legs: numbers from 0; none for the whole machine but its rails.
+        lines: the displaced machine at one pose.
+        kind: kind of part from `legs_at_fault`.
+        legs: numbers from 0; empty for all legs.
 
     Returns:
         Solids by part.

@@ -1,4 +1,4 @@
-"""Solid parts of a machine as triangles: tubes, boxes, plates, arrows; for pictures in a browser and on paper alike."""
+"""Solids as triangle meshes: tubes, boxes, plates and arrows, for interactive and static pictures alike."""
 
 import math
 from collections.abc import Iterable
@@ -7,14 +7,14 @@ from functools import lru_cache
 
 import numpy as np
 
-SIDES = 10  # of a round part
-CONE_SIDES = 7  # of the head of an arrow
-HEAD, WIDTH = 0.38, 0.13  # of an arrow: share of its length that is head, half width of the head
+SIDES = 10  # of the polygon that stands for a circle
+CONE_SIDES = 7  # the same for the head of an arrow
+HEAD, WIDTH = 0.38, 0.13  # length and half width of an arrow's head, as shares of the arrow's length
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """Triangles.
+    """A triangle mesh.
 
     Attributes:
         points: (v, 3) mm.
@@ -36,16 +36,16 @@ def joined(solids: Iterable[Solid]) -> Solid:
 
 
 def tube(start: np.ndarray, end: np.ndarray, radius: float, sides: int = SIDES) -> Solid:
-    """A round bar.
+    """A round bar with closed ends.
 
     Args:
         start: (3,) mm.
         end: (3,) mm.
         radius: mm.
-        sides: of its polygon; four make a square rail.
+        sides: number of sides of its cross-section; four for a square one.
 
     Returns:
-        The bar, its ends closed.
+        The bar.
     """
     across, other = _square_to(end - start)
     turn = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
@@ -79,7 +79,7 @@ def block(centre: np.ndarray, along: np.ndarray, half: tuple[float, float]) -> S
 
 
 def ball(centre: np.ndarray, radius: float) -> Solid:
-    """A joint: an eight-sided ball, two pyramids."""
+    """A joint: an octahedron."""
     offsets = np.concatenate([np.eye(3), -np.eye(3)]) * radius
     faces = [(i, j, k) for i in (0, 3) for j in (1, 4) for k in (2, 5)]
     return Solid(centre + offsets, np.asarray(faces))
@@ -90,7 +90,7 @@ def plate(corners: np.ndarray, thick: float) -> Solid:
 
     Args:
         corners: (3, 3) mm.
-        thick: mm, along its normal, half on either side.
+        thick: thickness, mm, half of it on either side.
 
     Returns:
         The plate.
@@ -108,16 +108,17 @@ def arrows(start: np.ndarray, vector: np.ndarray, least: float, most: float = ma
     Args:
         start: (n, 3) mm.
         vector: (n, 3) mm, from tail to tip.
-        least: mm, below which an arrow is as thick as one of that length.
-        most: mm, half the width of a head at most, so that near arrows stay apart.
+        least: arrows shorter than this are as thick as one of this length, mm.
+        most: largest half width of a head, mm, so that neighbouring arrows stay apart.
 
     Returns:
-        All of them as one solid, and the arrow that each point belongs to, (v,).
+        All arrows as one solid, without those of length zero, and the index of the arrow of each point, (v,).
     """
     length = np.linalg.norm(vector, axis=1)
     drawn = np.flatnonzero(length > 0.0)
     tail, way, length = start[drawn, None], vector[drawn, None], length[drawn]
-    thick = np.minimum(WIDTH * np.minimum(np.maximum(length, least), 2.5 * length), most)  # a short one is no blob
+    # However short, an arrow is at most as thick as one 2.5 times as long, so that it still looks like an arrow.
+    thick = np.minimum(WIDTH * np.minimum(np.maximum(length, least), 2.5 * length), most)
     across, other = _square_to(vector[drawn])
     one = _one_arrow()
     flat = one.points[:, 1:2] * across[:, None] - one.points[:, 0:1] * other[:, None]  # shape: (n, v, 3)
@@ -128,13 +129,13 @@ def arrows(start: np.ndarray, vector: np.ndarray, least: float, most: float = ma
 
 @lru_cache(maxsize=1)
 def _one_arrow() -> Solid:
-    """An arrow of length one along z, its head one in radius."""
+    """An arrow of length one along z whose head has radius one."""
     neck, tip = np.array([0.0, 0.0, 1.0 - HEAD]), np.array([0.0, 0.0, 1.0])
     return joined((tube(np.zeros(3), neck, 0.38, 5), _cone(neck, tip, 1.0)))
 
 
 def _square_to(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors square to each direction (..., 3) and to each other."""
+    """Two unit vectors perpendicular to each direction (..., 3) and to each other."""
     unit = way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-12)
     helper = np.where(np.abs(unit[..., 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     across = np.cross(unit, helper)

@@ -1,12 +1,12 @@
-"""The variable that tells an effect, with the label of its axis: height, place on the screw, way of arrival, load."""
+"""Telling variables of effects (`ptt.show.telling`) with labels for axes."""
 
 import numpy as np
 
 from ptt.run.problem import Problem
 from ptt.show.telling import telling_values
 
-READING = "reading number"  # stands in where the run does not have the variable
-# Of a 3-PTT and of a serial arm; '' where that family does not have the variable. {n} is the number of the joint.
+READING = "reading number"  # label of the substitute where the run does not have the variable
+# For a 3-PTT and for a serial arm; '' where that family does not have the variable. {n} is the number of the joint.
 LABELS: dict[str, tuple[str, str]] = {
     **{axis: (f"{axis} [mm]", f"{axis} [mm]") for axis in "xyz"},
     "radius": ("distance from the middle [mm]", "distance from the middle [mm]"),
@@ -25,15 +25,15 @@ LABELS: dict[str, tuple[str, str]] = {
 
 
 def telling_of(name: str, joint: int, problem: Problem) -> tuple[np.ndarray, str]:
-    """Values of a telling variable for one joint.
+    """Values of a telling variable for one joint, with the label of their axis.
 
     Args:
-        name: as an effect's card names it.
+        name: of the variable, as on an effect's card.
         joint: number of the joint, from 0.
         problem: n rows.
 
     Returns:
-        (n,) values and the label of an axis; the reading number where the run does not have the variable.
+        Values (n,) in the unit of the label, and the label; reading numbers where the run does not have the variable.
     """
     view = problem.view
     label = LABELS.get(name, ("", ""))[problem.file.machine.kind == "serial"].format(n=joint + 1)

@@ -1,4 +1,4 @@
-"""Figures and words as pages show them: micrometres with their sign, prefixes of three digits, chances in words."""
+"""Numbers and words as pages show them: Greek mu for micro, prefixes of units by magnitude, probabilities in words."""
 
 import math
 import re
@@ -11,27 +11,28 @@ from ptt.effects.phrases import scaled
 MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
 PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
 UNIT = rf"(?:[n{MICRO}umk]?(?:m|rad|g|s|N)|K|h|min|days|deg|%|\N{{DEGREE SIGN}}C|\N{{PLUS-MINUS SIGN}}|MB)"
+# Spaces that must not be broken: between a number and its unit, or its error.
 APART = re.compile(rf"(?<=\d) (?={UNIT}(?![A-Za-z]))|(?<=\N{{PLUS-MINUS SIGN}}) (?=\d)|(?<=/N) (?=m\b)")
 JOINT = re.compile(r"(b|q|direction|speed|travel|load)(\d+)")  # a variable of one joint
 CHANCES = ((0.99, "almost certain"), (0.9, "very likely"), (0.7, "likely"), (0.4, "about even"), (0.0, "unlikely"))
 
 
 def together(text: str) -> str:
-    """A text whose figures stay on one line with their units and errors."""
+    """A text with no-break spaces between numbers, their errors and their units."""
     return APART.sub("\N{NO-BREAK SPACE}", text)
 
 
 def pretty(text: str) -> str:
-    """A text of the library as a page has it: um as a unit becomes the real sign, arrows become arrows."""
+    """A text of the library in typographic signs: micro in units, arrows, plus-minus, no-break spaces."""
     text = re.sub(r"(?<![A-Za-z])u(m|rad)(?![A-Za-z])", rf"{MICRO}\1", text)
     return together(text.replace(" -> ", " \N{RIGHTWARDS ARROW} ").replace("+-", "\N{PLUS-MINUS SIGN}"))
 
 
 def spoken(on: str, serial: bool) -> str:
-    """What an error depends on, by the one name that all pages have for it.
+    """Name of a variable that an error depends on, the same on all pages.
 
     Args:
-        on: 'b3', 'direction2', 'payload', ...
+        on: the variable: 'b3', 'direction2', 'payload', ...
         serial: whether the machine is an arm.
 
     Returns:
@@ -47,13 +48,13 @@ def spoken(on: str, serial: bool) -> str:
 
 
 def in_prose(on: str, serial: bool) -> str:
-    """The same within a sentence: 'the height of slider 3', but 'payload'; arguments as `spoken`."""
+    """The name of `spoken` for use in a sentence: 'the height of slider 3', but 'payload'."""
     words = spoken(on, serial)
     return f"the {words}" if JOINT.fullmatch(on) else words
 
 
 def length(um: float) -> str:
-    """A length to three figures, with the prefix that leaves one to three of them before the point.
+    """A length to three significant figures, in um, mm or m by its size.
 
     Args:
         um: in micrometres.
@@ -71,14 +72,14 @@ def length(um: float) -> str:
 
 
 def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:
-    """Factor and unit for an axis: 12,000 um are 12 mm, 0.02 um are 20 nm.
+    """Factor and unit that suit the largest of some values: 12,000 um are 12 mm, 0.02 um are 20 nm.
 
     Args:
-        values: in `unit`, a length or an angle with or without a prefix.
-        unit: such as 'um', 'mm', 'urad', 's'.
+        values: in `unit`.
+        unit: of a length or angle, with or without a prefix ('um', 'mm', 'urad'), or 's'; others stay as they are.
 
     Returns:
-        What values are multiplied by, and the unit then, micro as its sign.
+        Factor on the values, and their unit then, with the sign for micro.
     """
     if unit == "s":
         return _of_time(values)
@@ -97,6 +98,7 @@ def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:
 
 
 def _of_time(values: Sequence[float]) -> tuple[float, str]:
+    """Factor and unit for times in s, by the span that they cover."""
     finite = [value for value in values if math.isfinite(value)]
     span = max(finite, default=0.0) - min(finite, default=0.0)
     for least, factor, unit in (
@@ -110,28 +112,25 @@ def _of_time(values: Sequence[float]) -> tuple[float, str]:
 
 
 def _short(value: float, digits: int) -> str:
-    if abs(value) < 0.5e-3:  # what the three places behind the point would say
+    """A value to so many significant figures, at most three decimal places."""
+    if abs(value) < 0.5e-3:  # rounds to zero
         return "0"
     places = max(0, digits - 1 - math.floor(math.log10(abs(value) * (1.0 + 1e-9))))
     return f"{value:.{min(places, 3)}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def percent(share: float) -> str:
-    """A share in words of a page, for example '12 %'."""
+    """A share as a percentage, for example '12 %'."""
     return together(f"{100.0 * share:.0f} %")
 
 
 def how_sure(probability: float) -> str:
-    """A probability in words and figures, for example 'very likely (97 %)'.
-
-    Args:
-        probability: 0 to 1.
-    """
+    """A probability, 0 to 1, in words and as a percentage, for example 'very likely (97 %)'."""
     words = next(words for least, words in CHANCES if probability >= least)
     return f"{words} ({'> 99' if probability >= 0.995 else f'{100.0 * probability:.0f}'} %)"
 
 
-SUFFIXES = (  # of a parameter's name -> factor and unit that a page shows
+SUFFIXES = (  # ending of a parameter's name, factor from its unit to the one that pages show, and that unit
     ("_mm_per_n", 1e3, "um/N"), ("_mm_per_kg", 1e3, "um/kg"), ("_mm_per_k", 1e3, "um/K"), ("_per_kg", 1e6, "um/m/kg"),
     ("_per_k", 1e6, "um/m/K"), ("_rad_per_nmm", 1e9, "urad/N m"), ("_mm", 1.0, "mm"), ("_rad", 1.0, "rad"),
     ("_s", 1.0, "s"),
@@ -139,15 +138,15 @@ SUFFIXES = (  # of a parameter's name -> factor and unit that a page shows
 
 
 def parameter_in_words(name: str, value: float, error: float | None) -> tuple[str, str, str]:
-    """A parameter of a machine file as a page shows it.
+    """A parameter of a machine file in words.
 
     Args:
         name: as in the file, with its unit: 'gap_mm', 'gap_mm 2', 'scale 1'.
         value: in that unit.
-        error: its standard error; None where it has none.
+        error: standard error in that unit; None where it has none.
 
     Returns:
-        Name without the unit, value with the unit that fits, error with its sign or ''.
+        Name without the unit, value with the unit that suits its size, and the error with a plus-minus sign or ''.
     """
     stem, _, number = name.partition(" ")
     suffix, factor, unit = next(
@@ -172,7 +171,7 @@ def parameter_in_words(name: str, value: float, error: float | None) -> tuple[st
 
 
 def value_in_words(value: Mapping[str, Any]) -> str:
-    """A value of a finding with its error, for example '201 +- 4 um' with the real signs."""
+    """A value of a finding with its standard error, for example '201 +- 4 um' in typographic signs."""
     factor, unit = scaled([value["size"]], value["unit"])
     size, error = factor * value["size"], value["error"]
     if error is None or not error > 0.0:
@@ -182,13 +181,13 @@ def value_in_words(value: Mapping[str, Any]) -> str:
 
 
 def by_part(values: Iterable[Mapping[str, Any]]) -> list[tuple[str, list[str]]]:
-    """The values of a finding by the part that has them.
+    """The values of a finding, grouped by the part that has them.
 
     Args:
-        values: of the finding.
+        values: values of the finding (`ptt.show.card.result.CauseValue` as plain values).
 
     Returns:
-        Each part once, as 'tower 3', with its values in words, which way on a line of its own.
+        For each part, such as 'tower 3', its values in words, each with its direction on a second line.
     """
     parts: dict[str, list[str]] = {}
     for value in values:
@@ -197,6 +196,6 @@ def by_part(values: Iterable[Mapping[str, Any]]) -> list[tuple[str, list[str]]]:
 
 
 def _digits(error: float) -> int:
-    """Places behind the point that leave a standard error one digit, two where it begins with 1 or 2."""
+    """Decimal places that leave a standard error one significant digit, two where it begins with 1 or 2."""
     power = math.floor(math.log10(error))
     return max(0, (error < 3.0 * 10.0**power) - power)
