@@ -1,1 +1,1 @@
-"""A page about many machines."""
+"""The HTML report on a fleet of machines."""

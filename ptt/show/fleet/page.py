@@ -1,4 +1,4 @@
-"""The report on a fleet: one HTML file without scripts or addresses, pictures inside."""
+"""The report on a fleet as one HTML file without scripts or external resources."""
 
 from datetime import datetime
 from pathlib import Path
@@ -12,16 +12,17 @@ from ptt.show.card.words import together
 from ptt.show.fleet.pictures import draw_fleet, draw_machine
 from ptt.show.report.pictures import data_uri
 
+# Verdicts from the most to the least urgent: the order of counts, and of machines with as many alarms.
 VERDICTS = ("failed", "setup", "new", "unknown", "changed", "missing", "accepted", "same", "nothing-missing",
             "waiting")  # fmt: skip
 
 
 def write_page(overview: Overview, out: str | Path) -> None:
-    """Write the page; it appears whole or not at all.
+    """Write the page, whole or not at all.
 
     Args:
-        overview: how the fleet stands.
-        out: HTML file.
+        overview: the present state of the fleet.
+        out: HTML file to write.
 
     Raises:
         InputError: it cannot be written.
@@ -30,7 +31,7 @@ def write_page(overview: Overview, out: str | Path) -> None:
 
 
 def render(overview: Overview) -> str:
-    """The page as HTML; names and words are anybody's text, so all of it is escaped."""
+    """The page as HTML; all names and words are escaped, as they come from users."""
     environment = Environment(
         loader=PackageLoader("ptt.show.fleet"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True, finalize=lambda said: together(said) if type(said) is str else said,
@@ -49,6 +50,6 @@ def render(overview: Overview) -> str:
 
 
 def _urgency(machine: Standing) -> tuple[int, int, str]:
-    """Machines that somebody should look at first come first."""
+    """Sort key: machines with more alarms first, then by verdict and name."""
     place = VERDICTS.index(machine.verdict) if machine.verdict in VERDICTS else 0
     return (-len(machine.alarms), place, machine.machine)

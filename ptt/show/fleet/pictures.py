@@ -1,4 +1,4 @@
-"""Pictures of a fleet: everybody's error by month, and of one machine the error and the values that move."""
+"""Pictures of a fleet: the error of all machines by date, and of one machine its error and its main values."""
 
 from collections.abc import Sequence
 
@@ -15,20 +15,20 @@ from ptt.run.dates import days_of
 from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE, png
 
 NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
-MOST_VALUES = 6  # drawn of one machine, the ones that move first
-WIDE = 5.0  # times the least error from which a tick for every figure would lie on the next; 1, 2, 5 are there then
+MOST_VALUES = 6  # values drawn of one machine
+WIDE = 5.0  # ratio of largest to least error above which ticks of a log scale are at 1, 2, 5 only, to stay apart
 NAME = 28  # characters of a name that fit beside a picture
-ROWS = 60  # machines in one picture of the whole fleet
+ROWS = 60  # most machines in one picture of the fleet
 
 
 def draw_fleet(machines: Sequence[Standing]) -> list[bytes]:
-    """Each machine's error over time as a strip of colour, PNG by PNG."""
+    """Pictures (PNG) of the error of all machines: a row of coloured marks by date for each, `ROWS` to a picture."""
     told = [machine for machine in machines if _errors(machine)]
     return [_strips(told[start : start + ROWS]) for start in range(0, len(told), ROWS)]
 
 
 def draw_machine(machine: Standing) -> bytes | None:
-    """One machine's error and values by date as PNG; None where nothing was measured twice."""
+    """Picture (PNG) of one machine's error and values by date; None where fewer than two runs have an error."""
     errors = _errors(machine)
     if len(errors) < 2:
         return None
@@ -109,7 +109,7 @@ def _draw_value(panel: Axes, machine: Standing, place: int) -> None:
 
 
 def _worth_drawing(machine: Standing) -> list[int]:
-    """Values that move, then the largest in usual sizes of those that are known."""
+    """Indices of values to draw: those with a drift or jump, then the largest in usual sizes that are significant."""
     if machine.moves is None:
         return []
     moving = list(dict.fromkeys(movement.place for movement in machine.moves.movements))
@@ -120,11 +120,12 @@ def _worth_drawing(machine: Standing) -> list[int]:
 
 
 def _errors(machine: Standing) -> list[tuple[float, float]]:
+    """Date (days since 1970) and error (um) of each run that has one."""
     return [(days_of(past.date), past.error_um) for past in machine.past if past.error_um is not None]
 
 
 def _short(name: str) -> str:
-    text = shown(name).replace("$", r"\$")  # matplotlib takes what is between two of them for mathematics
+    text = shown(name).replace("$", r"\$")  # matplotlib reads text between two of them as mathematics
     return text if len(text) <= NAME else f"{text[: NAME - 1]}…"
 
 

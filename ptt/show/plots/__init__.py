@@ -1,1 +1,1 @@
-"""Pictures, static PNG."""
+"""Static pictures with matplotlib, written as PNG."""

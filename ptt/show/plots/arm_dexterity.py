@@ -1,4 +1,4 @@
-"""Dexterity of an arm: where it can move evenly, where forcefully, and at which joint values it cannot at all."""
+"""Dexterity of an arm: condition number and manipulability over its workspace, and its singular joint values."""
 
 from collections.abc import Sequence
 from itertools import combinations
@@ -14,9 +14,9 @@ from ptt.mechanisms.dexterity_serial import DexterityMap, dexterity_map, joint_m
 from ptt.mechanisms.serial import Serial
 from ptt.show.plots.common import save
 
-SAMPLES = 200_000  # joint values to try for the workspace
-CELLS = 60
-WORST = 30.0  # condition number from which all is one colour
+SAMPLES = 200_000  # random joint values from which the map of the workspace is made
+CELLS = 60  # of that map along each axis
+WORST = 30.0  # condition number at which the colour scale ends
 
 
 def plot_arm_dexterity(arm: Serial, path: str | Path) -> None:
@@ -30,7 +30,7 @@ def plot_arm_dexterity(arm: Serial, path: str | Path) -> None:
 
 
 def draw_arm_dexterity(arm: Serial) -> Figure:
-    """Draw condition number and manipulability over the workspace, and manipulability over the joints that decide.
+    """Draw condition number and manipulability over the workspace, and manipulability over two pairs of joints.
 
     Args:
         arm: the arm.
@@ -65,7 +65,8 @@ def deciding_pairs(arm: Serial) -> tuple[tuple[int, int], tuple[int, int]]:
         arm: the arm.
 
     Returns:
-        Zero-based: a pair that is singular together where there is one, and two that each are alone.
+        Numbers from 0: first pairs of joints that are singular only together, then pairs of joints that each are
+        singular alone, then any.
     """
     families = list(singular_families(arm, starts=100))
     alone = sorted({joints[0] for joints in families if len(joints) == 1})

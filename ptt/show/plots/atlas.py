@@ -1,4 +1,4 @@
-"""What an effect does on the sample machine: its error over the workspace, its residual against what tells it."""
+"""An effect on the sample machine: its error over the workspace, and its signature against the telling variable."""
 
 from dataclasses import dataclass, replace
 
@@ -17,11 +17,11 @@ from ptt.run.view import View
 from ptt.run.viewing import build_view
 from ptt.show.telling import telling_values
 
-GRID = 121
+GRID = 121  # points of the field along each axis
 REACH = {"three-ptt": 90.0, "serial": 700.0}  # mm, half width of the field
-SPEED = {"three-ptt": 20.0, "serial": 0.05}  # mm/s or rad/s of every joint, for effects of speed
-WARM, LOAD = 5.0, 2.0  # K and kg, for effects of temperature and payload
-UM = 1e3
+SPEED = {"three-ptt": 20.0, "serial": 0.05}  # mm/s or rad/s of every joint in the field, for effects of speed
+WARM, LOAD = 5.0, 2.0  # K above reference and kg in the field, for effects of temperature and payload
+UM = 1e3  # um per mm
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ class Field:
 
 
 @dataclass(frozen=True)
-class Sign:
-    """Residual of an effect along a sample run, against the variable that tells it.
+class Signature:
+    """Residual of an effect along a sample run, against its telling variable.
 
     Attributes:
         telling: (n,) values of the telling variable.
         residual: (n,) um, or urad of a serial arm's joint.
-        shade: (n,) second variable, or None.
-        labels: of telling variable, residual and shade, with units.
+        shade: (n,) values of a second variable, which colours the points; None where the card names none.
+        labels: of telling variable, residual and second variable, with units; '' where there is none.
     """
 
     telling: np.ndarray
@@ -59,14 +59,14 @@ class Sign:
 
 
 def picture_theta(effect: Effect, kind: str) -> Tensor:
-    """Parameters of usual size on the sample run; a curve of many shapes dies out toward the high ones.
+    """Parameters of usual size for pictures; of a curve the amplitudes decrease with the order of its basis functions.
 
     Args:
         effect: the effect.
         kind: mechanism family.
 
     Returns:
-        Flat theta.
+        All parameters, flat.
     """
     view = sample_view(kind)
     return usual_theta(effect, kind, view, effect.usual_trial(view)) * _smoothly(effect, view.joints)
@@ -97,17 +97,17 @@ def effect_field(effect: Effect, theta: Tensor, kind: str) -> Field:
     return Field(x, y, float(centre[2]), error.reshape(GRID, GRID, 3))
 
 
-def effect_sign(effect: Effect, theta: Tensor, view: View, card: Card) -> Sign:
-    """Residual of the sample run against the card's telling variable.
+def effect_signature(effect: Effect, theta: Tensor, view: View, card: Card) -> Signature:
+    """Residual that an effect causes on the sample run, against the card's telling variable.
 
     Args:
         effect: the effect.
         theta: all its parameters, flat.
         view: the sample run.
-        card: names residual, telling variable and shade.
+        card: names the component of the residual, the telling variable and the second one.
 
     Returns:
-        The points to draw.
+        The points to draw; of joints, those of the first.
     """
     error = predict([(effect, theta)], view).reading - view.p
     if card.residual == "joint":
@@ -119,11 +119,11 @@ def effect_sign(effect: Effect, theta: Tensor, view: View, card: Card) -> Sign:
         name = f"residual in {card.residual}"
     shade = _variable(card.shade, view).numpy() if card.shade else None
     labels = (_label(card.telling, view), f"{name} [{unit}]", _label(card.shade, view) if card.shade else "")
-    return Sign(_variable(card.telling, view).numpy(), residual.numpy(), shade, labels)
+    return Signature(_variable(card.telling, view).numpy(), residual.numpy(), shade, labels)
 
 
 def _steady(sample: View, joints: Tensor, kind: str) -> View:
-    """Poses each for themselves, arrived at upward, under load, warm and on the move at the end of the sample run."""
+    """Independent poses, each approached upward, under load, warm, moving, and at the time of the sample run's end."""
     file = sample_machine(kind)
     table = make_table(None, joints.numpy(), payload_kg=LOAD, temp_c=file.machine.reference_temp_c + WARM)
     view = build_view(file, table)
@@ -153,7 +153,7 @@ def _label(name: str, view: View) -> str:
 
 
 def _smoothly(effect: Effect, joints: int) -> Tensor:
-    """Weights that make a curve of several shapes look like one: higher shapes are smaller; all else as it is."""
+    """Weights on parameters: 1 / order^2 on amplitudes of a curve so that it is smooth, zero on held ones, else one."""
     parts = []
     for parameter in effect.parameters:
         place = torch.arange(parameter.size(joints), dtype=torch.float64) % parameter.count

@@ -1,4 +1,4 @@
-"""What pictures share: colours, thinning, a legend that covers nothing, and writing a PNG whole or not at all."""
+"""Shared by pictures: colours, thinning of rows, a legend below the panels, writing PNG."""
 
 import re
 from collections.abc import Iterable
@@ -14,11 +14,11 @@ from matplotlib.text import Text
 from ptt.files import write_bytes
 
 DPI = 120
-MICRO = re.compile(r"(?<![\w-])u(m|rad)(?![A-Za-z])")
-POINTS = 4000  # more readings than this are thinned in a picture
-BLUE, PALE, DARK, ORANGE = "#31688e", "#8fb4d0", "#440154", "#e69f00"  # tell apart in every kind of colour vision
+MICRO = re.compile(r"(?<![\w-])u(m|rad)(?![A-Za-z])")  # um or urad as a unit
+POINTS = 4000  # readings drawn at most; more are thinned
+BLUE, PALE, DARK, ORANGE = "#31688e", "#8fb4d0", "#440154", "#e69f00"  # distinguishable in all kinds of colour vision
 COLOUR_MAP = "viridis"
-MOST_BESIDE = 5  # entries of a legend side by side
+MOST_BESIDE = 5  # columns of a legend
 
 
 def save(figure: Figure, path: str | Path) -> None:
@@ -27,7 +27,7 @@ def save(figure: Figure, path: str | Path) -> None:
 
 
 def png(figure: Figure) -> bytes:
-    """A figure as PNG, its micrometres with their real sign."""
+    """A figure as PNG, with the Greek letter for micro in all its texts."""
     for text in figure.findobj(Text):
         text.set_text(in_micro(text.get_text()))
     buffer = BytesIO()
@@ -36,12 +36,12 @@ def png(figure: Figure) -> bytes:
 
 
 def in_micro(text: str) -> str:
-    """A text as pictures and pages have it: um and urad as units become those with the Greek letter."""
+    """A text with the Greek letter for micro in the units um and urad."""
     return MICRO.sub("\N{MICRO SIGN}\\1", text)
 
 
 def thinned(rows: np.ndarray) -> np.ndarray:
-    """Indices of chosen rows, evenly thinned to what a picture can show."""
+    """Indices of rows chosen by a mask (n,), every so many of them so that at most `POINTS` remain, (m,) int."""
     index = np.flatnonzero(rows)
     return index[:: max(1, -(-len(index) // POINTS))]
 
@@ -51,7 +51,7 @@ def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:
 
     Args:
         figure: with constrained layout.
-        panels: whose labels to gather; equal labels count once.
+        panels: whose labels are gathered; equal labels appear once.
     """
     pairs = (zip(*panel.get_legend_handles_labels(), strict=True) for panel in panels)
     handles = {label: handle for pair in pairs for handle, label in pair}

@@ -1,4 +1,4 @@
-"""Pictures of a comparison: error field, what the error depends on, its course, its spread, its periods."""
+"""Pictures of a comparison: error field, dependences, error over time, histogram, periodogram."""
 
 from pathlib import Path
 
@@ -18,8 +18,8 @@ from ptt.show.plots.field import draw_field
 from ptt.show.plots.periods import draw_periods
 
 BINS = 40
-TICKS = 4  # between both ends of a histogram: errors of a telescope have six digits
-BOTH = 2.0  # half-width of the noise band in standard deviations
+TICKS = 4  # intervals between ticks of a histogram, few enough for labels of six digits, as of a telescope's errors
+BAND_SIGMAS = 2.0  # half-width of the noise band in standard deviations
 
 
 def plot_comparison(
@@ -30,7 +30,7 @@ def plot_comparison(
     Args:
         result: the comparison.
         problem: its run.
-        folder: where to; made if missing.
+        folder: to write them into; made if missing.
         progress: told what is being drawn.
 
     Returns:
@@ -65,7 +65,7 @@ def draw_course(result: Comparison, problem: Problem) -> Figure:
     """
     clock = "time" in problem.view.varies
     at = problem.view.time.numpy() / 60.0 if clock else problem.table.line.astype(float)
-    if clock and np.any(np.diff(at[result.kept]) < 0):  # clocks of several runs that do not join
+    if clock and np.any(np.diff(at[result.kept]) < 0):  # several runs, each with a clock of its own
         clock, at = False, np.arange(len(at), dtype=float)
     figure = Figure(figsize=(10.5, 7.2), dpi=DPI, layout=ConstrainedLayoutEngine(h_pad=0.08))
     panels = figure.subplots(3, 1, sharex=True)
@@ -86,14 +86,14 @@ def draw_course(result: Comparison, problem: Problem) -> Figure:
 
 
 def draw_histogram(result: Comparison, problem: Problem) -> Figure:
-    """Draw how the errors spread, against what noise alone would do.
+    """Draw histograms of the errors, with the normal distribution of the noise floor.
 
     Args:
         result: the comparison.
         problem: its run.
 
     Returns:
-        The figure, a panel for each axis; counts on a logarithmic scale, so that both can be seen.
+        The figure, a panel for each axis; counts on a logarithmic scale, so that tails can be seen.
     """
     figure = Figure(figsize=(11.5, 4.2), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08))
     panels = figure.subplots(1, 3)
@@ -126,7 +126,7 @@ def draw_histogram(result: Comparison, problem: Problem) -> Figure:
 def _draw_noise_band(panel: Axes, result: Comparison, axis: int) -> None:
     panel.axhline(0.0, color="0.4", linewidth=0.8, zorder=0)
     if result.noise is not None:
-        half = BOTH * 1e3 * float(result.noise.sigma[axis])
+        half = BAND_SIGMAS * 1e3 * float(result.noise.sigma[axis])
         panel.axhspan(-half, half, color=ORANGE, alpha=0.35, linewidth=0, label="noise, +-2 sigma", zorder=0.5)
 
 

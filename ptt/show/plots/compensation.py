@@ -1,4 +1,4 @@
-"""Pictures of errors before and after: curves along the path."""
+"""Picture of errors before and after compensation, as curves along the path."""
 
 from collections.abc import Mapping
 
@@ -15,13 +15,13 @@ DPI = 130
 def draw_error_curves(
     before: np.ndarray, after: np.ndarray, *, title: str = "", noise_um: Mapping[str, float] | None = None
 ) -> Figure:
-    """Draw the error of each axis along the path, before above and after below, because their scales differ.
+    """Draw the error of each axis along the path: before in the upper row, after in the lower, each to its own scale.
 
     Args:
-        before: (m, 3) mm, errors in travel order; repeats of a pose averaged or not.
-        after: (m, 3) mm, of the same poses.
+        before: errors in travel order, (m, 3) mm; repeats of a pose averaged or not.
+        after: errors of the same poses, (m, 3) mm.
         title: of the picture.
-        noise_um: standard deviation of one reading per axis, um, drawn as a band.
+        noise_um: axis -> standard deviation of one reading, um, drawn as a band; None for no band.
 
     Returns:
         The figure.
@@ -49,7 +49,7 @@ def draw_error_curves(
 
 
 def _make_room(panel: Axes, values: np.ndarray) -> None:
-    """Limits with a rim, and never so narrow that rounding looks like a curve."""
+    """Set limits with a margin of at least 1 um, so that rounding errors do not look like a curve."""
     low, high = float(values.min()), float(values.max())
     rim = max(0.08 * (high - low), 1.0)
     panel.set_ylim(min(low - rim, -rim), max(high + rim, rim))

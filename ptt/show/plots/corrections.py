@@ -1,4 +1,4 @@
-"""Corrected commands over their targets, and how far a run's readings are from what was wanted."""
+"""Pictures of corrected commands, and of a run's readings less its targets."""
 
 import numpy as np
 import pandas as pd
@@ -12,14 +12,14 @@ LINES = {"x": BLUE, "y": ORANGE, "z": DARK}
 
 
 def draw_corrections(target: np.ndarray, commands: Commands) -> Figure:
-    """Draw how far commands ask the drawing to go from their targets, from above and in their order.
+    """Draw the size of the corrections: over the targets seen from above, and by row with their uncertainty.
 
     Args:
         target: (n, 3) mm; NaN where only joint commands were given.
         commands: the commands.
 
     Returns:
-        The figure; rows that are not sent are crosses. Where there are no targets, their order alone.
+        The figure, rows that are not sent as crosses; without any targets only the panel by row.
     """
     placed = np.isfinite(target).all(axis=1)
     figure = Figure(figsize=(11.0 if placed.any() else 6.6, 4.6), dpi=DPI, layout="constrained")
@@ -52,7 +52,7 @@ def draw_misses(run: pd.DataFrame) -> Figure:
     """Draw readings less targets along a run.
 
     Args:
-        run: columns x_cmd.. and x_meas.., n rows.
+        run: columns x_cmd to z_cmd and x_meas to z_meas in mm, n rows.
 
     Returns:
         The figure, a panel for each axis.

@@ -1,4 +1,4 @@
-"""Picture of what an error depends on: readings, binned means and their bands against each telling variable."""
+"""Picture of what an error depends on: readings and binned means with 95 % bands against each variable."""
 
 from dataclasses import dataclass
 
@@ -16,19 +16,19 @@ from ptt.run.problem import Problem
 from ptt.show.plots.common import DARK, DPI, ORANGE, PALE, POINTS, legend_below
 
 MOST_PANELS = 6
-MOST_LEVELS = 6  # levels up to which a variable is drawn level by level
-PHASES = 10
-BINS = 12
+MOST_LEVELS = 6  # distinct values up to which a variable is drawn as levels, without a curve
+PHASES = 10  # bins within a period
+BINS = 12  # bins of any other variable
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One panel: which residual against which variable.
+    """What one panel shows: a component of the residual against a variable.
 
     Attributes:
-        residual: 'slider 2' or 'x'.
-        on: the variable.
-        found: the dependence, None where none was found and the panel only shows so.
+        residual: the component, such as 'slider 2' or 'x'.
+        on: name of the variable.
+        found: the dependence; None where none was found, which the panel then shows.
     """
 
     residual: str
@@ -44,10 +44,10 @@ def draw_dependences(result: Comparison, problem: Problem) -> Figure:
         problem: its run.
 
     Returns:
-        The figure, up to six panels; where nothing tells, joints against their own travel and direction.
+        The figure, up to six panels; where there is no dependence, joints against their own position and direction.
     """
     contexts = context_views(problem)
-    pairs = telling_pairs(result, contexts)
+    pairs = panels_of(result, contexts)
     across = min(3, len(pairs))
     down = -(-len(pairs) // across)
     figure = Figure(
@@ -66,12 +66,12 @@ def draw_dependences(result: Comparison, problem: Problem) -> Figure:
     return figure
 
 
-def telling_pairs(result: Comparison, contexts: dict[str, np.ndarray]) -> list[Panel]:
-    """The pairs worth a panel: each variable once, with the residual that follows it best.
+def panels_of(result: Comparison, contexts: dict[str, np.ndarray]) -> list[Panel]:
+    """The panels: each variable that the error depends on once, with the component that depends on it most.
 
     Args:
         result: the comparison.
-        contexts: variables by name.
+        contexts: name -> values of each variable, (n,).
 
     Returns:
         At most six.
@@ -97,7 +97,7 @@ def variable_label(name: str, problem: Problem) -> str:
 
     Args:
         name: 'b2', 'direction1', 'payload', ...
-        problem: for the family of machine and the clock.
+        problem: the run; its machine's family, columns and clock decide on words and units.
 
     Returns:
         The label.
@@ -155,7 +155,7 @@ def _error_of(residual: str, result: Comparison) -> tuple[np.ndarray, str]:
 
 
 def _draw_points(panel: Axes, values: np.ndarray, error: np.ndarray) -> None:
-    """Readings; those of a variable with few levels are spread a little sideways to be seen."""
+    """Draw readings; at a variable's few levels with random sideways shifts, so that they do not overlap."""
     step = max(1, -(-len(values) // POINTS))
     values, error = values[::step], error[::step]
     levels = np.unique(values)

@@ -1,4 +1,4 @@
-"""A diagnosis as a picture: the held-out error that each candidate takes away, and the noise floor to reach."""
+"""Picture of a diagnosis: held-out error before and after each candidate, and the noise floor."""
 
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -7,7 +7,7 @@ from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
 
 SHOWN_CANDIDATES = 12  # in a picture
-DECADES = 1000.0  # largest over smallest error from which only powers of ten are written
+DECADES = 1000.0  # ratio of the axis' ends above which only powers of ten are labelled
 
 
 def draw_candidates(result: Diagnosis) -> Figure:
@@ -34,7 +34,7 @@ def draw_candidates(result: Diagnosis) -> Figure:
         panel.plot(result.rms_um["before"]["total"], 0, "o", color=BLUE)
     names = [("+ " if each.effect in steps else "") + each.effect for each in shown] or ["as given"]
     panel.set_yticks(range(len(names)), names)
-    # One candidate may make it ten times as large, while late steps take off the last um: both are to be seen.
+    # A candidate may change the error tenfold while a late step takes off the last um: both have to be seen.
     panel.set(xlabel="held-out error before and after [um]", xscale="log")
     panel.margins(x=0.06)
     low, high = panel.get_xlim()

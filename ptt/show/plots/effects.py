@@ -1,4 +1,4 @@
-"""Pictures of an effect: its error over the workspace, and its residual against what tells it."""
+"""Picture of an effect: its error over the workspace, and its residual against the telling variable."""
 
 from pathlib import Path
 
@@ -10,11 +10,11 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from ptt.effects import Effect
 from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.cards import card_of
-from ptt.show.plots.atlas import LOAD, SPEED, UM, WARM, Field, Sign, effect_field, effect_sign, picture_theta
+from ptt.show.plots.atlas import LOAD, SPEED, UM, WARM, Field, Signature, effect_field, effect_signature, picture_theta
 from ptt.show.plots.common import DPI, in_micro, save
 from ptt.show.sizing import round_down
 
-ARROWS = 15  # every so many points of the grid carry an arrow
+ARROWS = 15  # grid points per arrow along each axis
 
 
 def plot_effect(effect: Effect, path: str | Path) -> None:
@@ -29,7 +29,7 @@ def plot_effect(effect: Effect, path: str | Path) -> None:
     figure = Figure(figsize=(11.0, 5.1), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.15, h_pad=0.15))
     left, right = figure.subplots(1, 2)
     _draw_field(figure, left, effect_field(effect, theta, kind), kind)
-    _draw_sign(figure, right, effect_sign(effect, theta, sample_view(kind), card_of(effect)))
+    _draw_signature(figure, right, effect_signature(effect, theta, sample_view(kind), card_of(effect)))
     figure.suptitle(f"{effect.key} at usual size on the {sample_machine(kind).machine.name}, before any alignment")
     save(figure, path)
 
@@ -39,7 +39,7 @@ def _draw_field(figure: Figure, panel: Axes, field: Field, kind: str) -> None:
     size = UM * np.linalg.norm(field.error, axis=-1)
     low, high = float(np.nanmin(size)), float(np.nanmax(size))
     if high - low < 0.05 * max(high, 1e-3):
-        low, high = 0.0, 1.05 * max(high, 1e-3)  # a field of about one size is one colour
+        low, high = 0.0, 1.05 * max(high, 1e-3)  # an almost constant field gets one colour, not amplified differences
     mesh = panel.pcolormesh(
         field.x, field.y, size, cmap="viridis", vmin=low, vmax=high, shading="nearest", rasterized=True
     )
@@ -63,7 +63,7 @@ def _draw_field(figure: Figure, panel: Axes, field: Field, kind: str) -> None:
     panel.set_title(f"z = {field.z:.0f} mm; {LOAD:g} kg, +{WARM:g} K, upward at {speed}", fontsize=9, loc="left")
 
 
-def _draw_sign(figure: Figure, panel: Axes, sign: Sign) -> None:
+def _draw_signature(figure: Figure, panel: Axes, sign: Signature) -> None:
     """Points of the sample run, coloured by the second variable."""
     if sign.shade is None:
         panel.scatter(sign.telling, sign.residual, s=16, color="#33638d")
@@ -78,7 +78,7 @@ def _draw_sign(figure: Figure, panel: Axes, sign: Sign) -> None:
         points = panel.scatter(sign.telling, sign.residual, s=18, c=sign.shade, cmap="cividis")
         figure.colorbar(points, ax=panel, label=sign.labels[2])
     spread, middle = float(np.ptp(sign.residual)), abs(float(sign.residual.mean()))
-    if not 0.02 * middle < spread < 0.5 * middle:  # what varies a little about much is drawn without its zero
+    if not 0.02 * middle < spread < 0.5 * middle:  # small variations about a large mean are drawn without the zero line
         panel.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
     panel.set_xlabel(sign.labels[0])
     panel.set_ylabel(sign.labels[1])

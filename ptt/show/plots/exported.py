@@ -1,4 +1,4 @@
-"""What an export leaves: three bars."""
+"""Picture of the error that an export leaves, as three bars."""
 
 from matplotlib.figure import Figure
 
@@ -7,11 +7,11 @@ from ptt.show.plots.common import BLUE, DPI, ORANGE, PALE
 
 
 def draw_error_left(left: ErrorLeft, name: str) -> Figure:
-    """Draw what the machine would miss by over its workspace.
+    """Draw the error over the workspace by the drawing, with an export format, and with the whole model.
 
     Args:
-        left: root mean square, um.
-        name: of the format.
+        left: rms errors, um.
+        name: name of the format.
 
     Returns:
         The figure.

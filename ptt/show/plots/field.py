@@ -1,4 +1,4 @@
-"""Picture of an error field: an arrow for each pose, on the path or through the volume, in space and from above."""
+"""Pictures of an error field: an arrow for each pose, in space and from above."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,15 +16,15 @@ from ptt.show.plots.common import COLOUR_MAP, DPI
 from ptt.show.sizing import round_down, spread
 
 MOST_ARROWS = 300
-REACH = 0.18  # of the workspace's size that the 95 % arrow takes
-ZOOM, TALL = 1.1, 0.6
-NARROW = 0.5  # share of the longest side that every side is given at least
-TICKS = 5  # of a workspace of a kilometre, as a telescope's, lie apart
-KEY = 0.2  # room for the key, in halves of the picture
+REACH = 0.18  # of the workspace's size: drawn length of the arrow at the 95 % quantile of sizes
+ZOOM, TALL = 1.1, 0.6  # zoom of the box in space, and its limit as a multiple of diagonal over height
+NARROW = 0.5  # every side of the box is given at least this share of the longest
+TICKS = 5  # few enough for long labels, as of a telescope's workspace of a kilometre
+KEY = 0.2  # room below the arrows for the scale bar, in half widths of the picture
 
 
 def draw_field(result: Comparison, problem: Problem) -> Figure:
-    """Draw the error left after the frame, a mean arrow for each pose.
+    """Draw the error after frame alignment, the mean of each pose as an arrow.
 
     Args:
         result: the comparison.
@@ -92,7 +92,7 @@ def field_of(result: Comparison, problem: Problem) -> tuple[np.ndarray, np.ndarr
         problem: its run.
 
     Returns:
-        Targets (m, 3) mm, errors (m, 3) mm, and how many poses there are.
+        Mean targets (m, 3) mm, mean errors (m, 3) mm, and how many poses there are in all.
     """
     rows = result.kept
     number = np.unique(pose_groups(problem.table)[rows], return_inverse=True)[1].reshape(-1)
@@ -106,7 +106,7 @@ def field_of(result: Comparison, problem: Problem) -> tuple[np.ndarray, np.ndarr
 
 
 def enlargement(span: float, size: float) -> float:
-    """Round factor that makes an arrow of this size well seen.
+    """Round factor of enlargement at which an arrow of some size is well seen.
 
     Args:
         span: size of the workspace, mm.
@@ -122,7 +122,7 @@ def _draw_space(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
     from matplotlib import colormaps
 
     colours = colormaps[COLOUR_MAP](norm(size))
-    # The heads of 3-D arrows are two more segments each: first come all shafts, then the left halves, then the right.
+    # matplotlib draws a 3-D arrow as three segments: first all shafts, then the left halves of heads, then the right.
     colours = np.tile(colours, (3, 1))
     panel.plot(*place.T, linestyle="none", marker=".", markersize=3.0, color="0.6")
     panel.quiver(*place.T, *arrow.T, colors=colours, linewidth=1.8, arrow_length_ratio=0.3)
@@ -135,7 +135,7 @@ def _draw_space(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
         places = max(2, round(5 * (bounds[1] - bounds[0]) / room.max()))
         getattr(panel, f"{axis}axis").get_major_locator().set_params(nbins=places)
         panel.tick_params(axis=axis, pad=4.0, labelsize=8)  # type: ignore[arg-type]
-    # A tall box would reach beyond the figure, a flat one leave it empty.
+    # At one zoom for all, a tall box would reach beyond the figure.
     zoom = min(ZOOM, TALL * float(np.linalg.norm(room) / room[2]))
     panel.set_box_aspect(tuple(room), zoom=zoom)  # type: ignore[call-arg,arg-type]
     panel.set_title("in space", fontsize=10)
@@ -162,7 +162,7 @@ def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
 
 
 def _draw_key(panel: Axes, span: float, factor: float) -> None:
-    """A bar below the arrows: how long an error of a round size is drawn."""
+    """Draw a scale bar below the arrows: the drawn length of an error of round size."""
     size = round_down(1e3 * REACH * span / factor)
     left, right = panel.get_xlim()
     start, height = left + 0.04 * (right - left), panel.get_ylim()[0] + 0.2 * KEY * (right - left)

@@ -1,4 +1,4 @@
-"""The ladder as a picture: error per axis after each step, training and held-out, and the noise floor to reach."""
+"""Picture of a ladder: training and held-out error per axis after each step, and the noise floor."""
 
 from collections.abc import Sequence
 
@@ -15,7 +15,7 @@ DPI = 150
 TRAINING, HELD_OUT, NOISE = "#33658a", "#f26419", "#6b705c"
 SIGNS = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
 
-Rung = tuple[str, dict[str, float], dict[str, float]]  # words, training error, held-out error
+Rung = tuple[str, dict[str, float], dict[str, float]]  # a step in words, training and held-out errors by axis, um
 
 
 def draw_ladder(ladder: Ladder) -> Figure:
@@ -32,7 +32,7 @@ def draw_ladder(ladder: Ladder) -> Figure:
 
 
 def draw_history(entries: Sequence[HistoryEntry]) -> Figure:
-    """Draw a ladder again from the history of a machine file.
+    """Draw a ladder from the history of a machine file.
 
     Args:
         entries: the steps of one ladder, as `ptt.judge.history.runs_of` cuts them.
@@ -49,8 +49,8 @@ def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float]) -> Figure:
     """Draw errors after each step, one panel per axis and one for the total.
 
     Args:
-        rungs: words, training and held-out errors in um, in order.
-        noise_um: noise floor by axis.
+        rungs: the steps in order.
+        noise_um: axis or 'total' -> noise floor, um.
 
     Returns:
         The figure.

@@ -1,4 +1,4 @@
-"""The drawing of a machine as the program understood it: from above, from the side, and what its numbers mean."""
+"""Picture of a 3-PTT as the program understands its file: from above, from the side, with its dimensions."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,19 +11,19 @@ from ptt.setup.machine import describe_machine, reachable
 from ptt.show.plots.common import BLUE, DARK, ORANGE, PALE
 
 RAIL, GREY = "#bbbbbb", "#666666"
-BEYOND = 0.12  # of the machine's size, the rim around it
-GRID = 241
+BEYOND = 0.12  # margin above and below, as a share of the drawn heights
+GRID = 241  # points across at which it is tested what can be reached; twice as many upward
 
 
 def draw_machine(file: MachineFile, words: bool = True) -> Figure:
-    """The drawing: slider numbers, which way b counts, where z = 0 is, what 'above' means.
+    """Draw a machine: slider numbers, direction of b, position of z = 0, meaning of sliders 'above' or 'below'.
 
     Args:
         file: the machine.
-        words: whether its figures stand below.
+        words: whether its dimensions are listed below.
 
     Returns:
-        A figure with the view from above, the view from the side, and the figures in words.
+        A figure with the view from above, the view from the side, and the list of dimensions.
 
     Raises:
         MachineError: an arm, or a machine that cannot be built.
@@ -44,7 +44,7 @@ def draw_machine(file: MachineFile, words: bool = True) -> Figure:
 
 
 def _from_above(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
-    """Sliders with their numbers, platform at home, what can be reached at z = 0."""
+    """Draw sliders with their numbers, the platform at home, and what can be reached at z = 0."""
     size = _width(spec)
     _shade_reach(axes, mechanism, size, plane=(0, 1))
     base, platform = _joints(spec)
@@ -71,7 +71,7 @@ def _from_above(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
 
 
 def _from_side(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
-    """Slider 1 in the plane of its rail: travel, which way b counts, z = 0, the side that the sliders are on."""
+    """Draw slider 1 in the plane of its rail: travel, direction of b, z = 0, side of the sliders."""
     size = _width(spec)
     home, ends = float(mechanism.home()[0]), mechanism.limits().numpy()[:, 0]
     lean = np.radians(spec.slider_lean_deg[0])
@@ -99,7 +99,7 @@ def _from_side(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
 
 
 def _name_parts(axes: Axes, spec: ThreePttSpec, inner: np.ndarray, joint: np.ndarray) -> None:
-    """What z = 0, the side of the sliders and the lengths mean, beside platform joint and slider joint, (2,) mm."""
+    """Label z = 0, the side of the sliders and the lengths, at platform joint `inner` and slider joint `joint`, mm."""
     above = spec.sliders == "above"
     left, side = -2.1 * _width(spec), -1.0 if above else 1.0
     words = "z = 0: tool (black) at home,\nlevel with the platform's joints"
@@ -122,7 +122,7 @@ def _slider(axes: Axes, place: np.ndarray, number: str) -> None:
 
 
 def _count(axes: Axes, slider: np.ndarray, rail: np.ndarray, size: float, marks: tuple[tuple[float, str], ...]) -> None:
-    """Which way b counts, and b at home and at both ends of travel."""
+    """Draw the direction of b, and its values at home and at both ends of travel."""
     home = marks[0][0]
     start = slider + np.array([0.16 * size, 0.0]) + 0.1 * size * rail
     axes.annotate(
@@ -136,6 +136,7 @@ def _count(axes: Axes, slider: np.ndarray, rail: np.ndarray, size: float, marks:
 
 
 def _joints(spec: ThreePttSpec) -> tuple[np.ndarray, np.ndarray]:
+    """Joints of base and platform seen from above, (3, 2) mm each."""
     azimuth = np.radians(spec.slider_azimuth_deg)
     radial = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     return spec.base_radius_mm * radial, spec.platform_radius_mm * radial
@@ -146,11 +147,12 @@ def _at(place: np.ndarray) -> tuple[float, float]:
 
 
 def _width(spec: ThreePttSpec) -> float:
+    """Length that sets the scale of the picture, mm."""
     return float(max(spec.base_radius_mm, spec.platform_radius_mm, 0.4 * spec.link_length_mm))
 
 
 def _shade_reach(axes: Axes, mechanism: ThreePtt, size: float, plane: tuple[int, int], azimuth: float = 0.0) -> None:
-    """What the sliders reach within their travel, in one plane."""
+    """Shade what can be reached within the travel, in a horizontal plane or in the vertical one at an azimuth, rad."""
     across = 1.3 * size * np.linspace(-1.0, 1.0, GRID)
     up = across if plane == (0, 1) else 2.5 * float(mechanism.link.max()) * np.linspace(-1.0, 1.0, 2 * GRID)
     first, second = np.meshgrid(across, up)

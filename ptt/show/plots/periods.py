@@ -1,4 +1,4 @@
-"""Picture of the periods in each joint's error: what repeats with the screw, and what does not."""
+"""Picture of the periodogram of each joint's error, with the screw lead marked."""
 
 from dataclasses import replace
 
@@ -14,9 +14,9 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 from ptt.show.plots.common import BLUE, DPI, ORANGE, legend_below, thinned
 
-RIPPLE = 3  # degree of the smooth course that is taken out before periods are looked for
-MANY = 100  # poses from which on that is affordable
-FINER = 6  # points drawn for each trial frequency
+DEGREE = 3  # of the polynomial in x, y, z that is regressed out before the periodogram
+MANY = 100  # fewer means than this cannot afford its 20 terms: the polynomial is linear
+FINER = 6  # frequencies drawn per trial frequency
 
 
 def draw_periods(result: Comparison, problem: Problem) -> Figure | None:
@@ -27,7 +27,7 @@ def draw_periods(result: Comparison, problem: Problem) -> Figure | None:
         problem: its run.
 
     Returns:
-        The figure, a panel for each joint; None where joints visit too few places.
+        The figure, a panel for each joint; None where joints visit too few positions for any periodogram.
     """
     joint, unit = problem.file.machine.noun, problem.file.machine.unit
     lines = {name: joint_periods(result, problem, name) for name in result.joint}
@@ -45,7 +45,7 @@ def draw_periods(result: Comparison, problem: Problem) -> Figure | None:
     _scale_periods(panels[0, 0], min(ends), max(ends))
     for panel in panels.ravel()[len(lines) :]:
         panel.set_axis_off()
-    for column in range(across):  # the lowest panel that is drawn in each column tells the scale
+    for column in range(across):  # in each column the lowest panel that is drawn has the labels
         lowest = panels[(len(lines) - 1 - column) // across, column]
         lowest.set_xlabel(f"period [{unit}]")
         lowest.tick_params(labelbottom=True)
@@ -55,7 +55,7 @@ def draw_periods(result: Comparison, problem: Problem) -> Figure | None:
 
 
 def joint_periods(result: Comparison, problem: Problem, name: str) -> Periodogram:
-    """Periodogram of one joint's error, its smooth course over the workspace and its directions taken out.
+    """Periodogram of one joint's error over its position, a polynomial in x, y, z and all directions regressed out.
 
     Args:
         result: the comparison.
@@ -63,7 +63,7 @@ def joint_periods(result: Comparison, problem: Problem, name: str) -> Periodogra
         name: 'slider 2' or 'joint 2'.
 
     Returns:
-        The periodogram of the mean error of each pose and direction, as visits of one pose share their error.
+        The periodogram of the mean errors of each pose and direction: visits of one are no independent errors.
     """
     index = int(name.split()[1]) - 1
     q, direction = problem.view.q.numpy()[result.kept], problem.view.direction.numpy()[result.kept]
@@ -84,9 +84,9 @@ def joint_periods(result: Comparison, problem: Problem, name: str) -> Periodogra
 
 
 def _smooth(place: np.ndarray) -> np.ndarray:
-    """Products of coordinates: up to the third degree where rows allow, else the first."""
+    """Monomials of the coordinates (n, 3) up to the degree that rows allow, (n, m)."""
     scaled = (place - place.mean(axis=0)) / np.maximum(np.ptp(place, axis=0), 1e-9)
-    degree = RIPPLE if len(place) >= MANY else 1
+    degree = DEGREE if len(place) >= MANY else 1
     powers = [power for power in np.ndindex(*(degree + 1,) * 3) if sum(power) <= degree]
     return np.column_stack([np.prod(scaled ** np.array(power), axis=1) for power in powers])
 
@@ -109,7 +109,7 @@ def _draw_lines(panel: Axes, name: str, line: Periodogram, lead: float | None, u
 
 
 def _scale_periods(panel: Axes, low: float, high: float) -> None:
-    """Logarithmic axis with plain numbers; the panels share it."""
+    """Give the shared axis a logarithmic scale with plain numbers."""
     panel.set_xscale("log")
     panel.set_xlim(low, high)
     places = [step * 10.0**power for power in range(-6, 4) for step in (1, 2, 5)]

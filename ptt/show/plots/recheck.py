@@ -1,4 +1,4 @@
-"""A recheck as a picture: how far each value of a solved model has moved, in standard errors, and the errors beside."""
+"""Picture of a recheck: change of each value of the model in standard errors, and the errors of the run."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,7 +10,7 @@ SHOWN_VALUES = 16  # in a picture
 
 
 def draw_moved(result: Recheck) -> Figure:
-    """Draw how far values have moved, those that have changed first, and what the machine misses by.
+    """Draw the changes of values, those named as changed first, and the errors of the run beside the noise floor.
 
     Args:
         result: the recheck.
@@ -23,7 +23,7 @@ def draw_moved(result: Recheck) -> Figure:
     figure = Figure(figsize=(9.6, 2.4 + 0.3 * max(len(order), 4)), dpi=DPI, layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[2.0, 1.0])
     colours = [ORANGE if (one.effect, one.name) in named else BLUE for one in order]
-    # Beside a change of a hundred standard errors the others would be a line: far ones are drawn to their logarithm.
+    # The axis is logarithmic beyond a few standard errors: beside a change of a hundred the others would collapse.
     left.scatter([one.z for one in order], range(len(order)), color=colours, zorder=3)
     left.axvspan(-2.0, 2.0, color=PALE, alpha=0.4, linewidth=0, label="two standard errors")
     for colour, label in ((ORANGE, "named"), (BLUE, "not named")):

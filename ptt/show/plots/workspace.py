@@ -1,4 +1,4 @@
-"""The workspace map: condition number over x and y at three heights."""
+"""Picture of the workspace: condition number of the Jacobian over x and y at three heights."""
 
 from pathlib import Path
 
@@ -29,11 +29,11 @@ def plot_workspace_map(mechanism: Mechanism, spec: ThreePttSpec, path: str | Pat
 
     Args:
         mechanism: the machine.
-        spec: its drawing, for the title and the size of the picture.
+        spec: its drawing, from which title, heights and extent follow.
         path: PNG to write.
     """
     heights = torch.tensor(_heights(spec, mechanism), dtype=torch.float64)
-    reach = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)  # surely holds the workspace
+    reach = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)  # upper bound of |x| and |y|
     extent = _tighten(workspace_map(mechanism, *_axes(reach), heights), reach)
     result = workspace_map(mechanism, *_axes(extent), heights)
     save(_draw(result, f"{spec.name}: dexterity over the workspace"), path)
@@ -47,7 +47,7 @@ def _heights(spec: ThreePttSpec, mechanism: Mechanism) -> list[float]:
 
 
 def _tighten(result: WorkspaceMap, extent: float) -> float:
-    """Half width in mm that just holds what can be reached, with a rim."""
+    """Half width in mm of what can be reached, with a margin."""
     reached = torch.isfinite(result.condition).any(0)
     if not bool(reached.any()):
         return extent
@@ -96,7 +96,7 @@ def _draw_panel(panel: Axes, result: WorkspaceMap, index: int, norm: Normalize) 
 
 
 def _norm(result: WorkspaceMap) -> LogNorm:
-    """Colour scale over what lies within travel, so that the infinite rim does not wash it out."""
+    """Colour scale over what lies within travel; the infinite values near singularities would take up all of it."""
     within = result.condition[torch.isfinite(result.condition) & (result.travel_margin >= 0.0)]
     values = within if len(within) else result.condition[torch.isfinite(result.condition)]
     if not len(values):

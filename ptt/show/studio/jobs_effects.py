@@ -11,12 +11,12 @@ def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapp
     from ptt.effects.bench import sample_view
     from ptt.effects.cards import card_of
     from ptt.effects.registry import library, make_effect, parse_key
-    from ptt.show.plots.atlas import effect_sign, picture_theta
+    from ptt.show.plots.atlas import effect_signature, picture_theta
 
     known = library(*files)
     made = make_effect(known, *parse_key(effect))
     family = kind if kind in made.mechanisms else made.mechanisms[0]
-    sign = effect_sign(made, picture_theta(made, family), sample_view(family), card_of(made).on(family))
+    sign = effect_signature(made, picture_theta(made, family), sample_view(family), card_of(made).on(family))
     shade = None if sign.shade is None else sign.shade.tolist()
     drawn = {
         "telling": sign.telling.tolist(),
