@@ -1,4 +1,4 @@
-"""What the report says of the error: how large, where, and what it depends on."""
+"""Sections of the report on the error: how large it is, where, and what it depends on."""
 
 from ptt.dependence.dependence import Dependence
 from ptt.effects.phrases import capital
@@ -22,11 +22,11 @@ from ptt.show.report.blocks import Block, Grid, Picture, Section, Words, grid
 from ptt.show.report.contents import Contents
 from ptt.show.report.numbers import NONE, axes, chance, um
 
-WORST, DEPENDENCES = 8, 10
+WORST, DEPENDENCES = 8, 10  # most readings and dependences that are listed
 
 
 def error_section(contents: Contents) -> Section:
-    """The error of the machine as drawn, where it fails, what that depends on."""
+    """The error of the bare drawing: how large it is, where, and what it depends on."""
     result = contents.drawing.comparison
     blocks: list[Block] = [
         figures_grid(result),
@@ -41,7 +41,7 @@ def error_section(contents: Contents) -> Section:
 
 
 def left_section(contents: Contents) -> Section:
-    """What the model leaves."""
+    """The error that the model leaves: how large it is, where, and what it depends on."""
     result = contents.given.comparison
     blocks: list[Block] = [figures_grid(result), Words(_meaning(result))]
     if result.without_values:
@@ -56,7 +56,7 @@ def left_section(contents: Contents) -> Section:
 
 
 def figures_grid(result: Comparison) -> Grid:
-    """Figures of a comparison before and after frame alignment.
+    """Table of a comparison's errors before and after frame alignment.
 
     Args:
         result: the comparison.
@@ -78,7 +78,7 @@ def _meaning(result: Comparison) -> str:
 
 
 def _where(result: Comparison) -> list[Block]:
-    """The worst part of the workspace, the joints, loads, quarters of the run, and the worst readings."""
+    """Errors by part of the workspace, by joint, by payload, by quarter of the run, and the worst readings."""
     if result.is_noise:
         return [Words(NO_PLACE)]
     blocks: list[Block] = []
@@ -118,12 +118,12 @@ def _depends(result: Comparison, problem: Problem) -> list[Block]:
 
 
 def depends_grid(found: tuple[Dependence, ...], title: str, problem: Problem) -> Grid:
-    """What an error depends on.
+    """Table of what an error depends on.
 
     Args:
-        found: largest share first.
+        found: the dependences, largest share first.
         title: of the table.
-        problem: for the names of the variables.
+        problem: the run; names and units of variables depend on it.
 
     Returns:
         The table.

@@ -1,4 +1,4 @@
-"""What the report says of the model: the ladder that led to it, its parameters, its network."""
+"""Sections of the report on the model: the ladder that led to it, its parameters, its network."""
 
 from collections.abc import Iterator, Sequence
 
@@ -14,7 +14,7 @@ from ptt.show.report.contents import Contents
 from ptt.show.report.network import NetworkFacts
 from ptt.show.report.numbers import NONE, axes, plus_minus, um
 
-MEASURED = {
+MEASURED = {  # `measured` of a fitted value -> what the table says
     "yes": "yes",
     "in part": "in part: only combinations with others are",
     "at least": "lower bound: no move of the run takes up a larger one",
@@ -22,12 +22,12 @@ MEASURED = {
     "fixed": "fixed by the user",
     "searched": "searched, not fitted",
 }
-AGAINST = "against the mean of all joints, which is not"
-MOST_PAIRS = 10
+AGAINST = "against the mean of all joints, which is not"  # said of a value of which only that difference is measured
+MOST_PAIRS = 10  # correlations that are listed
 
 
 def ladder_section(contents: Contents) -> Section:
-    """The steps that led to the model, as its history tells them."""
+    """The steps that led to the model, from its history."""
     blocks: list[Block] = []
     if "history" in contents.why_not:
         blocks.append(Words(f"No ladder: {contents.why_not['history']}.", "lack"))
@@ -48,7 +48,7 @@ def ladder_section(contents: Contents) -> Section:
 
 
 def parameter_section(contents: Contents) -> Section:
-    """Parameters with standard errors, in the model and as this run tells them, and what it cannot tell."""
+    """Parameters with standard errors in the model and fitted to this run, and what this run does not determine."""
     rows = list(_parameters(contents))
     head = ("parameter", "unit", "in the model", "fitted to this run", "measured by this run")
     strong = frozenset(index for index, row in enumerate(rows) if not any(row[1:]))
@@ -77,7 +77,7 @@ def parameter_section(contents: Contents) -> Section:
 
 
 def network_section(contents: Contents) -> Section:
-    """What the network learned of the rest, and its share."""
+    """What the network learned of the error that physics left, and how much of it."""
     facts = contents.network
     if facts is None:
         words = "No compensator was given: this report covers the physics alone."
@@ -127,7 +127,7 @@ def _ladder_grid(ladder: Sequence[HistoryEntry]) -> Grid:
 
 
 def _parameters(contents: Contents) -> Iterator[tuple[str, ...]]:
-    """A row for each effect, then one for each parameter: name, unit, in the model, fitted, measured."""
+    """Rows of the table of parameters: one for each effect, then one for each of its parameters."""
     found: dict[tuple[str, str], Value] = {}
     if contents.refit is not None:
         found = {(value.effect, value.name): value for value in contents.refit.report.values}
@@ -142,7 +142,7 @@ def _parameters(contents: Contents) -> Iterator[tuple[str, ...]]:
 
 
 def _fitted(value: Value | None) -> tuple[str, str]:
-    """A value as the run tells it, and whether it is measured."""
+    """A value as fitted to the run, and whether the run measures it, in words."""
     if value is None:
         return NONE, NONE
     if value.apart is not None and value.measured != "at least":
@@ -157,6 +157,7 @@ def _names(term: Term, contents: Contents) -> list[tuple[str, str]]:
 
 
 def _stored(term: Term, index: int) -> str:
+    """A value as the model has it."""
     if not len(term.theta):
         return "not fitted yet"
     return plus_minus(float(term.theta[index]), None if term.std is None else float(term.std[index]))

@@ -1,4 +1,4 @@
-"""What the report says of the run, and of what it was worked out with."""
+"""Sections of the report on the run, and on files, versions and commands that reproduce the report."""
 
 from ptt.machine import MachineFile
 from ptt.run.axes import AXES_TOTAL
@@ -8,7 +8,7 @@ from ptt.show.report.contents import Contents
 from ptt.show.report.facts import RunFacts
 from ptt.show.report.numbers import axes, um
 
-SHOWN_RUNS = 20
+SHOWN_RUNS = 20  # that are listed by name
 
 
 def run_section(contents: Contents) -> Section:
@@ -37,7 +37,7 @@ def run_section(contents: Contents) -> Section:
 
 
 def origin_section(contents: Contents) -> Section:
-    """Files with their hashes, versions, and the commands that repeat the report."""
+    """Files with their hashes, versions of packages, and the commands that reproduce the report."""
     files = [(file.role, file.name, file.sha256) for file in contents.source.files]
     blocks: list[Block] = [
         grid("Input files", ("as", "file", "SHA-256"), files, left=3, code=True)
@@ -51,7 +51,7 @@ def origin_section(contents: Contents) -> Section:
 
 
 def _drawing(file: MachineFile) -> str:
-    """Family, sizes and frame of the machine, in a line."""
+    """Mechanism, dimensions and tracker frame of the machine, in one line."""
     spec, frame = file.machine, f"tracker frame {file.tracker.frame}"
     corrected = f"; the controller compensates {', '.join(file.controller.compensates)}" * bool(
         file.controller.compensates

@@ -1,4 +1,4 @@
-"""What the report says of the use of it: error before and after, and the standard's figures."""
+"""Sections of the report on errors before and after compensation, and on the figures of ISO 9283."""
 
 from ptt.judge.iso.pose_figures import named_figures
 from ptt.run.axes import AXES_TOTAL
@@ -6,7 +6,7 @@ from ptt.show.report.blocks import Block, Picture, Section, Words, grid
 from ptt.show.report.contents import Contents
 from ptt.show.report.numbers import NONE, axes, um
 
-TITLES = {
+TITLES = {  # way of holding out rows -> title of its table
     "blocks": "whole parts of the path held out: what to expect at a new place",
     "random": "poses held out at random: between measured neighbours",
 }
@@ -74,7 +74,7 @@ def reduction_section(contents: Contents) -> Section:
 
 
 def iso_section(contents: Contents) -> Section:
-    """ISO 9283 figures where poses were repeated, else why not."""
+    """ISO 9283 figures where poses were repeated, else why there are none."""
     if contents.iso is None:
         words = f"Not computed: {contents.why_not['iso']}."
         return Section("iso", "ISO 9283 figures", (Words(words, "lack"),))

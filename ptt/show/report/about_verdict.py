@@ -1,4 +1,4 @@
-"""What the report says is missing, why, and what could not be told."""
+"""Section of the report on the verdict: what is missing, why, and what could not be tested."""
 
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.explanation import Candidate
@@ -19,14 +19,14 @@ NOTE = (
 
 
 def verdict_section(contents: Contents) -> Section:
-    """Candidates with reasons, on the bare drawing and on the model."""
-    blocks = _of(contents.drawing, "the drawing", contents)
+    """The diagnoses of the bare drawing and of the model, with all candidates."""
+    blocks = _diagnosis(contents.drawing, "the drawing", contents)
     if not contents.bare:
-        blocks += [*_of(contents.given, "the model", contents)]
+        blocks += [*_diagnosis(contents.given, "the model", contents)]
     return Section("verdict", "What is missing", tuple(blocks))
 
 
-def _of(look: ModelLook, what: str, contents: Contents) -> list[Block]:
+def _diagnosis(look: ModelLook, what: str, contents: Contents) -> list[Block]:
     found, known = look.diagnosis, contents.known
     if found is None:
         return [Words(f"No verdict on {what}: {look.why_not}.", "lack")]
@@ -47,13 +47,13 @@ def _of(look: ModelLook, what: str, contents: Contents) -> list[Block]:
 
 
 def in_short(found: Diagnosis) -> str:
-    """The verdict's words; where they only join the steps' own, which follow, their names.
+    """The verdict in a sentence or two; of a verdict 'missing' the effects by name, as each is described further below.
 
     Args:
         found: the diagnosis.
 
     Returns:
-        A sentence or two, without a capital.
+        The sentences, the first without a capital.
     """
     if found.verdict == "unknown":
         return f"no full explanation. {found.words}"

@@ -1,4 +1,4 @@
-"""What a page is made of: sections of words, tables, pictures and commands, all plain text until they are rendered."""
+"""Building blocks of a page: sections of paragraphs, tables, pictures and lists, as plain text until rendered."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Words:
-    """A paragraph; 'lack' says why something is not there, 'note' is small print, 'verdict' stands out."""
+    """A paragraph; its look is 'lack' (why something is missing), 'note' (small print) or 'verdict' (emphasised)."""
 
     text: str
     look: Literal["plain", "lack", "note", "verdict"] = "plain"
@@ -22,11 +22,11 @@ class Grid:
         title: what it shows, with units.
         head: titles of the columns.
         rows: cells.
-        left: leading columns that hold words.
-        wordy: last column holds words too.
-        strong: index of rows that stand out.
-        code: last column is set in letters of one width.
-        kind: which template draws it; so of every block.
+        left: number of leading columns that hold words and are aligned left.
+        wordy: whether the last column holds words too.
+        strong: indices of rows that are emphasised.
+        code: whether the last column is set in a monospaced font.
+        kind: name of the template that renders it, as of every block.
     """
 
     title: str
@@ -40,13 +40,13 @@ class Grid:
 
     @property
     def whole(self) -> bool:
-        """Whether the table fits on a page with room to spare and is kept in one piece."""
+        """Whether the table is short enough to be kept on one page in print."""
         return len(self.rows) <= 12
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture by its name, and the words under it."""
+    """A picture, by its name in `ptt.show.report.pictures`, and its caption."""
 
     name: str
     words: str
@@ -55,7 +55,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Lines:
-    """A list: of findings, or of commands to be typed."""
+    """A list of findings, or of commands (`code`)."""
 
     items: tuple[str, ...]
     code: bool = False
@@ -70,9 +70,9 @@ class Section:
     """A part of the report.
 
     Attributes:
-        key: for links.
+        key: its anchor for links.
         title: its heading.
-        blocks: what is in it.
+        blocks: its contents in order.
     """
 
     key: str
@@ -96,13 +96,13 @@ def grid(title: str, head: Sequence[str], rows: Iterable[Sequence[str]], **look:
 
 
 def side_by_side(rows: Sequence[tuple[str, str, str]]) -> list[tuple[str, ...]]:
-    """Rows of three cells as rows of six, down the left half first.
+    """Rows of three cells in two columns: rows of six cells, of which the left half is read first.
 
     Args:
         rows: any number of them.
 
     Returns:
-        Half as many; the last one filled up with empty cells.
+        Half as many, the last one filled up with empty cells.
     """
     half = -(-len(rows) // 2)
     right = [*rows[half:], ("", "", "")][:half]

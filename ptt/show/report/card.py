@@ -1,4 +1,4 @@
-"""The card on top of a report: the bar, the findings and the machine that has them, as plain values for the page."""
+"""The result card at the top of a report: bar, findings and a picture of the machine, as plain values for the page."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,15 +21,15 @@ DPI = 130
 
 @dataclass(frozen=True)
 class TopCard:
-    """What stands on top.
+    """The contents of the card.
 
     Attributes:
         card: the result card as plain values.
-        bar: HTML.
-        sure: how sure the verdict is, in words.
+        bar: the bar as HTML.
+        sure: probability of the verdict in words.
         picture: PNG of the machine; None where there is nothing to draw.
-        caption: what it shows.
-        more: findings beyond those that are shown.
+        caption: of the picture.
+        more: number of findings beyond those that are shown.
     """
 
     card: dict[str, Any]
@@ -46,15 +46,15 @@ class TopCard:
 
     @property
     def more_words(self) -> str:
-        """Where those are that are not shown."""
+        """Sentence on where the findings are that are not shown."""
         return f"{smaller_ones(self.more)} {'is' if self.more == 1 else 'are'} listed below"
 
 
 def top_card(contents: Contents, say: Callable[[str], str]) -> TopCard | None:
-    """Put the leading diagnosis in short: of the model, or of the drawing where the model leaves nothing.
+    """The card of the model's diagnosis, or of the drawing's where nothing is missing from the model.
 
     Args:
-        contents: of the report.
+        contents: contents of the report.
         say: translates words.
 
     Returns:
@@ -74,7 +74,7 @@ def top_card(contents: Contents, say: Callable[[str], str]) -> TopCard | None:
 
 
 def _leading(contents: Contents) -> ModelLook | None:
-    """The model's own diagnosis where it finds something, else the drawing's, which led to the model."""
+    """The model, where its diagnosis finds something, else the drawing, whose findings led to the model."""
     given, drawing = contents.given, contents.drawing
     if given.diagnosis is not None and (contents.bare or given.diagnosis.suggested or drawing.diagnosis is None):
         return given

@@ -1,4 +1,4 @@
-"""The commands that repeat a report, with file names that hold in any folder."""
+"""Command lines that reproduce a report, with file names without folders."""
 
 import shlex
 from collections.abc import Sequence
@@ -14,22 +14,22 @@ FLAGS = {"also": "--also", "targets": "--targets", "map": "--map", "effects": "-
 
 @dataclass(frozen=True)
 class Command:
-    """One command line, and what it tells."""
+    """One command line, and what it shows."""
 
     line: str
     tells: str
 
 
 def commands_of(source: MadeOf, model: Model, network: bool) -> tuple[Command, ...]:
-    """The commands that give a report's figures again.
+    """The commands that give the figures of a report.
 
     Args:
-        source: names and options.
+        source: names of files, and options.
         model: the model.
-        network: whether there is one.
+        network: whether there is a network.
 
     Returns:
-        In the order of the report.
+        The commands in the order of the report.
     """
     run, file = source.one("run", "run.csv"), source.one("model", "model.toml")
     folder = source.one("compensator", file)
@@ -66,14 +66,14 @@ def commands_of(source: MadeOf, model: Model, network: bool) -> tuple[Command, .
 
 
 def options_of(source: MadeOf, without: Sequence[str] = ()) -> list[str]:
-    """The options that say how the runs are read.
+    """The options of a command line that say how runs are read.
 
     Args:
-        source: names and settings.
-        without: roles to leave out.
+        source: names of files, and settings.
+        without: roles of files to leave out.
 
     Returns:
-        Words of a command line.
+        The words.
     """
     words: list[str] = []
     for role, flag in FLAGS.items():
@@ -85,7 +85,7 @@ def options_of(source: MadeOf, without: Sequence[str] = ()) -> list[str]:
 
 
 def ladder_command(ladder: Sequence[HistoryEntry]) -> str:
-    """The command that made a ladder; the model it began with has no name in the history.
+    """The command that made a ladder, with placeholders for model files, whose names the history does not have.
 
     Args:
         ladder: its steps.

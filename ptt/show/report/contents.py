@@ -1,4 +1,4 @@
-"""Everything a report says, gathered once as values: the same results that the other verbs give."""
+"""Contents of a report as values: the results that the other verbs give."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -24,13 +24,13 @@ from ptt.show.report.source import MadeOf
 
 @dataclass(frozen=True)
 class ModelLook:
-    """A run held against one model.
+    """A run compared with one model.
 
     Attributes:
         model: the model.
         comparison: how large the error is, where, and what it depends on.
-        diagnosis: what is missing; None where nothing tells the noise.
-        why_not: why there is no diagnosis, '' where there is one.
+        diagnosis: what is missing; None where it cannot be made.
+        why_not: why there is no diagnosis; '' where there is one.
     """
 
     model: Model
@@ -41,25 +41,26 @@ class ModelLook:
 
 @dataclass(frozen=True)
 class Contents:
-    """All that a report says.
+    """The contents of a report.
 
     Attributes:
-        date: ISO 8601, UTC.
-        source: files, names and options.
+        date: when it was made, ISO 8601, UTC.
+        source: files, names and options that it was made from.
         facts: what was understood of the run.
-        problem: the run, seen through the machine.
+        problem: the run and its machine.
         known: effects by name, the user's own included.
-        drawing: the run against the bare drawing.
-        given: the run against the model; the same as `drawing` where the model has no effects.
-        ladders: steps that led to the model, one tuple for each ladder, from its history.
+        drawing: the run compared with the bare drawing.
+        given: the run compared with the model; the same object as `drawing` where the model has no effects.
+        ladders: the steps that led to the model, one tuple for each ladder in its history.
         refit: the model's effects fitted to this run; None where that cannot be done.
-        evaluation: protocol -> mean absolute errors before and after on held-out rows; empty where there is no after.
+        evaluation: way of holding out ('blocks', 'random') -> mean absolute errors before and after on held-out rows;
+            empty where the model has neither effects nor network.
         network: what a compensator's network does; None without one.
         iso: ISO 9283 figures; None where no pose was repeated.
-        why_not: 'fit', 'evaluate', 'iso', 'history' -> why it is not there.
-        versions: name and version of what worked it out.
-        commands: what repeats it, and what each of them tells.
-        pair: the run beside a later one of the same machine; None where none was given.
+        why_not: 'fit', 'evaluate', 'iso', 'history' -> why it is missing.
+        versions: names and versions of the program and its packages.
+        commands: commands that reproduce the report.
+        pair: the run compared with a later one of the same machine; None where none was given.
     """
 
     date: str
@@ -81,16 +82,16 @@ class Contents:
 
     @property
     def file(self) -> MachineFile:
-        """The machine and its model."""
+        """The machine file with its model."""
         return self.given.model.file
 
     @property
     def bare(self) -> bool:
-        """Whether the model is the drawing alone."""
+        """Whether the model has no effects, so that it is the bare drawing."""
         return self.given is self.drawing
 
     def to_dict(self) -> dict[str, Any]:
-        """For JSON; what other verbs tell too is in their own words."""
+        """For JSON; results of other verbs have their keys."""
         looks = {"drawing": self.drawing, "model": self.given}
         beside = {name: set_up(self.problem) | _aside(look) for name, look in looks.items()}
         return {
@@ -117,5 +118,5 @@ class Contents:
 
 
 def _aside(look: ModelLook) -> dict[str, list[str]]:
-    """Effects of other runs, as the verbs tell them."""
+    """Keys of the model's effects that belong to other runs, as the verbs report them."""
     return {"other_runs": [term.effect.key for term in look.model.aside]}

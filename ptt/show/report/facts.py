@@ -1,4 +1,4 @@
-"""What was understood of a run: rows, runs, columns and units, what varied, and what repeats there are."""
+"""What was understood of a run: rows, runs, columns and units, what varied, and repeats."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,10 @@ from ptt.run.noise import repeat_groups
 from ptt.run.problem import Problem
 from ptt.run.table import Table, table_to_frame
 
-LEVELS = 6  # values up to which they are listed one by one
+LEVELS = 6  # distinct values up to which they are listed one by one
+# Names of units in mapping files -> as they are written.
 UNITS = {"c": "deg C", "mm_s": "mm/s", "n": "N", "nm": "N m", "um": "um"}
-COVARIATES = (
+COVARIATES = (  # name, column, unit, and name among what varies in a view
     ("payload", "payload_kg", "kg", "payload"),
     ("temperature", "temp_c", "deg C", "temperature"),
     ("speed (feed)", "feed_mm_s", "mm/s", "speed"),
@@ -31,12 +32,12 @@ class Column:
 
 @dataclass(frozen=True)
 class Covariate:
-    """Something beside the pose that may matter.
+    """A variable besides the pose on which the error may depend.
 
     Attributes:
         name: 'payload', 'temperature', 'speed (feed)', 'time', 'arrival of slider 1'.
-        values: in words, with unit; 'not recorded' where the run does not tell.
-        varies: whether effects of it can be tested.
+        values: its values in words, with unit; 'not recorded' where the run does not have it.
+        varies: whether it varies, so that effects of it can be tested.
     """
 
     name: str
@@ -49,18 +50,18 @@ class RunFacts(Record):
     """A run as it was understood.
 
     Attributes:
-        rows: rows of the file or files.
-        observed: rows with a whole reading.
-        roles: 'pose', 'base', 'datum' -> rows.
-        runs: label and rows of each run.
-        poses: distinct targets that were read.
-        repeats: rows beyond the first of each group of true repeats.
-        low: (3,) mm, the lowest target coordinates.
-        high: (3,) mm.
+        rows: number of rows of the file or files.
+        observed: number of rows with a complete reading.
+        roles: 'pose', 'base', 'datum' -> number of rows.
+        runs: label and number of rows of each run.
+        poses: number of distinct targets that were read.
+        repeats: number of rows that repeat an earlier one (same pose, direction, load and speed).
+        low: lowest target coordinates, (3,) mm.
+        high: highest target coordinates, (3,) mm.
         columns: of the first file.
-        ignored: titles that were not used.
-        covariates: what may matter beside the pose.
-        lines: what the reader said, one finding a line.
+        ignored: titles of columns that were not used.
+        covariates: variables besides the pose.
+        lines: notes of the reader, one finding a line.
     """
 
     rows: int
@@ -81,7 +82,7 @@ def facts_of(problem: Problem) -> RunFacts:
     """Gather what was understood of a run.
 
     Args:
-        problem: the run, seen through its machine.
+        problem: the run and its machine.
 
     Returns:
         The facts.
@@ -146,6 +147,7 @@ def _covariates(problem: Problem) -> list[Covariate]:
 
 
 def _spread(values: np.ndarray, unit: str) -> str:
+    """Values in words: each of a few, else the range."""
     levels = np.unique(values)
     if len(levels) <= LEVELS:
         return f"{', '.join(f'{level:g}' for level in levels)} {unit}"

@@ -1,4 +1,4 @@
-"""Everything that a report says, worked out once by the same functions as the other verbs."""
+"""Computing the contents of a report, by the same functions as the other verbs."""
 
 import platform
 from collections.abc import Callable
@@ -36,7 +36,7 @@ from ptt.show.report.source import MadeOf, shown_table
 from ptt.version import __version__, installed
 
 PACKAGES = ("torch", "numpy", "scipy", "pandas", "matplotlib", "safetensors", "jinja2")
-STAGES = 6  # of a report
+STAGES = 6  # of the progress that is reported
 NOTHING_TO_JUDGE = "the model has no effects and no network, so there is no 'after' to compare with"
 Found = TypeVar("Found")
 
@@ -54,18 +54,18 @@ def gather(
     unexplained: str = "",
     progress: Progress = unwatched,
 ) -> Contents:
-    """Work out everything that a report says.
+    """Compute the contents of a report.
 
     Args:
-        table: the rows, n of them.
-        machine: machine with its model, or a compensator with its network.
+        table: the run.
+        machine: machine file with its model, or a compensator with its network.
         source: files and options; None where there are no files to name.
         known: effects by name; None for the library.
-        problem: the same table seen through the machine; None builds it.
-        after: a later run of the same machine, to be held beside this one.
-        found_drawing: what is missing from the drawing, where that is known; None works it out.
-        found_given: the same of the model.
-        unexplained: what nothing explains in the set-up, '' where there is no such thing.
+        problem: problem of the same table and machine; None to build it.
+        after: a later run of the same machine to compare this one with.
+        found_drawing: diagnosis of the bare drawing, if it is known already; None to make it.
+        found_given: diagnosis of the model, if it is known already; None to make it.
+        unexplained: words on errors of the set-up that nothing explains; '' for none.
         progress: told what is done, how much of how much.
 
     Returns:
@@ -117,12 +117,12 @@ def gather(
 
 
 def with_network(model: Compensator, trained: Compensator, where: str) -> Compensator:
-    """A model beside the network that was trained on what it leaves.
+    """Add to a model the network that was trained on its residual.
 
     Args:
         model: the model.
-        trained: from a compensator folder.
-        where: name of that folder, for messages.
+        trained: compensator with the network.
+        where: name of its folder, for messages.
 
     Returns:
         The model with the network.
@@ -162,7 +162,7 @@ def _look(
 
 
 def _unless(what: str, why: dict[str, str], action: Callable[[], Found], source: MadeOf) -> Found | None:
-    """A result, or the note why the run does not give one."""
+    """The result of an action; None where it raises InputError, whose message is then kept in `why`."""
     try:
         return action()
     except InputError as error:
@@ -179,7 +179,7 @@ def _evaluate(compensator: Compensator, problem: Problem, tell: Progress) -> dic
 
 
 def _iso(problem: Problem) -> IsoPoses:
-    """As `ptt iso` does: targets that the file leaves out are what the commands ask for."""
+    """ISO 9283 figures as from `ptt iso`: missing targets are computed from the joint commands."""
     table = with_targets(problem.table, build_mechanism(problem.file.machine))
     return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run", file=problem.file)
 

@@ -1,4 +1,4 @@
-"""A report as one HTML file: no scripts, no addresses, pictures inside; to be mailed, read and printed."""
+"""A report as one HTML file without external resources, and without scripts unless it is interactive."""
 
 from importlib.resources import files
 
@@ -14,17 +14,17 @@ from ptt.show.report.pictures import data_uri, draw_pictures
 from ptt.show.report.sections import sections_of
 from ptt.show.report.words import Say
 
-BAR = files("ptt.show.card").joinpath("style.css").read_text(encoding="utf-8")
+CARD_STYLE = files("ptt.show.card").joinpath("style.css").read_text(encoding="utf-8")
 
 
 def render(contents: Contents, *, interactive: bool = False, language: str = "en", say: Say = str) -> str:
     """A report as HTML.
 
     Args:
-        contents: what it says.
-        interactive: embed plotly and two pictures to turn and point at.
+        contents: its contents.
+        interactive: whether plotly and two interactive pictures are embedded.
         language: of the page.
-        say: translates words into it.
+        say: translates words into that language.
 
     Returns:
         The whole page.
@@ -34,7 +34,7 @@ def render(contents: Contents, *, interactive: bool = False, language: str = "en
     """
     moving = interactive_parts(contents) if interactive else {}
     sections = sections_of(contents)
-    # Marked: the signs of a picture are no words, and stay as they are.
+    # Markup: `finalize` below must not change the characters of an encoded picture.
     pictures = {name: Markup(data_uri(picture)) for name, picture in draw_pictures(contents, sections).items()}
     top = top_card(contents, say)
     environment = Environment(
@@ -52,7 +52,7 @@ def render(contents: Contents, *, interactive: bool = False, language: str = "en
         value_in_words=value_in_words,
         sections=sections,
         pictures=pictures,
-        style=Markup(f"{BAR}{environment.loader.get_source(environment, 'report.css')[0]}"),  # type: ignore[union-attr]
+        style=Markup(f"{CARD_STYLE}{environment.loader.get_source(environment, 'report.css')[0]}"),  # type: ignore[union-attr]
         moving={name: Markup(text) for name, text in moving.items()},
         run=contents.problem.table.source,
         version=dict(contents.versions)["ptt"],

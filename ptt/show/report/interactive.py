@@ -1,4 +1,4 @@
-"""Pictures to turn and to point at; plotly is embedded once, and fetched from nowhere."""
+"""Interactive pictures of a report; plotly itself is embedded once, so that nothing is fetched from a network."""
 
 import importlib
 from typing import Any
@@ -14,20 +14,20 @@ from ptt.show.plots.depends import variable_label
 from ptt.show.plots.field import enlargement, field_of
 from ptt.show.report.contents import Contents
 
-HIGH = 560  # px
+HIGH = 560  # px, height of a picture
 MARGIN = {"l": 70, "r": 20, "t": 70, "b": 60}  # px
-REACH_SHARE = 0.95
-COLOURS = ("#440154", "#21918c", "#e69f00")  # x, y, z: tell apart in every kind of colour vision
+REACH_SHARE = 0.95  # quantile of sizes that sets the length of arrows
+COLOURS = ("#440154", "#21918c", "#e69f00")  # x, y, z: distinguishable in all kinds of colour vision
 
 
 def interactive_parts(contents: Contents) -> dict[str, str]:
-    """The moving pictures as HTML, and plotly itself.
+    """The interactive pictures as HTML, and plotly itself.
 
     Args:
-        contents: what they show.
+        contents: contents of the report.
 
     Returns:
-        'library' -> JavaScript of plotly; 'field' and 'against' -> HTML.
+        'library' -> JavaScript of plotly; 'field' and 'against' -> HTML of a picture.
 
     Raises:
         InputError: plotly is not installed.
@@ -49,7 +49,7 @@ def _load(name: str) -> Any:
 
 
 def _field(graph: Any, result: Comparison, problem: Problem) -> Any:
-    """Arrows in space: shafts coloured by size, a dot at each target."""
+    """Errors as lines in space, coloured by size, with a dot at each target."""
     place, error, _ = field_of(result, problem)
     size = 1e3 * np.linalg.norm(error, axis=1)
     span = max(float(np.ptp(place, axis=0).max()), 1e-3)
@@ -78,7 +78,7 @@ def _field(graph: Any, result: Comparison, problem: Problem) -> Any:
 
 
 def _against(graph: Any, result: Comparison, problem: Problem) -> Any:
-    """Errors in x, y, z against any variable, chosen from a list."""
+    """Errors in x, y, z against a variable that is chosen from a menu."""
     rows = thinned(result.kept)
     variables = {name: values[rows] for name, values in context_views(problem).items()}
     first = next((item.on for item in result.depends_on if item.on in variables), next(iter(variables)))

@@ -1,4 +1,4 @@
-"""What a compensator's network does, as its folder and this run tell."""
+"""Facts on a compensator's network, from its training and on this run."""
 
 from dataclasses import dataclass
 
@@ -20,14 +20,14 @@ class NetworkFacts(Record):
     Attributes:
         nodes: number of Gaussians.
         learned: axes on which it helped held-out rows; on the others it is zero.
-        share: of the held-out variance after the physics that it took away, when it was trained.
-        heldout_rms_um: 'given', 'physics', 'rbf' -> x, y, z, total, when it was trained.
-        protocol: which rows those were.
-        trained_on: file names.
-        this_run: whether one of them is the run of this report; None where its hash is not known.
-        inside: readings of this run in the training domain.
-        readings: readings of this run.
-        largest_um: largest correction that it asks for on this run, um.
+        share: of the held-out variance left by the physics, the part that it removed in training.
+        heldout_rms_um: in training, held-out rms error of 'given', 'physics' and 'rbf' by x, y, z and total.
+        protocol: which rows were held out, in words.
+        trained_on: names of the files that it was trained on.
+        this_run: whether one of them is the run of this report; None where the run's hash is not known.
+        inside: number of readings of this run inside the training domain.
+        readings: number of readings of this run.
+        largest_um: largest correction that it makes on this run.
     """
 
     nodes: int
@@ -43,12 +43,12 @@ class NetworkFacts(Record):
 
 
 def network_facts(compensator: Compensator, problem: Problem, source: MadeOf) -> NetworkFacts:
-    """Gather what a network does.
+    """Gather the facts on a network.
 
     Args:
         compensator: with a network.
         problem: the run.
-        source: hashes of its files.
+        source: files of the report with their hashes.
 
     Returns:
         The facts.

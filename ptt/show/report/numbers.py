@@ -1,56 +1,49 @@
-"""Numbers as people read them."""
+"""Numbers as text."""
 
 import math
 from collections.abc import Mapping
 
 from ptt.run.axes import AXES_TOTAL
 
-NO_CHANCE = 1e-12  # smaller chances are all the same to a reader
+NO_CHANCE = 1e-12  # p-values below are shown as less than this
 NONE = "\N{EM DASH}"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def um(value: float | None, digits: int = 1) -> str:
-    """A length in um, to a tenth; a dash for none.
+    """A number, usually of micrometres, with fixed decimal places; a dash for none.
 
     Args:
-        value: um.
-        digits: after the point.
+        value: in um.
+        digits: number of decimal places.
 
     Returns:
         Text.
     """
     if value is None or not math.isfinite(value):
         return NONE
-    plain = round(float(value), digits) + 0.0  # what rounds to zero has no sign
+    plain = round(float(value), digits) + 0.0  # turns -0.0 into 0.0
     return f"{plain:.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def axes(figures: Mapping[str, float]) -> tuple[str, ...]:
-    """x, y, z and total of a dictionary of figures in um."""
+    """Text of the values at x, y, z and total, um."""
     return tuple(um(figures[axis]) for axis in AXES_TOTAL)
 
 
 def chance(p_value: float | None) -> str:
-    """A p-value.
-
-    Args:
-        p_value: 0 to 1.
-
-    Returns:
-        Text.
-    """
+    """A p-value, 0 to 1, to one significant digit; a dash for none."""
     if p_value is None:
         return NONE
     return f"< {_power(-12)}" if p_value < NO_CHANCE else _plain(p_value, 1)
 
 
 def plus_minus(value: float, std: float | None) -> str:
-    """A value to the second digit of its standard error, both under one power of ten.
+    """A value to the second significant digit of its standard error, both times one power of ten.
 
     Args:
-        value: any unit.
-        std: its standard error; None for none.
+        value: in any unit.
+        std: standard error in that unit; None for none.
 
     Returns:
         For example '0.0552 ± 0.0013' or '(2.73 ± 0.51) × 10⁻⁵'.

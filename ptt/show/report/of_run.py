@@ -1,4 +1,4 @@
-"""The report of a run and a model that were opened as every verb opens them."""
+"""Computing and writing the report on a run and a model that were opened as for any other verb."""
 
 from pathlib import Path
 
@@ -31,32 +31,32 @@ def report_run(
     language: str = "en",
     progress: Progress = unwatched,
 ) -> Contents:
-    """Work a report out and write it; the file appears whole or not at all.
+    """Compute a report and write it, whole or not at all.
 
     Args:
         opened: run and model.
-        out: HTML to write.
-        run: the file of the run, as it was named.
-        model: the machine file or compensator folder, as it was named.
-        compensator: folder of a network that was trained for this model.
-        after: a later run of the same machine, to be held beside this one: its file, and its rows.
+        out: HTML file to write.
+        run: path of the run as the user named it.
+        model: path of the machine file or compensator folder as the user named it.
+        compensator: folder of a network that was trained on this model; None for none.
+        after: path and table of a later run of the same machine to compare with; None for none.
         reading: how the run was read.
-        drawing: what is missing from the drawing, where that is known; None works it out.
-        given: the same of the model.
-        interactive: whether pictures can be turned and pointed at.
+        drawing: diagnosis of the bare drawing, if it is known already; None to make it.
+        given: diagnosis of the model, if it is known already; None to make it.
+        interactive: whether two interactive pictures are added.
         language: 'en', or one that has a file of words.
         progress: told what is done, how much of how much.
 
     Returns:
-        What is in the report.
+        The contents of the report.
 
     Raises:
-        InputError: a network that is of another model, no words for the language, plotly is missing, or a file that
-            cannot be written.
+        InputError: the network belongs to another model, there are no words for the language, plotly is missing, or
+            the file cannot be written.
     """
     machine = _with_network(opened, compensator)
     source = _source(run, model, compensator, None if after is None else after[0], reading)
-    say = words_of(language)  # a language that is not there is said before anything is worked out
+    say = words_of(language)  # before the long computation, as it raises for an unknown language
     contents = gather(
         opened.table,
         machine,

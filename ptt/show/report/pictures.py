@@ -1,4 +1,4 @@
-"""Pictures of a report: those of the other verbs, drawn for a page that is 180 mm wide."""
+"""Pictures of a report: those of the other verbs, sized for a page that is 180 mm wide."""
 
 import base64
 from collections.abc import Callable, Mapping
@@ -18,19 +18,19 @@ from ptt.show.plots.ladder import draw_history
 from ptt.show.report.blocks import Picture, Section
 from ptt.show.report.contents import Contents
 
-WIDE = 9.6  # inches before it is shrunk to the page: letters of 9 points print as 6.7
+WIDE = 9.6  # inches, drawn width, shrunk to the page in print: text of 9 points becomes 6.7 points
 DPI = 160
-LETTERS: Any = {"font.size": 13.0, "axes.titlesize": 14.0, "figure.titlesize": 15.0}  # of pictures wider than that
+LETTERS: Any = {"font.size": 13.0, "axes.titlesize": 14.0, "figure.titlesize": 15.0}  # of pictures that are wider
 
 Draw = Callable[[Comparison, Problem], Figure]
 
 
 def draw_pictures(contents: Contents, sections: tuple[Section, ...]) -> dict[str, bytes]:
-    """Draw the pictures that the sections name.
+    """Draw the pictures that sections contain.
 
     Args:
-        contents: what they show.
-        sections: which are wanted.
+        contents: contents of the report.
+        sections: the sections.
 
     Returns:
         Name -> PNG.
@@ -43,8 +43,8 @@ def draw_picture(name: str, contents: Contents) -> bytes:
     """Draw one picture.
 
     Args:
-        name: 'field-drawing', 'ladder-0', 'curves', ...
-        contents: what it shows.
+        name: what it shows and of what: 'field-drawing', 'ladder-0', 'curves', ...
+        contents: contents of the report.
 
     Returns:
         PNG.
@@ -68,7 +68,7 @@ def draw_picture(name: str, contents: Contents) -> bytes:
 
 
 def data_uri(picture: bytes) -> str:
-    """A PNG as the address of an image that travels inside the page."""
+    """A PNG as a data URI."""
     return f"data:image/png;base64,{base64.b64encode(picture).decode('ascii')}"
 
 
@@ -79,7 +79,7 @@ def _curves(contents: Contents) -> Figure:
 
 
 def _png(figure: Figure, shape: float) -> bytes:
-    """A figure at the page's width; its layout is worked out anew for it."""
+    """A figure as PNG at the page's width; `shape` is height over width, zero for about its own."""
     wide, high = figure.get_size_inches()
     figure.set_size_inches(min(WIDE, wide), min(WIDE, wide) * (shape or 1.08 * high / wide))
     figure.set_dpi(DPI)

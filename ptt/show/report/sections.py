@@ -15,13 +15,13 @@ from ptt.show.report.numbers import axes
 
 
 def sections_of(contents: Contents) -> tuple[Section, ...]:
-    """Everything that a report says, in words, tables and names of pictures.
+    """All sections of a report.
 
     Args:
-        contents: what was gathered.
+        contents: contents of the report.
 
     Returns:
-        The sections, in order.
+        The sections in order.
     """
     return (
         summary_section(contents),
@@ -39,7 +39,7 @@ def sections_of(contents: Contents) -> tuple[Section, ...]:
 
 
 def summary_section(contents: Contents) -> Section:
-    """The figures that matter, and the verdict."""
+    """The verdict, and a table of the errors before and after with the noise floor."""
     drawn = contents.drawing.comparison.to_dict()
     rows = [("machine as drawn, after frame alignment", *axes(drawn["rms_um"]))]
     if not contents.bare:

@@ -1,4 +1,7 @@
-"""Where a report's figures come from, told without folders: short file names, hashes, the options that were given."""
+"""Provenance of a report: its input files by short names with hashes, and the options that were given.
+
+Folders are left out of all names, as they may be private and mean nothing on another computer.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,11 +16,11 @@ ROLES = ("model", "compensator", "run", "also", "after", "targets", "map", "effe
 
 @dataclass(frozen=True)
 class InputFile(Record):
-    """One file that went in.
+    """One input file.
 
     Attributes:
         role: one of `ROLES`.
-        name: as it may be shown, without the folders above it.
+        name: its short name.
         sha256: of its content, hexadecimal.
     """
 
@@ -28,13 +31,13 @@ class InputFile(Record):
 
 @dataclass(frozen=True)
 class MadeOf:
-    """What a report was made of.
+    """What a report was made from.
 
     Attributes:
-        files: every file that went in; those of a compensator folder one by one.
-        names: role -> names as a command line takes them, folders as one name.
-        settings: 'payload_kg=2' each.
-        shown: path as it was opened -> name as it may be shown, where the two differ.
+        files: every input file, those of a compensator folder one by one.
+        names: role -> short names for command lines, a folder as one name.
+        settings: values of --set, such as 'payload_kg=2'.
+        shown: path as it was opened -> its short name, where the two differ.
     """
 
     files: tuple[InputFile, ...] = ()
@@ -43,11 +46,11 @@ class MadeOf:
     shown: Mapping[str, str] = field(default_factory=dict)
 
     def one(self, role: str, default: str) -> str:
-        """The first name of a role, or what stands for it."""
+        """The first name of a role, or the default where there is none."""
         return self.names.get(role, (default,))[0]
 
     def clean(self, text: str) -> str:
-        """A text with every path that was opened under its short name."""
+        """A text with every opened path replaced by its short name."""
         for path in sorted(self.shown, key=len, reverse=True):
             text = text.replace(path, self.shown[path])
         return text
@@ -58,7 +61,7 @@ def source_of(paths: Mapping[str, Sequence[Path]], settings: Sequence[str] = ())
 
     Args:
         paths: role -> files or compensator folders.
-        settings: 'payload_kg=2' each.
+        settings: values of --set, such as 'payload_kg=2'.
 
     Returns:
         The source.
@@ -96,7 +99,7 @@ def short_names(paths: Sequence[PurePath]) -> list[str]:
 
 
 def shown_table(table: Table, source: MadeOf) -> Table:
-    """The same rows with the short names of their files in source, run labels and findings.
+    """A table with short names in place of paths in its source, run labels and findings.
 
     Args:
         table: as read.

@@ -1,10 +1,10 @@
-"""Words of a report in another language: one file of phrases; a sentence that they do not make up whole stays English.
+"""Translation of a report by a file of phrases for each language; a sentence that they do not cover stays English.
 
-The file is a grammar. Each of its tables is one kind of phrase, and a gap is named by the kind that may stand in it:
-'{side}' by what the table 'side' can say, `{}`, `{what}` and `{axis}` by figures with their units, '{name}' by names of
-effects, '{any}' by what somebody else has named, such as a file. A list is one phrase before the rest of the list:
-'{part} and {clause}'. So a gap never takes more than it is meant for, and parts are said one by one. Endings of verbs
-are written as in the phrases of effects, whose words the tables 'side' and 'cure' have.
+The file is a context-free grammar with translations. Each of its tables is one kind of phrase (a non-terminal), and a
+gap in a phrase is named by the kind that may fill it: '{side}' by phrases of the table 'side', `{}`, `{what}` and
+`{axis}` by numbers with their units, '{name}' by names of effects, '{any}' by any text, such as a file's name. A list
+is recursive: '{part} and {clause}' is one phrase and the rest of the list. Verb endings are written as in the phrases
+of effects, whose words are in the tables 'side' and 'cure'.
 """
 
 import re
@@ -25,8 +25,8 @@ FIGURE_GAPS, ANY = ("", "what", "axis"), "any"
 UNIT = r"(?:[nmuk\N{MICRO SIGN}]?(?:m|rad|g|s|N)|deg|min|days|[hKCxyz])"
 FIGURES = re.compile(rf"(?:\b(?:{UNIT}|to|and)\b|\d[\d.]*e[+-]?\d+|[\d⁰¹²³⁴⁵⁶⁷⁸⁹]|[^\w;:])+")
 NAME = re.compile(r"[\w.-]+(\[[^\]]*\])?")
-SENTENCE = re.compile(r"(?<=[\w)%\]]\.)\s(?=[A-Z`])")  # where one ends and the next begins
-STOP = ". "  # the key of what ends a sentence
+SENTENCE = re.compile(r"(?<=[\w)%\]]\.)\s(?=[A-Z`])")  # space between two sentences
+STOP = ". "  # key of the sign that ends a sentence
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Template:
     """A phrase with gaps.
 
     Attributes:
-        pieces: of the English phrase, one more than there are gaps.
-        kinds: of what may stand in each gap.
-        value: the phrase in the other language.
+        pieces: literal pieces of the English phrase around the gaps, one more than there are gaps.
+        kinds: kind of phrase that may fill each gap.
+        value: the phrase in the other language, a format string with as many gaps.
     """
 
     pieces: tuple[str, ...]
@@ -55,10 +55,10 @@ def phrases_of(language: str) -> dict[str, dict[str, str]]:
 
 
 def words_of(language: str) -> Say:
-    """What says a text in a language: whole, or sentence by sentence; a sentence that is not known stays as it is.
+    """A function that translates a text as a whole or sentence by sentence; unknown sentences stay as they are.
 
     Args:
-        language: 'en', 'zh'.
+        language: one of `languages`, such as 'en' or 'zh'.
 
     Returns:
         The function.
@@ -80,7 +80,7 @@ def words_of(language: str) -> Say:
 
     @lru_cache(maxsize=65536)
     def told(text: str, kind: str) -> str | None:
-        """A text as one kind of phrase; None where it is none."""
+        """Translation of a text as one kind of phrase; None where it is none of that kind."""
         if kind in FIGURE_GAPS:
             return _figures(text, tables["figures"])
         if kind == ANY:
@@ -91,7 +91,7 @@ def words_of(language: str) -> Say:
             for template in templates[kind]:
                 for gaps in _fillings(template.pieces, words):
                     parts = list(zip(gaps, template.kinds, strict=True))
-                    # What takes anything is asked last: it looks for what it may be in all of the words.
+                    # Gaps for any text are left to the end, because they search all phrases.
                     if all(told(*part) is not None for part in parts if part[1] != ANY):
                         return template.value.format(*(told(*part) for part in parts))
         return text if kind == "name" and NAME.fullmatch(text) else None
@@ -113,19 +113,19 @@ def words_of(language: str) -> Say:
 
 
 def _templates(table: dict[str, str]) -> list[Template]:
-    """The phrases of a table that have gaps; one with endings of a verb as one of one and one of many."""
+    """The phrases of a table that have gaps; one with verb endings gives a singular and a plural template."""
     forms = {inflected(key, form): value for key, value in table.items() for form in (ONE, MANY)}
     split = [(GAP.split(key), value) for key, value in forms.items()]
     return [Template(tuple(parts[::2]), tuple(parts[1::2]), value) for parts, value in split if len(parts) > 1]
 
 
 def inflected(phrase: str, form: Mapping[str, str]) -> str:
-    """A phrase with the endings of its verb."""
+    """A phrase with its verb endings filled in; `form` is `ptt.effects.phrases.ONE` or `MANY`."""
     return VERB.sub(lambda ending: form[ending[1]], phrase)
 
 
 def _fillings(pieces: tuple[str, ...], text: str) -> Iterator[tuple[str, ...]]:
-    """What the gaps between two or more pieces would hold in a text, each of them something."""
+    """All ways to fill the gaps between two or more pieces, none left empty, so that a text results."""
     if not text.startswith(pieces[0]):
         return
     rest = text[len(pieces[0]) :]
@@ -141,7 +141,7 @@ def _fillings(pieces: tuple[str, ...], text: str) -> Iterator[tuple[str, ...]]:
 
 
 def _figures(text: str, joints: dict[str, str]) -> str | None:
-    """Figures with their units, joined as the language does; None for what is more than those."""
+    """Numbers with units, their joining words translated; None for a text that has other words."""
     if not FIGURES.fullmatch(text):
         return None
     for english, other in joints.items():
