@@ -39,7 +39,7 @@ def run_page(words: list[str]) -> int:
     home = Path("page")
     home.mkdir()
     os.chdir(home)
-    verbs.use(run)
+    verbs.set_runner(run)
     try:
         arguments = _arguments(job, given, contents)
         kind, *told = _answer(_Nobody(), getattr(jobs, job), arguments)  # type: ignore[arg-type]
@@ -76,19 +76,20 @@ def _content(path: Path) -> bytes:
 def _arguments(job: str, given: list[str], contents: list[bytes]) -> list[Any]:
     """What a job takes: the run as a source, the machine as text or the compensator zipped, targets by name."""
     from ptt.show.studio.results import Source
-    from ptt.show.studio.uploads import keep
+    from ptt.show.studio.uploads import keep_upload
 
     here = Path()
     if job == "describe":
         return [_text(contents[0])]
     name = ODD_NAMES[len(contents[0]) % len(ODD_NAMES)]  # as odd as the content: a case is the same each time
-    source = Source(keep(here, name, contents[0]))
+    source = Source(keep_upload(here, name, contents[0]))
     if job == "peek":
         return [source]
     if given[1] == "comp":
         Path("compensator").mkdir()
     model = contents[1] if given[1] == "comp" else _text(contents[1])
-    return [source, model, *(keep(here, other, data) for other, data in zip(given[2:], contents[2:], strict=True))]
+    others = zip(given[2:], contents[2:], strict=True)
+    return [source, model, *(keep_upload(here, other, data) for other, data in others)]
 
 
 def _text(data: bytes) -> str:

@@ -15,7 +15,7 @@ from ptt.show.studio import jobs
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.session import Session
-from ptt.show.studio.verbs import use
+from ptt.show.studio.verbs import set_runner
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
@@ -58,7 +58,7 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def here_with_verbs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The same, and the verbs of the command line beside it, as a started studio has them."""
     monkeypatch.chdir(folder)
-    use(run)
+    set_runner(run)
     return folder
 
 

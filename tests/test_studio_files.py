@@ -18,32 +18,32 @@ from ptt.errors import InputError, PttError
 from ptt.machine import parse_machine
 from ptt.run.readers import Mapping
 from ptt.show.studio import jobs
-from ptt.show.studio.answers import agreed
+from ptt.show.studio.answers import merge_mappings
 from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.on_page import CONTROLS, on_page
 from ptt.show.studio.outcomes import QuestionError
-from ptt.show.studio.page_understood import parted
+from ptt.show.studio.page_understood import split_warnings
 from ptt.show.studio.results import Source
 from ptt.show.studio.samples import ARM, sample_files
 from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.server import Opening, keep_opening
-from ptt.show.studio.uploads import RESERVED, keep, safe_name
+from ptt.show.studio.uploads import RESERVED, keep_upload, safe_name
 
 
 def test_uploads_take_the_place_of_nothing(tmp_path: Path):
-    assert keep(tmp_path, "run.csv", b"one") == "run.csv"
-    assert keep(tmp_path, "../RUN.csv", b"two") == "RUN (2).csv"
-    assert keep(tmp_path, "run.csv", b"three") == "run (3).csv"
-    assert keep(tmp_path, "run.csv", b"one") == "run.csv"  # the same again
+    assert keep_upload(tmp_path, "run.csv", b"one") == "run.csv"
+    assert keep_upload(tmp_path, "../RUN.csv", b"two") == "RUN (2).csv"
+    assert keep_upload(tmp_path, "run.csv", b"three") == "run (3).csv"
+    assert keep_upload(tmp_path, "run.csv", b"one") == "run.csv"  # the same again
     assert (tmp_path / "run.csv").read_bytes() == b"one"
     for name in RESERVED:
-        assert keep(tmp_path, name.upper(), b"mine").casefold() not in {each.casefold() for each in RESERVED}
-    assert keep(tmp_path, "Model.toml", b"other") == "Model (3).toml"
+        assert keep_upload(tmp_path, name.upper(), b"mine").casefold() not in {each.casefold() for each in RESERVED}
+    assert keep_upload(tmp_path, "Model.toml", b"other") == "Model (3).toml"
     for name in ("own.py", "OWN.PY", "own.py. "):
         with pytest.raises(InputError, match="program"):
-            keep(tmp_path, name, b"raise SystemExit")
+            keep_upload(tmp_path, name, b"raise SystemExit")
     with pytest.raises(InputError, match="larger"):
-        keep(tmp_path, "large.csv", bytes(LIMIT + 1))
+        keep_upload(tmp_path, "large.csv", bytes(LIMIT + 1))
 
 
 def test_files_of_effects_lie_where_no_upload_gets(tmp_path: Path):
@@ -52,7 +52,7 @@ def test_files_of_effects_lie_where_no_upload_gets(tmp_path: Path):
     source = keep_opening(tmp_path, Opening(files, given, MACHINE))
     assert source == replace(given, map_="answers (2).toml")
     assert source.effect_files == ("effects/own.py",) and source.options[-2:] == ("--effects", "own.py")
-    kept = {keep(tmp_path, name, b"upload") for name in ("effects/own.py.txt", "effects", "own.csv")}
+    kept = {keep_upload(tmp_path, name, b"upload") for name in ("effects/own.py.txt", "effects", "own.csv")}
     assert kept == {"own.py.txt", "effects (2)", "own.csv"}
     assert [file.name for file in (tmp_path / "effects").iterdir()] == ["own.py"]
     assert (tmp_path / "effects" / "own.py").read_bytes() == b"own = 1"
@@ -90,10 +90,10 @@ def test_what_is_wrong_with_a_file_is_said_first(here: Path):
     frame = pd.read_csv("run.csv", dtype=str)
     frame["q1_cmd_rad"] = "0.1"
     pd.concat([frame[:10], frame[9:]]).to_csv("copied.csv", index=False)
-    warnings, lines = parted(jobs.look(Source("copied.csv"), MACHINE, silent).understood)
+    warnings, lines = split_warnings(jobs.look(Source("copied.csv"), MACHINE, silent).understood)
     assert len(warnings) == 2 and not [line for line in lines if "warning" in line or "not used" in line]
     assert any("taken as repeats" in words for words in warnings) and any("q1_cmd_rad" in words for words in warnings)
-    assert parted(jobs.look(RUN, MACHINE, silent).understood)[0] == []
+    assert split_warnings(jobs.look(RUN, MACHINE, silent).understood)[0] == []
 
 
 def test_what_a_further_run_leaves_open_becomes_a_question(here: Path):
@@ -121,7 +121,7 @@ def test_answers_that_contradict_each_other_are_left_out():
     one = Mapping(delimiter=",", dates="day-first", columns={"a": "x_cmd", "b": "y_cmd"}, units={"a": "m"})
     two = Mapping(delimiter=";", columns={"a": "x_cmd", "b": "ignore"}, targets=Mapping(decimal=","))
     both = Mapping(dates="day-first", columns={"a": "x_cmd"}, units={"a": "m"}, targets=Mapping(decimal=","))
-    assert agreed([one, two]) == both and agreed([one]) == one
+    assert merge_mappings([one, two]) == both and merge_mappings([one]) == one
 
 
 def test_a_bad_file_gets_the_words_of_the_command_line(here: Path):

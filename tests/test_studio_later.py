@@ -10,7 +10,7 @@ from studio_sample import here_with_verbs as here_with_verbs
 
 from ptt.show.studio import jobs
 from ptt.show.studio.figures_again import value_figure
-from ptt.show.studio.later import ANYWAY, DATE, before_first, later_source, whence
+from ptt.show.studio.later import ANYWAY, DATE, before_first, date_origin, later_source
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.results import Source
 from ptt.show.studio.session import Session
@@ -73,9 +73,9 @@ def test_answers_on_a_later_run_leave_those_on_the_first_as_they_are(files: Path
 
 
 def test_what_a_date_was_taken_from_is_told_and_a_first_run_that_is_later_than_the_others():
-    assert "name" in whence("mill-2026-03-15.csv", "2026-03-15", False)
-    assert "you said" in whence("mill-2026-03-15.csv", "2026-03-20", True)
-    assert "enter the day it was measured" in whence("run.csv", "2026-03-15", False)
+    assert "name" in date_origin("mill-2026-03-15.csv", "2026-03-15", False)
+    assert "you said" in date_origin("mill-2026-03-15.csv", "2026-03-20", True)
+    assert "enter the day it was measured" in date_origin("run.csv", "2026-03-15", False)
     later = [("b.csv", "2026-03-01"), ("c.csv", "2026-05-01")]
     assert before_first(("a.csv", "2026-03-01"), later) == ""
     assert "b.csv was measured before a.csv" in before_first(("a.csv", "2026-04-01"), later)

@@ -40,7 +40,7 @@ class Standing:
 
     @property
     def last(self) -> Past | None:
-        """The last run that was worked on."""
+        """The last run that was processed; None before any."""
         return next((past for past in reversed(self.past) if past.verdict is not None), None)
 
     @property

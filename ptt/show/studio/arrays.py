@@ -1,4 +1,4 @@
-"""A look as bytes and back: plain arrays and texts, nothing that could run."""
+"""Serialising a look as npz with JSON: plain arrays and texts, never pickles, so that reading a file runs no code."""
 
 import io
 import json
@@ -18,7 +18,7 @@ def pack_look(look: Look) -> bytes:
     """A look as the bytes of an npz file.
 
     Args:
-        look: of a run.
+        look: the look.
 
     Returns:
         The bytes.
@@ -43,17 +43,17 @@ def pack_look(look: Look) -> bytes:
 
 
 def unpack_look(data: bytes) -> Look:
-    """A look from bytes.
+    """A look from the bytes of an npz file.
 
     Args:
-        data: as `pack_look` made them.
+        data: from `pack_look`.
 
     Returns:
         The look.
 
     Raises:
-        ValueError: something else.
-        KeyError: an array is not there.
+        ValueError: it is no npz file.
+        KeyError: an array is missing.
     """
     if not zipfile.is_zipfile(io.BytesIO(data)):
         raise ValueError("not the arrays of a look")
@@ -73,5 +73,5 @@ def unpack_look(data: bytes) -> Look:
 
 
 def _as_was(value: Any) -> Any:
-    """JSON makes lists of tuples: turn them back."""
+    """Turn lists back into the tuples that JSON made lists of."""
     return tuple(value) if isinstance(value, list) else value

@@ -1,4 +1,4 @@
-"""Errors of a run as arrows in space: the mean of each pose, its colour from zero, its length enlarged."""
+"""Errors of a run as arrows in space: the mean error of each pose, enlarged, coloured by size."""
 
 import math
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from ptt.show.sizing import round_down
 from ptt.show.studio.figures import MIDDLE, UM, Figure
 from ptt.show.studio.looks import Look
 
-SCALE = "Cividis"  # made for every kind of colour vision
-SHOWN_ARROWS = 240  # more hide each other
-MOST_CELLS = 1e6  # cells that are counted one by one
-REACH = 0.45  # of the path's size that the 95 % arrow takes
-OF_MACHINE = 0.16  # of the machine's size that it takes at most: an arm's path is as large as the arm
-APART = 0.4  # of the way to the next arrow, half a head's width at most
-THIN = 0.004  # of what fills the picture, at least
-THICK = 0.045  # of what fills the picture, the length of an arrow below which it gets no thinner
+SCALE = "Cividis"  # colour scale for all kinds of colour vision
+SHOWN_ARROWS = 240  # most arrows in a picture; more hide each other
+MOST_CELLS = 1e6  # cells of the bounding box up to which occupied ones are found by counting instead of sorting
+REACH = 0.45  # of the path's size: drawn length of the arrow at the 95 % quantile of sizes
+OF_MACHINE = 0.16  # the same as a share of the machine's size, if that is less: an arm's path is as large as the arm
+APART = 0.4  # of the distance between neighbouring arrows: largest half width of a head
+THIN = 0.004  # of the picture's extent: that largest half width is at least this
+THICK = 0.045  # of the picture's extent: arrows shorter than this are as thick as one of this length
 BAR = {
     "orientation": "h", "thickness": 11, "len": 0.62, "x": 0.5, "xanchor": "center", "y": 0.0, "yanchor": "bottom",
     "tickfont": {"size": 11},
@@ -28,7 +28,7 @@ LIGHT = {"ambient": 0.62, "diffuse": 0.7, "specular": 0.15, "roughness": 0.8}
 
 
 def usual_scale(look: Look) -> float:
-    """Round factor that makes the arrows of this run well seen."""
+    """Round factor of enlargement at which the arrows of a run are well seen."""
     if not look.kept.any():
         return 1.0
     span = max(float(np.ptp(look.target[look.kept], axis=0).max()), 1e-3)
@@ -39,13 +39,13 @@ def usual_scale(look: Look) -> float:
 
 @dataclass(frozen=True)
 class Means:
-    """Mean errors of a run, m places.
+    """Mean errors of a run at m poses or cells.
 
     Attributes:
-        place: (m, 3) mm.
-        error: (m, 3) mm.
-        count: (m,) readings of each.
-        row: (m,) the reading next to each place.
+        place: mean target, (m, 3) mm.
+        error: mean error, (m, 3) mm.
+        count: number of readings, (m,).
+        row: row of the reading nearest to each place, (m,).
     """
 
     place: np.ndarray
@@ -54,7 +54,7 @@ class Means:
     row: np.ndarray
 
 
-_KNOWN: WeakKeyDictionary[Look, Means] = WeakKeyDictionary()  # of a look that is shown each picture asks several times
+_KNOWN: WeakKeyDictionary[Look, Means] = WeakKeyDictionary()  # cache: each picture asks several times
 
 
 def mean_arrows(look: Look) -> Means:
@@ -87,7 +87,7 @@ def _means(look: Look) -> Means:
 
 
 def _owners(place: np.ndarray) -> np.ndarray:
-    """(n,) which pose each reading is of, or which cell where there are too many poses."""
+    """Number of the pose of each reading, or of its cell where there are too many poses, (n,)."""
     span = max(float(np.ptp(place, axis=0).max()), 1e-3)
     cell = 1e-3
     while True:
@@ -98,26 +98,26 @@ def _owners(place: np.ndarray) -> np.ndarray:
 
 
 def _cells(place: np.ndarray, cell: float) -> np.ndarray:
-    """(n,) number of the cell of each place."""
+    """Number of the cell of each place, counting occupied cells alone, (n,)."""
     index = np.round(place / cell)
     index -= index.min(axis=0)
     many = index.max(axis=0) + 1.0
-    if many.prod() < MOST_CELLS:  # counted, without sorting anything
+    if many.prod() < MOST_CELLS:
         flat = ((index[:, 0] * many[1] + index[:, 1]) * many[2] + index[:, 2]).astype(np.int64)
         return (np.cumsum(np.bincount(flat) > 0) - 1)[flat]
     owner = np.zeros(len(place), dtype=np.int64)
-    for own in (np.unique(column, return_inverse=True)[1] for column in index.T):  # numbers sort faster than places
+    for own in (np.unique(column, return_inverse=True)[1] for column in index.T):  # faster than sorting rows
         owner = np.unique(owner * (own.max() + 1) + own, return_inverse=True)[1]
     return owner
 
 
 def arrow_traces(look: Look, scale: float, size: float) -> list[Figure]:
-    """The arrows, and a point at the foot of each that can be pointed at.
+    """The arrows, and an almost invisible point at the foot of each for the pointer.
 
     Args:
         look: the run.
-        scale: how many times they are enlarged.
-        size: of what fills the picture, mm.
+        scale: factor of enlargement.
+        size: extent of the picture, mm.
 
     Returns:
         Traces of plotly; none where nothing was observed.
@@ -142,7 +142,7 @@ def arrow_traces(look: Look, scale: float, size: float) -> list[Figure]:
 
 
 def _spacing(place: np.ndarray) -> float:
-    """How far arrows stand apart, mm, the middle one of them."""
+    """Median distance of a place to its nearest neighbour, mm."""
     if len(place) < 2:
         return math.inf
     apart = np.linalg.norm(place[:, None] - place[None], axis=2)
@@ -151,12 +151,12 @@ def _spacing(place: np.ndarray) -> float:
 
 
 def mesh(solid: Solid, name: str, colour: str = "", opacity: float = 1.0) -> Figure:
-    """Triangles as plotly draws them.
+    """A mesh as a trace of plotly.
 
     Args:
-        solid: the triangles.
+        solid: the mesh.
         name: of the trace.
-        colour: of all; '' where something else tells it.
+        colour: of the whole mesh; '' where intensities colour it.
         opacity: 0 to 1.
 
     Returns:
@@ -164,7 +164,7 @@ def mesh(solid: Solid, name: str, colour: str = "", opacity: float = 1.0) -> Fig
     """
     faces = solid.faces.T
     return {
-        "type": "mesh3d", "uid": name, **xyz(solid.points),  # by its name: colours of another part stay where they are
+        "type": "mesh3d", "uid": name, **xyz(solid.points),  # so that plotly never reuses the trace of another part
         **{key: row.tolist() for key, row in zip("ijk", faces, strict=True)},
         **({"color": colour} if colour else {}), "opacity": opacity, "flatshading": True, "lighting": LIGHT,
         "hoverinfo": "skip", "name": name, "showscale": False,
@@ -172,12 +172,12 @@ def mesh(solid: Solid, name: str, colour: str = "", opacity: float = 1.0) -> Fig
 
 
 def xyz(points: np.ndarray) -> dict[str, list[float]]:
-    """Points as a trace has them, to the micrometre."""
+    """Coordinates of points (n, 3) as lists for a trace, rounded to the micrometre."""
     return {axis: column for axis, column in zip("xyz", np.round(points, 3).T.tolist(), strict=True)}
 
 
 def _feet(means: Means, sizes: np.ndarray) -> Figure:
-    """What a pointer finds at each arrow: where it is, how large, of how many readings."""
+    """Points at the feet of arrows that tell the pointer position, size and number of readings."""
     words = [
         f"{', '.join(f'{value:.1f}' for value in spot)} mm<br>{length(each)}, "
         f"{f'mean of {many} readings' if many > 1 else 'one reading'}"

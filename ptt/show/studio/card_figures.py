@@ -1,4 +1,4 @@
-"""Pictures of findings as plotly dictionaries: this run's data with the fit through it, a ruler, an unknown's curve."""
+"""Pictures of findings: readings with the fit of an effect, a ruler of usual sizes, an unknown's curve, a signature."""
 
 import math
 from collections.abc import Mapping
@@ -10,14 +10,14 @@ from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty, spoken
 from ptt.show.studio.figures import ABOVE, BLUE, ORANGE, PALE, Figure, axis_of, sides_axis, whole_figure, whole_layout
 
-RULER = (-2.0, 2.0)  # powers of ten about the usual size
+RULER = (-2.0, 2.0)  # ends of a ruler, as powers of ten times the usual size
 
 
 def fit_figure(fit: Mapping[str, Any], serial: bool) -> Figure:
-    """This run's data without one effect, and what the effect makes of them.
+    """The run's residual without one effect, and the part of it that the effect explains.
 
     Args:
-        fit: as `ptt.show.card.fits` gives it.
+        fit: of the effect, from `ptt.show.card.fits.fits_of`.
         serial: whether the machine is an arm.
 
     Returns:
@@ -48,10 +48,10 @@ def fit_figure(fit: Mapping[str, Any], serial: bool) -> Figure:
 
 
 def ruler_html(value: Mapping[str, Any]) -> str:
-    """A value on a ruler about what is usual on such a machine, as SVG; beyond its ends it is marked as off the scale.
+    """A value on a logarithmic ruler centred on its usual size, as SVG; beyond the ends it is put on the end.
 
     Args:
-        value: of a finding.
+        value: value of a finding.
 
     Returns:
         HTML.
@@ -76,10 +76,10 @@ def ruler_html(value: Mapping[str, Any]) -> str:
 
 
 def ruler_words(value: Mapping[str, Any]) -> tuple[str, ...]:
-    """What the five marks of a ruler say: a hundredth to a hundred times what is usual on this kind of machine.
+    """Labels of the five marks of a ruler: 0.01, 0.1, 1, 10 and 100 times the usual size.
 
     Args:
-        value: of a finding.
+        value: value of a finding.
 
     Returns:
         For example '0.5 um', '5 um', 'usual 50 um', '500 um', '5 mm' with the real sign.
@@ -97,10 +97,10 @@ def ruler_words(value: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def unknown_figure(unknown: Mapping[str, Any], serial: bool) -> Figure:
-    """The one curve that an unknown follows, large, with this run's readings about it.
+    """The curve that an unknown follows, with the readings.
 
     Args:
-        unknown: the leading dependence with its points.
+        unknown: the leading dependence with its points, from `ptt.show.studio.jobs.diagnose`.
         serial: whether the machine is an arm.
 
     Returns:
@@ -150,10 +150,10 @@ def _followed(at: np.ndarray, mean: np.ndarray, half: np.ndarray) -> list[Figure
 
 
 def sign_figure(sign: Mapping[str, Any]) -> Figure:
-    """The sign of an effect at usual size on the sample machine.
+    """The signature of an effect at usual size on the sample machine.
 
     Args:
-        sign: telling, residual, shade, labels.
+        sign: 'telling', 'residual', 'shade' and 'labels', as of `ptt.show.plots.atlas.Signature`.
 
     Returns:
         The figure.

@@ -1,4 +1,4 @@
-"""The columns of a run as a person checks them: cells as the file has them, and what they were read as."""
+"""The columns of a run for checking: first cells as written in the file, and the values that they were read as."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -17,22 +17,22 @@ if TYPE_CHECKING:
     from ptt.run.readers import Mapping
     from ptt.run.table import Table
 
-SAMPLE = 3  # rows that a table of columns shows
-BETWEEN = " \N{MIDDLE DOT} "  # values: a comma may be a decimal sign of the file
-HEAD = 400  # lines that hold the titles and the first rows: a long file is not read whole a second time
-ColumnRow = tuple[str, str, str, str, str]
+SAMPLE = 3  # rows that are shown
+BETWEEN = " \N{MIDDLE DOT} "  # separates values, as a comma may be the file's decimal sign
+HEAD = 400  # lines in which titles and first rows are found, so that a long file is not read whole again
+ColumnRow = tuple[str, str, str, str, str]  # as `column_rows` returns
 
 
 def column_rows(table: "Table", run: str) -> list[ColumnRow]:
-    """Each column of a run that was used.
+    """A row for each column of a run that was used.
 
     Args:
-        table: what was read.
-        run: the first of its files.
+        table: the table that was read.
+        run: path of the first of its files.
 
     Returns:
-        Title, meaning, unit in the file, first cells as they are written there, and the same values with the unit
-        that they were turned into, '' where they were not turned into another.
+        Title, meaning, unit in the file, first cells as written there, and the same values in the unit that they were
+        converted to, '' where they were not converted.
     """
     from ptt.run.readers.columns import UNITS, dimension_of, standard_unit
     from ptt.run.table import table_to_frame, take_rows
@@ -40,7 +40,7 @@ def column_rows(table: "Table", run: str) -> list[ColumnRow]:
 
     answers = table.understood.mapping
     lines, cells = _head(run, answers)
-    there = [np.flatnonzero(table.line == line)[:1] for line in lines]  # rows may have been sorted by their clock
+    there = [np.flatnonzero(table.line == line)[:1] for line in lines]  # rows may have been sorted by time
     few = table_to_frame(take_rows(table, np.concatenate([*there, np.zeros(0, dtype=np.int64)])))
     found = []
     for column in columns_of_table(table):
@@ -53,7 +53,7 @@ def column_rows(table: "Table", run: str) -> list[ColumnRow]:
 
 
 def _head(run: str, answers: "Mapping") -> tuple[list[int], dict[str, list[str]]]:
-    """Line numbers of the first rows of a file, and title -> their cells; none where its beginning tells nothing."""
+    """Line numbers of the first rows of a file, and title -> their cells; both empty where they cannot be found."""
     from ptt.run.readers.head import titles_of
     from ptt.run.readers.separators import split_line
     from ptt.run.readers.spatial_analyzer import is_spatial_analyzer, reshape

@@ -1,4 +1,4 @@
-"""The controller of one page: it keeps the session, gives jobs to the pool, and tells the views what changed."""
+"""The controller of one page: it holds the session, gives jobs to the pool, and tells the views what changed."""
 
 import asyncio
 from collections.abc import Callable
@@ -21,14 +21,21 @@ from ptt.show.studio.session_writer import SessionWriter
 from ptt.show.studio.steps import START
 from ptt.show.studio.store import SessionFolder
 
-DIAGNOSING = "finding what is missing"
-TOPICS = ("session", "picked", "busy", "staged", "view")
+DIAGNOSING = "finding what is missing"  # words of the job, by which the page recognises it
+TOPICS = ("session", "picked", "busy", "staged", "view")  # what views may listen to
 Listener = Callable[[], None]
 
 
 @dataclass
 class Staged:
-    """Files that lie ready until they are opened together: the source, the machine's text, what is wrong with them."""
+    """Files that were dropped and not opened yet.
+
+    Attributes:
+        source: the run and how it is read; None before there is one.
+        machine: text of the machine.toml; '' before there is one.
+        question: what has to be answered before the run can be read.
+        setup: mistakes of the set-up that were found when they were to be opened, as `ptt check --json` lists them.
+    """
 
     source: Source | None = None
     machine: str = ""
@@ -37,14 +44,14 @@ class Staged:
 
 
 class Studio(JobRunner):
-    """One session on a page: its steps, its folder, what is being done for it; nothing is shared with another."""
+    """One session on a page: its state, its folder, its jobs. Sessions share nothing but the pool of processes."""
 
     def __init__(self, place: SessionFolder, pool: Pool) -> None:
-        """Take up a session where it was left.
+        """Load a session from its folder.
 
         Args:
-            place: its folder.
-            pool: what calculates.
+            place: the folder.
+            pool: processes for jobs.
         """
         super().__init__(place.files, pool)
         self.place = place
@@ -58,49 +65,49 @@ class Studio(JobRunner):
         self._keeper = SessionWriter(place, self.fail)
 
     def attach(self, client: Client) -> None:
-        """Show the session on a page, a reloaded one for instance; a page before is forgotten.
+        """Show the session on a page, such as a reloaded one; the listeners of any page before are dropped.
 
         Args:
             client: of the page.
         """
         self.client = client
         self._listeners = {topic: [] for topic in TOPICS}
-        self.later = DrawQueue(self)
+        self.draw_queue = DrawQueue(self)
 
     def on(self, topic: str, listener: Listener) -> None:
-        """Call a view whenever something changes.
+        """Register a listener that is called at once whenever something changes.
 
         Args:
             topic: one of `TOPICS`.
-            listener: of the view.
+            listener: the listener.
         """
         self._listeners[topic].append(listener)
 
     def when(self, view: str, topic: str, listener: Listener) -> None:
-        """Call a part of a view whenever something changes: at once where it is seen, else when there is time.
+        """Register a listener of a view: called at once while the view is shown, else when the page is idle.
 
         Args:
-            view: its name.
+            view: name of the view.
             topic: one of `TOPICS`.
-            listener: of the view.
+            listener: the listener.
         """
-        self.on(topic, lambda: self.later.ask(view, listener))
+        self.on(topic, lambda: self.draw_queue.request(view, listener))
 
     def tell(self, topic: str) -> None:
-        """Tell the views; a changed session is written down meanwhile."""
+        """Call the listeners of a topic; a changed session is also written to disk, in the background."""
         if topic == "session":
             self._keeper.keep(self.session)
         if getattr(self.client, "is_deleted", False):
-            return  # nobody looks any more
-        # A button that is replaced by its own doing leaves no place to put things in; the page itself stays.
+            return
+        # NiceGUI adds elements to the slot of the element whose event it handles; a listener may have removed that one.
         with self.client:
             if topic == "session":
-                self.later.rest()
+                self.draw_queue.rest()
             for listener in self._listeners[topic]:
                 listener()
 
     def close(self) -> str:
-        """Stop what is running; an empty session leaves nothing behind. Why it could not be kept, or ''."""
+        """Stop all jobs and save the session; an empty one is removed. Returns why it could not be saved, or ''."""
         self.cancel()
         words = self._keeper.close()
         if self.place.empty and not self.session.ready:
@@ -108,7 +115,7 @@ class Studio(JobRunner):
         return words
 
     def fail(self, words: str) -> None:
-        """Show what went wrong; '' takes it away."""
+        """Show what went wrong; '' removes the message."""
         self.trouble = words
         self.tell("busy")
 
@@ -118,11 +125,11 @@ class Studio(JobRunner):
         self.tell("picked")
 
     def stage(self, source: Source | None = None, machine: str = "") -> None:
-        """Lay files ready, to be opened together.
+        """Stage files, to be opened together later.
 
         Args:
-            source: of the run; None leaves what lies there.
-            machine: text of the machine.toml; '' leaves what lies there.
+            source: the run; None leaves the one that is staged.
+            machine: text of the machine.toml; '' leaves the one that is staged.
         """
         self.staged = Staged(source or self.staged.source, machine or self.staged.machine)
         self.trouble = ""
@@ -130,15 +137,15 @@ class Studio(JobRunner):
         self.tell("busy")
 
     async def open(self, source: Source, machine: str, then: Callable[[], object] = lambda: None) -> bool:
-        """Read a run and hold it against a machine; what is open or mistaken is shown, and the old session stays.
+        """Read a run and compare it with a machine, then diagnose it; questions and mistakes keep the old session.
 
         Args:
             source: the files.
             machine: text of the machine.toml.
-            then: called once it is open, before anything is worked out.
+            then: called once it is open, before comparison and diagnosis.
 
         Returns:
-            Whether that went well.
+            Whether it was opened.
         """
         async with self._turn_of:
             try:
@@ -166,18 +173,18 @@ class Studio(JobRunner):
         return True
 
     def with_source(self, source: Source) -> None:
-        """Read the same run with one more effect of one's own; what was found stays."""
+        """Replace the source by one that reads the same run, with another effect file; all results are kept."""
         self.session = replace(self.session, source=source)
         self.tell("session")
 
     async def answer(self, choice: str) -> None:
-        """Answer what a file leaves open, and open it."""
+        """Answer the question about the staged run, and open it."""
         source, asked = self.staged.source, self.staged.question
         if source is not None and asked is not None:
             await self.open(source.answered(asked.about, asked.question, choice), self.staged.machine)
 
     async def compare(self) -> None:
-        """Work out the figures of the active model in the background."""
+        """Compare the run with the active model, in the background."""
         session = self.session
         if not session.ready or session.comparison is not None:
             return
@@ -186,9 +193,9 @@ class Studio(JobRunner):
             self._found(session, compared=compared)
 
     async def diagnose(self, unasked: bool = False) -> None:
-        """Find what is missing from the active model; unasked only what is not known yet and does not take long."""
+        """Find what is missing from the active model; unasked only if that is not known and the run is not long."""
         session = self.session
-        long = session.look is not None and session.look.rows > LONG  # a minute or more
+        long = session.look is not None and session.look.rows > LONG  # it takes a minute or more
         if not session.ready or (unasked and (session.diagnosis is not None or long)):
             return
         how: How = "unasked" if unasked else "asked"
@@ -197,7 +204,7 @@ class Studio(JobRunner):
             self._found(session, diagnosed=found)
 
     async def change(self, verb: str, *effects: str) -> None:
-        """Add, remove or refit, one after the other; then what is missing is looked for again."""
+        """Add or remove effects, or refit ('add', 'remove', 'fit'), then diagnose; changes wait for each other."""
         async with self._turn_of:
             session = self.session
             there = {each.key for each in session.effects}
@@ -215,7 +222,7 @@ class Studio(JobRunner):
         await self.diagnose(unasked=True)
 
     async def train(self) -> None:
-        """Train the network on what the active model leaves."""
+        """Train the network on the residual of the active model."""
         session = self.session
         if session.ready:
             trained = await self.work("training the network", "train", session.source, session.text)
@@ -223,7 +230,7 @@ class Studio(JobRunner):
                 self._found(session, trained=trained)
 
     async def switch(self, key: str, on: bool) -> None:
-        """Count an effect or leave it aside, without a refit."""
+        """Switch an effect on or off, without a refit."""
         await self._turn(lambda session: session.switched(key, on))
 
     async def undo(self) -> None:
@@ -235,27 +242,27 @@ class Studio(JobRunner):
         await self._turn(Session.redone)
 
     async def resume(self) -> None:
-        """Work out what a session that was taken up again lacks."""
+        """Compute what a session loaded from disk lacks."""
         if self.session.ready:
             self.tell("session")
             await self._look()
             await self.diagnose(unasked=True)
 
     def _found(self, session: Session, **found: Any) -> None:
-        """Keep what was found on the model of a session, if the run is still the same."""
+        """Keep results on the model that a session had when a job began, if the run is still the same."""
         if self.session.source == session.source:
             self.session = self.session.remembering(text=session.text, **found)
             self.tell("session")
 
     async def _turn(self, change: Callable[[Session], Session]) -> None:
-        """Change the model at once, after whatever is changing it; what it lacks then, nobody has to wait for."""
+        """Change the session once no other change is in progress, then compute what the new model lacks."""
         async with self._turn_of:
             self.session = change(self.session)
             self.tell("session")
         await self._look()
 
     async def _look(self) -> None:
-        """Work out what is not known yet of the model that is shown."""
+        """Compute residual and comparison of the active model where they are not known yet."""
         async with self._looking:
             session = self.session
             if session.look is None and session.ready:

@@ -1,4 +1,4 @@
-"""What pictures of the page share, as plotly dictionaries, and a residual against a variable."""
+"""Pictures of the page as plotly dictionaries: what they share, and a residual against a variable."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,32 +11,32 @@ from ptt.show.studio.looks import Look
 
 Figure = dict[str, Any]
 
-MOST_READINGS = 1500  # drawn; more make the page slow and hide each other
-# Each stands out against the white card and the dark one, and they tell apart in every colour vision.
+MOST_READINGS = 1500  # drawn at most; more make the page slow and hide each other
+# Visible on light and on dark background, and distinguishable in all kinds of colour vision.
 BLUE, PALE, VIOLET, ORANGE, GREY = "#3a84b4", "#8fb4d0", "#9467bd", "#c98500", "#7c8270"
-MIDDLE = "#6f777d"  # read on white and on dark alike
+MIDDLE = "#6f777d"  # of text, readable on light and on dark background
 FONT = {"family": "Roboto, Arial, sans-serif", "size": 13, "color": MIDDLE}
 GRID = "rgba(128,136,144,0.28)"
-ABOVE = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}  # a legend over the picture
-UM = 1e3
+ABOVE = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}  # a legend above the picture
+UM = 1e3  # um per mm
 
 UNITS = {"b": "mm", "q": "rad", "x": "mm", "y": "mm", "z": "mm", "payload": "kg", "temperature": "\N{DEGREE SIGN}C"}
 
 
 def empty_figure() -> Figure:
-    """A figure of nothing, without axes: what is there before anything is known."""
+    """A figure without data and axes, as a placeholder."""
     return {"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}}
 
 
 def sides_axis(serial: bool, count: int) -> tuple[Figure, np.ndarray]:
-    """An axis of the two ways of an arrival, and how points are spread on it so that they do not hide each other.
+    """An axis of the two directions of arrival, and random offsets so that points on it do not hide each other.
 
     Args:
         serial: whether the machine is an arm.
-        count: of the points.
+        count: number of points.
 
     Returns:
-        What the axis has beside its title, and (count,).
+        Entries of the axis besides its title, and the offsets, (count,).
     """
     words = ("back", "forward") if serial else ("down", "up")
     axis = {"tickvals": [-1, 1], "ticktext": [f"arriving {word}" for word in words], "range": [-1.6, 1.6]}
@@ -44,7 +44,7 @@ def sides_axis(serial: bool, count: int) -> tuple[Figure, np.ndarray]:
 
 
 def label_of(context: str, look: Look) -> str:
-    """Name of a context with its unit, as menus and axes have it."""
+    """Name of a context with its unit, for menus and axes."""
     if context == "time":
         return "time [s]" if "time [s]" in look.covariates else "reading number"
     if context == "run":
@@ -55,14 +55,14 @@ def label_of(context: str, look: Look) -> str:
 
 
 def unit_of(view: str, values: np.ndarray) -> tuple[str, float]:
-    """Unit a residual is drawn in, and the factor to it.
+    """Unit in which a residual is drawn, and the factor to it.
 
     Args:
         view: component of the residual.
-        values: (n,) mm or rad.
+        values: its values, (n,) mm or rad.
 
     Returns:
-        Unit with the prefix that suits the largest, and what values are multiplied by.
+        Unit with the prefix that suits the largest value, and the factor on values.
     """
     base, small = ("urad", 1e6) if view.startswith("joint") else ("um", UM)
     factor, unit = prefixed([float(np.nanmax(np.abs(values), initial=0.0)) * small], base)
@@ -70,7 +70,7 @@ def unit_of(view: str, values: np.ndarray) -> tuple[str, float]:
 
 
 def shown_rows(look: Look, picked: Sequence[int] = ()) -> np.ndarray:
-    """Rows that are drawn: all of a small run, evenly thinned ones of a large run, those picked always.
+    """Rows that are drawn: all of a small run, evenly thinned ones of a large run, and always those picked.
 
     Args:
         look: the run.
@@ -95,7 +95,7 @@ def against_figure(
         view: component of the residual.
         context: variable.
         picked: row numbers to highlight.
-        beside: words and look of another model, drawn pale behind.
+        beside: words on another model and its look, drawn in pale behind; None for none.
 
     Returns:
         The figure; dragging a box picks readings.
@@ -142,12 +142,12 @@ def _points(
         "marker": {"color": colour, "symbol": symbol, "size": size},
         "name": name,
         "customdata": rows.tolist(),
-        "unselected": {"marker": {"opacity": 1.0}},  # what is picked is marked in every picture alike
+        "unselected": {"marker": {"opacity": 1.0}},  # picked readings have a trace of their own
     }
 
 
 def axis_of(title: str, zeroline: bool = False) -> Figure:
-    """An axis with its title; numbers are written out, never with a prefix of plotly's own."""
+    """An axis with its title; numbers are written out, without plotly's SI prefixes such as 10k."""
     return {
         "title": {"text": title, "standoff": 8, "font": {"size": 13}},
         "gridcolor": GRID,
@@ -161,11 +161,11 @@ def axis_of(title: str, zeroline: bool = False) -> Figure:
 
 
 def whole_layout(**own: Any) -> Figure:
-    """Layout that every picture shares, with its own entries."""
+    """The layout that all pictures share, with further entries."""
     return {"font": FONT, "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "autosize": True, **own}
 
 
 def whole_figure(data: list[Figure], layout: Figure) -> Figure:
-    """Traces and layout as one figure, its tool bar left out."""
+    """Traces and layout as one figure, without plotly's tool bar."""
     config = {"displaylogo": False, "displayModeBar": False, "scrollZoom": True, "responsive": True}
     return {"data": data, "layout": layout, "config": config}

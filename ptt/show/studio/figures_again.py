@@ -1,4 +1,4 @@
-"""Two runs side by side from above, and a machine's error and values by date, as plotly dictionaries."""
+"""Pictures of the view Again as plotly dictionaries: two runs from above, error and values by date."""
 
 from collections.abc import Mapping, Sequence
 from datetime import date, timedelta
@@ -10,17 +10,17 @@ from ptt.show.card.words import length, prefixed
 from ptt.show.studio.figures import ABOVE, BLUE, GREY, ORANGE, Figure, axis_of, whole_figure, whole_layout
 
 WHEN = ("before", "after")
-DAYS = 5  # up to so many days apart each day of a run has a mark
+DAYS = 5  # days from the first to the last run up to which each day of a run has its own tick
 MICRO = "\N{MICRO SIGN}m"
-SHOWN_SHARE = 0.99  # of the readings: a gross error beside the others would make them all one colour
+SHOWN_SHARE = 0.99  # quantile of errors at which scales end: a gross error would make all others one colour
 
 
 def pair_figure(pair: Mapping[str, Any], when: str) -> Figure:
-    """The tool's error of one of two runs from above; both have one scale of lengths and colours, which starts at zero.
+    """The tool's error in one of two runs, from above; both have the same scales of length and colour.
 
     Args:
-        pair: as the job `again` hands it over.
-        when: 'before' or 'after'.
+        pair: 'pair' of the job `ptt.show.studio.jobs_again.again`.
+        when: which of the two: 'before' or 'after'.
 
     Returns:
         The figure.
@@ -53,7 +53,7 @@ def pair_figure(pair: Mapping[str, Any], when: str) -> Figure:
 
 
 def error_figure(history: Sequence[Mapping[str, Any]]) -> Figure:
-    """The error that each run left with the model, by date, beside the noise.
+    """The error of each run with the model, by date, and the noise.
 
     Args:
         history: runs as `ptt fleet show --json` lists them.
@@ -75,10 +75,10 @@ def error_figure(history: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def value_figure(value: Mapping[str, Any]) -> Figure:
-    """One value by date as each run alone has it, with its standard errors.
+    """One value by date as fitted to each run alone, with its standard errors; orange where it drifts or jumps.
 
     Args:
-        value: as the job `again` hands it over; orange where it moves.
+        value: one of 'months', 'values' of the job `ptt.show.studio.jobs_again.again`.
     """
     factor, unit = prefixed(value["value"], value["unit"])
     colour = ORANGE if value["moves"] else BLUE
@@ -92,7 +92,7 @@ def value_figure(value: Mapping[str, Any]) -> Figure:
 
 
 def _both(pair: Mapping[str, Any], when: str) -> tuple[np.ndarray, np.ndarray]:
-    """Places and errors, (n, 3) mm each."""
+    """Positions and errors of one of two runs, (n, 3) mm each."""
     own = pair["arrows"][when]
     return np.asarray(own["place"], dtype=float), np.asarray(own["error"], dtype=float)
 
@@ -103,7 +103,7 @@ def _size(error: np.ndarray) -> np.ndarray:
 
 
 def _parted(start: np.ndarray, end: np.ndarray) -> list[float | None]:
-    """Ends of lines that are not joined to each other."""
+    """Coordinates of separate line segments as one list, with None between segments."""
     return [value for pair in zip(start.tolist(), end.tolist(), strict=True) for value in (*pair, None)]
 
 
@@ -119,7 +119,7 @@ def _dated(title: str, days: Sequence[str], legend: bool = False, zero: bool = F
 
 
 def _ticks(days: Sequence[date]) -> Figure:
-    """Marks of an axis of dates: none within a day, which plotly would put there where runs lie close together."""
+    """Ticks of an axis of dates; where runs are few days apart one a day, as plotly would add hours."""
     if not days or (days[-1] - days[0]).days > DAYS:
         return {"nticks": 6}
     ends = [(day + timedelta(days=step)).isoformat() for day, step in ((days[0], -1), (days[-1], 1))]

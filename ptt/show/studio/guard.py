@@ -1,4 +1,7 @@
-"""Who may talk to the page: this computer, pages of this server, and the browser that a session belongs to."""
+"""Access control: requests must come from this server's own pages, and from the browser that a session belongs to.
+
+Without it any web page that the user visits could reach the server on 127.0.0.1.
+"""
 
 import re
 import secrets
@@ -14,7 +17,7 @@ LIMIT = 64 * 2**20  # bytes of an upload: more than a million rows
 SLACK = 2**16  # bytes that a form adds to its file
 COOKIE = "ptt_studio"
 TOKEN = re.compile(r"[A-Za-z0-9_-]{20,80}")
-YEAR = 365 * 24 * 3600  # s
+YEAR = 365 * 24 * 3600  # s, lifetime of the cookie
 POLICY = (
     # Vue compiles templates in the page, which takes 'unsafe-eval'; nothing but this server is ever a source.
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
@@ -32,11 +35,11 @@ HEADERS = {
 }
 
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
-Owner = Callable[[str], str | None]  # client of the page -> cookie of the browser that it was made for
+Owner = Callable[[str], str | None]  # id of a NiceGUI client -> cookie of the browser that it was made for
 
 
 def owner_of(scope: Scope) -> str:
-    """The cookie that a browser sent; '' where there is none that this server made."""
+    """This server's cookie in a request; '' where there is none, or not of the form that the server gives out."""
     header = dict(scope["headers"]).get(b"cookie", b"").decode("latin-1")
     try:
         morsel = SimpleCookie(header).get(COOKIE)
@@ -46,19 +49,19 @@ def owner_of(scope: Scope) -> str:
 
 
 class Guard:
-    """Refuses foreign origins, gives each browser a cookie, and adds the headers that keep other pages out."""
+    """ASGI middleware: refuses foreign origins, gives each browser a cookie, and adds security headers."""
 
     def __init__(self, app: App, owner: Owner) -> None:
         """Wrap an application.
 
         Args:
             app: the application.
-            owner: tells whose a client is.
+            owner: tells which browser a client belongs to.
         """
         self.app, self.owner = app, owner
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what may pass."""
+        """Pass on a request that is allowed, refuse any other."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -85,8 +88,8 @@ def same_origin(origin: bytes | None, host: bytes) -> bool:
     """Whether a request comes from a page of this server, or from no page at all.
 
     Args:
-        origin: header of that name; None where there is none.
-        host: header of that name, already known to be this computer.
+        origin: the header Origin; None where there is none.
+        host: the header Host, already checked to name this computer.
 
     Returns:
         False for pages of other hosts, ports and schemes, and for 'null'.
@@ -98,7 +101,7 @@ def same_origin(origin: bytes | None, host: bytes) -> bool:
 
 
 def _client_of(scope: Scope) -> str:
-    """The page that a socket or an upload belongs to, as NiceGUI names it; '' where it names none."""
+    """Id of the NiceGUI client that a socket or an upload names; '' where it names none."""
     asked = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("client_id", [""])[0]
     named = re.match(r"/_nicegui/client/([^/]+)/", scope["path"])
     return named[1] if named else asked
@@ -119,14 +122,14 @@ async def _refuse(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 class UploadLimit:
-    """Refuses uploads that say, or turn out, to be larger than the limit."""
+    """ASGI middleware: refuses uploads whose stated or actual size exceeds the limit."""
 
     def __init__(self, app: App) -> None:
         """Wrap an application."""
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Pass on what is small enough."""
+        """Pass on a request that is small enough, refuse any other."""
         if scope["type"] != "http" or scope["method"] != "POST":
             await self.app(scope, receive, send)
             return

@@ -1,4 +1,8 @@
-"""What the page asks of the library: each job opens its files as the command line does and returns plain results."""
+"""Jobs: functions that worker processes run for the page. Each opens its files as the command line does.
+
+A job runs in the folder of the session, takes picklable arguments and, as `tell`, a function to report progress, and
+returns plain values. Further jobs are in `jobs_*`; a worker finds all of them here by name.
+"""
 
 import pickle
 from collections.abc import Mapping
@@ -16,7 +20,7 @@ from ptt.show.studio.looks import Look
 from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
 from ptt.show.studio.results import SEAL, Changed, Compared, Diagnosed, Predicted, Source, Trained
 
-MOST_READINGS = 1200  # of an unknown that a picture shows
+MOST_READINGS = 1200  # shown in the picture of an unknown
 
 if TYPE_CHECKING:
     from ptt.diagnosis.telling.diagnosis import Diagnosis
@@ -50,14 +54,14 @@ __all__ = [
 
 
 def prepare() -> None:
-    """Load what every job needs before the first one comes."""
+    """Import what most jobs need before the first one comes."""
     import ptt.diagnosis.diagnose
     import ptt.door.opened
     import ptt.show.studio.looks  # noqa: F401
 
 
 def look(source: Source, model: str, tell: Progress) -> Look:
-    """Hold a run against a model, fast."""
+    """Residual of a run with a model, for the page: fast, as only the frame is fitted."""
     from ptt.show.studio.looks import look_at
 
     tell("reading the run", 0, 0)
@@ -81,7 +85,7 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 
 
 def diagnose(source: Source, model: str, tell: Progress) -> Diagnosed:
-    """As `ptt diagnose`; long runs in chunks. Beside it the card, the data with the fits through it, and the ghosts."""
+    """As `ptt diagnose`, with what the page draws of it: the card, the data with fits, the ghosts."""
     from ptt.diagnosis.diagnose import diagnose_run
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
@@ -116,14 +120,14 @@ def diagnose(source: Source, model: str, tell: Progress) -> Diagnosed:
 
 
 def _packed(found: "Diagnosis") -> bytes:
-    """A diagnosis for another process of the same page; nothing where an effect of one's own stands in the way."""
+    """A diagnosis pickled for another worker of this server; b'' where it cannot be, as with a user's own effect."""
     try:
         return pickle.dumps(found)
     except (pickle.PicklingError, AttributeError, TypeError):
         return b""
 
 
-STAGES = {
+STAGES = {  # stages of a diagnosis -> in words
     "linearise": "how each effect would show",
     "search": "which effects explain it",
     "rest": "what is left",
@@ -134,13 +138,13 @@ STAGES = {
 
 
 def _stage(what: str) -> str:
-    """A stage of the diagnosis in words."""
+    """A stage of a diagnosis in words, a count at its end in brackets."""
     name = what.rstrip("0123456789 ")
     return f"{STAGES.get(name, name)} ({what[len(name) :].strip()})" if what != name else STAGES.get(name, name)
 
 
 def _unknown(found: "Diagnosis") -> Mapping[str, Any] | None:
-    """The one curve that the unknown follows, with this run's readings about it."""
+    """The leading dependence of a verdict 'unknown', with the readings that its picture shows; None for any other."""
     import numpy as np
 
     if found.verdict != "unknown" or not found.depends_on:
@@ -212,18 +216,18 @@ def predict(source: Source, model: str | bytes, targets: str, tell: Progress) ->
 
 
 def report(source: Source, model: str, archive: bytes | None, drawing: bytes, given: bytes, tell: Progress) -> bytes:
-    """As `ptt report`, with the compensator where one is trained; what was diagnosed already is not diagnosed again.
+    """As `ptt report`, with the compensator where one is trained; diagnoses that are known are not repeated.
 
     Args:
         source: the files.
         model: text of the active model.
         archive: the compensator's folder as a zip; None without one.
-        drawing: `Diagnosed.whole` of the machine without effects; b'' where it is not known.
-        given: the same of the active model.
+        drawing: `Diagnosed.whole` of the bare drawing; b'' where it is not known.
+        given: `Diagnosed.whole` of the active model; b'' where it is not known.
         tell: told what is done.
 
     Returns:
-        The page.
+        The report as HTML.
     """
     from ptt.show.report.of_run import report_run
 
@@ -245,12 +249,12 @@ def report(source: Source, model: str, archive: bytes | None, drawing: bytes, gi
 
 
 def _unpacked(whole: bytes) -> "Diagnosis | None":
-    """Of what `_packed` made: it came from a process of this page and through no file."""
+    """The diagnosis from `_packed`; safe to unpickle, as the bytes come from a worker of this server, never a file."""
     return pickle.loads(whole) if whole else None
 
 
 def challenge(level: str, seed: int | None, machine: str | None, tell: Progress) -> tuple[str, str]:
-    """As `ptt challenge new`; where the run and the machine are. The seal lies in the session's folder."""
+    """As `ptt challenge new`; returns the paths of run and machine, and puts the seal into the session's folder."""
     from ptt.challenge.challenge import new_challenge
     from ptt.machine import load_machine
 

@@ -1,4 +1,4 @@
-"""Runs of the same machine measured again: before and after, what has changed since, values by date."""
+"""Jobs of the view Again, on later runs of the same machine: before and after, what has changed, values by date."""
 
 import json
 import shutil
@@ -12,7 +12,7 @@ from ptt.progress import Progress
 from ptt.show.sizing import spread
 from ptt.show.studio.later import ANYWAY
 from ptt.show.studio.on_page import on_page
-from ptt.show.studio.opening import open_both, place_of, settled
+from ptt.show.studio.opening import open_both, place_of, with_saved_answers
 from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.results import Source
 
@@ -22,33 +22,34 @@ if TYPE_CHECKING:
     from ptt.door.opened import Opened
     from ptt.judge.before_after import BeforeAfter
 
-LATER = "later"  # folder of what was answered of later runs
-MONTHS = "months"  # folder of the store that the fleet's verbs work on
-MACHINE = "machine"
+LATER = "later"  # folder of saved answers on later runs
+MONTHS = "months"  # folder of a fleet's store with these runs
+MACHINE = "machine"  # name of the machine in it
 ARROWS = 250  # of one picture
-PLACES = 6  # values drawn
+PLACES = 6  # values that are drawn by date
 
 
 def again(
     source: Source, model: str, first: str, later: Sequence[tuple[Source, str]], tell: Progress
 ) -> Mapping[str, Any]:
-    """Hold later runs against the one that is open and against the model; one that cannot be read keeps none back.
+    """Compare later runs with the one that is open and with the model; runs that cannot be read are left out.
 
     Args:
         source: the run that is open.
-        model: its model.
-        first: date of that run.
-        later: how each is read and its date, the last one last.
+        model: text of its model.
+        first: date of that run, ISO 8601.
+        later: source and date of each later run, the last one last.
         tell: told what is done.
 
     Returns:
-        'pair', 'recheck' and 'months'; one that cannot be worked out has 'why' instead. 'left': what stands against
-        each run that was left out, as `vet` has it.
+        'pair': the open run and the last one, before and after; 'recheck': of the last run; 'months': error and values
+        by date, from a fleet's store of all runs. A part that cannot be computed has 'why' instead. 'left': for each
+        run that was left out what `vet` returns.
     """
     sound, left, opened = list[tuple[Source, str]](), list[dict[str, Any]](), None
     for number, (each, date) in enumerate(later):
         tell(f"reading {each.run}", 0, 3)
-        own, read, trouble = _met(each, model, number)
+        own, read, trouble = _open_later(each, model, number)
         if read is None:
             left.append(trouble)
         else:
@@ -59,36 +60,40 @@ def again(
         return {"pair": nothing, "recheck": nothing, "months": nothing, "left": left}
     last, after = sound[-1][0], opened
     tell("before and after", 0, 3)
-    pair = _tried(lambda: _pair(source, after, model))
+    pair = _or_why(lambda: _pair(source, after, model))
     tell("what has changed", 1, 3)
-    changed = _tried(lambda: _recheck(last, model))
+    changed = _or_why(lambda: _recheck(last, model))
     tell("values by date", 2, 3)
-    months = _tried(lambda: _months(source, model, [(replace(source, also=()), first), *sound], tell))
+    months = _or_why(lambda: _months(source, model, [(replace(source, also=()), first), *sound], tell))
     return {"pair": pair, "recheck": changed, "months": months, "left": left}
 
 
 def vet(later: Source, model: str, tell: Progress) -> Mapping[str, Any]:
-    """Open a run that was measured later, so that it is told at once what stands against it.
+    """Try to open a later run, so that obstacles are shown as soon as it is added.
 
     Args:
-        later: how it is read.
+        later: its source.
         model: text of the model.
         tell: told what is done.
 
     Returns:
-        Empty where nothing does; else 'run', 'why' and, of what can be answered, 'about', 'question' and 'choices'.
+        Empty where it can be opened. Else 'run', 'why' it cannot, and 'about', 'question' and 'choices', empty where
+        there is nothing to answer.
     """
     tell(f"reading {later.run}", 0, 0)
-    return _met(later, model, 0)[2]
+    return _open_later(later, model, 0)[2]
 
 
-def _met(later: Source, model: str, number: int) -> tuple[Source, "Opened | None", dict[str, Any]]:
-    """A later run as it is read, opened, and what stands against it; its answers are kept in a file of its own."""
+def _open_later(later: Source, model: str, number: int) -> tuple[Source, "Opened | None", dict[str, Any]]:
+    """Open a later run: its source with saved answers, the opened run or None, and the obstacle as from `vet`.
+
+    Answers are saved in a file of the run's own, by its number among the later runs.
+    """
     from ptt.errors import SetupError
 
     Path(LATER).mkdir(exist_ok=True)
     try:
-        own = settled(later, model, Path(LATER) / f"{number}.toml")
+        own = with_saved_answers(later, model, Path(LATER) / f"{number}.toml")
         return own, open_both(own, model), {}
     except QuestionError as asked:
         return later, None, _trouble(later, "", asked.about, asked.question, asked.choices)
@@ -106,7 +111,7 @@ def _trouble(
     return {"run": later.run, "why": why, "about": about, "question": question, "choices": list(choices)}
 
 
-def _tried(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+def _or_why(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     try:
         return work()
     except PttError as error:
@@ -114,7 +119,7 @@ def _tried(work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
 
 
 def _pair(source: Source, after: "Opened", model: str) -> dict[str, Any]:
-    """As `ptt compare --after`, with mean arrows of both."""
+    """As `ptt compare --after`, with errors of both runs for arrows."""
     from ptt.judge.before_after import compare_pair
 
     opened = open_both(source, model)
@@ -145,35 +150,35 @@ def _listed(values: "np.ndarray") -> Any:
 
 def _recheck(last: Source, model: str) -> dict[str, Any]:
     """As `ptt recheck`."""
-    from ptt.show.studio.verbs import ask
+    from ptt.show.studio.verbs import run_verb_json
 
-    return ask(["recheck", last.run, "--model", str(place_of(model)), *last.options])
+    return run_verb_json(["recheck", last.run, "--model", str(place_of(model)), *last.options])
 
 
 def _months(source: Source, model: str, runs: Sequence[tuple[Source, str]], tell: Progress) -> dict[str, Any]:
-    """As `ptt fleet` with one machine: a store of these runs, worked on, and what moves in it.
+    """Process all runs as a fleet of one machine, in a new store.
 
-    A later run that the store refuses, the same rows twice for instance, is left out of it and told.
+    A later run that the store refuses, such as the same file twice, is left out and listed in 'refused'.
     """
-    from ptt.show.studio.verbs import say
+    from ptt.show.studio.verbs import run_verb
 
     shutil.rmtree(MONTHS, ignore_errors=True)
-    say(["fleet", "init", MONTHS])
+    run_verb(["fleet", "init", MONTHS])
     refused = []
     for number, (run, date) in enumerate(runs):
-        if number > 0 and run.anyway:  # a store has no such answer
+        if number > 0 and run.anyway:  # `ptt fleet` has no option --anyway
             refused.append(f"{run.run}: its set-up was taken all the same; left out here")
             continue
         place = ["--model", str(place_of(model))] if number == 0 else []
         options = replace(run, effects=(), anyway=False).options
         try:
-            say(["fleet", "add", MONTHS, MACHINE, run.run, "--date", date, *place, *options])
+            run_verb(["fleet", "add", MONTHS, MACHINE, run.run, "--date", date, *place, *options])
         except PttError as error:
             if number == 0:
                 raise
             refused.append(on_page(f"{run.run}: {error}"))
     tell("values by date", 2, 3)
-    say(["fleet", "run", MONTHS])
+    run_verb(["fleet", "run", MONTHS])
     return _standing(Path(MONTHS)) | {"refused": refused}
 
 
@@ -183,7 +188,7 @@ FROM parameters JOIN runs USING (run) WHERE std > 0 ORDER BY runs.date, runs.pla
 
 
 def _standing(store: Path) -> dict[str, Any]:
-    """Errors by date, and each value as each run alone has it; those that move first, then the largest."""
+    """Alarms, history, and values by date as fitted to each run: those that move first, then the largest."""
     from ptt.fleet.overview import overview
     from ptt.fleet.store import open_store
 
@@ -206,7 +211,7 @@ def _standing(store: Path) -> dict[str, Any]:
 
 
 def _shown(value: dict[str, Any]) -> dict[str, Any]:
-    """In the unit that sentences use, um for mm."""
+    """A value in a workshop's unit, um for mm."""
     from ptt.effects.phrases import SHOWN_UNITS
 
     factor, unit = SHOWN_UNITS.get(value["unit"], (1.0, value["unit"]))

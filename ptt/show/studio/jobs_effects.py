@@ -1,4 +1,4 @@
-"""Jobs about effects: which there are, and what the card of one says."""
+"""Jobs about effects: their names, and the card of one."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +7,7 @@ from ptt.progress import Progress
 
 
 def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapping[str, Any]:
-    """The card of an effect and its sign at usual size on the sample machine."""
+    """The card of an effect, with its signature ('sign') at usual size on the sample machine."""
     from ptt.effects.bench import sample_view
     from ptt.effects.cards import card_of
     from ptt.effects.registry import library, make_effect, parse_key
@@ -28,15 +28,15 @@ def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapp
 
 
 def words_of_effect(known: Mapping[str, Any], effect: str, kind: str) -> dict[str, Any]:
-    """What the card of an effect says on a family of mechanisms.
+    """The card of an effect in words for a family of mechanisms.
 
     Args:
         known: name -> effect class.
-        effect: key.
-        kind: of the machine.
+        effect: key of the effect.
+        kind: kind of the machine; where the effect does not fit it, one that it fits is taken.
 
     Returns:
-        The parts of its card, with 'effect' and 'stage'.
+        Fields of the card, with 'effect' and 'stage'.
     """
     from dataclasses import asdict
 
@@ -49,7 +49,7 @@ def words_of_effect(known: Mapping[str, Any], effect: str, kind: str) -> dict[st
 
 
 def names(kind: str, files: tuple[str, ...], tell: Progress) -> tuple[str, ...]:
-    """Effects that fit a mechanism family."""
+    """Names of the effects that fit a kind of machine."""
     from ptt.effects.registry import library
 
     return tuple(name for name, cls in library(*files).items() if kind in cls.mechanisms)

@@ -1,4 +1,4 @@
-"""Exports: the formats that suit a machine, and one of them written and zipped."""
+"""Jobs about exports: the formats for a machine, and writing one of them."""
 
 import io
 import shutil
@@ -18,11 +18,11 @@ def formats(kind: str, tell: Progress) -> tuple[tuple[str, str], ...]:
     """Names and descriptions of the formats that a machine can be exported to.
 
     Args:
-        kind: mechanism family.
+        kind: kind of the machine.
         tell: told what is done.
 
     Returns:
-        A pair each.
+        Name and description of each.
     """
     from ptt.correct.exports.registry import available
 
@@ -33,16 +33,16 @@ def export(source: Source, model: str | bytes, to: str, tell: Progress) -> Mappi
     """As `ptt export`.
 
     Returns:
-        What it prints with --json, and the files: 'name' and 'content', a zip where there are several.
+        Its JSON, with 'name' and 'content' of the file, a zip where there are several.
     """
-    from ptt.show.studio.verbs import ask
+    from ptt.show.studio.verbs import run_verb_json
 
     tell("writing it", 0, 0)
     shutil.rmtree(FOLDER, ignore_errors=True)
     Path(FOLDER).mkdir()
     out = Path(FOLDER) / f"ptt-{to}"
     effects = [word for file in source.effect_files for word in ("--effects", file)]
-    data = ask(["export", "--model", str(place_of(model)), "--to", to, "--out", str(out), *effects])
+    data = run_verb_json(["export", "--model", str(place_of(model)), "--to", to, "--out", str(out), *effects])
     files = sorted(path for path in Path(FOLDER).rglob("*") if path.is_file())
     if len(files) == 1:
         return data | {"name": files[0].name, "content": files[0].read_bytes()}

@@ -1,4 +1,4 @@
-"""Jobs on files before any figure: what the columns hold, what a machine file says, and a set-up put right."""
+"""Jobs on files before a run is opened: its columns, the machine file, and correcting the set-up."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,10 +14,11 @@ CURED = "mended.toml"
 
 
 def peek(source: Source, tell: Progress) -> Mapping[str, Any]:
-    """What each column of a run says by itself, with a few rows of it; nothing is asked.
+    """Guess what each column of a run holds, without asking; with the first rows as a preview.
 
     Returns:
-        'columns' with 'title', 'cells', 'quantity' ('' for none) and 'unit' each, 'rows', 'how' it is written.
+        'columns': for each 'title', 'cells' of the preview, 'quantity' ('' for unknown) and 'unit' (None for unknown);
+        'rows': number of rows; 'how': encoding, delimiter and decimal sign in words.
     """
     from ptt.run.readers import Mapping as Answers
     from ptt.run.readers import load_mapping
@@ -58,10 +59,10 @@ def peek(source: Source, tell: Progress) -> Mapping[str, Any]:
 
 
 def columns(source: Source, quantities: Mapping[str, str], units: Mapping[str, str], tell: Progress) -> Source:
-    """Keep what a person said of the columns as a file for --map.
+    """Save what a person entered about the columns as a file for --map; any earlier answers are discarded.
 
     Returns:
-        The source that reads with it.
+        The source that is read with this file.
     """
     from ptt.run.readers import Mapping as Answers
     from ptt.run.readers import load_mapping, save_mapping
@@ -74,7 +75,7 @@ def columns(source: Source, quantities: Mapping[str, str], units: Mapping[str, s
 
 
 def describe(machine: str, tell: Progress) -> Mapping[str, Any]:
-    """What a machine file says, in figures, and the drawing of what was understood as SVG."""
+    """A machine file in words, with its picture: of a 3-PTT as SVG, of an arm as a chain of points, (m, 3) mm."""
     import io
 
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -95,17 +96,17 @@ def describe(machine: str, tell: Progress) -> Mapping[str, Any]:
 
 
 def mend(source: Source, machine: str, tell: Progress) -> tuple[Source, str]:
-    """As `ptt check --out-run --out-model`: the files with what was sure undone.
+    """As `ptt check --out-run --out-model`: copies of run and machine in which sure mistakes are corrected.
 
     Returns:
-        The source that reads the mended run, and the mended machine.
+        The source of the corrected run, and text of the corrected machine.toml.
     """
-    from ptt.show.studio.verbs import say
+    from ptt.show.studio.verbs import run_verb
 
     tell("putting it right", 0, 0)
     for name in (MENDED, CURED):
         Path(name).unlink(missing_ok=True)
     kept = replace(source, effects=(), anyway=False).options
-    say(["check", source.run, "--model", str(place_of(machine)), *kept, "--out-run", MENDED, "--out-model", CURED])
+    run_verb(["check", source.run, "--model", str(place_of(machine)), *kept, "--out-run", MENDED, "--out-model", CURED])
     mended = Source(MENDED, effects=source.effects)
     return mended, Path(CURED).read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Jobs of the last step and beside it: standard's figures, dexterity, poses to measure, an effect from an unknown."""
+"""Jobs of the tools: figures of ISO 9283, dexterity, planning of poses, and effects written from an unknown."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,45 +11,45 @@ from ptt.show.studio.uploads import keep_effects
 
 
 def iso(source: Source, model: str, tell: Progress) -> Mapping[str, Any]:
-    """As `ptt iso`: ISO 9283 figures of the run, 'figures' by name."""
+    """As `ptt iso`: 'standard' and 'figures' by name."""
     from dataclasses import replace
 
     from ptt.judge.iso.pose_figures import named_figures
-    from ptt.show.studio.verbs import ask
+    from ptt.show.studio.verbs import run_verb_json
 
     tell("figures of the standard", 0, 0)
     options = replace(source, effects=(), anyway=False).options
-    found = ask(["iso", source.run, "--model", str(place_of(model)), *options])
+    found = run_verb_json(["iso", source.run, "--model", str(place_of(model)), *options])
     return {"standard": found["standard"], "figures": named_figures(found)}
 
 
 def dexterity(model: str, tell: Progress) -> Mapping[str, Any]:
-    """As `ptt dexterity`: its figures, and its picture as PNG."""
-    from ptt.show.studio.verbs import ask
+    """As `ptt dexterity`: 'figures' and the picture, 'png'."""
+    from ptt.show.studio.verbs import run_verb_json
 
     tell("condition number over the workspace", 0, 0)
     picture = Path("dexterity.png")
-    figures = ask(["dexterity", str(place_of(model)), "--plot", str(picture)])
+    figures = run_verb_json(["dexterity", str(place_of(model)), "--plot", str(picture)])
     return {"figures": figures, "png": picture.read_bytes()}
 
 
 def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, Any]:
-    """As `ptt plan`: targets of a first run, and what they will tell."""
-    from ptt.show.studio.verbs import ask
+    """As `ptt plan`: targets of a first run as 'csv', and what they will determine, 'told'."""
+    from ptt.show.studio.verbs import run_verb_json
 
     tell("choosing poses", 0, 0)
     out = Path("plan.csv")
     out.unlink(missing_ok=True)
     loads = ["--payloads", payloads] if payloads.strip() else []
-    told = ask(["plan", str(place_of(model)), "--out", str(out), "--rows", str(rows), *loads])
+    told = run_verb_json(["plan", str(place_of(model)), "--out", str(out), "--rows", str(rows), *loads])
     return {"told": told, "csv": out.read_text(encoding="utf-8")}
 
 
 def write_effects(name: str, dependences: Sequence[Mapping[str, Any]], tell: Progress) -> Mapping[str, Any]:
-    """As `ptt effects new NAME --like D.json`: an effect for each curve that an unknown follows.
+    """As `ptt effects new NAME --like D.json`: write an effect for each variable that an unknown depends on.
 
     Returns:
-        'file' in the folder of effects, its 'text', and the 'names' of the effects.
+        'file': its name in the folder of effects; 'text': its content; 'names': names of the effects in it.
     """
     from ptt.effects.prefilled import prefilled
 

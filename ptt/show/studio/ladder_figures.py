@@ -1,4 +1,4 @@
-"""Errors step by step beside the noise floor, as plotly dictionaries: the ladder of a model, and a network's share."""
+"""Pictures of errors beside the noise floor as plotly dictionaries: the ladder of a model, and a network's gain."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -23,7 +23,7 @@ from ptt.show.studio.snapshot import Rung
 
 Points = list[tuple[str, float]]  # step and error
 TICKS = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]
-STAGES = {
+STAGES = {  # stages of a training -> legend and colour
     "given": ("as given, nothing held out", PALE),
     "physics": ("refitted, held out", BLUE),
     "rbf": ("with the network, held out", VIOLET),
@@ -31,11 +31,13 @@ STAGES = {
 
 
 def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str = "total") -> Figure:
-    """The error after each step, training and held out, beside the noise floor; plain where nothing was held out.
+    """The error after each step, on training and on held-out rows, beside the noise floor.
+
+    Of a step for which nothing was held out, the rms over all rows is shown.
 
     Args:
         rungs: the steps.
-        noise_um: noise floor.
+        noise_um: axis or 'total' -> noise floor, um.
         axis: 'x', 'y', 'z' or 'total'.
 
     Returns:
@@ -69,7 +71,7 @@ def _trained(points: Points) -> Figure:
 
 
 def _told(points: Points, name: str) -> Figure:
-    """Points with their figures beside them."""
+    """Points labelled with their values: held-out errors, or, without a name, errors over all rows."""
     marker = {"size": 8, "symbol": "diamond", "color": ORANGE}
     plain = {"size": 11, "symbol": "square-open", "color": BLUE}
     return {
@@ -79,7 +81,7 @@ def _told(points: Points, name: str) -> Figure:
 
 
 def _floor(place: Sequence[str], noise: float) -> Figure:
-    """The noise floor as a line, as a dash where there is one step."""
+    """The noise floor as a line; as a dash where there is only one step."""
     own: Figure = {"mode": "lines", "line": {"color": GREY, "dash": "dash"}}
     if len(place) == 1:
         own = {"mode": "markers", "marker": {"symbol": "line-ew-open", "size": 40, "color": GREY, "line": {"width": 2}}}
@@ -87,7 +89,7 @@ def _floor(place: Sequence[str], noise: float) -> Figure:
 
 
 def _steps(points: Points, name: str) -> Figure:
-    """A trace of the ladder; nothing of it is seen where it has no points."""
+    """Entries that traces of the ladder share; invisible without points."""
     places, values = [at for at, _ in points], [value for _, value in points]
     return {"type": "scatter", "x": places, "y": values, "name": name, "visible": bool(points)}
 
@@ -96,8 +98,8 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
     """Errors per axis as given and, held out, after physics and after the network, beside the noise floor.
 
     Args:
-        stages: 'given', 'physics', 'rbf' -> figures in um.
-        noise_um: noise floor.
+        stages: 'given', 'physics', 'rbf' -> axis or 'total' -> rms error, um.
+        noise_um: axis or 'total' -> noise floor, um.
 
     Returns:
         The figure.

@@ -1,4 +1,4 @@
-"""Runs that were measured later: how each is read, and what its date was taken from."""
+"""Later runs of the same machine: how each is read, and where its date comes from."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,19 +9,19 @@ from ptt.show.studio.results import ORDER, Source
 
 ANYWAY, DATE = "anyway", "date"
 ABOUT = ("columns", ORDER, ANYWAY)  # what a question may be about
-Said = tuple[str, str, str, str]  # file, what it is about, question, answer
+LaterAnswer = tuple[str, str, str, str]  # name of the run's file, what it is about (or DATE), question, answer
 
 
-def later_source(source: Source, run: str, said: Sequence[Said]) -> Source:
-    """How a later run is read: as the first one, with what was answered of it alone.
+def later_source(source: Source, run: str, said: Sequence[LaterAnswer]) -> Source:
+    """Source of a later run: read as the first one (but for the order of its rows), with the answers about itself.
 
     Args:
-        source: the first run.
-        run: the later one.
-        said: of all later runs.
+        source: source of the first run.
+        run: name of the later run's file.
+        said: answers on all later runs.
 
     Returns:
-        Its source; what was said of the order of the first one's rows holds for those rows only.
+        The source.
     """
     found = replace(
         source, run=run, also=(), set_=tuple(pair for pair in source.set_ if not pair.startswith(f"{ORDER}="))
@@ -35,20 +35,17 @@ def later_source(source: Source, run: str, said: Sequence[Said]) -> Source:
 
 
 def date_in(name: str) -> str:
-    """The date that a file's name holds, else today, as '2026-03-15'."""
+    """The date in a file's name, else that of today, as '2026-03-15'."""
     return (date_in_name(name) or date.today()).isoformat()
 
 
-def whence(run: str, when: str, said: bool) -> str:
-    """What the date of a run was taken from, in words.
+def date_origin(run: str, when: str, said: bool) -> str:
+    """Where the date of a run comes from, in words to stand beside the date.
 
     Args:
-        run: its file.
+        run: name of its file.
         when: its date.
-        said: whether a person said it.
-
-    Returns:
-        Words to stand beside the date.
+        said: whether a person entered it.
     """
     named = date_in_name(run)
     if said:
@@ -59,11 +56,11 @@ def whence(run: str, when: str, said: bool) -> str:
 
 
 def before_first(first: tuple[str, str], later: Sequence[tuple[str, str]]) -> str:
-    """A warning where runs that were dropped as later ones have a date before that of the first; '' where none has.
+    """A warning where later runs have a date before that of the first; '' where none has.
 
     Args:
-        first: the run that is open, and its date.
-        later: the others.
+        first: name and date of the run that is open.
+        later: name and date of the others.
     """
     early = [run for run, when in later if when < first[1]]
     if not early:

@@ -1,4 +1,4 @@
-"""What the page shows of a run held against a model: plain arrays, so that a look travels between processes."""
+"""Looks: what the page shows of a run compared with a model, as plain arrays that can be sent between processes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ptt.model.model import Model
     from ptt.run.problem import Problem
 
-COVARIATES = {
+COVARIATES = {  # field of a table -> in words
     "time_s": "time [s]", "payload_kg": "payload [kg]", "temp_c": "temperature [\N{DEGREE SIGN}C]",
     "feed_mm_s": "feed [mm/s]", "direction": "directions of arrival", "torque": "torque", "std": "tracker deviations",
 }  # fmt: skip
@@ -22,26 +22,26 @@ COVARIATES = {
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A run held against a model, n rows.
+    """A run of n rows compared with a model.
 
     Attributes:
         source: name of the run.
-        line: (n,) int, line in the file.
-        name: (n,) names, '' where none.
-        run: (n,) label of each row's run.
+        line: line of each row in the file, (n,) int.
+        name: name of each row's point, '' for none, (n,).
+        run: label of each row's run, (n,).
         target: (n, 3) mm.
-        residual: (n, 3) mm, after the frame; NaN where not observed.
-        kept: (n,) bool, rows that count.
-        views: residual by component, (n,) mm or rad.
-        contexts: what it may depend on, (n,) each.
+        residual: after frame alignment, (n, 3) mm; NaN where not observed.
+        kept: rows that are observed and no gross errors, (n,) bool.
+        views: component ('x', 'slider 2') -> residual, (n,) mm or rad.
+        contexts: variable that the error may depend on -> values, (n,).
         drawing: the machine at each row.
         serial: whether the machine is a serial arm.
         effects: keys of the model's effects.
-        understood: what was made of the file, a finding a line.
-        covariates: what the table holds beside targets and readings.
+        understood: notes of the reader on the file, one finding a line.
+        covariates: what the table holds besides targets and readings, in words.
         runs: labels of the runs.
-        noise: noise floor per axis and in total, um, with its source; None where unknown.
-        column_rows: each column that was used, as `ptt.show.studio.column_rows` has it.
+        noise: noise floor by axis and total, um, with its source; None where unknown.
+        column_rows: a row for each column that was used, from `ptt.show.studio.column_rows`.
         setup: findings about the set-up, as `ptt check --json` lists them.
     """
 
@@ -71,28 +71,24 @@ class Look:
 
     @property
     def size_um(self) -> np.ndarray:
-        """(n,) um, size of the error of each reading."""
+        """Length of the error of each reading, (n,) um."""
         return np.asarray(1e3 * np.linalg.norm(self.residual, axis=1))
 
     def visits_of(self, row: int, within: float = 1e-3) -> np.ndarray:
-        """Rows whose target lies near that of a row.
+        """Kept rows whose target lies near that of a row.
 
         Args:
-            row: which row.
-            within: distance, mm; at least a micrometre.
+            row: number of the row.
+            within: largest distance, mm; at least a micrometre.
 
         Returns:
-            (m,) row numbers.
+            Row numbers, (m,).
         """
         distance = np.linalg.norm(self.target - self.target[row], axis=1)
         return np.flatnonzero(self.kept & (distance <= max(within, 1e-3)))
 
-    def nowhere(self, line: int) -> str:
-        """Why no reading of a line can be shown, in a sentence.
-
-        Args:
-            line: of the file.
-        """
+    def why_not_shown(self, line: int) -> str:
+        """Why no reading of a line of the file can be shown, in a sentence."""
         if (self.line == line).any():
             return f"Line {line} does not count: base, not observed, or left out as a gross error."
         return f"There is no reading in line {line}: they are in lines {self.line.min()} to {self.line.max()}."
@@ -105,13 +101,13 @@ def look_at(
     compared: "Comparison | None" = None,
     setup: Sequence[Mapping[str, Any]] = (),
 ) -> Look:
-    """Hold a run against a model as it is, fast: only the tracker frame is fitted.
+    """Make a look: fast, as only the tracker frame is fitted.
 
     Args:
-        model: its effects are held at their values.
+        model: the model; its effects are held at their values.
         problem: the readings.
-        run: the file that they were read from, the first where there are several.
-        compared: a comparison that was made already, whose residual is taken.
+        run: path of the file that they were read from, the first where there are several.
+        compared: a comparison that was made already, whose residual is taken; None to compute it.
         setup: findings about the set-up.
 
     Returns:

@@ -1,4 +1,4 @@
-"""The machine picture: solid parts, mean errors as arrows, and what is off as a ghost, as a plotly dictionary."""
+"""Picture of the machine in space as a plotly dictionary: solids, mean errors as arrows, displaced parts as a ghost."""
 
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -12,13 +12,14 @@ from ptt.show.studio.arrow_figure import arrow_traces, mean_arrows, mesh, xyz
 from ptt.show.studio.figures import MIDDLE, MOST_READINGS, ORANGE, Figure, shown_rows, whole_figure, whole_layout
 from ptt.show.studio.looks import Look
 
-GRID = "#a9b1b7"  # seen on white and on dark; what is transparent there comes out white
-LETTERS = "#8a3500"
-LIFT, LINE, ASIDE = 38, 15, 64  # px that a label stands off its part, that a line of it takes, and beside an arm
-SAID = 2  # values of one part that a label has
-RIM = 0.04  # of what is drawn, that is left around it
-ROOM = 1.85  # diagonal of what is drawn as the camera sees it: a cube of unit sides, which fills the picture
-EYE = {"x": 1.27, "y": 1.18, "z": 0.62}
+GRID = "#a9b1b7"  # visible on light and on dark; plotly draws transparent colours in space on white
+LETTERS = "#8a3500"  # colour of labels
+# px: distance of a label above or below its part, height of a line of it, and its sideways distance from an arm's part
+LIFT, LINE, ASIDE = 38, 15, 64
+SAID = 2  # values of one part on a label; further ones are counted
+RIM = 0.04  # margin around what is drawn, as a share of its size
+ROOM = 1.85  # diagonal of the scene in plotly's units, in which a cube of unit sides has 1.73: fills the picture
+EYE = {"x": 1.27, "y": 1.18, "z": 0.62}  # position of the camera at first
 
 
 def machine_figure(
@@ -31,16 +32,17 @@ def machine_figure(
     ghost: Mapping[str, Any] | None = None,
     near: bool = False,
 ) -> Figure:
-    """The machine at one pose with what is to be seen on it.
+    """The machine at one pose, with errors and a ghost.
 
     Args:
         look: the run.
-        row: the pose.
-        picked: readings to highlight.
-        scale: how many times arrows are enlarged; 0 for none.
+        row: row of the pose.
+        picked: rows of readings to highlight.
+        scale: factor of enlargement of arrows; 0 for no arrows.
         machine: whether the machine is drawn.
-        ghost: 'shift' of an effect, 'at' its pose, 'times' enlarged, 'values' to be written beside its parts.
-        near: whether the readings fill the picture, not the machine.
+        ghost: 'shift' by an effect (`ptt.show.card.ghost`), 'at' the index of the pose in it, 'times' its enlargement,
+            'values' to be written beside its parts; None for no ghost.
+        near: whether the readings fill the picture instead of the machine.
 
     Returns:
         The figure.
@@ -73,7 +75,7 @@ def _layout(scene: Figure, held: str) -> Figure:
 
 
 def _scene(box: np.ndarray) -> Figure:
-    """A space that shows a box whole from wherever it is looked at, long and thin ones too."""
+    """A scene in which a box of any proportions is seen whole from every side."""
     span = np.maximum(box[1] - box[0], 1e-6 * np.linalg.norm(box[1] - box[0]) + 1e-9)
     ratio = ROOM * span / np.linalg.norm(span)
     return {
@@ -87,11 +89,11 @@ def _scene(box: np.ndarray) -> Figure:
 
 
 def _labels(there: PoseLines, values: Sequence[Mapping[str, Any]]) -> list[Figure]:
-    """Sizes in words beside the parts that have them, over everything else.
+    """Labels with values beside the parts that have them.
 
-    Labels of legs, which stand side by side, go above and below by turns from left to right, those above whose parts
-    are seen higher; those of an arm, whose joints may lie behind each other, to its sides by turns, the higher joint's
-    higher.
+    So that they do not overlap, labels of legs, which stand side by side, are put alternately above and below from left
+    to right, beginning so that those of higher parts are above; labels of an arm, whose joints may lie behind each
+    other, are put alternately to its right and left, in the order of the joints' heights.
     """
     parts = [(who, _few(said), place_of_part(there, who)) for who, said in by_part(values)]
     arm, labels = not len(there.rails), []
@@ -103,14 +105,14 @@ def _labels(there: PoseLines, values: Sequence[Mapping[str, Any]]) -> list[Figur
         aside = (ASIDE, -ASIDE)[number % 2], tall * (number - 0.5 * (len(parts) - 1))
         across, down = aside if arm else (0, LIFT if (number + first_below) % 2 else -LIFT)
         label = _label(place, [f"<b>{escape(who)}</b>", *map(escape, said)], across, down)
-        if len(parts) > 1 and not arm and number in (0, len(parts) - 1):  # those at the rims grow inwards
+        if len(parts) > 1 and not arm and number in (0, len(parts) - 1):  # labels at the edges extend inwards
             label |= {"xanchor": "right" if number else "left", "ax": 24 if number else -24}
         labels.append(label)
     return labels
 
 
 def _height(place: np.ndarray) -> float:
-    """How high a place is seen from the usual side, in any unit."""
+    """Height of a place in the picture as first seen, up to a factor and a constant."""
     x, y, z = EYE["x"], EYE["y"], EYE["z"]
     return float((x * x + y * y) * place[2] - z * (x * place[0] + y * place[1]))
 
@@ -145,13 +147,13 @@ def _picked(look: Look, picked: Sequence[int]) -> list[Figure]:
 
 
 def _box(look: Look, scale: float) -> np.ndarray:
-    """(2, 3) mm, what the readings and their arrows take."""
+    """Bounding box of the readings and their arrows, (2, 3) mm."""
     points = [look.target[shown_rows(look)], *_tips(look, scale)]
     return _around(np.concatenate(points), 2.0 * RIM)
 
 
 def _whole_box(look: Look, scale: float, there: PoseLines | None) -> np.ndarray:
-    """(2, 3) mm, what the machine takes along its whole travel, arrows and ghost too: a picture that stands still."""
+    """Bounding box of the machine at all poses, arrows and ghost too, (2, 3) mm, so that the scene does not move."""
     drawing, rows = look.drawing, shown_rows(look)
     parts = [drawing.rails, drawing.chains[rows], drawing.platform[rows]]
     parts += [] if there is None else [there.rails, there.chains, there.platform]
@@ -167,7 +169,7 @@ def _tips(look: Look, scale: float) -> list[np.ndarray]:
 
 
 def _around(points: np.ndarray, rim: float) -> np.ndarray:
-    """(2, 3) mm, the box of some points with a rim of so much of its size."""
+    """Bounding box of points with a margin as a share of its size, (2, 3) mm."""
     points = points[np.isfinite(points).all(axis=1)]
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.ones(3))
     beyond = rim * max(float((high - low).max()), 1e-3)
@@ -176,7 +178,7 @@ def _around(points: np.ndarray, rim: float) -> np.ndarray:
 
 def _axis(name: str, ends: np.ndarray) -> Figure:
     return {
-        "title": {"text": ""},  # it would lie beyond the picture, which the machine fills
+        "title": {"text": ""},  # it would lie outside the picture; tick labels name the axis
         "tickprefix": f"{name} ",
         "backgroundcolor": "rgba(0,0,0,0)",
         "gridcolor": GRID,
@@ -190,7 +192,7 @@ def _axis(name: str, ends: np.ndarray) -> Figure:
 
 
 def empty_space() -> Figure:
-    """A space in which nothing is seen: a browser takes long to begin one where no graphics card helps it."""
+    """A scene in which nothing is visible, shown early: without a graphics card a browser takes long to start one."""
     corner: Figure = {"x": [0.0, 1.0, 0.0], "y": [0.0, 0.0, 1.0], "z": [0.0, 0.0, 0.0], "hoverinfo": "skip"}
     unseen: list[Figure] = [
         {"type": "mesh3d", **corner, "i": [0], "j": [1], "k": [2], "opacity": 0.0, "showscale": False},
@@ -204,7 +206,7 @@ def chain_figure(chain: Sequence[Sequence[float]]) -> Figure:
     """An arm as solids.
 
     Args:
-        chain: (m, 3) mm, base, joints and tool.
+        chain: base, joints and tool, (m, 3) mm.
 
     Returns:
         The figure.

@@ -1,4 +1,4 @@
-"""Ways out that messages name by an option of the command line, by the control that the page has for it."""
+"""Messages of the library for the page: advice that names command-line options names the page's controls instead."""
 
 COLUMNS = "under 'Check the columns' on Load"
 TARGETS = "on Load under 'A further run, or targets of an export'"
@@ -14,15 +14,11 @@ CONTROLS = {
     "as --set order=rows says": "as was answered",
     "--payloads": "payloads [kg]",
 }
-"""What the library says -> what the page says; an option that the page has no control for stays as it is."""
+"""Advice of the library -> advice on the page; options for which the page has no control stay as they are."""
 
 
 def on_page(text: str) -> str:
-    """A message as the page has it.
-
-    Args:
-        text: of the library.
-    """
+    """A message of the library in the page's words."""
     for said, instead in CONTROLS.items():
         text = text.replace(said, instead)
     return text

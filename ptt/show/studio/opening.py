@@ -1,4 +1,4 @@
-"""Opening a run and a machine for a job, as the command line does; what a file leaves open becomes a question."""
+"""Opening a run and a model for a job, as the command line does; ambiguities become questions to the person."""
 
 import io
 import zipfile
@@ -14,12 +14,16 @@ from ptt.show.studio.results import ANSWERS, ORDER, Source
 if TYPE_CHECKING:
     from ptt.door.opened import Opened
 
-MODEL = "model.toml"  # the page's model, as the command line would be given it
-COMPENSATOR = "compensator"
+MODEL = "model.toml"  # file in the session's folder that the model of a job is written to
+COMPENSATOR = "compensator"  # the same for a compensator, a folder
 
 
 def open_both(source: Source, model: str) -> "Opened":
-    """Open run and model as a verb does; what the file leaves open becomes a question to the person."""
+    """Open run and model as a verb does.
+
+    Raises:
+        QuestionError: something in the file is ambiguous.
+    """
     from ptt.door.opened import open_run
     from ptt.errors import TableError
 
@@ -35,19 +39,19 @@ def open_both(source: Source, model: str) -> "Opened":
             raise
 
 
-def settled(source: Source, model: str, to: Path) -> Source:
-    """The same with its answers kept in a file of its own: what is kept of the run that is open stays as it is.
+def with_saved_answers(source: Source, model: str, to: Path) -> Source:
+    """Save the answers of a later run in a file of its own, so that those of the open run are not overwritten.
 
     Args:
-        source: of another run.
+        source: the later run.
         model: text of the model.
-        to: where to.
+        to: file to write.
 
     Returns:
-        A source that reads with that file; as it is where nothing was answered.
+        The source that is read with that file; unchanged where nothing was answered.
 
     Raises:
-        QuestionError: something is not answered.
+        QuestionError: something has not been answered yet.
     """
     if not source.answers:
         return source
@@ -58,7 +62,7 @@ def settled(source: Source, model: str, to: Path) -> Source:
 
 @contextmanager
 def _order_asked() -> Iterator[None]:
-    """Time that goes back becomes a question: on the page nobody types --set."""
+    """Turn the error of time that goes back into a question, which replaces the option --set order=."""
     from ptt.run.readers.order import ORDERS, OrderError
 
     try:
@@ -69,12 +73,12 @@ def _order_asked() -> Iterator[None]:
 
 
 def _read_asking(source: Source, place: Path, to: Path = Path(ANSWERS)) -> None:
-    """Read with the answers given so far and keep them as a file for --map; ask for the first that is missing."""
+    """Read with the answers given so far and save them as a file for --map; raise QuestionError for the next one."""
     from ptt.door.options import parse_settings
     from ptt.machine import load_machine
     from ptt.run.readers import save_mapping
     from ptt.run.reading import read_table
-    from ptt.show.studio.answers import agreed
+    from ptt.show.studio.answers import merge_mappings
 
     answers = dict(source.answers)
 
@@ -98,11 +102,11 @@ def _read_asking(source: Source, place: Path, to: Path = Path(ANSWERS)) -> None:
         for run in (source.run, *source.also)
     ]
     if source.answers:
-        save_mapping(agreed([each.mapping for each in understood]), to)
+        save_mapping(merge_mappings([each.mapping for each in understood]), to)
 
 
 def place_of(model: str | bytes) -> Path:
-    """The model as a file, or the compensator as a folder."""
+    """Write a model (text) to `MODEL`, or a compensator (zip) to `COMPENSATOR`, and return its path."""
     from ptt.files import write_text
 
     if isinstance(model, bytes):
@@ -116,7 +120,7 @@ def place_of(model: str | bytes) -> Path:
 
 
 def zipped(folder: Path) -> bytes:
-    """A folder as a zip, its name before each file's."""
+    """A folder as a zip, with the folder's name in each path."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for file in sorted(folder.iterdir()):

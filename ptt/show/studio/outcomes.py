@@ -1,4 +1,4 @@
-"""What may come of a job beside its result, and how it tells where it is."""
+"""Exceptions that a job may end with instead of a result."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,17 +9,17 @@ class JobCancelledError(Exception):
 
 
 class JobFailedError(Exception):
-    """The job refused or failed; the message is the one of the command line."""
+    """The job refused or failed; the message is that of the command line, with advice for the page."""
 
 
 class QuestionError(Exception):
-    """A file leaves something open that a person has to answer.
+    """Something in a file is ambiguous, and a person has to decide.
 
     Attributes:
-        question: what is open.
+        question: the question.
         choices: the possible answers.
-        about: 'columns', or 'order': what is to be done where time goes back, as --set has it; of a later run 'anyway',
-            too: whether it is taken although its set-up looks mistaken.
+        about: 'columns'; 'order', where time goes back (choices as of --set order=); or, of a later run, 'anyway':
+            whether it is taken although its set-up looks mistaken.
     """
 
     def __init__(self, question: str, choices: Sequence[str], about: str = "columns") -> None:
@@ -29,7 +29,7 @@ class QuestionError(Exception):
 
 
 class SetupFoundError(Exception):
-    """The set-up looks mistaken; the person may mend it or go on.
+    """The set-up looks mistaken; the person may have it corrected, or go on.
 
     Attributes:
         findings: as `ptt check --json` lists them.

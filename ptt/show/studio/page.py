@@ -1,4 +1,4 @@
-"""The page: header with undo and theme, six views with addresses of their own, progress, and what went wrong."""
+"""The page: header with undo and theme, six views with addresses of their own, status line and alert."""
 
 import time
 from collections.abc import Callable
@@ -24,10 +24,11 @@ ICONS = {
     "Load": "upload_file", "Result": "troubleshoot", "Look": "visibility", "Model": "tune", "Finish": "task_alt",
     "Again": "compare",
 }  # fmt: skip
+# JavaScript that puts the address of a view into the browser's history.
 ADDRESS = """(() => { const to = '/s/KEY/VIEW';
   if (location.pathname === to) return; const own = location.pathname.startsWith('/s/KEY/');
   history[own ? 'pushState' : 'replaceState']({}, '', to); })()"""
-# In the browser alone: what NiceGUI has for it sets the theme, and so all styles, anew at every change of the page.
+# In the browser alone: NiceGUI's own dark mode would apply all styles again at every change of the page.
 THEME = """() => { Quasar.Dark.toggle();
   document.getElementById('nicegui-color-scheme').content = Quasar.Dark.isActive ? 'dark' : 'light'; }"""
 BACK = """window.addEventListener('popstate', () => { const view = location.pathname.split('/').pop();
@@ -47,7 +48,7 @@ def build_page(studio: Studio, view: str) -> None:
     with ui.header().classes("st-header"):
         ui.html("ptt studio", sanitize=False, tag="h1").classes("st-brand")
         with ui.tabs().props("dense no-caps inline-label aria-label=views").classes("st-tabs") as tabs:
-            for name in VIEWS:  # at once in the browser: whoever goes back then comes to where he was
+            for name in VIEWS:  # switched in the browser at once, so that its button Back leads to the view before
                 switch = f"() => {{ {address_of(studio, name)}; {SWITCH.replace('VIEW', name)} }}"
                 ui.tab(name, icon=ICONS[name]).on("click", js_handler=switch)
         ui.space()
@@ -74,12 +75,12 @@ def build_page(studio: Studio, view: str) -> None:
 
 
 def address_of(studio: Studio, view: str) -> str:
-    """What puts a view's address into the browser's line, and the address before it into its history."""
+    """JavaScript that sets the browser's address to that of a view, with the one before in its history."""
     return ADDRESS.replace("KEY", studio.place.key).replace("VIEW", view.lower())
 
 
 async def _pressed(studio: Studio, event: events.KeyEventArguments) -> None:
-    """Ctrl+Z and Ctrl+Y, also as Ctrl+Shift+Z and with Cmd."""
+    """Undo on Ctrl+Z and redo on Ctrl+Y or Ctrl+Shift+Z, also with Cmd."""
     if not event.action.keydown or not (event.modifiers.ctrl or event.modifiers.meta) or event.modifiers.alt:
         return
     key = str(event.key).lower()
@@ -110,7 +111,7 @@ def _build_undo(studio: Studio) -> None:
 
 
 def _build_status(studio: Studio) -> None:
-    """A line that says what is open, what is going on, and what went wrong."""
+    """Build the status line (what is open, what is being done) and the alert (what went wrong)."""
     with ui.row().classes("st-status"):
         told = ui.label().classes("st-told").mark("status")
         with ui.row().classes("st-busy").props("role=status aria-live=polite") as going:
@@ -143,13 +144,13 @@ def _build_status(studio: Studio) -> None:
 
 
 def doing(words: str, done: int, of: int, seconds: float) -> str:
-    """What is going on, how far it is, how fast and how long it still takes.
+    """Progress of a job in words, with the time that it still takes.
 
     Args:
-        words: stage.
-        done: how much is done.
-        of: of how much; 0 where nobody knows.
-        seconds: since it began.
+        words: what is being done.
+        done: how much of it is done.
+        of: how much there is; 0 where that is unknown.
+        seconds: time since it began, s.
 
     Returns:
         For example 'adding backlash: 3 of 12, 0.4 s each, 4 s left'.
@@ -165,7 +166,7 @@ def _time(seconds: float) -> str:
 
 
 def told_of(studio: Studio) -> str:
-    """What is open, in a line."""
+    """What is open, in one line."""
     session = studio.session
     if session.now is None or session.source is None:
         return "No run yet"

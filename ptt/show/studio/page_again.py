@@ -1,4 +1,4 @@
-"""Again: runs measured later on the same machine, held beside the first one, against the model, and by date."""
+"""The view Again: later runs of the same machine compared with the first one, with the model, and by date."""
 
 import hashlib
 import json
@@ -20,8 +20,8 @@ from ptt.show.studio.page_later import LaterRuns
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.tables import table_html
 
-FOUND = "again.json"
-TIE = "cannot tell them apart"
+FOUND = "again.json"  # file in the session's folder with the last comparison
+TIE = "cannot tell them apart"  # words of the library by which a line on a tie is recognised
 EMPTY = (
     "Measure the machine again, with corrected commands or a month later, and drop the run here: errors before and "
     "after side by side, what has changed since, and every value by date."
@@ -34,7 +34,7 @@ VERDICTS = {
 
 
 class AgainView:
-    """The view of runs measured later: before and after, what has changed, values by date."""
+    """The view: list of later runs, before and after, what has changed, values by date."""
 
     def __init__(self, studio: Studio) -> None:
         """Build it.
@@ -89,7 +89,7 @@ class AgainView:
                 self._fill(found)
 
     def _key(self) -> str:
-        """What the pictures depend on."""
+        """Digest of everything that the comparison depends on; '' without a run."""
         session = self.studio.session
         if session.source is None:
             return ""
@@ -97,7 +97,7 @@ class AgainView:
         return hashlib.sha256(said.encode()).hexdigest()
 
     def _known(self) -> Mapping[str, Any] | None:
-        """What was found of these runs before, where it was."""
+        """The saved comparison, if it is of these runs, answers and model."""
         with suppress(OSError, ValueError, KeyError, TypeError):
             kept = json.loads((self.studio.folder / FOUND).read_text(encoding="utf-8"))
             return dict(kept["found"]) if kept["key"] == self._key() else None
@@ -122,7 +122,7 @@ class AgainView:
 
 
 def change(fall: float) -> str:
-    """A fall in percent as a change, for example '-90.0 %' with the real sign."""
+    """A reduction in percent as a signed change, for example '-90.0 %' with a minus sign."""
     return together(f"{-fall:+.1f} %".replace("-", "\N{MINUS SIGN}"))
 
 
@@ -162,7 +162,7 @@ def _show_changed(recheck: Mapping[str, Any]) -> None:
         ui.label(pretty(recheck["why"])).classes("st-note")
         return
     ui.label(VERDICTS.get(recheck["verdict"], recheck["verdict"])).classes("font-medium")
-    for line in recheck["words"].splitlines():  # what a machinist is told of it, as `ptt recheck` prints it
+    for line in recheck["words"].splitlines():  # as `ptt recheck` prints it
         ui.label(pretty(line)).classes("st-tie" if TIE in line else "st-note").style("margin: 3px 0")
     if recheck["changed"]:
         rows = [_changed(one) for one in recheck["changed"]]
@@ -185,7 +185,7 @@ def _show_months(months: Mapping[str, Any]) -> None:
             return
         for words in months.get("refused", ()):
             ui.label(pretty(f"Left out: {words}")).classes("st-tie").style("margin: 4px 0")
-        for words in dict.fromkeys(alarm["words"] for alarm in months["alarms"]):  # one for several values of an effect
+        for words in dict.fromkeys(alarm["words"] for alarm in months["alarms"]):  # alarms may share words
             ui.label(pretty(words)).classes("st-tie").style("margin: 4px 0")
         plot = Picture(error_figure(months["history"])).classes("w-full").style("height: 210px")
         plot.props('role=img aria-label="error with the model by date"')

@@ -1,4 +1,4 @@
-"""A residual against a variable, beside that of another model: what chooses them, and the picture."""
+"""A picture of a residual against a variable, with the controls that choose both and another model beside."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -12,15 +12,15 @@ NOTHING = "nothing"
 
 
 class AgainstPicture:
-    """The choices and the picture."""
+    """The controls and the picture."""
 
     def __init__(self, redraw: Callable[[], None], label: str, title: str = "") -> None:
         """Build it.
 
         Args:
             redraw: called when something else is chosen.
-            label: what the picture shows, for those who do not see it.
-            title: before the choices; '' for none.
+            label: what the picture shows, for screen readers.
+            title: heading; '' for none.
         """
         with ui.element("div").classes("st-tools st-line"):
             if title:
@@ -40,7 +40,7 @@ class AgainstPicture:
         return self.view.value, self.context.value
 
     def offer(self, look: Look, view: str, context: str) -> None:
-        """Offer what a run has, and choose.
+        """Set the choices to what a run has, and choose.
 
         Args:
             look: the run.
@@ -51,7 +51,7 @@ class AgainstPicture:
         self.context.set_options({name: label_of(name, look) for name in look.contexts}, value=context)
 
     def offer_beside(self, others: Sequence[str], chosen: str) -> None:
-        """Offer other models to draw beside, and choose one where it is there."""
+        """Set the choices of other models to be drawn beside, and choose one if it is among them."""
         self.beside.set_options([NOTHING, *others], value=chosen if chosen in others else NOTHING)
 
     def draw(self, look: Look, others: Mapping[str, Look], picked: Sequence[int]) -> bool:
@@ -63,7 +63,7 @@ class AgainstPicture:
             picked: row numbers to highlight.
 
         Returns:
-            Whether the run has it.
+            Whether the run has the chosen component and variable; otherwise nothing is drawn.
         """
         view, context = self.chosen
         if view not in look.views or context not in look.contexts:

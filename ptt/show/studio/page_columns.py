@@ -1,4 +1,4 @@
-"""What the columns of a file hold: a grid with a preview, a meaning and a unit for each, kept as a file for --map."""
+"""The grid of columns on Load: a preview, a meaning and a unit for each, saved as a file for --map."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,7 +14,7 @@ from ptt.show.studio.page_question import show_question
 from ptt.show.studio.results import ORDER
 from ptt.show.studio.units import unit_in_words
 
-WORDS = {
+WORDS = {  # quantity as in a mapping file -> in words
     **{f"{a}_meas": f"reading {a}" for a in "xyz"},
     **{f"{a}_cmd": f"target {a}" for a in "xyz"},
     **{f"{a}_std": f"scatter of {a}" for a in "xyz"},
@@ -32,7 +32,7 @@ WORDS = {
 
 
 def choices_of(joints: int, prefix: str) -> dict[str, str]:
-    """What a column may hold on a machine, by the name that a file for --map has for it."""
+    """Quantities that a column may hold for a machine: name as in a mapping file -> in words."""
     who = "joint" if prefix == "q" else "slider"
     each = range(1, joints + 1)
     sent = {f"{prefix}{i}_cmd": f"command of {who} {i}" for i in each}
@@ -43,7 +43,7 @@ def choices_of(joints: int, prefix: str) -> dict[str, str]:
 
 
 class ColumnsView:
-    """The grid's parts; it opens where a file leaves something open, and on demand."""
+    """The grid, the question above it, and the button that opens it; it opens by itself for a question on columns."""
 
     def __init__(self, studio: Studio) -> None:
         """Build it.
@@ -89,7 +89,7 @@ class ColumnsView:
                 ui.timer(0.01, self._fill, once=True)
 
     async def _fill(self) -> None:
-        """Show the grid of the file."""
+        """Show the grid for the staged run, else for the open one."""
         source = self.studio.staged.source or self.studio.session.source
         if source is None:
             return
@@ -130,7 +130,7 @@ class ColumnsView:
         self._units(title, column["unit"])
 
     def _units(self, title: str, known: str | None) -> None:
-        """Unit chips that suit what a column holds."""
+        """Offer the units that suit what a column holds, and choose one if it is among them."""
         units = {
             unit: unit_in_words(unit) for unit in UNITS.get(dimension_of(str(self.quantity[title].value)), {}) if unit
         }

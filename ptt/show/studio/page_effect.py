@@ -1,4 +1,4 @@
-"""Why: the card of an effect with this run's data and the fit through it, its values on a ruler, cause and cure."""
+"""The card of an effect in a dialog: readings with the fit, its values on rulers, cause and remedy."""
 
 import json
 from collections.abc import Mapping
@@ -14,18 +14,18 @@ from ptt.show.studio.panels import BEHIND
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Diagnosed
 
-PARTS = (
+PARTS = (  # title, field of the card
     ("Cause", "cause"), ("Shows as", "fingerprint"), ("Equation", "equation"), ("Usual size", "size"),
     ("Mended by", "remedy"), ("Needs", "needs"), ("Source", "source"),
 )  # fmt: skip
-SHOW = "own ? own.open || own.showModal()"
+SHOW = "own ? own.open || own.showModal()"  # JavaScript that opens the dialog `own`, to be continued by ': ...'
 
 
 class EffectCards:
     """The cards of one session's effects, each in a dialog of its own.
 
-    Those of the findings are built and drawn unseen as soon as there is time, so that the browser opens them by itself;
-    any other is built when it is asked for.
+    Those of the findings are built while the page is idle, so that the browser opens them without asking the server;
+    any other is built when it is opened.
     """
 
     def __init__(self, studio: Studio) -> None:
@@ -38,16 +38,16 @@ class EffectCards:
         self._dialogs: dict[str, ui.element] = {}
 
     def prepare(self, diagnosis: Diagnosed) -> None:
-        """Take away the cards of what was found before, and have those of a diagnosis built ahead."""
+        """Remove all cards, and queue those of a diagnosis' findings to be built."""
         for dialog in self._dialogs.values():
             dialog.delete()
         self._dialogs.clear()
         for finding in diagnosis.card["findings"]:
             if finding["effect"] in diagnosis.cards:
-                self.studio.later.ask(BEHIND, partial(self._ahead, diagnosis, finding["effect"]))
+                self.studio.draw_queue.request(BEHIND, partial(self._ahead, diagnosis, finding["effect"]))
 
     def open_on(self, button: ui.button, key: str) -> None:
-        """Have a button open the card of an effect."""
+        """Make a button open the card of an effect."""
         known = f"document.querySelector({json.dumps(f'dialog[data-card={json.dumps(key)}]')})"
         button.on("click", lambda: self._open(key), js_handler=f"() => {{ const own = {known}; {SHOW} : emit(); }}")
 
@@ -59,7 +59,7 @@ class EffectCards:
                 _show_card(diagnosis.cards[key], own=fit)
 
     async def _open(self, key: str) -> None:
-        if key in self._dialogs:  # it was on its way
+        if key in self._dialogs:  # built between the click and now
             self._show(key)
             return
         with self._dialog(key) as body:
@@ -76,10 +76,10 @@ class EffectCards:
             with body:
                 _show_card(card, own)
         else:
-            self._dialogs.pop(key).delete()  # asked for anew next time
+            self._dialogs.pop(key).delete()  # built again next time
 
     def _dialog(self, key: str) -> ui.element:
-        """An empty one; what it returns takes what it says."""
+        """Build an empty dialog, and return the element for its contents."""
         with self.studio.client, ui.element("dialog").classes("st-dialog") as dialog:
             dialog.props["data-card"] = dialog.props["aria-label"] = key
             dialog.on("click", js_handler="e => { if (e.target === e.currentTarget) e.target.close(); }")
@@ -97,7 +97,7 @@ class EffectCards:
         ui.run_javascript(f"(() => {{ const own = getHtmlElement({self._dialogs[key].id}); {SHOW} : null; }})()")
 
     def _found(self, key: str) -> bool:
-        """Show this run's data with the fit; whether there is one."""
+        """Show the finding on an effect with its fit, if there is one; whether there is a fit."""
         fit, finding = _own(self.studio, key)
         if finding is not None:
             _show_finding(finding, fit, serial=self.studio.session.kind == "serial")
@@ -105,7 +105,7 @@ class EffectCards:
 
 
 def _own(studio: Studio, key: str) -> tuple[Mapping[str, Any] | None, Mapping[str, Any] | None]:
-    """Data with fit, and finding, of the last diagnosis that has the effect."""
+    """Fit of an effect, and the finding, from the latest diagnosis that has it; None and None without one."""
     session = studio.session
     for text in (session.text, *(snapshot.active for snapshot in reversed(session.past))):
         diagnosis = session.diagnoses.get(text)

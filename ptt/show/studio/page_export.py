@@ -1,4 +1,4 @@
-"""A controller's own form: pick one, see what it holds and what error it leaves, download."""
+"""The box on Finish that exports a model to a controller's format, and shows what the format holds."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +9,7 @@ from ptt.correct.exports.format import ErrorLeft, said_held
 from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
 
-BARS = (
+BARS = (  # key of 'error_um', words, colour
     ("drawing", "by the drawing", "#d55e00"),
     ("format", "with this format", "#0072b2"),
     ("model", "with the whole model", "#9aa3aa"),
@@ -17,7 +17,7 @@ BARS = (
 
 
 class ExportView:
-    """The box that writes a model in a controller's own form."""
+    """The box that exports the active model, or the compensator where one is trained."""
 
     def __init__(self, studio: Studio) -> None:
         """Build it.
@@ -45,7 +45,7 @@ class ExportView:
         self.write.set_enabled(self.studio.session.ready and self.studio.idle and bool(self.which.value))
 
     def show(self) -> None:
-        """Take over a changed session; what was written for another model goes."""
+        """Take over a changed session; the last export is cleared."""
         session = self.studio.session
         self._enable()
         self.body.clear()

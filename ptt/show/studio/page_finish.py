@@ -1,4 +1,4 @@
-"""Finish: corrected commands, a controller's own form, model, report; and what else one asks of a machine."""
+"""The view Finish: downloads (model, compensator, report, corrected commands, exports), training, and tools."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -15,7 +15,7 @@ from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import SEAL
 from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.steps import REFITS
-from ptt.show.studio.uploads import keep
+from ptt.show.studio.uploads import keep_upload
 
 UNTRAINED = (
     "A Gaussian RBF network learns what physics left over, as a function of position; it changes nothing away from "
@@ -24,7 +24,7 @@ UNTRAINED = (
 
 
 class FinishView:
-    """The view of what is taken to the machine: commands, model, report, network, tools."""
+    """The view of what is taken to the machine."""
 
     def __init__(self, studio: Studio) -> None:
         """Build it.
@@ -131,7 +131,7 @@ class FinishView:
         if session.source is None:
             self.studio.fail("load a run and its machine first")
             return
-        kept = keep(self.studio.folder, name, data)
+        kept = keep_upload(self.studio.folder, name, data)
         model = session.training.archive if session.training else session.text
         found = await self.studio.work("working out commands", "predict", session.source, model, kept)
         if found is None:
@@ -155,10 +155,10 @@ class FinishView:
 
 
 def trained_in_words(data: Mapping[str, Any]) -> str:
-    """What a network learned, and what it does to the error of rows that neither it nor the physics had seen.
+    """What a network learned, and the held-out error without and with it.
 
     Args:
-        data: of the training; the model as given is left aside, for it may have been fitted with those rows.
+        data: `Trained.data`. Its error of the model as given is not shown, as that may have been fitted to these rows.
 
     Returns:
         Two sentences.
@@ -173,14 +173,7 @@ def trained_in_words(data: Mapping[str, Any]) -> str:
 
 
 def commands_of(studio: Studio) -> list[str]:
-    """The commands that repeat the session.
-
-    Args:
-        studio: of this tab.
-
-    Returns:
-        One a line.
-    """
+    """Command lines that repeat the session."""
     session = studio.session
     if session.now is None or session.source is None:
         return []

@@ -1,4 +1,4 @@
-"""The list of runs that were measured later: each with its date, where that is from, and what stands against it."""
+"""The list of later runs on the view Again: each with its date, where that comes from, and obstacles to reading it."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -9,10 +9,10 @@ from typing import Any
 from nicegui import ui
 
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.later import DATE, before_first, date_in, later_source, whence
+from ptt.show.studio.later import DATE, before_first, date_in, date_origin, later_source
 from ptt.show.studio.page_question import show_question
 from ptt.show.studio.page_upload import upload_box
-from ptt.show.studio.uploads import keep
+from ptt.show.studio.uploads import keep_upload
 
 
 class LaterRuns:
@@ -25,8 +25,8 @@ class LaterRuns:
             studio: of this session.
         """
         self.studio = studio
-        self.troubles: dict[str, Mapping[str, Any]] = {}  # file -> what stands against it
-        self.listed: object = None
+        self.troubles: dict[str, Mapping[str, Any]] = {}  # file -> obstacle, as the job `vet` returns it
+        self.listed: object = None  # the state that is shown
         with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 6px"):
             label = "Later run (CSV, TXT): drop here"
             self.drop = upload_box(studio, label, "later", self._take, choose="choose later runs", multiple=True)
@@ -44,10 +44,10 @@ class LaterRuns:
                 self._list()
 
     def tell(self, left: Sequence[Mapping[str, Any]]) -> None:
-        """Show what stands against runs, and that nothing does against the others.
+        """Show obstacles to reading runs, and that there are none for the others.
 
         Args:
-            left: as the job `vet` has it, of each that was left out.
+            left: what the job `vet` returns for each run that was left out.
         """
         self.troubles = {each["run"]: each for each in left}
         self.show()
@@ -66,7 +66,7 @@ class LaterRuns:
                 with ui.element("div").style("flex: 1 1 0; min-width: 0; overflow-wrap: anywhere"):
                     ui.label(run)
                     own = bool(session.first) if number == 0 else run in said
-                    ui.label(whence(run, when, own)).classes("st-note")
+                    ui.label(date_origin(run, when, own)).classes("st-note")
                 day = ui.input(value=when, on_change=lambda event, at=number: self._date(at, str(event.value)))
                 day.props("type=date dense outlined").props["aria-label"] = f"date of {run}"
                 drop = ui.button(icon="close", on_click=lambda at=number: self._drop(at)).props("flat round dense")
@@ -77,7 +77,7 @@ class LaterRuns:
                 self._trouble(self.troubles[run])
 
     def _trouble(self, trouble: Mapping[str, Any]) -> None:
-        """Why a run is left out, or what is to be answered before it can be read."""
+        """Show why a run is left out, or the question that has to be answered before it can be read."""
         if not trouble["question"]:
             ui.label(f"Left out. {trouble['why']}").classes("st-tie").props("role=alert")
             return
@@ -90,14 +90,14 @@ class LaterRuns:
         show_question(trouble["about"], trouble["question"], trouble["choices"], answer)
 
     async def _take(self, name: str, data: bytes) -> None:
-        kept = keep(self.studio.folder, name, data)
+        kept = keep_upload(self.studio.folder, name, data)
         later = dict(self.studio.session.later)
         later.setdefault(kept, date_in(name))
         self._keep(later=tuple(sorted(later.items(), key=lambda each: each[1])))
         await self._vet(kept)
 
     async def _vet(self, run: str) -> None:
-        """Open a run, so that what stands against it is told beside it and not when all are held together."""
+        """Try to open a run, so that obstacles are shown beside it at once and not when all are compared."""
         session = self.studio.session
         if session.source is None:
             return

@@ -1,4 +1,4 @@
-"""Load: what this does, a sample or files of one's own, and what was understood of them, warnings first."""
+"""The view Load: the purpose of the program, samples, the user's files, and what was understood of them."""
 
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -19,7 +19,7 @@ from ptt.show.studio.page_understood import build_understood
 from ptt.show.studio.page_upload import upload_box
 from ptt.show.studio.results import SEAL, Source
 from ptt.show.studio.samples import ARM, FIRST, LEVELS, SAMPLES, sample_files
-from ptt.show.studio.uploads import keep
+from ptt.show.studio.uploads import keep_upload
 
 LOOP = files("ptt.show.studio").joinpath("loop.svg").read_text(encoding="utf-8")
 RUN, MACHINE = "Tracker run (CSV, TXT)", "Machine (machine.toml)"
@@ -44,7 +44,7 @@ def build_load(studio: Studio) -> None:
 
 
 def _build_hero(studio: Studio) -> None:
-    """What this does in a line and a picture, until something is open."""
+    """Build the box with purpose, picture and samples, which is shown until something is open."""
     with ui.element("div").classes("st-box") as box:
         ui.html(PURPOSE, sanitize=False, tag="h2").classes("st-hero")
         ui.html(LOOP, sanitize=False).classes("w-full").style("margin: 8px 0")
@@ -53,7 +53,7 @@ def _build_hero(studio: Studio) -> None:
                 if name in _samples():
                     sample = ui.button(words, icon="play_arrow", on_click=partial(_take_sample, studio, name))
                     sample.props(f"no-caps size=16px {look}")
-            if not _samples():  # installed without its sources: one is drawn
+            if not _samples():  # installed without samples: a challenge is drawn instead
                 drawn = ui.button(
                     "Try a sample", icon="play_arrow", on_click=partial(_take_challenge, studio, "single")
                 )
@@ -111,7 +111,14 @@ def _build_files(studio: Studio) -> None:
 
 
 def _waiting(source: Source | None, machine: str, staged: str, ready: bool) -> str:
-    """What is here and what is next, with the text of the machine to open with and the name of the one just dropped."""
+    """What is staged and what comes next, in a sentence.
+
+    Args:
+        source: the staged run; None for none.
+        machine: text of the machine that it would be opened with; '' for none.
+        staged: name of the staged machine; '' for none.
+        ready: whether a session is open.
+    """
     here = [source.run] if source else []
     here += [f"machine '{staged}'"] if staged else []
     if source and machine:
@@ -146,15 +153,15 @@ def _build_more(studio: Studio) -> None:
 
 
 def dropped(label: str, there: str = "", used: str = "") -> str:
-    """What a box for a file says.
+    """Label of a box for a file.
 
     Args:
-        label: what it takes.
-        there: the file that was dropped into it; '' for none.
-        used: the one that is open; '' for none.
+        label: what belongs there.
+        there: the staged file; '' for none.
+        used: the open file; '' for none.
 
     Returns:
-        What is there, else what is open, else what belongs there.
+        The label, on the staged file, else on the open one, else on what belongs there.
     """
     if there:
         return f"{there} is here; or drop another"
@@ -167,7 +174,7 @@ def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awa
 
 
 async def _open(studio: Studio) -> None:
-    """Open what lies ready; with what is open already where only one of both is new."""
+    """Open the staged run and machine; where only one is staged, with the other one of the open session."""
     staged, session = studio.staged, studio.session
     source, machine = staged.source or session.source, staged.machine or (session.now.text if session.now else "")
     if source is not None and machine:
@@ -222,11 +229,11 @@ async def _take_challenge(studio: Studio, level: str, arm: str | None = None) ->
     made = await studio.work("drawing a machine and measuring it", "challenge", level, None, arm)
     if made is not None:
         run, machine = (studio.folder / name for name in made)
-        kept = keep(studio.folder, run.name, run.read_bytes())
+        kept = keep_upload(studio.folder, run.name, run.read_bytes())
         await studio.open(Source(kept), machine.read_text(encoding="utf-8"), lambda: studio.go("Result"))
 
 
 def _keep(studio: Studio, name: str, data: bytes) -> str:
-    kept = keep(studio.folder, name, data)
+    kept = keep_upload(studio.folder, name, data)
     (studio.folder / SEAL).unlink(missing_ok=True)
     return kept

@@ -1,4 +1,4 @@
-"""Look: the error field over the machine, the residual against any variable, the time line, and the readings."""
+"""The view Look: error field in space, residual against any variable and over time, and a table of readings."""
 
 import math
 from collections.abc import Sequence
@@ -18,9 +18,12 @@ from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
 from ptt.show.studio.tables import table_html
 
+# What a click picks: distance in mm from the reading, or -1 for it alone -> in words.
 PICKS = {0.0: "pose, all its visits", -1.0: "one reading", 10.0: "region of 10 mm", 25.0: "region of 25 mm"}
 SHOWN_ROWS = 60  # of the table
-PLACES = {"mm": 4, "m": 6, "mrad": 4, "rad": 6}  # behind the point, one with micro
+PLACES = {"mm": 4, "m": 6, "mrad": 4, "rad": 6}  # decimal places by unit; one for um and urad
+# JavaScript handlers of pictures: the rows of clicked or selected points; and, of the picture in space, those that
+# remember the point under the pointer and where a button was pressed, and send it if the pointer did not move.
 ROWS = "e => emit((e?.points ?? []).map(p => p.customdata).filter(row => row !== undefined))"
 POINTED = "e => { getElement(ID).pointed = e?.points?.[0]?.customdata; }"
 LEFT = "() => { getElement(ID).pointed = undefined; }"
@@ -30,7 +33,7 @@ CLICKED = """e => { const own = getElement(ID), [x, y] = own.pressed ?? [0, 0];
 
 
 class LookView:
-    """The view's controls and figures."""
+    """The view's controls, pictures and table."""
 
     def __init__(self, studio: Studio) -> None:
         """Build it.
@@ -40,7 +43,7 @@ class LookView:
         """
         self.studio = studio
         self.drawn: Look | None = None
-        self.led: tuple[str, str] | None = None  # what was shown first
+        self.led: tuple[str, str] | None = None  # component and variable that were chosen by `_lead`
         with ui.element("div").classes("st-look"):
             with ui.element("div").classes("st-box st-col"):
                 self._build_field()
@@ -62,7 +65,7 @@ class LookView:
         self.field_note = ui.label().classes("st-note").mark("field-note")
         self.field = Picture(empty_space()).classes("st-plot st-field")
         self.field.props('role=img aria-label="error field in space"')
-        # Plotly emits no click in space where frames are slow: what is pointed at when the button comes up counts.
+        # Plotly emits no click in space where frames are slow: so the point under the pointer at a click is taken.
         self.field.on("plotly_hover", js_handler=POINTED.replace("ID", str(self.field.id)))
         self.field.on("plotly_unhover", js_handler=LEFT.replace("ID", str(self.field.id)))
         self.field.on("pointerdown.capture", js_handler=PRESSED.replace("ID", str(self.field.id)))
@@ -104,7 +107,7 @@ class LookView:
         self.redraw()
 
     def _lead(self) -> None:
-        """Show the strongest dependence first, once it is known and until the person chooses another one."""
+        """Choose the strongest dependence as soon as it is known, unless the person has chosen something else."""
         session = self.studio.session
         if session.comparison is None or self.led not in (None, self.against.chosen):
             return
@@ -116,17 +119,17 @@ class LookView:
                 context.set_value(item["on"])
 
     def redraw(self) -> None:
-        """Draw everything again, piece by piece where it is not seen."""
+        """Draw everything again, as requests of their own, so that in the background they run one by one."""
         for draw in (self._draw_field, self._draw_against, self._fill_table):
-            self.studio.later.ask("Look", draw)
+            self.studio.draw_queue.request("Look", draw)
 
     def redraw_field(self) -> None:
         """Draw the field again."""
-        self.studio.later.ask("Look", self._draw_field)
+        self.studio.draw_queue.request("Look", self._draw_field)
 
     def redraw_against(self) -> None:
         """Draw residual and time line again."""
-        self.studio.later.ask("Look", self._draw_against)
+        self.studio.draw_queue.request("Look", self._draw_against)
 
     def _draw_field(self) -> None:
         look = self.drawn
@@ -191,7 +194,7 @@ class LookView:
         if len(found):
             self._pick(int(found[0]))
         else:
-            self.nowhere.set_text(look.nowhere(int(self.line.value)))
+            self.nowhere.set_text(look.why_not_shown(int(self.line.value)))
 
     def _pick(self, row: int) -> None:
         look, within = self.drawn, float(self.pick.value)
@@ -201,15 +204,15 @@ class LookView:
 
 
 def first_of(session: Session, look: Look) -> tuple[str, str]:
-    """The component of the residual and the variable that are shown first.
+    """The component of the residual and the variable that are shown at first.
 
     Args:
-        session: what it is known of.
+        session: the session.
         look: the run.
 
     Returns:
-        What depends most on something before any step, as soon as that is compared, else the component with the
-        largest residual, joint space first, and the first variable.
+        The strongest dependence with the model before any step, if that was compared; else the joint's component with
+        the largest residual, and the first variable.
     """
     given = session.past[0].active if session.past else session.text
     for item in session.comparisons[given].data["depends_on"][:1] if given in session.comparisons else []:
@@ -221,7 +224,7 @@ def first_of(session: Session, look: Look) -> tuple[str, str]:
 
 
 def middle_of(look: Look) -> int:
-    """The reading nearest to the middle of the path: where the machine stands until a pose is picked."""
+    """Row of the reading nearest to the mean target: the pose of the machine until another is picked."""
     rows = np.flatnonzero(look.kept)
     if not len(rows):
         return 0

@@ -1,4 +1,4 @@
-"""Describe a machine on the page: numbers in a form, and the drawing of what they mean, which follows them."""
+"""The form that describes a machine, with a picture that follows its numbers."""
 
 import re
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from ptt.show.card.words import pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.picture import Picture
 
-NUMBERS = {
+NUMBERS = {  # key of the machine file ('least' and 'most': ends of travel) -> label and default
     "base_radius_mm": ("base radius [mm]", 200.0),
     "platform_radius_mm": ("platform radius [mm]", 100.0),
     "link_length_mm": ("link length [mm]", 300.0),
@@ -22,8 +22,9 @@ NUMBERS = {
     "platform_mass_kg": ("platform mass [kg]", 1.0),
 }
 JOINT = ("a_mm", "alpha_deg", "d_mm", "theta_offset_deg")
+# Name -> Denavit-Hartenberg convention, and a row for each joint in the order of `JOINT`.
 PRESETS: dict[str, tuple[str, tuple[tuple[float, float, float, float], ...]]] = {
-    # Published by their makers; for the machine at hand its own sheet counts.
+    # Nominal values published by the makers.
     "UR10": (
         "standard",
         (
@@ -62,12 +63,12 @@ PRESETS: dict[str, tuple[str, tuple[tuple[float, float, float, float], ...]]] = 
 
 
 def three_ptt_text(name: str, above: bool, values: Mapping[str, float | None]) -> str:
-    """A machine.toml of a 3-PTT.
+    """Text of a machine.toml for a 3-PTT.
 
     Args:
-        name: of the machine.
+        name: name of the machine.
         above: whether the sliders ride above the platform.
-        values: the numbers of the form.
+        values: the numbers of the form, by the keys of `NUMBERS`.
 
     Returns:
         The text.
@@ -85,12 +86,12 @@ def three_ptt_text(name: str, above: bool, values: Mapping[str, float | None]) -
 
 
 def arm_text(name: str, convention: str, joints: list[Mapping[str, float]]) -> str:
-    """A machine.toml of a serial arm.
+    """Text of a machine.toml for a serial arm.
 
     Args:
-        name: of the arm.
-        convention: 'standard' or 'modified'.
-        joints: its table, a row a joint.
+        name: name of the arm.
+        convention: Denavit-Hartenberg convention, 'standard' or 'modified'.
+        joints: for each joint its parameters by the keys of `JOINT`.
 
     Returns:
         The text.
@@ -102,7 +103,7 @@ def arm_text(name: str, convention: str, joints: list[Mapping[str, float]]) -> s
 
 
 def open_machine_form(studio: Studio) -> None:
-    """Open the form; what it makes is staged as the machine.
+    """Open the form in a dialog; the machine that it describes is staged.
 
     Args:
         studio: of this session.
@@ -120,7 +121,7 @@ class MachineForm:
 
         Args:
             studio: of this session.
-            dialog: that it lies in.
+            dialog: the dialog that holds the form.
         """
         self.studio, self.dialog = studio, dialog
         self.numbers: dict[str, ui.number] = {}
@@ -177,7 +178,7 @@ class MachineForm:
         self._fill()
 
     def _fill(self) -> None:
-        """The table of the joints."""
+        """Build the table of joints."""
         self.table.clear()
         with self.table, ui.element("table").classes("st-plain"):
             with ui.element("thead"), ui.element("tr"):
@@ -220,7 +221,7 @@ class MachineForm:
 
     @property
     def text(self) -> str:
-        """The machine.toml that the form says."""
+        """The machine.toml of the form."""
         if self.kind.value == "serial":
             return arm_text(str(self.name.value), str(self.convention.value), list(self.joints))
         return three_ptt_text(
@@ -228,7 +229,7 @@ class MachineForm:
         )
 
     async def _draw(self) -> None:
-        """Draw what the numbers mean; a number that cannot be is said at once."""
+        """Draw the machine, or show what is wrong with the numbers."""
         text = self.text
         try:
             parse_machine(text, "machine.toml")

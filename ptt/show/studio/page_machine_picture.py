@@ -1,4 +1,4 @@
-"""The machine on the page: orbit, scrub through the travel, enlarge errors and faults, with the true scale stated."""
+"""The picture of the machine on the view Result, with controls for pose and enlargements."""
 
 from typing import Any
 
@@ -15,11 +15,11 @@ from ptt.show.studio.machine_figure import empty_space, machine_figure
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Diagnosed
 
-STEP = 1.0 / 3.0  # of a power of ten, a notch of the sliders
+STEP = 1.0 / 3.0  # step of the controls of enlargement, in powers of ten
 
 
 class MachinePicture:
-    """The picture and what it is turned by."""
+    """The picture and its controls."""
 
     def __init__(self, studio: Studio) -> None:
         """Build it.
@@ -57,7 +57,7 @@ class MachinePicture:
         return slider
 
     def show(self, diagnosis: Diagnosed | None) -> None:
-        """Take over a diagnosis, or none yet; the errors are of the run as it was held against the drawing."""
+        """Take over a diagnosis, None before there is one; the errors are those with the active model."""
         look = self.studio.session.look
         if (diagnosis, look) == (self.diagnosis, self.look) and self.drawn is not None:
             return
@@ -78,21 +78,21 @@ class MachinePicture:
         self.draw()
 
     def point(self, key: str) -> None:
-        """Show another finding."""
+        """Show the fault of another finding, by the key of its effect."""
         self.key = key
         self.fault.set_value(True)
         self._suit()
         self.draw()
 
     def _suit(self) -> None:
-        """Enlarge the fault so that it is well seen."""
+        """Set the enlargement of the fault so that it is well seen."""
         shift = self._shift()
         if shift is not None and self.look is not None:
             lines = self.look.drawing.at(int(self._rows()[len(self._rows()) // 2]))
             self.times.set_value(round(np.log10(usual_times(lines, shift)) / STEP) * STEP)
 
     def _rows(self) -> np.ndarray:
-        """Rows that the travel is scrubbed through: those that the ghosts were worked out at."""
+        """Rows of the poses that can be chosen: those of the ghosts, else evenly spaced ones."""
         if self.diagnosis is not None and self.diagnosis.ghosts.get("rows"):
             return np.asarray(self.diagnosis.ghosts["rows"], dtype=int)
         assert self.look is not None
@@ -139,6 +139,6 @@ class MachinePicture:
 
 
 def round_figure(value: float) -> float:
-    """The nearest of 1, 2, 5 times a power of ten: what can be said of an enlargement."""
+    """The nearest of 1, 2 and 5 times a power of ten, on a logarithmic scale."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(min((step * power for step in (1.0, 2.0, 5.0, 10.0)), key=lambda each: abs(np.log(each / value))))

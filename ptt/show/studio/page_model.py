@@ -1,4 +1,4 @@
-"""Model: the ladder of errors beside the noise floor, effects with their switches, the model with and without."""
+"""The view Model: ladder of errors, effects with their switches, and the residual with and without them."""
 
 from collections.abc import Mapping, Sequence
 
@@ -89,7 +89,7 @@ class ModelView:
     def redraw(self) -> None:
         """Draw both pictures again, one after the other where they are not seen."""
         for draw in (self._draw_ladder, self._draw_against):
-            self.studio.later.ask("Model", draw)
+            self.studio.draw_queue.request("Model", draw)
 
     async def _fetch_names(self) -> None:
         session = self.studio.session
@@ -154,13 +154,13 @@ class ModelView:
 
 
 def ladder_of(studio: Studio) -> tuple[tuple[Rung, ...], dict[str, float]]:
-    """The ladder of the session, and the comparison where the ladder does not speak of the active model.
+    """The ladder of the session; where its last step is not the active model, the error of that is added as a step.
 
     Args:
-        studio: of this tab.
+        studio: of this session.
 
     Returns:
-        Its steps and the noise floor in um; no steps where nothing is known yet.
+        The steps, and axis or 'total' -> noise floor, um; both empty where nothing is known yet.
     """
     now, found = studio.session.now, studio.session.comparison
     rungs: tuple[Rung, ...] = () if now is None else now.rungs
@@ -174,12 +174,12 @@ def ladder_of(studio: Studio) -> tuple[tuple[Rung, ...], dict[str, float]]:
 
 
 def words_of(session: Session, last: Rung, noise_um: Mapping[str, float], axis: str) -> str:
-    """The error of the active model in words; a held-out figure only where one was worked out.
+    """The error of the active model in words, with the held-out error if there is one.
 
     Args:
         session: the session.
-        last: the ladder's last step.
-        noise_um: noise floor.
+        last: the last step of the ladder.
+        noise_um: axis or 'total' -> noise floor, um.
         axis: 'x', 'y', 'z' or 'total'.
 
     Returns:
@@ -203,7 +203,7 @@ def words_of(session: Session, last: Rung, noise_um: Mapping[str, float], axis: 
 
 
 def _doubt(rungs: Sequence[Rung]) -> str:
-    """What is to be said of the last step where it did not do what it was taken for; '' of a refit."""
+    """A remark on the last step if it did not help, or removed what is needed; '' otherwise, and for a refit."""
     last = rungs[-1]
     if last.helped or last.heldout_rms_um is None:
         return ""
@@ -217,7 +217,7 @@ def _doubt(rungs: Sequence[Rung]) -> str:
 
 
 def _switched(now: Snapshot) -> str:
-    """What switches did since the last fit; '' where nothing was fitted and nothing is off."""
+    """What was switched since the last fit, in words; '' where nothing was fitted and nothing is off."""
     if now.off:
         return f"{', '.join(sorted(now.off))} off"
     return "switched on again" if now.rungs else ""

@@ -1,4 +1,4 @@
-"""What else was considered: other candidates, what could not be tested, and the diagnosis in figures."""
+"""The box of all candidates of a diagnosis, of effects that could not be tested, and of its text."""
 
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -24,7 +24,7 @@ class OthersView:
         Args:
             studio: of this session.
             add: adds an effect by its key.
-            cards: of the effects.
+            cards: cards of effects, which names in the table open.
         """
         self.studio, self.add, self.cards = studio, add, cards
         self.shown: Diagnosed | None = None
@@ -39,10 +39,10 @@ class OthersView:
         self.show()
 
     def show(self) -> None:
-        """Take over a changed session; rows stay where they are."""
+        """Take over a changed session; the table is built again only for another diagnosis."""
         session = self.studio.session
         diagnosis = session.diagnosis
-        if session.source is not self.of:  # what was found of another run is no news of this one
+        if session.source is not self.of:  # the last diagnosis is of another run
             self.of, self.shown = session.source, None
         self.box.set_visibility(diagnosis is not None or self.shown is not None)
         if diagnosis is not None and diagnosis is not self.shown:
@@ -73,7 +73,7 @@ class OthersView:
                 ui.label(f"{item['effect']} needs {item['needs']}").classes("st-note")
         noise, left = data["noise_um"], len(data["outlier_rows"])
         gross = f", {left} left out as gross errors" if left else ""
-        rows = data.get("rows_aside", ())  # sessions kept from before know of none
+        rows = data.get("rows_aside", ())  # missing in diagnoses that older versions saved
         aside = f", {len(rows)} set aside at the beginning of runs" if rows else ""
         source = source_in_words(noise["source"])
         ui.label(f"Noise {length(noise['total'])} from {source}; {data['rows']} readings{gross}{aside}.").classes(

@@ -1,4 +1,4 @@
-"""A question that a file leaves open, with its answers as buttons."""
+"""A question about a file, with its answers as buttons."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -19,13 +19,13 @@ WORDS = {
 
 
 def show_question(about: str, question: str, choices: Sequence[str], answer: Callable[[str], object]) -> None:
-    """Show it.
+    """Show a question.
 
     Args:
-        about: what it is about, as `QuestionError` has it.
-        question: what is open, with the file's name.
+        about: what it is about, as in `QuestionError`.
+        question: the question, with the file's name.
         choices: the possible answers.
-        answer: called with the one that is chosen.
+        answer: called with the answer that is chosen.
     """
     with ui.element("div").classes("st-tie").props("role=alert"):
         ui.label(pretty(question)).classes("st-head")

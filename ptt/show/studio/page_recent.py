@@ -1,4 +1,4 @@
-"""Earlier sessions of this browser: opened again as they were left, or taken off the disk."""
+"""The list of earlier sessions of this browser, to be opened again or removed."""
 
 from nicegui import ui
 

@@ -1,4 +1,4 @@
-"""Result: from error to noise as one bar, what is off and what to do about it, and where on the machine it is."""
+"""The view Result: verdict, bar of the error, findings with their cures, and the picture of the machine."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -73,7 +73,7 @@ class ResultView:
         self.finish.props("no-caps outline")
 
     def diagnosis(self) -> tuple[Diagnosed | None, bool]:
-        """The diagnosis that is shown, and whether the model has changed since it was made."""
+        """The diagnosis to show (of the active model, else of the latest before it), and whether it is an older one."""
         session = self.studio.session
         if session.diagnosis is not None:
             return session.diagnosis, False
@@ -92,7 +92,7 @@ class ResultView:
             self._empty(looking)
 
     def _empty(self, looking: bool) -> None:
-        """Nothing found yet: say what there is to do, or what is being done."""
+        """Show, before there is a diagnosis, what to do or what is being done."""
         session = self.studio.session
         self.sure.set_visibility(False)
         rows = session.look.rows if session.look else 0
@@ -116,7 +116,7 @@ class ResultView:
         self.icon.set_name(icon)
 
     def show(self) -> None:
-        """Take over a changed session; the card is only built anew for another diagnosis, rows are updated."""
+        """Take over a changed session; the card is built again only for another diagnosis."""
         diagnosis, stale = self.diagnosis()
         self._enable()
         self.next.set_visibility(diagnosis is not None)
@@ -152,7 +152,7 @@ class ResultView:
             self.words.set_text(self._told(card))
 
     def _told(self, card: Mapping[str, Any]) -> str:
-        """The words of the card, and after steps the error that they began with."""
+        """The words of the card, with the error before the first step if there was one."""
         began = self.studio.session.began_um
         return f"{card['words']} It began with {length(began['total'])}." if began else str(card["words"])
 
@@ -217,11 +217,11 @@ class ResultView:
         self.picture.point(key)
 
     async def add(self, key: str) -> None:
-        """Add an effect; what is missing then is looked for again."""
+        """Add an effect to the model, and diagnose again."""
         await self.studio.change("add", key)
 
     def _left(self) -> list[str]:
-        """What is found and not in the model."""
+        """Keys of findings that are not in the model yet."""
         diagnosis, _ = self.diagnosis()
         there = {entry.key for entry in self.studio.session.effects}
         found = [] if diagnosis is None else [one["effect"] for one in diagnosis.card["findings"]]

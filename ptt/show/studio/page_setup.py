@@ -1,4 +1,4 @@
-"""The set-up card: what looks mistaken, with its proof and cure; mend it, or go on all the same."""
+"""The box of mistakes in the set-up, each with its evidence and cure: to be corrected, or to go on anyway."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,7 +11,7 @@ from ptt.show.studio.controller import Studio
 
 
 def build_setup(studio: Studio) -> None:
-    """Build the card; it is there only while a mistake is.
+    """Build the box, which is shown only while there are mistakes.
 
     Args:
         studio: of this session.
@@ -45,7 +45,7 @@ def build_setup(studio: Studio) -> None:
 
 
 def show_finding(finding: Mapping[str, Any]) -> None:
-    """One finding about the set-up: what, the proof as two bars, and the cure.
+    """Show a finding about the set-up: the mistake, the error before and after its correction as bars, and the cure.
 
     Args:
         finding: as `ptt check --json` lists it.

@@ -1,4 +1,4 @@
-"""What else one asks of a machine: figures of the standard, dexterity, poses to measure, its history."""
+"""Tools on the view Finish: poses to measure, figures of ISO 9283, dexterity, and the model's history."""
 
 import base64
 from collections.abc import Mapping
@@ -56,7 +56,7 @@ def _build_plan(studio: Studio) -> None:
 
 
 def _table() -> ui.html:
-    """A place for a table, which rolls by itself where it is too wide."""
+    """An element for a table, which scrolls where it is too wide."""
     with ui.element("div").classes("st-grid").props("tabindex=0"):
         return ui.html("", sanitize=False).classes("w-full")
 
@@ -122,7 +122,7 @@ def _build_history(studio: Studio) -> None:
 
 
 def _entry(item: Mapping[str, Any]) -> tuple[str, ...]:
-    """A step of the history, as the machine file keeps it."""
+    """A row of the table for a step of the machine file's history."""
     changed = [*item.get("added", ()), *(f"less {key}" for key in item.get("removed", ()))]
     before, after, noise = (item.get(key) or {} for key in ("heldout_before_um", "heldout_after_um", "noise_um"))
     known = "total" in before and "total" in after
@@ -138,6 +138,8 @@ def _entry(item: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _enabled(studio: Studio, button: ui.button) -> None:
+    """Keep a button enabled only while a session is open and idle."""
+
     def update() -> None:
         button.set_enabled(studio.session.ready and studio.idle)
 

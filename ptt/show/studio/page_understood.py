@@ -1,4 +1,4 @@
-"""What was understood of a run: warnings first, then its columns with units and samples, and its figures."""
+"""The box on Load on what was understood of a run: warnings first, then facts, columns, and the comparison."""
 
 from collections.abc import Sequence
 from html import escape
@@ -16,9 +16,9 @@ from ptt.show.studio.on_page import on_page
 from ptt.show.studio.page_setup import show_finding
 from ptt.show.studio.tables import table_html
 
-PER_ROW = 0.3e-3  # s that a diagnosis takes a row, measured on a million of them on two cores
-SLOWEST = 4.0  # times that a busy or slow computer takes
-FIRST = ("warning: ", "not used: ")  # beginnings of what a person has to know of a file before anything else
+PER_ROW = 0.3e-3  # s per row of a diagnosis, measured with a million rows on two cores
+SLOWEST = 4.0  # factor on that for a busy or slow computer
+FIRST = ("warning: ", "not used: ")  # beginnings of lines that are shown first
 
 
 def build_understood(studio: Studio) -> None:
@@ -35,7 +35,7 @@ def build_understood(studio: Studio) -> None:
     shown: list[object] = []
 
     def name() -> None:
-        """Which run the tables are of: another one may be waiting above, with what has to be settled first."""
+        """Say which run the tables are of: another one may be staged, with a question or a mistake to settle first."""
         look, staged = studio.session.look, studio.staged
         head.set_content(escape(f"What was understood of {look.source}") if look else "What was understood")
         waits = look is not None and staged.source is not None and bool(staged.setup or staged.question)
@@ -68,7 +68,7 @@ def build_understood(studio: Studio) -> None:
 
 
 def _show(studio: Studio, look: Look) -> None:
-    warnings, lines = parted(look.understood)
+    warnings, lines = split_warnings(look.understood)
     for words in warnings:
         ui.label(words).classes("st-tie").style("margin: 6px 0; width: 100%")
     for finding in look.setup:
@@ -97,7 +97,7 @@ def _show(studio: Studio, look: Look) -> None:
 
 
 def _facts(look: Look) -> list[tuple[str, str]]:
-    """A run in figures."""
+    """Facts of a run, as pairs of title and words."""
     left = int((~look.kept).sum())
     rest = f" ({left} left out: base, not observed or gross errors)" if left else ""
     return [
@@ -112,13 +112,13 @@ def _show_columns(look: Look) -> None:
     ui.html("Columns", sanitize=False, tag="h3").classes("st-head").style("margin-top: 10px")
     head = ("column", "taken for", "unit", "first rows as in the file", "read as")
     with ui.element("div").classes("st-grid").props("tabindex=0"):
-        last = len(head) if any(row[-1] for row in look.column_rows) else len(head) - 1  # where units were turned
+        last = len(head) if any(row[-1] for row in look.column_rows) else len(head) - 1  # where units were converted
         rows = [row[:last] for row in look.column_rows]
         ui.html(table_html(head[:last], rows, words=5), sanitize=False).classes("w-full")
 
 
 def _minutes(rows: int) -> str:
-    """How long a diagnosis of a long run takes."""
+    """How long a diagnosis of a run with so many rows takes, in words."""
     least = PER_ROW * rows / 60.0
     most = max(SLOWEST * least, 1.0)
     return (
@@ -126,14 +126,14 @@ def _minutes(rows: int) -> str:
     )
 
 
-def parted(lines: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Warnings of a file, and what else was understood of it.
+def split_warnings(lines: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Split the reader's notes on a file into warnings and the rest.
 
     Args:
-        lines: as a table tells them.
+        lines: the notes, `Look.understood`.
 
     Returns:
-        Sentences to be read first, and the other lines.
+        Warnings as sentences, and the other lines.
     """
     lines = [on_page(line) for line in lines]
     first = [line for line in lines if line.startswith(FIRST)]

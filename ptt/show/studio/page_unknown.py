@@ -1,4 +1,4 @@
-"""An unknown: the leading curve that it follows, large, and effects written from all that it follows."""
+"""The box of an unknown: the curve of its leading dependence, and writing effects from all its dependences."""
 
 import re
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Diagnosed
 
-HOW = {
+HOW = {  # shape of a dependence -> in words
     "levels": "level by level", "smooth": "smoothly", "step": "in a step", "bump": "near one place",
     "period": "periodically", "varying": "more at one end than at the other",
     "gradual": "gradually after each reversal",
@@ -80,7 +80,7 @@ class UnknownView:
         ui.download.content(made["text"], made["file"])
 
     async def _add(self) -> None:
-        """Read the file that was written here, and add the effects in it."""
+        """Add the effects of the file that was written here to the model."""
         source = self.studio.session.source
         if source is None or not self.file:
             return
@@ -90,7 +90,7 @@ class UnknownView:
 
 
 def _seen_as(unknown: Mapping[str, Any]) -> str:
-    """A word where the picture shows something else than what is off, so that its figures are others."""
+    """A sentence where the picture's residual is of another part than the one at fault, so that its figures differ."""
     acts = unknown["acts_on"]
     if acts in (None, "set-up", unknown["residual"]):
         return ""

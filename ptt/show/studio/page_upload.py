@@ -1,4 +1,4 @@
-"""A box that takes files: dropped into it, or chosen by its button."""
+"""A box for files, dropped into it or chosen with its button."""
 
 from collections.abc import Awaitable, Callable
 
@@ -18,15 +18,15 @@ def upload_box(
     choose: str,
     multiple: bool = False,
 ) -> ui.upload:
-    """Build the box and its button, side by side in what is being built.
+    """Build the box and its button, side by side in the current element.
 
     Args:
-        studio: of this session; it shows why a file is not taken.
-        label: what the box says.
-        key: what its class ends with, 'st-drop-' before it.
+        studio: of this session; it shows why a file is refused.
+        label: text of the box.
+        key: ending of its CSS class 'st-drop-KEY'.
         take: called with name and content of each file.
-        choose: what the button says to those who do not see it.
-        multiple: whether it takes several files at once.
+        choose: label of the button for screen readers.
+        multiple: whether several files may be chosen at once.
 
     Returns:
         The box.

@@ -1,6 +1,6 @@
-"""The views of the page: one is seen, the others are built and drawn behind it as soon as nothing is asked for.
+"""The panels of the page's views: one is shown, the others are built and drawn while the page is idle.
 
-A picture in space takes half a second to come into being in a browser; whoever opens its view finds it there already.
+A picture in space takes a browser half a second to create; this way it is there before its view is opened.
 """
 
 import time
@@ -13,19 +13,19 @@ from nicegui import ui
 if TYPE_CHECKING:
     from ptt.show.studio.controller import Studio
 
-BEHIND = ""  # the view of what nobody sees before it is asked for
-REST = 0.6  # s after a step in which nothing unseen is drawn: what a person does next comes first
-PAUSE = 0.2  # s between two things that a browser draws unseen, so that what a person does comes first
-# A hidden view keeps its place and size: what was drawn there is right when it is seen, and nothing is drawn anew.
+BEHIND = ""  # stands for the view of what is never shown at once, such as closed dialogs
+REST = 0.6  # s after a change in which nothing is drawn in the background, so that the person's next step comes first
+PAUSE = 0.2  # s between two background drawings, so that the browser can react to the person
+# JavaScript that shows one panel. Hidden ones keep their place and size, so that nothing has to be drawn again.
 SWITCH = """document.querySelectorAll('.st-panel')
   .forEach(panel => panel.classList.toggle('st-here', panel.dataset.view === 'VIEW'))"""
 
 
 class DrawQueue:
-    """What is still to be drawn: the view that is seen at once, the others when there is time."""
+    """Drawing requests of views: of the one that is shown done at once, of the others while the page is idle."""
 
     def __init__(self, studio: "Studio") -> None:
-        """Begin with nothing to draw.
+        """Begin with an empty queue.
 
         Args:
             studio: of this session.
@@ -35,33 +35,33 @@ class DrawQueue:
         self._from = 0.0
         self._clock: ui.timer | None = None
 
-    def ask(self, view: str, draw: Callable[[], None]) -> None:
-        """Draw now if the view is seen, else later; asked twice, it is drawn once.
+    def request(self, view: str, draw: Callable[[], None]) -> None:
+        """Draw now if the view is shown, else later; a function that is requested again meanwhile runs once.
 
         Args:
             view: name of the view.
-            draw: draws what is known by then.
+            draw: draws the state at the time it is called.
         """
         if view == self._studio.view:
             draw()
             return
         self._due.setdefault(draw, view)
-        if self._clock is None:  # of the page, which lives longer than any part of it
+        if self._clock is None:  # created on the page itself, not in a part of it that may be removed
             with self._studio.client:
                 self._clock = ui.timer(PAUSE, self._one)
         self._clock.active = True
 
     def seen(self, view: str) -> None:
-        """Draw everything that a view lacks."""
+        """Draw everything that is queued for a view, as it is now shown."""
         for draw in [draw for draw, of in self._due.items() if of == view]:
             self._draw(draw)
 
     def rest(self) -> None:
-        """Draw nothing unseen for a moment."""
+        """Draw nothing in the background for `REST` seconds."""
         self._from = time.monotonic() + REST
 
     def _one(self) -> None:
-        """Draw of a view that is not seen until there is something for the browser to do, unless a person waits."""
+        """Run queued functions until one sends something to the browser; none while a person's job is running."""
         sent = self._studio.client.outbox
         while self._studio.idle and self._due and time.monotonic() > self._from:
             self._draw(next(iter(self._due)))
@@ -69,7 +69,7 @@ class DrawQueue:
                 break
 
     def _draw(self, draw: Callable[[], None]) -> None:
-        """Draw; what that asks for in its turn comes next."""
+        """Run a queued function; what it requests in turn is put first in the queue."""
         del self._due[draw]
         others, self._due = self._due, {}
         draw()
@@ -82,11 +82,11 @@ class Panels:
     """The views, each in its panel."""
 
     def __init__(self, studio: "Studio", views: "Mapping[str, Callable[[Studio], object]]") -> None:
-        """Lay out empty panels; a view is built when it is seen or when there is time.
+        """Lay out empty panels; a view is built when it is shown, or while the page is idle.
 
         Args:
             studio: of this session.
-            views: name -> what builds it.
+            views: name -> function that builds the view.
         """
         self._studio = studio
         self._panels: dict[str, ui.element] = {}
@@ -95,7 +95,7 @@ class Panels:
                 panel = ui.element("div").classes("st-panel")
                 panel.props(f'role=tabpanel data-view={name} aria-label="{name}"')
                 self._panels[name] = panel
-                studio.later.ask(name, partial(self._build, panel, partial(build, studio)))
+                studio.draw_queue.request(name, partial(self._build, panel, partial(build, studio)))
 
     @staticmethod
     def _build(panel: ui.element, build: Callable[[], object]) -> None:
@@ -103,11 +103,11 @@ class Panels:
             build()
 
     def see(self, view: str) -> None:
-        """Show a view, built and drawn as far as it was not.
+        """Show a view; what of it was not built and drawn yet is done now.
 
         Args:
             view: its name.
         """
         for name, panel in self._panels.items():
             panel.classes(add="st-here") if name == view else panel.classes(remove="st-here")
-        self._studio.later.seen(view)
+        self._studio.draw_queue.seen(view)

@@ -1,4 +1,4 @@
-"""Processes that calculate, shared by all sessions: a few at most, and none kept for long without work."""
+"""A pool of worker processes for jobs, shared by all sessions."""
 
 import asyncio
 import atexit
@@ -17,23 +17,23 @@ from ptt.show.studio.outcomes import JobFailedError, QuestionError, SetupFoundEr
 from ptt.show.studio.verbs import Run
 from ptt.show.studio.worker import serve
 
-POLL = 0.02  # s
-IDLE = 120.0  # s without work after which a process is given back
-SHORT = 2.0  # s that a job may take that nobody stops
-PATIENCE = 20.0  # s that what nobody waits for stands back
-LEAVE = 0.5  # s that a job has to leave off by itself: to begin another process takes five times as long
-LEAST_WORKERS, MOST_WORKERS = 2, 4  # a diagnosis beside a quick look; more than this and each of them gets slow
-KEPT = 1.2 * 2**30  # bytes: a process that has grown beyond twice its usual size is not kept
+POLL = 0.02  # s between two looks at a connection
+IDLE = 120.0  # s without work after which a process is ended
+SHORT = 2.0  # s after which a job counts as long: another process is then started in reserve
+PATIENCE = 20.0  # s that a patient job waits for a free process before another is started
+LEAVE = 0.5  # s that a cancelled job has to stop by itself: starting another process takes five times as long
+LEAST_WORKERS, MOST_WORKERS = 2, 4  # enough for a diagnosis beside a short job; with more each becomes slow
+KEPT = 1.2 * 2**30  # bytes, twice the usual size: a larger process is ended after its job
 
 
 class WorkerProcess:
-    """One process; it works in the folder of whichever session a job belongs to."""
+    """One worker process; for each job it changes to the folder of the job's session."""
 
     def __init__(self, verb: Run | None) -> None:
-        """Start it, so that it has loaded the library when a job comes.
+        """Start the process, which imports the library before the first job.
 
         Args:
-            verb: how verbs of the command line are run there.
+            verb: runs verbs of the command line there; None where no job needs them.
         """
         context = multiprocessing.get_context("spawn")
         self.connection, other = context.Pipe()
@@ -43,23 +43,23 @@ class WorkerProcess:
         self.since = time.monotonic()
 
     async def answer(self, folder: Path, job: str, arguments: Sequence[Any], tell: Progress | None) -> tuple[Any, ...]:
-        """What a job comes to: its kind and content."""
+        """Run a job; its answer as a kind ('done', 'question', 'setup', 'failed', 'left', 'lost') and contents."""
         try:
             self.connection.send((str(folder), job, arguments))
-            return await self._heard(tell)
+            return await self._receive(tell)
         except (EOFError, OSError):
             return ("lost",)
 
     async def leaves(self) -> bool:
-        """Whether it leaves off what it is doing when it is asked to, and can be given another job."""
+        """Ask the process to stop its job; whether it did so in time and can be given another."""
         try:
             self.connection.send(None)
-            await asyncio.wait_for(self._heard(None), LEAVE)
+            await asyncio.wait_for(self._receive(None), LEAVE)
         except (EOFError, OSError, TimeoutError, asyncio.CancelledError):
             return False
         return True
 
-    async def _heard(self, tell: Progress | None) -> tuple[Any, ...]:
+    async def _receive(self, tell: Progress | None) -> tuple[Any, ...]:
         while True:
             while not self.connection.poll():
                 await asyncio.sleep(POLL)
@@ -71,7 +71,7 @@ class WorkerProcess:
 
     @property
     def large(self) -> bool:
-        """Whether it holds more memory than is worth keeping."""
+        """Whether the process holds more memory than `KEPT`; False where that cannot be read."""
         try:
             pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
         except (OSError, ValueError, IndexError):
@@ -79,25 +79,25 @@ class WorkerProcess:
         return pages * os.sysconf("SC_PAGE_SIZE") > KEPT
 
     def kill(self) -> None:
-        """End it, and what it has started."""
+        """Kill the process, and those that it has started."""
         if self.process.pid is not None and hasattr(os, "killpg"):
             with suppress(ProcessLookupError, PermissionError):
-                os.killpg(self.process.pid, signal.SIGKILL)  # its own group, once it has made one
+                os.killpg(self.process.pid, signal.SIGKILL)  # `serve` makes it the leader of a group
         self.process.kill()
         self.process.join()
         self.connection.close()
 
 
 class Pool:
-    """As many processes as cores, within bounds; jobs beyond that wait their turn."""
+    """A pool of worker processes, started on demand; further jobs wait for a free one."""
 
     def __init__(self, most: int | None = None, idle: float = IDLE, verb: Run | None = None) -> None:
         """Start nothing yet.
 
         Args:
-            most: processes at once; None takes as many as there are cores, within bounds.
-            idle: seconds without work after which a process is given back.
-            verb: how verbs of the command line are run, a function that another process can import.
+            most: most processes at once; None for the number of cores, within `LEAST_WORKERS` and `MOST_WORKERS`.
+            idle: time without work after which a process is ended, s.
+            verb: runs verbs of the command line; a function that another process can import.
         """
         self.most = most or max(LEAST_WORKERS, min(MOST_WORKERS, os.cpu_count() or LEAST_WORKERS))
         self.idle, self.verb = idle, verb
@@ -108,7 +108,7 @@ class Pool:
         atexit.register(self.close)
 
     def warm(self) -> None:
-        """Have one process ready before the first job comes."""
+        """Start a first process ahead of the first job."""
         if not self._all:
             self._free.append(self._started())
             self._trim_later()
@@ -116,17 +116,17 @@ class Pool:
     async def run(
         self, folder: Path, job: str, arguments: Sequence[Any], tell: Progress | None = None, patient: bool = False
     ) -> Any:
-        """Do a job; where the task is cancelled the job leaves off, or else the process that does it is ended.
+        """Run a job; where the task is cancelled the job stops by itself, else its process is killed.
 
         Args:
-            folder: to work in.
+            folder: folder to work in.
             job: name of a function of `ptt.show.studio.jobs`.
-            arguments: what it takes, all of it picklable.
+            arguments: its arguments, all picklable.
             tell: told what is done, how much of how much.
-            patient: whether it rather waits a while than have another process started, which takes the processor.
+            patient: whether to wait up to `PATIENCE` for a free process before another is started.
 
         Returns:
-            What it returns.
+            The result of the job.
 
         Raises:
             JobFailedError: it refused or failed.
@@ -148,7 +148,7 @@ class Pool:
                     self._take_back(worker)
                 else:
                     self._end(worker)
-                    self._ready()  # in its place
+                    self._start_spare()  # in its place
                 raise
             finally:
                 reserve.cancel()
@@ -186,14 +186,14 @@ class Pool:
         self._trim_later()
 
     def _reserve(self) -> None:
-        """Have a process free for what is asked for next."""
+        """Start a process in reserve if none is free, as a job has turned out to be long."""
         if not self._free:
-            self._ready()
+            self._start_spare()
 
-    def _ready(self) -> None:
-        """Start one more, where there may be one: it takes long to begin."""
+    def _start_spare(self) -> None:
+        """Start one more process, if the pool may have one, before a job needs it."""
         if len(self._all) < self.most and not self._closed:
-            self._free.insert(0, self._started())  # those that have begun are taken first
+            self._free.insert(0, self._started())  # taken last: the others have finished starting
             self._trim_later()
 
     def _end(self, worker: WorkerProcess) -> None:
@@ -201,11 +201,11 @@ class Pool:
         worker.kill()
 
     def _trim_later(self) -> None:
-        with suppress(RuntimeError):  # without a loop nobody waits for anything
+        with suppress(RuntimeError):  # there is no running loop while the server shuts down
             asyncio.get_running_loop().call_later(self.idle + 1.0, self._trim)
 
     def _trim(self) -> None:
-        """Give back what has had no work for a while."""
+        """End processes that have had no work for a while."""
         for worker in [worker for worker in self._free if time.monotonic() - worker.since > self.idle]:
             self._free.remove(worker)
             self._end(worker)

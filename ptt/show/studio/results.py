@@ -1,4 +1,4 @@
-"""What goes to and fro between page and worker: which files are read, and what was found out, as plain values."""
+"""Values that page and workers exchange: the source (which files are read, and how), and results of jobs."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -11,12 +11,13 @@ from ptt.show.studio.looks import Look
 if TYPE_CHECKING:
     from ptt.door.options import ReadOptions
 
-ANSWERS = "answers.toml"
-COLUMNS = "columns.toml"  # what a person said of the columns, in the grid
-MENDED = "mended.csv"  # the run with the mistakes of its set-up undone
-SEAL = "sealed.json"
-ORDER = "order"  # what --set says of rows whose time goes back
-EFFECTS = "effects"  # folder of the effect files; uploads never get there, for what is in it is executed
+# Files in the folder of a session, and, last, the folder of effect files.
+ANSWERS = "answers.toml"  # answers to questions about columns, as a file for --map
+COLUMNS = "columns.toml"  # the same as entered in the grid of columns
+MENDED = "mended.csv"  # the run with mistakes of its set-up corrected
+SEAL = "sealed.json"  # of a challenge
+EFFECTS = "effects"  # uploads never get there, because its files are executed
+ORDER = "order"  # key of --set that says what to do with rows whose time goes back
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,12 @@ class Source:
 
     Attributes:
         run: tracker CSV.
-        also: further runs.
-        targets: targets of an export; '' where none.
-        set_: 'column=value' each.
-        map_: saved answers on columns and units; '' where none.
-        effects: Python files that the person who started the page named; they lie in the folder `EFFECTS`.
-        answers: (question, answer) given on the page.
+        also: further runs, read together with it.
+        targets: targets of an export that holds readings only; '' for none.
+        set_: values of --set, 'column=value' each.
+        map_: file for --map with answers on columns and units; '' for none.
+        effects: Python files in the folder `EFFECTS`, named by whoever started the server, or written by it.
+        answers: (question, answer) pairs given on the page.
         anyway: whether to go on although the set-up looks mistaken.
     """
 
@@ -45,7 +46,7 @@ class Source:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """Options that a command would be given."""
+        """The same as options of a command line."""
         pairs = [("--also", each) for each in self.also] + [("--set", each) for each in self.set_]
         pairs += [("--targets", self.targets), ("--map", self.mapping)]
         pairs += [("--effects", each) for each in self.effects]
@@ -54,25 +55,25 @@ class Source:
 
     @property
     def words(self) -> str:
-        """Run and options as one writes them."""
+        """Run and options as words of a shell."""
         return shlex.join([self.run, *self.options])
 
     @property
     def mapping(self) -> str:
-        """File with the answers on columns and units; '' where none."""
+        """File for --map, with answers given on the page if there are any; '' for none."""
         return ANSWERS if self.answers else self.map_
 
     @property
     def effect_files(self) -> tuple[str, ...]:
-        """Where the effect files are."""
+        """Paths of the effect files, relative to the session's folder."""
         return tuple(f"{EFFECTS}/{name}" for name in self.effects)
 
     def answered(self, about: str, question: str, choice: str) -> "Source":
-        """The same with an answer more.
+        """The source with one more answer.
 
         Args:
-            about: of the question, as `QuestionError` has it.
-            question: what was open.
+            about: what the question is about, as in `QuestionError`.
+            question: the question.
             choice: the answer.
         """
         if about == ORDER:
@@ -80,7 +81,7 @@ class Source:
         return replace(self, answers=(*self.answers, (question, choice)))
 
     def reading(self) -> "ReadOptions":
-        """The same as the command line has it; nobody is asked on a terminal."""
+        """The same as options of the library; with `json` set, so that nobody is asked on a terminal."""
         from ptt.door.options import ReadOptions
 
         return ReadOptions(
@@ -108,16 +109,16 @@ class Diagnosed:
     """A diagnosis.
 
     Attributes:
-        data: what `ptt diagnose --json` prints.
-        text: the same as text.
-        measure_next: CSV of poses to measure; '' where none.
-        card: the result in short, `ptt.show.card.result.card_of_diagnosis`.
-        fits: effect -> this run's data with the fit through it.
-        ghosts: effect -> how far the parts of the machine are off, at each pose of the picture.
-        unknown: the one curve that the unknown follows; None where there is none.
-        cards: effect -> what its card says, of each that is suggested.
-        sizes: all other sizes of the drawing, where one is suggested.
-        whole: the diagnosis itself, as the process that made it packed it; for a report of this sitting, never on disk.
+        data: JSON of `ptt diagnose`.
+        text: what it prints.
+        measure_next: CSV of poses to measure; '' for none.
+        card: the result card, from `ptt.show.card.result.card_of_diagnosis`.
+        fits: residuals and fits of suggested effects, from `ptt.show.card.fits.fits_of`.
+        ghosts: displacements by suggested effects, from `ptt.show.card.ghost.ghosts_of`.
+        unknown: the leading dependence of an unknown with its readings; None for any other verdict.
+        cards: suggested effect -> its card in words.
+        sizes: keys of all other sizes of the drawing, where one of them is suggested.
+        whole: the diagnosis itself, pickled, for a report; never written to disk.
     """
 
     data: Mapping[str, Any]

@@ -1,4 +1,4 @@
-"""What is being done for one session: one job after the other, those nobody asked for give way."""
+"""Running the jobs of one session: one after the other; those that nobody asked for are cancelled for others."""
 
 import asyncio
 import time
@@ -10,14 +10,25 @@ from typing import Any, Literal
 from ptt.show.studio.outcomes import JobCancelledError, JobFailedError
 from ptt.show.studio.pool import Pool
 
+# Kinds of jobs:
+# 'asked': by a person; shown as busy, cancels 'unasked' ones.
+# 'unasked': shown as busy, but cancelled for whatever a person asks for.
+# 'quiet': short and not shown.
+# 'aside': not shown, and run beside the others, as it needs no file that they use.
+# 'spare': as 'aside', for what nobody waits for: it waits for a free process, and Cancel does not stop it.
 How = Literal["asked", "quiet", "unasked", "aside", "spare"]
 
 
 @dataclass(frozen=True)
 class Busy:
-    """What is being done: words, how much of how much (0 of 0 where nobody knows), since when.
+    """The job that is shown as being done.
 
-    `yields` says that nobody asked for it: it gives way to whatever a person asks for.
+    Attributes:
+        words: what is done.
+        done: how much of it is done.
+        of: how much there is; 0 where that is unknown.
+        since: when it began, on the monotonic clock, s.
+        yields: whether nobody asked for it, so that it is cancelled for whatever a person asks for.
     """
 
     words: str
@@ -28,14 +39,14 @@ class Busy:
 
 
 class JobRunner:
-    """Jobs of one session, what of them is shown, and what went wrong with the last."""
+    """Runs the jobs of one session, and keeps what the page shows of them: the present job, the last trouble."""
 
     def __init__(self, folder: Path, pool: Pool) -> None:
         """Begin idle.
 
         Args:
-            folder: of the session's files.
-            pool: what calculates.
+            folder: folder of the session's files.
+            pool: processes for jobs.
         """
         self.folder, self.pool = folder, pool
         self.trouble = ""
@@ -45,32 +56,31 @@ class JobRunner:
         self._epoch = 0
 
     def tell(self, topic: str) -> None:
-        """Tell the views of 'busy'."""
+        """Tell the views that a topic has changed; implemented by the controller."""
         raise NotImplementedError
 
     @property
     def idle(self) -> bool:
-        """Whether nothing that a person asked for is going on."""
+        """Whether no job is shown that a person asked for."""
         return self.busy is None or self.busy.yields
 
     def cancel(self) -> None:
-        """Stop what is running and what waits."""
+        """Cancel the jobs that run and wait, except 'spare' ones."""
         self._epoch += 1
         for task in self._tasks:
             task.cancel()
 
     async def work(self, words: str, job: str, *arguments: Any, how: How = "asked") -> Any:
-        """Do a job off the page.
+        """Run a job in another process.
 
         Args:
             words: what is done, for the person.
-            job: name of the job.
-            *arguments: what it takes.
-            how: 'asked' by a person, 'quiet' and short, 'unasked' and giving way, or 'aside': reads no file of the
-                session, so that it need not wait for anything; 'spare' is the same of what nobody waits for.
+            job: name of a function of `ptt.show.studio.jobs`.
+            *arguments: its arguments.
+            how: kind of job, see `How`.
 
         Returns:
-            Its result; None where it was stopped or failed, which is shown.
+            Its result; None where it was cancelled or failed, which is shown.
         """
         epoch, shown = self._epoch, how in ("asked", "unasked")
         if how == "asked":
@@ -103,7 +113,7 @@ class JobRunner:
                 )
 
         task = asyncio.create_task(self.pool.run(self.folder, job, arguments, tell, patient=how == "spare"))
-        if how != "spare":  # nobody means it who stops what goes on
+        if how != "spare":
             self._tasks[task] = how == "unasked"
         try:
             await asyncio.wait([task])

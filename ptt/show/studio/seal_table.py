@@ -1,4 +1,4 @@
-"""An opened seal as tables: what was hidden, what the model says of it, where its commands put the real tool."""
+"""The opened seal of a challenge as tables: hidden effects, the model's effects, and the true error of the tool."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -9,7 +9,7 @@ from ptt.run.axes import AXES_TOTAL
 from ptt.show.card.words import MICRO, length, parameter_in_words, prefixed
 from ptt.show.studio.tables import table_html
 
-MOST_NUMBERS = 6  # of one cell
+MOST_NUMBERS = 6  # in one cell
 UNIT = re.compile(r"_((?:nmm|um|mm|m|mrad|urad|rad|deg|n|kg|k|s|ms|h|c)(?:_per_[a-z]+(?:_[a-z]+)*)?)$")
 SIGNS = {"n": "N", "nmm": "N mm", "k": "K", "c": "\N{DEGREE SIGN}C", "um": f"{MICRO}m", "urad": f"{MICRO}rad"}
 TOLD = {
@@ -20,10 +20,10 @@ TOLD = {
 
 
 def seal_html(opened: Mapping[str, Any]) -> str:
-    """The opened seal.
+    """An opened seal as HTML.
 
     Args:
-        opened: what `ptt challenge reveal --json` prints.
+        opened: JSON of `ptt challenge reveal`.
 
     Returns:
         HTML: a sentence, the table of effects, the table of the tool's error.
@@ -59,10 +59,10 @@ def _told(item: Mapping[str, Any]) -> str:
 
 
 def truth_in_words(truth: Mapping[str, Any]) -> str:
-    """Hidden values by their names, each with the prefix that suits it.
+    """Hidden values in words, each in a unit that suits it.
 
     Args:
-        truth: as a rig's file names them, units at the ends of names: 'gap_mm', 'compliance_um_per_n'.
+        truth: name as in a rig's file, with its unit ('gap_mm', 'compliance_um_per_n') -> value or values.
 
     Returns:
         For example 'gap 40.3, 17.9 and 51.8 um' with the real sign.
@@ -86,7 +86,7 @@ def _hidden(name: str, value: Any) -> str:
 
 
 def _spoken(unit: str) -> str:
-    """'um_per_m_k' as 'um/m/K' with the real signs."""
+    """A unit as in names, such as 'um_per_m_k', as 'um/m/K' in typographic signs."""
     over, _, under = unit.partition("_per_")
     return "/".join(SIGNS.get(part, part) for part in (over, *under.split("_")) if part)
 

@@ -1,4 +1,4 @@
-"""The server: bound to 127.0.0.1, a session for each address, uploads of limited size, nobody else let in."""
+"""The web server of the studio: bound to 127.0.0.1, with an address for each session and access control."""
 
 import gc
 import socket
@@ -17,11 +17,11 @@ from ptt.show.studio.page import build_page
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
 from ptt.show.studio.store import SessionFolder, SessionStore
-from ptt.show.studio.uploads import keep, keep_effects
+from ptt.show.studio.uploads import keep_effects, keep_upload
 from ptt.show.studio.verbs import Run
 
 HOST = "127.0.0.1"
-STAY = 60.0  # s that a tab may be away (a laptop that sleeps) before what it calculates is stopped
+STAY = 60.0  # s that a tab may be disconnected (a laptop that sleeps) before its session is closed
 SHADE = (
     "position:fixed;inset:0;z-index:9999;display:flex;align-items:center;justify-content:center;"
     "background:rgba(20,24,27,.85);color:#fff;font-size:20px"
@@ -32,7 +32,13 @@ ELSEWHERE = f"""document.body.insertAdjacentHTML('beforeend', '<div role="alert"
 
 @dataclass(frozen=True)
 class Opening:
-    """What a fresh tab starts with: files by name and content, how they are read, and the machine's text."""
+    """What a fresh session starts with, from the command line.
+
+    Attributes:
+        files: name -> content.
+        source: how they are read; None without a run.
+        machine: text of the machine.toml; '' without one.
+    """
 
     files: dict[str, bytes]
     source: Source | None
@@ -51,13 +57,13 @@ def serve(
     """Serve the page until interrupted.
 
     Args:
-        opening: what a fresh tab starts with.
-        port: where to listen; 0 takes a free one.
+        opening: what a fresh session starts with.
+        port: port to listen at; 0 for a free one.
         show: whether a browser is opened.
-        tell: says where the page is.
-        warn: told on the terminal what no page can show any more.
-        root: folder that keeps sessions; None for the usual one.
-        verb: how verbs of the command line are run.
+        tell: called with the address of the page.
+        warn: called with messages that no page can show any more.
+        root: folder of sessions; None for the usual one.
+        verb: runs verbs of the command line.
 
     Raises:
         InputError: the port is in use, or the folder cannot be written.
@@ -71,27 +77,27 @@ def serve(
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
     port = _free_port(port)
     tell(f"http://{HOST}:{port}")
-    gc.freeze()  # what is loaded by now stays: looked through for garbage it holds up every page, 0.5 s each time
+    gc.freeze()  # keeps modules loaded by now out of garbage collections, which would stop the server for 0.5 s
     ui.run(
         host=HOST, port=port, title="ptt studio", show=show, reload=False, reconnect_timeout=STAY, language="en-US",
         show_welcome_message=False, favicon="\N{STRAIGHT RULER}", tailwind=False, dark=None,
-        ws_per_message_deflate=False,  # nothing is saved on the way within one computer
+        ws_per_message_deflate=False,  # compression gains nothing within one computer
     )  # fmt: skip
 
 
 class _Pages:
-    """The pages that are open: a session is on one of them at a time."""
+    """The open pages; a session is on one of them at a time."""
 
     def __init__(self, store: SessionStore, pool: Pool, opening: Opening, warn: Callable[[str], None]) -> None:
         self.store, self.pool, self.opening, self.warn = store, pool, opening, warn
         self.studios: dict[str, Studio] = {}
 
     async def show(self, place: SessionFolder, view: str) -> None:
-        """Put a session on the page of the client that asks."""
+        """Build the page of a session for the client that asks for it, on one of the views."""
         client = ui.context.client
         try:
             await client.connected(timeout=STAY)
-        except ClientConnectionTimeout:  # the page was asked for by something that is no browser
+        except ClientConnectionTimeout:  # requested by something that is no browser
             return
         self.pool.warm()
         known = self.studios.get(place.key)
@@ -102,27 +108,27 @@ class _Pages:
         studio.attach(client)
         client.on_delete(lambda: self._left(studio, client))
         build_page(studio, view)
-        ui.run_javascript('import("nicegui-plotly"); null')  # while the person looks for a file
+        ui.run_javascript('import("nicegui-plotly"); null')  # ahead of the first picture
         if fresh and (self.opening.files or self.opening.machine):
             await _start(studio, self.opening)
         elif known is None:
             await studio.resume()
 
     def find(self, key: str, owner: str) -> SessionFolder | None:
-        """The place of a session of this owner; None where there is none."""
+        """The folder of a session that belongs to a browser; None where there is none."""
         place, known = self.store.find(key, owner), self.studios.get(key)
         if place is None and known is not None and known.place.owner == owner:
-            return known.place  # nothing was opened yet, so nothing is on disk
+            return known.place  # a new session is on disk only once something was opened
         return place
 
     def close(self) -> None:
-        """End what calculates, and write down what is not written yet."""
+        """End all processes, and save all sessions."""
         self.pool.close()
         for studio in list(self.studios.values()):
             self._end(studio)
 
     def _left(self, studio: Studio, client: Client) -> None:
-        if studio.client is client:  # else the page was loaded anew and lives on
+        if studio.client is client:  # else the session is on another page by now
             self.studios.pop(studio.place.key, None)
             self._end(studio)
 
@@ -132,7 +138,7 @@ class _Pages:
 
 
 def _lay_out(pages: _Pages) -> None:
-    """The addresses: a fresh session, and one that is there."""
+    """Define the addresses: of a fresh session, and of one that exists."""
 
     @ui.page("/", title="ptt studio")
     async def root_page() -> None:
@@ -182,11 +188,11 @@ def keep_opening(folder: Path, opening: Opening) -> Source | None:
     """Copy the files of the command line into a session's folder.
 
     Args:
-        folder: of the session.
+        folder: the session's folder.
         opening: the files.
 
     Returns:
-        The source by the names that the files have there.
+        The source with the names that the files have there; None without a run.
 
     Raises:
         InputError: a file that cannot be taken.
@@ -199,7 +205,7 @@ def keep_opening(folder: Path, opening: Opening) -> Source | None:
         if name in source.effects:
             keep_effects(folder, name, data)
         else:
-            kept[name] = keep(folder, name, data)
+            kept[name] = keep_upload(folder, name, data)
     also = tuple(kept[name] for name in source.also)
     return replace(source, run=kept[source.run], also=also, targets=kept[source.targets], map_=kept[source.map_])
 

@@ -1,4 +1,4 @@
-"""The state of one page: a run, a model and how it came to be, and what was found out; values only, no browser."""
+"""The state of one page as an immutable value: a run, a model with its undo history, and all results on models."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -7,32 +7,33 @@ from typing import Any, TypeVar
 from ptt.errors import ModelError
 from ptt.machine import format_machine, parse_machine
 from ptt.machine_schema import EffectEntry
-from ptt.show.studio.later import Said
+from ptt.show.studio.later import LaterAnswer
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Compared, Diagnosed, Source, Trained
 from ptt.show.studio.snapshot import Figures, Rung, Snapshot, parsed
 from ptt.show.studio.steps import START, step_command, switch_commands
 
 Value = TypeVar("Value")
-_WAY: Mapping[str, Any] = {"history": (), "covariance": None}  # how a model came to be says nothing of the machine
+# Fields that are ignored where machine files are compared: they say how a model came to be.
+_WAY: Mapping[str, Any] = {"history": (), "covariance": None}
 
 
 @dataclass(frozen=True)
 class Session:
-    """All that one page knows; every change makes a new one.
+    """The state of one page; every change makes a new value. Results are kept by the text of the active model.
 
     Attributes:
-        source: the files that are read; None before a run is there.
-        now: the model; None before a machine is there.
+        source: the files that are read; None before there is a run.
+        now: the present model; None before there is a machine.
         past: models before it, oldest first.
-        future: models that were undone, the next one first.
+        future: models that were undone, the next one to redo first.
         looks: model text -> look.
         comparisons: model text -> comparison.
         diagnoses: model text -> diagnosis.
         trainings: model text -> compensator.
-        first: when the run was measured, '2026-03-15'; '' where nobody said.
-        later: file and date of runs that were measured later on the same machine.
-        said: what a person said of these, as `ptt.show.studio.later` has it.
+        first: date of the run, '2026-03-15', as entered by a person; '' where nobody did.
+        later: file and date of later runs of the same machine.
+        said: a person's answers on later runs.
     """
 
     source: Source | None = None
@@ -45,52 +46,52 @@ class Session:
     trainings: Mapping[str, Trained] = field(default_factory=dict)
     first: str = ""
     later: tuple[tuple[str, str], ...] = ()
-    said: tuple[Said, ...] = ()
+    said: tuple[LaterAnswer, ...] = ()
 
     @property
     def ready(self) -> bool:
-        """Whether run and model are there."""
+        """Whether there are a run and a model."""
         return self.source is not None and self.now is not None
 
     @property
     def text(self) -> str:
-        """The active model's machine.toml."""
+        """Text of the active model: the machine.toml without effects that are switched off; '' where there is none."""
         return "" if self.now is None else self.now.active
 
     @property
     def look(self) -> Look | None:
-        """The run held against the active model."""
+        """Look of the active model; None while it is not known, as of all results."""
         return self.looks.get(self.text)
 
     @property
     def comparison(self) -> Compared | None:
-        """Its comparison."""
+        """Comparison of the active model."""
         return self.comparisons.get(self.text)
 
     @property
     def diagnosis(self) -> Diagnosed | None:
-        """Its diagnosis."""
+        """Diagnosis of the active model."""
         return self.diagnoses.get(self.text)
 
     @property
     def diagnosis_of_drawing(self) -> Diagnosed | None:
-        """The diagnosis of the machine without any effect, where the session has been there."""
+        """Diagnosis of the bare drawing, if it was made in this session."""
         bare = None if self.now is None else replace(self.now.file, effect=(), **_WAY)
         files = ((parsed(text), found) for text, found in self.diagnoses.items())
         return next((found for file, found in files if replace(file, **_WAY) == bare), None)
 
     @property
     def error_um(self) -> Figures | None:
-        """The active model's error, x, y, z, total, um: as its diagnosis says, until then as its comparison says.
+        """Rms error with the active model by x, y, z and total, um: from its diagnosis, else from its comparison.
 
-        The diagnosis leaves out the rows that a run opens with and weighs the frame by the noise it has found: with
-        both in sight the page would have two numbers for one thing.
+        The two differ a little, as a diagnosis sets rows at the beginning of runs aside and weighs the frame by the
+        noise that it has found. The page always shows one of them.
         """
         return self._error_of(self.text)
 
     @property
     def began_um(self) -> Figures | None:
-        """The error that the first step began with, as `error_um`; None before any step."""
+        """The error, as `error_um`, with the model before the first step; None before any step."""
         return self._error_of(self.past[0].active) if self.past else None
 
     def _error_of(self, text: str) -> Figures | None:
@@ -100,17 +101,17 @@ class Session:
 
     @property
     def training(self) -> Trained | None:
-        """Its compensator."""
+        """Compensator trained on the active model."""
         return self.trainings.get(self.text)
 
     @property
     def effects(self) -> tuple[EffectEntry, ...]:
-        """Effects of the model, those switched off included."""
+        """Effects of the present model, those switched off included."""
         return () if self.now is None else self.now.file.effect
 
     @property
     def commands(self) -> tuple[str, ...]:
-        """The commands that lead to the active model, the removal of what is switched off included."""
+        """Command lines that lead to the active model, with the removal of effects that are switched off."""
         if self.now is None or self.source is None:
             return ()
         return (
@@ -120,11 +121,11 @@ class Session:
 
     @property
     def kind(self) -> str:
-        """Family of the mechanism."""
+        """Kind of the machine."""
         return "three-ptt" if self.now is None else self.now.file.machine.kind
 
     def opened(self, source: Source, model: str) -> "Session":
-        """A fresh session on another run or machine; nothing of the old one is kept."""
+        """A fresh session on a run and a model; nothing of this one is kept."""
         return Session(source=source, now=Snapshot(model))
 
     def remembering(
@@ -136,7 +137,7 @@ class Session:
         diagnosed: Diagnosed | None = None,
         trained: Trained | None = None,
     ) -> "Session":
-        """With a finding on a model kept: the active one, unless its text says which."""
+        """The session with results on a model added: the active model, unless a text names another."""
         text = self.text if text is None else text
         return replace(
             self,
@@ -147,12 +148,12 @@ class Session:
         )
 
     def changed(self, verb: str, effects: tuple[str, ...], change: Changed) -> "Session":
-        """With the model that adding, removing or refitting made.
+        """The session with the model that adding, removing or refitting has made.
 
         Args:
             verb: 'add', 'remove' or 'fit'.
-            effects: keys.
-            change: its outcome; effects that were switched off meanwhile stay in the model, switched off.
+            effects: keys of the effects.
+            change: the result; effects that are switched off stay in the model, switched off.
 
         Returns:
             The session.
@@ -174,11 +175,11 @@ class Session:
         return self._to(replace(made, fitted=made.active))
 
     def switched(self, key: str, on: bool) -> "Session":
-        """With an effect on or off; its parameters stay as they are.
+        """The session with an effect switched on or off; its parameters stay as they are.
 
         Args:
-            key: the effect.
-            on: whether it counts.
+            key: key of the effect.
+            on: whether it is part of the active model.
 
         Returns:
             The session.
@@ -193,19 +194,19 @@ class Session:
         return self._to(replace(self.now, off=off, words=f"{key} {'on' if on else 'off'}"))
 
     def undone(self) -> "Session":
-        """One step back; the same where there is none."""
+        """The session one step back; unchanged where there is none."""
         if not self.past or self.now is None:
             return self
         return replace(self, now=self.past[-1], past=self.past[:-1], future=(self.now, *self.future))
 
     def redone(self) -> "Session":
-        """One step forward again; the same where there is none."""
+        """The session one step forward again; unchanged where there is none."""
         if not self.future or self.now is None:
             return self
         return replace(self, now=self.future[0], past=(*self.past, self.now), future=self.future[1:])
 
     def others(self) -> dict[str, Look]:
-        """Looks at other models of this session, by words, to draw beside the active one's."""
+        """Words on other models of this session -> their looks, to be drawn beside the active one's."""
         if self.now is None:
             return {}
         found: dict[str, Look] = {}
@@ -232,7 +233,7 @@ def _with(known: Mapping[str, Value], text: str, value: Value | None) -> Mapping
 
 
 def _with_off(text: str, before: Snapshot) -> str:
-    """The new model with the effects that are switched off put back beside the others."""
+    """The changed model with the effects that are switched off put back."""
     if not before.off:
         return text
     file, there = parse_machine(text, START), {entry.key for entry in before.file.effect}

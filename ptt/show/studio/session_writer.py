@@ -1,4 +1,4 @@
-"""Sessions written to disk beside the page, which does not wait for the disk."""
+"""Writing a session to disk in the background, so that the page does not wait for it."""
 
 import asyncio
 from collections import deque
@@ -11,14 +11,14 @@ from ptt.show.studio.store import SessionFolder
 
 
 class SessionWriter:
-    """Writes the newest state of one session; states that came while it wrote are passed over."""
+    """Writes the latest state of one session; states that are superseded while it writes are skipped."""
 
     def __init__(self, place: SessionFolder, failed: Callable[[str], None]) -> None:
         """Write nothing yet.
 
         Args:
-            place: its folder.
-            failed: told why it cannot be kept.
+            place: folder of the session.
+            failed: called with the reason where it cannot be written.
         """
         self.place, self.failed = place, failed
         self._waiting: deque[Session] = deque(maxlen=1)
@@ -27,18 +27,18 @@ class SessionWriter:
         self._words = ""
 
     def keep(self, session: Session) -> None:
-        """Have a session written down, soon; needs a running loop."""
+        """Schedule a state to be written; needs a running event loop."""
         self._waiting.append(session)
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self._write())
 
     async def kept(self) -> None:
-        """Wait until it is on the disk."""
+        """Wait until all that was scheduled is on disk."""
         if self._task is not None:
             await asyncio.shield(self._task)
 
     def close(self) -> str:
-        """Write what is not written yet, now; why that, or what was being written, could not be, '' where it was."""
+        """Write what is still scheduled, now; returns why the last write failed, '' where it did not."""
         self._save()
         return self._words
 
@@ -48,9 +48,9 @@ class SessionWriter:
                 self.failed(words)
 
     def _save(self) -> str:
-        """Write the newest state; one that is being written comes to its end first, so none follows a newer one."""
+        """Write the latest state, after any write in progress, so that no older state overwrites a newer one."""
         with self._turn:
-            if not self._waiting:  # written by who came before
+            if not self._waiting:  # the write that was waited for has taken it
                 return self._words
             session, self._words = self._waiting.pop(), ""
             try:

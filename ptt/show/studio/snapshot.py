@@ -1,4 +1,4 @@
-"""A model at one time, and the ladder that led to it; values only."""
+"""A model at one time of a session, with the ladder and the commands that led to it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -14,9 +14,13 @@ Figures = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Rung:
-    """One step of the ladder: words, RMS in um, and whether the step helped.
+    """One step of a ladder.
 
-    The RMS is of training and of held-out rows; where nothing was held out, it is the plain one of all rows.
+    Attributes:
+        words: the step in words.
+        rms_um: axis or 'total' -> rms error of training rows; of all rows where nothing was held out.
+        heldout_rms_um: the same of held-out rows; None where nothing was held out.
+        helped: whether the step helped.
     """
 
     words: str
@@ -30,14 +34,14 @@ class Snapshot:
     """A model at one time.
 
     Attributes:
-        text: its machine.toml.
-        off: keys of effects that are switched off for now.
-        words: what was done last.
+        text: its machine.toml, effects that are switched off included.
+        off: keys of effects that are switched off.
+        words: the last step in words.
         rungs: the ladder that led here.
-        noise_um: noise floor of that ladder.
-        commands: the commands that led here.
-        removed: effects that those commands removed because they were switched off.
-        fitted: the active text that the last rung describes.
+        noise_um: axis or 'total' -> noise floor of that ladder, um.
+        commands: the command lines that led here.
+        removed: keys of effects that those commands have removed because they were switched off.
+        fitted: the active text to which the last rung belongs.
         fit: the last fit in words.
     """
 
@@ -67,13 +71,13 @@ class Snapshot:
 
 
 def parameter_rows(entry: EffectEntry) -> list[tuple[str, float, float | None, str]]:
-    """Parameters of an effect of a machine file.
+    """Parameter values of an effect in a machine file.
 
     Args:
         entry: the effect.
 
     Returns:
-        Name with its unit, value, standard error or None, and what is to be said of it, for each number.
+        For each value: name with its unit, value, standard error or None, and a note ('held', 'searched', ...).
     """
     rows = []
     for name, item in entry.parameters.items():
@@ -90,5 +94,5 @@ def parameter_rows(entry: EffectEntry) -> list[tuple[str, float, float | None, s
 
 @lru_cache(maxsize=64)
 def parsed(text: str) -> MachineFile:
-    """A machine file, read once: every view asks for it whenever anything changes."""
+    """A machine file, parsed once: every view asks for it whenever anything changes."""
     return parse_machine(text, START)

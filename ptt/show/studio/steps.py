@@ -1,4 +1,4 @@
-"""The steps of a session as commands: each reads the model that the one before wrote."""
+"""The steps of a session as command lines: each reads the model that the one before wrote."""
 
 import shlex
 from collections.abc import Collection, Sequence
@@ -10,13 +10,13 @@ REFITS = "# a switch on the page leaves the parameters as they are; ptt remove a
 
 
 def step_command(source: Source, before: int, verb: str, effects: Sequence[str]) -> str:
-    """A step as a command.
+    """A step as a command line.
 
     Args:
         source: the files.
-        before: how many steps were made before.
+        before: number of steps before it.
         verb: 'add', 'remove' or 'fit'.
-        effects: keys.
+        effects: keys of the effects.
 
     Returns:
         The command.
@@ -27,16 +27,16 @@ def step_command(source: Source, before: int, verb: str, effects: Sequence[str])
 
 
 def switch_commands(source: Source, before: int, removed: Collection[str], off: Collection[str]) -> tuple[str, ...]:
-    """The commands that do what switches did.
+    """Command lines for what was switched on the page.
 
     Args:
         source: the files.
-        before: how many steps were made before.
-        removed: effects that those steps have removed because they were switched off.
-        off: effects that are switched off now.
+        before: number of steps before them.
+        removed: keys of effects that those steps have removed because they were switched off.
+        off: keys of effects that are switched off now.
 
     Returns:
-        Removal of what was switched off since, then adding of what was switched on again.
+        One that removes what was switched off since, and one that adds what was switched on again, if needed.
     """
     turned = [("remove", sorted(set(off) - set(removed))), ("add", sorted(set(removed) - set(off)))]
     steps = [(verb, effects) for verb, effects in turned if effects]

@@ -1,4 +1,4 @@
-"""Sessions on disk: a folder each, with its files, its steps and what was found; a restart opens them as they were."""
+"""Sessions on disk: a folder for each, with its files, its state and its results, so that it survives a restart."""
 
 import hashlib
 import json
@@ -24,20 +24,20 @@ from ptt.show.studio.snapshot import Rung, Snapshot
 
 KEY = re.compile(r"[a-z0-9]{12}")
 STATE, FOUND, FILES = "session.json", "found", "files"
-DIAGNOSED = "learned.json"  # as sessions on disk have it
-SHOWN_SESSIONS = 12  # of a browser that are listed
+DIAGNOSED = "learned.json"  # diagnoses; the name is kept for sessions that are on disk already
+SHOWN_SESSIONS = 12  # most earlier sessions that are listed
 VERSION = 1
 
 
 def usual_root() -> Path:
-    """Where sessions are kept unless another folder is named."""
+    """The folder of sessions unless another is named."""
     given = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
     return Path(given or Path.home() / ".local" / "state") / "ptt" / "studio"
 
 
 @dataclass(frozen=True)
 class Listed:
-    """A session in a list: where it is, what it is about, when it was changed."""
+    """An earlier session in a list: its key, words on it, and when it was changed (ISO 8601, UTC)."""
 
     key: str
     words: str
@@ -48,11 +48,11 @@ class SessionFolder:
     """The folder of one session."""
 
     def __init__(self, root: Path, key: str, owner: str) -> None:
-        """Make it.
+        """Make the folder if it is not there.
 
         Args:
             root: folder of all sessions.
-            key: of this one, as in its address.
+            key: key of the session, as in its address.
             owner: cookie of the browser that it belongs to.
         """
         self.root, self.key, self.owner = root, key, owner
@@ -62,7 +62,7 @@ class SessionFolder:
         self._kept: set[Path] = set()
 
     def save(self, session: Session) -> None:
-        """Write down a session; what was found is written once. One at a time, which its `SessionWriter` sees to.
+        """Write a session; each result is written only once. Not reentrant: `SessionWriter` calls it one at a time.
 
         Raises:
             InputError: the folder cannot be written.
@@ -96,7 +96,7 @@ class SessionFolder:
         write_text(self.folder / STATE, json.dumps(state))
 
     def load(self) -> Session:
-        """The session as it was; an empty one where nothing was written down yet, or not by this version."""
+        """The session as it was saved; an empty one where there is none, or one of another version."""
         try:
             state = json.loads((self.folder / STATE).read_text(encoding="utf-8"))
             if state["version"] != VERSION:
@@ -115,12 +115,12 @@ class SessionFolder:
         return Session(source, now, past, future, **found, first=str(state.get("first", "")), later=later, said=said)
 
     def remove(self) -> None:
-        """Take it off the disk."""
+        """Remove the folder."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     @property
     def empty(self) -> bool:
-        """Whether nothing was ever opened here."""
+        """Whether no session was ever saved here."""
         return not (self.folder / STATE).exists()
 
     def _place(self, source: Source, text: str, kind: str) -> Path:
@@ -134,7 +134,7 @@ class SessionFolder:
         self._kept.add(path)
 
     def _find(self, source: Source, text: str, found: dict[str, dict[str, Any]]) -> None:
-        """What was found of one model; what cannot be read is worked out anew."""
+        """Load the results on one model into `found`; what cannot be read is left out and computed again later."""
         with suppress(OSError, ValueError, KeyError, TypeError):
             found["looks"][text] = unpack_look(self._place(source, text, "look.npz").read_bytes())
             compared = json.loads(self._place(source, text, "compared.json").read_text(encoding="utf-8"))
@@ -151,12 +151,15 @@ class SessionStore:
     """All sessions of this computer's user."""
 
     def __init__(self, root: Path | None = None) -> None:
-        """Make the folder; where none can be made, sessions last as long as the server.
+        """Make the folder; where the usual one cannot be made, a temporary one is used.
 
         Args:
             root: folder of all sessions; None for the usual one.
+
+        Raises:
+            InputError: the folder that was named cannot be made.
         """
-        self.root = (root or usual_root()).absolute()  # workers change folders
+        self.root = (root or usual_root()).absolute()  # workers change their working directory
         try:
             self.root.mkdir(parents=True, exist_ok=True)
             os.chmod(self.root, 0o700)
@@ -166,19 +169,19 @@ class SessionStore:
             self.root = Path(tempfile.mkdtemp(prefix="ptt-studio-"))
 
     def fresh(self, owner: str) -> SessionFolder:
-        """A new session of a browser."""
+        """The folder of a new session of a browser."""
         return SessionFolder(
             self.root, "".join(secrets.choice("abcdefghijkmnpqrstuvwxyz23456789") for _ in range(12)), owner
         )
 
     def find(self, key: str, owner: str) -> SessionFolder | None:
-        """A session by its address; None where there is none, or it belongs to another browser."""
+        """The folder of a session by its key; None where there is none, or it belongs to another browser."""
         if not KEY.fullmatch(key) or self._state(key).get("owner") != _hashed(owner):
             return None
         return SessionFolder(self.root, key, owner)
 
     def recent(self, owner: str) -> list[Listed]:
-        """The sessions of a browser, the last one first."""
+        """The latest sessions of a browser, the last changed first."""
         own = _hashed(owner)
         found = [(self._state(path.name), path.name) for path in self.root.iterdir() if KEY.fullmatch(path.name)]
         listed = [
@@ -203,7 +206,7 @@ def _json(value: Any) -> bytes:
 
 
 def _told(diagnosed: Diagnosed) -> dict[str, Any]:
-    """What is kept of a diagnosis: plain values, nothing that could run when it is read."""
+    """What is saved of a diagnosis: plain values, without the pickle."""
     return {name: value for name, value in asdict(diagnosed).items() if name != "whole"}
 
 

@@ -1,4 +1,4 @@
-"""How the page looks: light and dark, wide screens as one screen, narrow ones as one column."""
+"""The style sheet of the page, with that of the result card."""
 
 from importlib.resources import files
 

@@ -1,4 +1,4 @@
-"""Tables as HTML tables; everything that comes from a file is escaped."""
+"""HTML tables with escaped cells."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -7,13 +7,13 @@ from ptt.show.card.words import together
 
 
 def table_html(head: Sequence[str], rows: Iterable[Sequence[str]], words: int = 1, caption: str = "") -> str:
-    """A table.
+    """A table as HTML.
 
     Args:
-        head: titles of the columns; none for a list of facts, whose first column then is a head.
+        head: titles of the columns; empty for a list of facts, whose first column then holds the titles.
         rows: cells.
-        words: leading columns that hold words.
-        caption: what it shows, for those who do not see it.
+        words: number of leading columns that hold words.
+        caption: caption for screen readers.
 
     Returns:
         HTML.

@@ -1,4 +1,4 @@
-"""What a plan, the standard and dexterity say, as tables in the units of a page."""
+"""Results of planning, of ISO 9283 and of dexterity as HTML tables."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,14 +8,14 @@ from ptt.plan.expected import Expected, by_kind
 from ptt.show.card.words import length, parameter_in_words, percent, pretty
 from ptt.show.studio.tables import table_html
 
-FAMILIES = 4  # of singular poses that a table lists
+FAMILIES = 4  # of singular poses that are listed
 
 
 def plan_html(told: Mapping[str, Any]) -> str:
-    """Which effects a run over planned poses would tell, and how well.
+    """Which effects a run over planned poses would determine, and how well.
 
     Args:
-        told: what `ptt plan --json` prints.
+        told: JSON of `ptt plan`.
 
     Returns:
         HTML.
@@ -48,10 +48,10 @@ def _errors(parameters: Sequence[Mapping[str, Any]]) -> str:
 
 
 def iso_html(found: Mapping[str, Any]) -> str:
-    """Figures of the standard, mean and worst over the poses.
+    """Figures of ISO 9283, mean and worst over the poses.
 
     Args:
-        found: 'figures', a name with 'mean' and 'worst' in um, or None where the run does not tell it.
+        found: 'figures': pairs of a name and its 'mean' and 'worst' in um, or None where the run does not give it.
 
     Returns:
         HTML.
@@ -64,10 +64,10 @@ def iso_html(found: Mapping[str, Any]) -> str:
 
 
 def dexterity_html(figures: Mapping[str, Any]) -> str:
-    """How well the machine moves at home and over its workspace.
+    """Dexterity at home and over the workspace.
 
     Args:
-        figures: what `ptt dexterity --json` prints.
+        figures: JSON of `ptt dexterity`.
 
     Returns:
         HTML.
@@ -105,7 +105,7 @@ def _degrees(q: Sequence[float]) -> str:
 
 
 def _plain(value: float) -> str:
-    """Three figures that count, large ones in full."""
+    """Three significant digits, large numbers written out."""
     return f"{float(f'{value:.3g}'):,.12g}"
 
 

@@ -1,4 +1,4 @@
-"""Units as a page has them: one name for each, in questions, on chips and in tables."""
+"""Names of units for the page."""
 
 from ptt.run.readers.columns import UNITS
 
@@ -6,7 +6,7 @@ WORDS = {"c": "\N{DEGREE SIGN}C", "k": "K", "f": "\N{DEGREE SIGN}F", "stamp": "d
 
 
 def unit_in_words(choice: str) -> str:
-    """A unit as a chip has it; what is no unit stays as it is."""
+    """A unit of a mapping file as the page writes it; any other text stays as it is."""
     if not any(choice in units for units in UNITS.values()):
         return choice
     return WORDS.get(choice, choice.replace("um", "\N{MICRO SIGN}m").replace("_", "/"))

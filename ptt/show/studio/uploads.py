@@ -1,4 +1,4 @@
-"""Uploaded files in a session's folder: names without folders, beside whatever is there, never a program."""
+"""Storing uploaded files in a session's folder: safe names, nothing overwritten, no programs."""
 
 import unicodedata
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from ptt.files import write_bytes
 from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.results import ANSWERS, COLUMNS, EFFECTS, MENDED, SEAL
 
-RESERVED = (
+RESERVED = (  # names that the studio itself uses in a session's folder
     "model.toml",
     ANSWERS,
     COLUMNS,
@@ -28,16 +28,16 @@ RESERVED = (
 )
 
 
-def keep(folder: Path, name: str, data: bytes) -> str:
-    """Keep an uploaded file in a folder, beside whatever is there.
+def keep_upload(folder: Path, name: str, data: bytes) -> str:
+    """Store an uploaded file; nothing is overwritten.
 
     Args:
-        folder: of the session.
-        name: as the browser gives it; only its last part counts.
+        folder: the session's folder.
+        name: name as the browser gives it; folders in it are ignored.
         data: its content, never executed.
 
     Returns:
-        The name in the folder; a number is added where another file has that name.
+        The name in the folder, with a number where another file has that name; a file of the same content is reused.
 
     Raises:
         InputError: larger than the limit, or a program.
@@ -56,15 +56,15 @@ def keep(folder: Path, name: str, data: bytes) -> str:
             return kept
         if there is not None and there.is_file() and there.read_bytes() == data:
             return there.name
-    raise AssertionError  # numbers do not end
+    raise AssertionError  # never reached: `_numbered` does not end
 
 
 def keep_effects(folder: Path, name: str, data: bytes) -> None:
-    """Keep a file of effects that was named when the studio was started, or that it wrote; it will be executed.
+    """Store a file of effects, which will be executed: one named when the studio was started, or written by it.
 
     Args:
-        folder: of the session.
-        name: of the file.
+        folder: the session's folder.
+        name: name of the file.
         data: its content.
     """
     place = folder / EFFECTS
@@ -87,5 +87,5 @@ def _numbered(name: str) -> Iterator[str]:
 
 
 def _folded(name: str) -> str:
-    """What a file system that ignores case and the spelling of accents compares."""
+    """A name as compared by a file system that ignores case and Unicode normalisation."""
     return unicodedata.normalize("NFC", name).casefold()

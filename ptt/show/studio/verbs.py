@@ -1,4 +1,8 @@
-"""Verbs of the command line for the page's own processes: whoever starts the page hands in how they are run."""
+"""Running verbs of the command line in a worker process.
+
+`ptt.show` must not import `ptt.commands`, which imports it; so whoever starts the studio passes the function that runs
+verbs (`ptt.commands.main.run`).
+"""
 
 import contextlib
 import io
@@ -9,51 +13,51 @@ from typing import Any
 from ptt.errors import InputError
 
 Run = Callable[[list[str]], int]
-_how: list[Run] = []
+_runner: list[Run] = []
 
 
-def use(run: Run | None) -> None:
-    """Keep how verbs are run in this process.
+def set_runner(run: Run | None) -> None:
+    """Set the function that runs verbs in this process.
 
     Args:
-        run: takes what is typed after `ptt`, prints as the command does and returns its exit code.
+        run: takes the words after `ptt`, prints as the command does and returns its exit code; None for none.
     """
-    _how[:] = [] if run is None else [run]
+    _runner[:] = [] if run is None else [run]
 
 
-def say(words: Sequence[str]) -> tuple[str, str]:
+def run_verb(words: Sequence[str]) -> tuple[str, str]:
     """Run a verb.
 
     Args:
-        words: as typed after `ptt`.
+        words: the words after `ptt`.
 
     Returns:
-        What it prints, and its notes.
+        Its standard output and its standard error.
 
     Raises:
-        InputError: it ended with an error; its words are those of the command line.
+        InputError: it ended with an error and printed no result; the message is that of the command line.
     """
-    if not _how:
+    if not _runner:
         raise InputError("this page was started without the verbs", fix="start it as `ptt studio`")
     said, noted = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(noted):
-        code = _how[0](list(words))
+        code = _runner[0](list(words))
     if code and not said.getvalue():
         lines = [line for line in noted.getvalue().splitlines() if line.strip()] or ["it failed without a word"]
         raise InputError(lines[-1].removeprefix("error: "))
     return said.getvalue(), noted.getvalue()
 
 
-def ask(words: Sequence[str]) -> dict[str, Any]:
+def run_verb_json(words: Sequence[str]) -> dict[str, Any]:
     """Run a verb with --json.
 
     Args:
-        words: as typed after `ptt`.
+        words: the words after `ptt`.
 
     Returns:
-        What it prints.
+        Its JSON.
 
     Raises:
-        InputError: it ended with an error.
+        InputError: it ended with an error and printed no result.
     """
-    return dict(json.loads(say([*words, "--json"])[0]))
+    return dict(json.loads(run_verb([*words, "--json"])[0]))

@@ -1,4 +1,4 @@
-"""A process that calculates: it does one job after the other until the page goes away."""
+"""The main loop of a worker process: it runs one job after the other until the server closes the connection."""
 
 import io
 import os
@@ -12,36 +12,36 @@ from typing import Any
 from ptt.errors import PttError, SetupError
 from ptt.show.studio.on_page import on_page
 from ptt.show.studio.outcomes import QuestionError
-from ptt.show.studio.verbs import Run, use
+from ptt.show.studio.verbs import Run, set_runner
 from ptt.threads import set_threads
 
 
 class LeaveOffError(BaseException):
-    """The page wants no answer any more; no handler of errors on the way is meant."""
+    """The job was cancelled; a BaseException, so that no handler of errors in the library catches it."""
 
 
 def serve(connection: Connection, verb: Run | None = None) -> None:
-    """Do jobs until the page goes away.
+    """Run jobs until the server closes the connection.
 
     Args:
-        connection: to the page.
-        verb: how verbs of the command line are run.
+        connection: to the server's `ptt.show.studio.pool.WorkerProcess`.
+        verb: runs verbs of the command line.
     """
     if hasattr(os, "setsid"):
-        os.setsid()  # with what it starts it is one group, ended as one
-    set_threads()  # as the command line does: figures are the same to the last digit
-    sys.stdin = open(os.devnull)  # noqa: SIM115 - nobody is asked on the terminal that the page was started from
+        os.setsid()  # makes a process group, so that processes started by a job are killed with this one
+    set_threads()  # as the command line does, so that results are the same to the last digit
+    sys.stdin = open(os.devnull)  # noqa: SIM115 - no job may ask on the server's terminal
     from ptt.show.studio import jobs
 
-    use(verb)
+    set_runner(verb)
     jobs.prepare()
     while True:
         try:
             asked = connection.recv()
-            if asked is None:  # to leave off what was done by then
+            if asked is None:  # the cancellation of a job that has ended meanwhile
                 continue
             folder, job, arguments = asked
-            os.chdir(folder)  # messages then name files as a person in that folder would
+            os.chdir(folder)  # so that messages name files without folders
             connection.send(_answer(connection, getattr(jobs, job), arguments))
             os.chdir(os.sep)
         except (EOFError, BrokenPipeError, KeyboardInterrupt):
@@ -50,7 +50,7 @@ def serve(connection: Connection, verb: Run | None = None) -> None:
 
 def _answer(connection: Connection, job: Callable[..., Any], arguments: Sequence[Any]) -> tuple[Any, ...]:
     def tell(what: str, done: int = 0, of: int = 0) -> None:
-        if connection.poll():  # while a job goes on nothing comes but the wish that it leaves off
+        if connection.poll():  # during a job the only message is its cancellation
             connection.recv()
             raise LeaveOffError
         connection.send(("progress", what, done, of))
