@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from ptt.fleet.alarms import Names, alarm_of_movement, amount, unlike
-from ptt.fleet.overview import Standing
+from ptt.fleet.overview import Standing, _series
 from ptt.fleet.past import Past, alarms_of_changes, alarms_of_runs
 from ptt.fleet.trends import Moves, Series, movements
 from ptt.fleet.words import machine_in_words
@@ -229,3 +229,16 @@ def test_a_value_that_no_run_tells_is_shown_as_none():
     text = machine_in_words(Standing("arm", "", (past(1, "same"), past(2, "same")), (), names, np.arange(2.0), moves))
     told, untold = (line.split() for line in text.splitlines() if line.startswith("x of joint"))
     assert told[4:6] == ["100", "+-"] and untold[4:] == ["-", "-"]
+
+
+def test_runs_stored_in_other_usual_sizes_are_one_series():
+    """A release that calls another size usual makes no jump: sums of a run are in the usual sizes of its time."""
+    size, information = 0.03, 4e6  # mm and 1/mm^2
+    told = [
+        {"names": ["a"], "labels": ["a"], "units": ["mm"], "usual": [usual], "date": datetime(2026, 1, day),
+         "information": [information * usual**2], "score": [information * size * usual]}
+        for day, usual in ((1, 0.1), (2, 0.02))
+    ]  # fmt: skip
+    names, series = _series(told)
+    assert names.usual.tolist() == [0.02]
+    np.testing.assert_allclose(names.usual * series.score[:, 0] / series.information[:, 0, 0], size)

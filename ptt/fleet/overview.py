@@ -166,20 +166,26 @@ def _standing(name: str, drawing: str, rows: Sequence[Mapping[str, Any]]) -> Sta
 
 
 def _series(told: Sequence[Mapping[str, Any]]) -> tuple[Names, Series]:
-    """All runs of a machine over the union of their values; zeros where a run's model lacks a value."""
+    """All runs of a machine over the union of their values, in the usual sizes of the last run that has each.
+
+    Zeros where a run's model lacks a value. Each run's sums are stored in usual sizes of its own time.
+    """
     known: dict[str, tuple[str, str, float]] = {}
     for row in told:
         known |= dict(zip(row["names"], zip(row["labels"], row["units"], row["usual"], strict=True), strict=True))
     place = {name: index for index, name in enumerate(known)}
-    count = len(known)
+    labels, units, usual = zip(*known.values(), strict=True)
+    count, common = len(known), np.array(usual)
     information, score = np.zeros((len(told), count, count)), np.zeros((len(told), count))
     for number, row in enumerate(told):
         at = [place[name] for name in row["names"]]
-        information[number][np.ix_(at, at)] = np.reshape(row["information"], (len(at), len(at)))
-        score[number, at] = row["score"]
-    labels, units, usual = zip(*known.values(), strict=True)
+        ratio = common[at] / np.array(row["usual"])
+        information[number][np.ix_(at, at)] = np.outer(ratio, ratio) * np.reshape(
+            row["information"], (len(at), len(at))
+        )
+        score[number, at] = ratio * np.array(row["score"])
     days = np.array([days_of(row["date"]) for row in told])
-    return Names(tuple(known), labels, units, np.array(usual)), Series(tuple(known), days, information, score)
+    return Names(tuple(known), labels, units, common), Series(tuple(known), days, information, score)
 
 
 def _beside_sisters(standings: Sequence[Standing]) -> list[Standing]:

@@ -85,7 +85,7 @@ def _draw_error(panel: Axes, machine: Standing) -> None:
     accepted = [(days_of(past.date), past.left_um) for past in machine.past if past.left_um is not None]
     if accepted:
         panel.plot(*zip(*accepted, strict=True), "D", color=ORANGE, label="with the model accepted then")
-    panel.set_ylim(0.0, 1.15 * max([*errors, *(each for _, each in noise)]) or 1.0)
+    panel.set_ylim(0.0, 1.15 * max([*errors, *(each for _, each in (*noise, *accepted))]) or 1.0)
     panel.set_ylabel("um")
     panel.legend(fontsize=8, frameon=False)
     _date_axis(panel)

@@ -7,10 +7,9 @@ from typing import Any
 
 from ptt.progress import Progress
 from ptt.show.studio.opening import place_of
-from ptt.show.studio.results import ANSWERS, COLUMNS, MENDED, Source
+from ptt.show.studio.results import ANSWERS, COLUMNS, CURED, MENDED, Source
 
 SAMPLE = 6  # rows of the preview
-CURED = "mended.toml"
 
 
 def peek(source: Source, tell: Progress) -> Mapping[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from ptt.progress import Progress
 from ptt.show.studio.opening import place_of
-from ptt.show.studio.results import Source
+from ptt.show.studio.results import DEXTERITY, PLAN, Source
 from ptt.show.studio.uploads import keep_effects
 
 
@@ -28,7 +28,7 @@ def dexterity(model: str, tell: Progress) -> Mapping[str, Any]:
     from ptt.show.studio.verbs import run_verb_json
 
     tell("condition number over the workspace", 0, 0)
-    picture = Path("dexterity.png")
+    picture = Path(DEXTERITY)
     figures = run_verb_json(["dexterity", str(place_of(model)), "--plot", str(picture)])
     return {"figures": figures, "png": picture.read_bytes()}
 
@@ -38,7 +38,7 @@ def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, A
     from ptt.show.studio.verbs import run_verb_json
 
     tell("choosing poses", 0, 0)
-    out = Path("plan.csv")
+    out = Path(PLAN)
     out.unlink(missing_ok=True)
     loads = ["--payloads", payloads] if payloads.strip() else []
     told = run_verb_json(["plan", str(place_of(model)), "--out", str(out), "--rows", str(rows), *loads])

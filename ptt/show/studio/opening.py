@@ -111,6 +111,7 @@ def place_of(model: str | bytes) -> Path:
 
     if isinstance(model, bytes):
         place = Path(COMPENSATOR)
+        place.mkdir(exist_ok=True)
         with zipfile.ZipFile(io.BytesIO(model)) as archive:
             for name in archive.namelist():
                 (place / Path(name).name).write_bytes(archive.read(name))

@@ -8,13 +8,16 @@ from pathlib import Path
 from ptt.errors import InputError
 from ptt.files import write_bytes
 from ptt.show.studio.guard import LIMIT
-from ptt.show.studio.results import ANSWERS, COLUMNS, EFFECTS, MENDED, SEAL
+from ptt.show.studio.results import ANSWERS, COLUMNS, CURED, DEXTERITY, EFFECTS, MENDED, PLAN, SEAL
 
 RESERVED = (  # names that the studio itself uses in a session's folder
     "model.toml",
     ANSWERS,
     COLUMNS,
     MENDED,
+    CURED,
+    PLAN,
+    DEXTERITY,
     "sliders.csv",
     "report.html",
     "compensator",
