@@ -182,6 +182,14 @@ def hidden_moments(scorer: Scorer, state: State, candidates: Sequence[Effect]) -
     """Moments that what changes slowly in a set may stand for, as `best_moments` dates them; none where nothing does.
 
     A drift or a wander follows a jump but for the rows about it, and so well that a search by single steps stays there.
+
+    Args:
+        scorer: of a linearised problem.
+        state: the set.
+        candidates: effects that may be missing.
+
+    Returns:
+        The moments, each to be tried for every sudden effect.
     """
     atoms, memory = scorer.system.atoms, state.memory.wander
     slow = [key for key in state.keys if _is_timely(atoms[key]) and not is_sudden(atoms[key])]
