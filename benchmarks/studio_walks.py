@@ -118,7 +118,7 @@ def _walk(name: str, browser: Browser, folder: Path, shots: Path | None) -> None
         page.get_by_role("button", name="Load sample").wait_for()
         walk.look("first")
         _open(walk)
-        page.locator(".st-finding, .st-tie").first.wait_for()
+        page.locator(".st-finding:visible, .st-tie:visible").first.wait_for()
         title = walk.title.inner_text()
         walk.look("result")
         taken = _unknown(walk) if name == "unknown" else [_poses(walk)] if name == "tie" else []

@@ -14,7 +14,7 @@ from ptt.effects import Effect
 from ptt.errors import PosesError
 from ptt.fitting.chunks import sample_stretches
 from ptt.fitting.gauss_newton import HOPELESS, bounded_step, descend
-from ptt.fitting.observability import correlations, unobservable
+from ptt.fitting.observability import _large, correlations, unobservable
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
 from ptt.fitting.solve import fit, hold, rms
@@ -272,3 +272,9 @@ def test_windup_lengths_of_each_joint_are_found_however_much_they_differ() -> No
     found = result.model.terms[0]
     assert float(((found.theta - truth.theta) / found.std).abs().max()) < 4.0
     assert result.chi2 < 1.1 * result.freedom
+
+
+def test_motions_of_a_frame_that_is_trusted_imitate_nothing():
+    none, moved = np.zeros(0, dtype=int), np.array([0, 2])
+    groups = {"shift along x": none, "shift along y": moved, "rotation about z": none}
+    assert _large(list(groups), groups, np.array([0.5, 0.0, -0.5])) == ["shift along y"]

@@ -11,7 +11,7 @@ from studio_sample import here_with_verbs as here_with_verbs
 
 from ptt.machine import parse_machine
 from ptt.run.readers import load_mapping
-from ptt.show.card.words import how_sure, in_prose, length, parameter_in_words, prefixed, pretty, spoken
+from ptt.show.card.words import how_sure, in_prose, length, parameter_in_words, prefixed, pretty, spoken, value_in_words
 from ptt.show.studio import jobs
 from ptt.show.studio.card_figures import ruler_words, unknown_figure
 from ptt.show.studio.column_rows import BETWEEN as DOT
@@ -222,3 +222,8 @@ def test_the_picture_of_an_unknown_has_the_unit_of_what_it_follows(on, unit, acr
 def test_a_variable_of_a_joint_has_an_article_in_prose_and_a_column_of_ones_own_has_none():
     assert in_prose("b2", False) == "the height of slider 2" and in_prose("q3", True) == "the angle of joint 3"
     assert in_prose("payload", False) == "payload" and in_prose("flow2", False) == "flow2"
+
+
+def test_an_error_that_says_nothing_of_a_value_is_no_figure_beside_it():
+    assert value_in_words({"size": 0.229, "error": 905.7, "unit": "mm"}).endswith("mm, give or take many times that")
+    assert "\N{PLUS-MINUS SIGN}" in value_in_words({"size": 0.229, "error": 0.002, "unit": "mm"})

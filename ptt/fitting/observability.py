@@ -186,7 +186,7 @@ def _imitate(pattern: Pattern, index: int, fitted: FitResult) -> _Candidate:
 
 def _large(motions: list[str], groups: Mapping[str | int, np.ndarray], whole: np.ndarray) -> list[str]:
     """Motions that matter: not a small part of the largest of their kind, shift or rotation."""
-    size = {name: float(np.abs(whole[groups[name]]).max()) for name in motions}
+    size = {name: float(np.abs(whole[groups[name]]).max(initial=0.0)) for name in motions}  # no frame in a trusted one
     kinds = [[name for name in motions if ("rotation" in name) == kind] for kind in (False, True)]
     largest = [max((size[name] for name in kind), default=0.0) for kind in kinds]
     return [name for name in motions if size[name] > SMALL_MOTION * largest["rotation" in name]]

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ptt.dependence.said import MOVES
-from ptt.effects.phrases import scaled
+from ptt.effects.phrases import UNTOLD, scaled
 
 MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
 PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
@@ -176,6 +176,8 @@ def value_in_words(value: Mapping[str, Any]) -> str:
     size, error = factor * value["size"], value["error"]
     if error is None or not error > 0.0:
         return together(f"{_short(size, 2)} {unit}")
+    if error > UNTOLD * value["size"]:
+        return f"{together(f'{_short(size, 2)} {unit}')}, give or take many times that"
     digits = _digits(factor * error)
     return together(f"{size:.{digits}f} \N{PLUS-MINUS SIGN} {factor * error:.{digits}f} {unit}")
 
