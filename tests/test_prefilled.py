@@ -285,3 +285,12 @@ def test_what_acts_on_the_tool_may_be_the_trackers(tmp_path: Path) -> None:
     assert "stage" not in prefilled("own-cause", [found("b1", "smooth", acts_on="slider 1")]).text
     with pytest.raises(TypeError, match="stage"):
         type("Own", (Curve,), {"mechanisms": ("three-ptt",), "on": "b1", "acts_on": "slider 1", "stage": "metrology"})
+
+
+@pytest.mark.parametrize("shape", [{"shape": "bump", "place": [-0.7, 1.0]}, {"shape": "period", "period_mm": 9.0}])
+def test_a_field_over_the_workspace_has_the_range_of_the_workspace(shape: dict[str, object]) -> None:
+    """Scaled by the width of a bump, products of coordinates would be larger than any size."""
+    text = prefilled("own-cause", [found("y", residual="z", **{"shape": "smooth"} | shape)]).text
+    assert 'on, shape = "y", "smooth"' in text and "between = (-50, 50)" in text and "period" not in text
+    on_the_tool = prefilled("own-cause", [found("y", residual="z", acts_on="z", **{"shape": "smooth"} | shape)]).text
+    assert f'"{shape["shape"]}"' in on_the_tool

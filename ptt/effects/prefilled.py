@@ -117,10 +117,13 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         raise UnreadableError(what, fix="keep it steady, at the tracker and at work")
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
+    free = on in COORDINATES and not acts_on  # a field over the workspace, whatever shape one coordinate shows
+    if free:
+        shape = "smooth"
     try:
         at = [float(value) for value in dependence["curve"]["at"]]
-        place = [float(value) for value in dependence.get("place") or ()]
-        period = float(dependence.get("period_mm") or 0.0)
+        place = [] if free else [float(value) for value in dependence.get("place") or ()]
+        period = 0.0 if free else float(dependence.get("period_mm") or 0.0)
         low, high = place or [float(end) for end in dependence["curve"].get("between") or (at[0], at[-1])]
     except (KeyError, TypeError, ValueError, IndexError):
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX) from None
