@@ -12,6 +12,7 @@ from ptt.dependence.said import say_size
 from ptt.dependence.size import Size
 from ptt.dependence.way import since_reversal
 from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.telling import sizes
 from ptt.diagnosis.unknown.span import span_of
 from ptt.effects.hysterons import hysterons, initial_memory
 from ptt.effects.prefilled import prefilled
@@ -75,6 +76,15 @@ def test_a_hysteresis_is_told_by_its_slider_and_written_as_a_law(tmp_path: Path)
     ladder = climb(Model(file), problem, [make_effect(library(path), "own-cause")])
     before, after = (step.heldout_rms_um["total"] for step in (ladder.steps[0], ladder.steps[-1]))
     assert after < 0.4 * before
+
+
+def test_a_hysteresis_whose_blocks_cancel_has_the_size_of_its_two_sides(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arm's blocks did, and the diagnosis ended in an error: the travel since a reversal is no context of rows."""
+    monkeypatch.setattr(sizes, "LARGER_FACTOR", 0.0)
+    first = diagnose(Model(machine()), stiff(lines(), machine(), 1, 0.05, 0.5)).depends_on[0]
+    assert first.shape == "gradual" and first.size is not None
+    assert (first.size.kind, first.size.on) == ("side", "direction2")
+    assert 0.02 < first.size.value < 0.1  # the loop turns over for 12 mm after each reversal
 
 
 def test_travel_since_a_reversal_begins_anew_with_each_and_with_each_run() -> None:

@@ -43,7 +43,9 @@ def size_of_unknown(
     rms = float(np.sqrt(np.square(part).sum(axis=1).mean()))
     amounts = item.amounts
     if amounts is None or rms > LARGER_FACTOR * float(np.sqrt(np.square(rest[rows]).sum(axis=1).mean())):
-        return sized((replace(found, acts_on=None),), rest, problem)[0].size
+        # Binned readings have no context of the travel since a reversal: the size is then that of the two sides.
+        second = None if item.block.gradual else found.with_
+        return sized((replace(found, acts_on=None, with_=second),), rest, problem)[0].size
     moves = np.concatenate([_moves(one.block, found, problem)[rows] for one in alike], axis=1)
     own = np.concatenate([one.own for one in alike])
     values, covariance = amounts.values[own], amounts.covariance[np.ix_(own, own)]
@@ -52,12 +54,12 @@ def size_of_unknown(
         by_feature = weights @ moves
         return by_feature @ values, by_feature @ covariance @ by_feature.T
 
-    second = found.with_ or next((name for name in item.block.on[1:] if name in contexts), None)
+    along = found.with_ or next((name for name in item.block.on[1:] if name in contexts), None)
     if item.block.gradual:
         whole = size_of_turn(_off(found), estimate, contexts[found.on][rows], moves @ values)
         size = whole and _named(whole, found.on, "reversal", problem)
     else:
-        size = _size(found, estimate, problem, contexts, rows, second)
+        size = _size(found, estimate, problem, contexts, rows, along)
     return size and replace(size, rms=_rms_beside_frames(part, problem, rows))
 
 
