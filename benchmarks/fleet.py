@@ -39,7 +39,8 @@ from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.noise import DEFAULT_SIGMA, Noise
 from ptt.run.reading import read_table
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
+from ptt.run.written import write_table
 from ptt.show.fleet.page import write_page
 
 MACHINE = Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml"

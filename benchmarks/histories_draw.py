@@ -32,7 +32,8 @@ from ptt.rig.draw_machine import Foreign
 from ptt.rig.draw_noise import NOISES
 from ptt.rig.schedule import TARGET
 from ptt.run.problem import build_problem
-from ptt.run.table import Table, write_table
+from ptt.run.table import Table
+from ptt.run.written import write_table
 
 KINDS = ("sound", "drifting", "repaired", "new")
 OTHERS = ("homing-slip", "over-compensation", "joint-offset")  # dated, of the controller, or hardly ever told alone

@@ -26,7 +26,7 @@ from ptt.rig.simulate import simulate
 from ptt.rig.targets import as_targets, make_helix, there_and_back
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
-from ptt.run.table import table_to_frame, write_table
+from ptt.run.written import table_to_frame, write_table
 
 Random = np.random.Generator
 MOST_TRIED = 12  # rigs drawn for each that counts

@@ -13,7 +13,8 @@ from setup_mistakes_runs import draw_run
 from ptt.commands.main import run_alone
 from ptt.machine import MachineFile, load_machine, parse_machine
 from ptt.run.reading import read_table
-from ptt.run.table import Table, take_rows, write_table
+from ptt.run.table import Table, take_rows
+from ptt.run.written import write_table
 from ptt.setup import MISTAKES, check_setup
 from ptt.setup.machine import describe_machine
 

@@ -11,7 +11,8 @@ from test_check import run_verb
 
 from ptt.machine import MachineFile
 from ptt.run.problem import build_problem
-from ptt.run.table import Table, concat_tables, write_table
+from ptt.run.table import Table, concat_tables
+from ptt.run.written import write_table
 from ptt.setup import check_setup, rows
 
 DATA = Path(__file__).parent.parent / "data" / "sealed_one"

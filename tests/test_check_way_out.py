@@ -15,7 +15,8 @@ from setup_mistakes_runs import draw_run
 
 from ptt.machine import MachineFile, load_machine
 from ptt.run.reading import read_table
-from ptt.run.table import Table, write_table
+from ptt.run.table import Table
+from ptt.run.written import write_table
 from ptt.setup import Finding, check_setup
 
 READ = ["x_meas", "y_meas", "z_meas"]

@@ -16,7 +16,8 @@ from ptt.judge.compare.comparison import compare_run
 from ptt.machine import save_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
+from ptt.run.written import write_table
 from ptt.show.plots.compare import plot_comparison
 from ptt.show.sizing import round_down
 

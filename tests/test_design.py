@@ -30,7 +30,7 @@ from ptt.rig.rig import Rig, parse_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
-from ptt.run.table import table_to_frame
+from ptt.run.written import table_to_frame
 
 ARM = """
 [machine]

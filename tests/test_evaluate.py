@@ -20,7 +20,8 @@ from ptt.judge.run_errors import errors_of
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.run.noise import Noise
-from ptt.run.table import make_table, take_rows, write_table
+from ptt.run.table import make_table, take_rows
+from ptt.run.written import write_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 RANDOM = np.random.default_rng(5)

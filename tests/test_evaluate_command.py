@@ -8,7 +8,7 @@ from test_evaluate import NAMES, PLACES, run, turned, words_of
 from typer.testing import CliRunner
 
 from ptt.commands.main import app
-from ptt.run.table import write_table
+from ptt.run.written import write_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 

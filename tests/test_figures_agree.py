@@ -9,7 +9,8 @@ import torch
 import ptt
 from ptt.mechanisms import build_mechanism
 from ptt.run.named import named_rows
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
+from ptt.run.written import write_table
 
 REFLECTORS = np.array([[380.0, 140, -220], [-390, 180, -210], [-120, -410, -230], [260, 330, 420]])
 BENCH = """[machine]

@@ -30,8 +30,9 @@ from ptt.run.base_frame import into_base
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
-from ptt.run.table import make_table, table_to_frame, take_rows
+from ptt.run.table import make_table, take_rows
 from ptt.run.viewing import elapsed
+from ptt.run.written import table_to_frame
 
 THREE = 3
 

@@ -22,7 +22,8 @@ from ptt.fleet.readings import columns_to_table, read_columns, write_readings
 from ptt.fleet.run import run_all
 from ptt.fleet.store import add_machine, add_run, create_store, date_of, open_store, read_date
 from ptt.run.reading import read_table
-from ptt.run.table import make_table, table_to_frame, write_table
+from ptt.run.table import make_table
+from ptt.run.written import table_to_frame, write_table
 
 ROOT = Path(__file__).resolve().parents[1]
 MACHINE = ROOT / "data" / "sealed_one" / "machine.toml"

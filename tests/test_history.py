@@ -15,7 +15,7 @@ from ptt.judge.ladder.climb import climb
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
 from ptt.model.model import Model
 from ptt.run.problem import Problem
-from ptt.run.table import write_table
+from ptt.run.written import write_table
 from ptt.show.plots.common import png
 from ptt.show.plots.ladder import draw_history, draw_ladder
 

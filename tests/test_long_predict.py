@@ -25,7 +25,8 @@ from ptt.run.direction import STANDSTILL
 from ptt.run.pace import PACES, SMOOTH
 from ptt.run.readers import numbers
 from ptt.run.reading import read_table
-from ptt.run.table import Table, make_table, write_table
+from ptt.run.table import Table, make_table
+from ptt.run.written import write_table
 
 HOMING = torch.tensor([0.35, -0.22, 0.12], dtype=torch.float64)
 DATA = Path(__file__).resolve().parents[1] / "data"

@@ -16,7 +16,8 @@ from ptt.door.tally import tally
 from ptt.machine import load_machine, save_machine
 from ptt.rig import parse_rig, simulate
 from ptt.run.reading import read_table
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
+from ptt.run.written import write_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 FILE = load_machine(DATA / "machine.toml")

@@ -13,7 +13,8 @@ import ptt
 from ptt.correct.compensate import compensate
 from ptt.door import streaming
 from ptt.machine import save_machine
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
+from ptt.run.written import write_table
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SENT = ["b1", "b2", "b3"]

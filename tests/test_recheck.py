@@ -33,7 +33,7 @@ from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import write_table
+from ptt.run.written import write_table
 
 MACHINE = {"kind": "three-ptt", "base_radius_mm": 200, "platform_radius_mm": 100, "link_length_mm": 300,
            "slider_travel_mm": [150, 420], "screw_lead_mm": 5}  # fmt: skip

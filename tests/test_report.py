@@ -22,8 +22,9 @@ from ptt.judge.ladder.climb import climb
 from ptt.machine import save_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
 from ptt.run.viewing import build_view
+from ptt.run.written import write_table
 from ptt.show.report import interactive
 from ptt.show.report.contents import Contents
 from ptt.show.report.gather import with_network

@@ -13,13 +13,14 @@ from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.judge.evaluate import evaluate_pair
 from ptt.judge.match import match_rows
 from ptt.machine import load_machine
-from ptt.run.copies import pasted_rows
 from ptt.run.holdout import pose_groups, sharing_groups, visit_groups
 from ptt.run.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
+from ptt.run.pasted import pasted_rows
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 from ptt.run.same_pose import SAME_POSE, count_places, number_alike, same_places
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
+from ptt.run.written import write_table
 
 UP = np.ones((1, 3))
 

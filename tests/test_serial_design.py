@@ -27,7 +27,8 @@ from ptt.model.model import Model
 from ptt.plan.arm import choose_from
 from ptt.plan.selection import select_poses
 from ptt.run.reading import read_table
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
+from ptt.run.written import write_table
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

@@ -23,7 +23,8 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.rig.serial_arm import ArmFaults, ArmRig
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import make_table, write_table
+from ptt.run.table import make_table
+from ptt.run.written import write_table
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 

@@ -17,7 +17,8 @@ from ptt.model.entries import read_model, write_model
 from ptt.model.model import Term
 from ptt.run.readers import parts
 from ptt.run.spool import Spool
-from ptt.run.table import Table, make_table, write_table
+from ptt.run.table import Table, make_table
+from ptt.run.written import write_table
 
 COMPLIANT = torch.full((3,), 2e-4, dtype=torch.float64)
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 from ptt.errors import TableError
 from ptt.run.noise import noise_from_std
 from ptt.run.reading import read_table
-from ptt.run.table import table_to_frame
+from ptt.run.written import table_to_frame
 
 HEADER = "x_cmd,y_cmd,z_cmd,x_meas,y_meas,z_meas"
 TURN = "qx_meas,qy_meas,qz_meas,qw_meas"

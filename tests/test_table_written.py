@@ -14,7 +14,8 @@ from test_table import HEADER, ROWS, csv, write
 from ptt.errors import InputError, TableError
 from ptt.run.readers.scale import scale_hint
 from ptt.run.reading import read_table
-from ptt.run.table import Table, concat_tables, make_table, write_table
+from ptt.run.table import Table, concat_tables, make_table
+from ptt.run.written import write_table
 
 
 def test_also_keeps_runs_apart(tmp_path: Path) -> None:

@@ -20,8 +20,9 @@ from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import build_problem
-from ptt.run.table import make_table, table_to_frame, take_rows
+from ptt.run.table import make_table, take_rows
 from ptt.run.watched import watch, watched_values
+from ptt.run.written import table_to_frame
 
 TITLE, IDLE = "coolant flow [l/min]", "shift"
 

@@ -69,7 +69,7 @@ def check(
 def _write(found: "Checked", out_run: Path | None, out_model: Path | None, several: bool) -> None:
     from ptt.errors import InputError
     from ptt.machine import save_machine
-    from ptt.run.table import write_table
+    from ptt.run.written import write_table
 
     if out_run is not None:
         if several:

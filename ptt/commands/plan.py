@@ -41,7 +41,7 @@ def plan(
     """Plan a first run: volume, both directions of arrival, repeats, datum revisits; and show what it will tell."""
     from ptt.door.model import load
     from ptt.plan.first_run import plan_first_run
-    from ptt.run.table import write_table
+    from ptt.run.written import write_table
 
     model = load(machine, effects=effects or ())
     if candidates is not None:
@@ -62,7 +62,8 @@ def plan(
 def _choose(candidates: Path, rows: int, out: Path, model: "Model", reading: ReadOptions, seed: int) -> None:
     """Choose D-optimal rows of a list and say how observable they make the geometry."""
     from ptt.plan.arm import choose_from
-    from ptt.run.table import take_rows, write_table
+    from ptt.run.table import take_rows
+    from ptt.run.written import write_table
 
     table = read_rows(candidates, model.file, reading, "targets")
     chosen = choose_from(model.physics, table, rows, model.library, seed)

@@ -27,8 +27,8 @@ from ptt.progress import Progress, unwatched
 from ptt.run.named import named_rows
 from ptt.run.noise import source_in_words
 from ptt.run.problem import Problem
-from ptt.run.table import write_table
 from ptt.run.taken import frames_said, set_up
+from ptt.run.written import write_table
 from ptt.setup import Check, setup_verdict
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from ptt.notebook import InNotebook
 from ptt.run.blanks import fill_between, fill_blanks
 from ptt.run.display import between_steps
 from ptt.run.readers import Ask
-from ptt.run.table import Table, table_to_frame
+from ptt.run.table import Table
+from ptt.run.written import table_to_frame
 
 if TYPE_CHECKING:
     import pandas as pd

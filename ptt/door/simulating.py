@@ -18,7 +18,8 @@ from ptt.errors import InputError, TableError, WorkspaceError
 from ptt.rig import Rig, RunResult, load_rig, write_run
 from ptt.rig import simulate as run_rig
 from ptt.run.readers import Ask
-from ptt.run.table import Table, table_to_frame
+from ptt.run.table import Table
+from ptt.run.written import table_to_frame
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

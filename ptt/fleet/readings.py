@@ -9,8 +9,8 @@ import numpy as np
 from ptt.errors import InputError
 from ptt.fleet.database import duckdb, in_memory
 from ptt.run.axes import AXES
-from ptt.run.table import Table, make_table, table_to_frame
-from ptt.run.written import QUATERNION
+from ptt.run.table import Table, make_table
+from ptt.run.written import QUATERNION, table_to_frame
 
 Columns = Mapping[str, np.ndarray]
 OWN = ("machine", "run_sha256", "line")  # columns that the file has beside those of a tracker CSV

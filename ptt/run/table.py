@@ -1,20 +1,15 @@
-"""Tracker CSV <-> Table: one run or several of targets, joint commands, readings and context, in travel order."""
+"""Rows of one or several runs: targets, joint commands, readings and context, in travel order."""
 
 from collections.abc import Mapping as Dictionary
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from ptt.errors import TableError
-from ptt.files import write_parts
 from ptt.run.readers import Understood
 from ptt.run.readers.joined import join_fields
 from ptt.run.readers.scale import scale_hint
-from ptt.run.written import columns_as_read, columns_of, text_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,30 +157,6 @@ def take_rows(table: Table, rows: np.ndarray) -> Table:
         if isinstance(value := getattr(table, each.name), np.ndarray) and len(value) == table.rows
     }
     return table.replace(**columns, extra={title: values[rows] for title, values in table.extra.items()})
-
-
-def table_to_frame(table: Table) -> pd.DataFrame:
-    """Columns of the file format, in its units and order; columns without content are left out."""
-    return pd.DataFrame(columns_of(table))
-
-
-def write_table(table: Table, path: str | Path, *, as_read: bool = False) -> None:
-    """Write a tracker CSV that reads back the same, bit for bit; the file appears whole or not at all.
-
-    Args:
-        table: what to write.
-        path: where to.
-        as_read: whether the columns are those of the file that it was read from, in its order, empty ones too.
-
-    Raises:
-        InputError: the folder cannot be written.
-        TableError: a name holds a line break.
-    """
-    for texts in (table.name, np.asarray(table.run_label), *table.extra.values()):
-        broken = [text for text in texts.tolist() if "\n" in text or "\r" in text]
-        if broken:
-            raise TableError(f"line break in {broken[0]!r}", where=str(path), fix="remove it")
-    write_parts(path, text_parts(columns_as_read(table) if as_read else columns_of(table)))
 
 
 def concat_tables(tables: Sequence[Table]) -> Table:

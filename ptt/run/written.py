@@ -5,17 +5,18 @@ import io
 from collections.abc import Iterator
 from collections.abc import Mapping as Dictionary
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
+from ptt.errors import TableError
+from ptt.files import write_parts
 from ptt.run.axes import AXES
 from ptt.run.cores import map_cores
 from ptt.run.readers.columns import file_title
 from ptt.run.readers.mapping import IGNORE
-
-if TYPE_CHECKING:
-    from ptt.run.table import Table
+from ptt.run.table import Table
 
 QUATERNION = ("qx", "qy", "qz", "qw")
 ROWS = 20_000  # of a block: some MB of text
@@ -23,7 +24,31 @@ ROWS = 20_000  # of a block: some MB of text
 Columns = Dictionary[str, np.ndarray]  # title -> (n,)
 
 
-def columns_of(table: "Table", whole: bool = False) -> dict[str, np.ndarray]:
+def table_to_frame(table: Table) -> pd.DataFrame:
+    """Columns of the file format, in its units and order; columns without content are left out."""
+    return pd.DataFrame(columns_of(table))
+
+
+def write_table(table: Table, path: str | Path, *, as_read: bool = False) -> None:
+    """Write a tracker CSV that reads back the same, bit for bit; the file appears whole or not at all.
+
+    Args:
+        table: what to write.
+        path: where to.
+        as_read: whether the columns are those of the file that it was read from, in its order, empty ones too.
+
+    Raises:
+        InputError: the folder cannot be written.
+        TableError: a name holds a line break.
+    """
+    for texts in (table.name, np.asarray(table.run_label), *table.extra.values()):
+        broken = [text for text in texts.tolist() if "\n" in text or "\r" in text]
+        if broken:
+            raise TableError(f"line break in {broken[0]!r}", where=str(path), fix="remove it")
+    write_parts(path, text_parts(columns_as_read(table) if as_read else columns_of(table)))
+
+
+def columns_of(table: Table, whole: bool = False) -> dict[str, np.ndarray]:
     """Columns of a table in the units and order of the file format.
 
     Args:
@@ -55,7 +80,7 @@ def columns_of(table: "Table", whole: bool = False) -> dict[str, np.ndarray]:
     return columns | dict(table.extra)
 
 
-def columns_as_read(table: "Table") -> dict[str, np.ndarray]:
+def columns_as_read(table: Table) -> dict[str, np.ndarray]:
     """Columns in the order of the file that they were read from, all included, then columns that it did not have.
 
     Args:

@@ -8,7 +8,8 @@ from ptt.record import Record
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import repeat_groups
 from ptt.run.problem import Problem
-from ptt.run.table import Table, table_to_frame
+from ptt.run.table import Table
+from ptt.run.written import table_to_frame
 
 LEVELS = 6  # distinct values up to which they are listed one by one
 # Names of units in mapping files -> as they are written.

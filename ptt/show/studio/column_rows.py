@@ -35,7 +35,8 @@ def column_rows(table: "Table", run: str) -> list[ColumnRow]:
         converted to, '' where they were not converted.
     """
     from ptt.run.readers.columns import UNITS, dimension_of, standard_unit
-    from ptt.run.table import table_to_frame, take_rows
+    from ptt.run.table import take_rows
+    from ptt.run.written import table_to_frame
     from ptt.show.report.facts import columns_of_table
 
     answers = table.understood.mapping

@@ -90,7 +90,7 @@ def diagnose(source: Source, model: str, tell: Progress) -> Diagnosed:
     from ptt.door.diagnosing import format_diagnosis
     from ptt.door.result import plain
     from ptt.fitting.drawn_sizes import unnamed_sizes
-    from ptt.run.table import table_to_frame
+    from ptt.run.written import table_to_frame
     from ptt.show.card.fits import fits_of
     from ptt.show.card.ghost import ghosts_of
     from ptt.show.card.result import card_of_diagnosis
