@@ -14,7 +14,6 @@ from ptt.diagnosis.evidence.memories import best_memory, prior_of
 from ptt.diagnosis.evidence.possible import is_impossible, nats_of_form
 from ptt.diagnosis.evidence.screen import Basis, Gain, LastVariances, Screen
 from ptt.diagnosis.evidence.state import State
-from ptt.diagnosis.evidence.swap import replacements
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import HeldOutBlock, Memory, MemorySums
 from ptt.effects.sudden import EDGE
@@ -221,12 +220,6 @@ class Scorer:
         """What every allowed atom would add to a set, in every shape and in no order."""
         apart = self._is_apart(state)
         return [gain for _, gain in self._screen(state).each(lambda atom: allowed(atom) and apart(atom))]
-
-    def replacements(
-        self, state: State, keys: Sequence[str], allowed: Callable[[Atom], bool], near: float
-    ) -> dict[str, set[str]]:
-        """As `ptt.diagnosis.evidence.swap.replacements`."""
-        return replacements(self, state, keys, allowed, near)
 
     def _screen(self, state: State) -> Screen:
         where = state.keys, state.memory

@@ -16,21 +16,18 @@ bound lets through have to be screened beside S less a: hardly any.
 """
 
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import blas
 
 from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Allowed
-
-if TYPE_CHECKING:
-    from ptt.diagnosis.evidence.score import Scorer
-    from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.state import State
 
 
 def replacements(
-    scorer: "Scorer", state: "State", keys: Sequence[str], allowed: Allowed, near: float
+    scorer: Scorer, state: State, keys: Sequence[str], allowed: Allowed, near: float
 ) -> dict[str, set[str]]:
     """Atoms that may be worth a look in the place of each atom of a set.
 
@@ -65,7 +62,7 @@ def replacements(
     return found
 
 
-def _worth(scorer: "Scorer", state: "State", key: str) -> float:
+def _worth(scorer: Scorer, state: State, key: str) -> float:
     """The screen's gain of an atom of the set beside the others, all variances held, and the nats of its form."""
     own, posterior, atom = state.of(key), state.posterior, scorer.system.atoms[key]
     inverse = state.inverse[np.ix_(own, own)]
@@ -76,16 +73,14 @@ def _worth(scorer: "Scorer", state: "State", key: str) -> float:
     return float(nats(square) - nats(square + explained) + 0.5 * log_det) - atom.odds + state.forms.get(key, 0.0)
 
 
-def _pull(state: "State", key: str) -> np.ndarray:
+def _pull(state: State, key: str) -> np.ndarray:
     """The vector u above, (p,), the atom's own values included: without it the residual grows by X u."""
     own = state.of(key)
     rows = state.inverse[:, own]
     return np.asarray(rows @ np.linalg.solve(rows[own], state.posterior.values[own]))
 
 
-def _more(
-    scorer: "Scorer", state: "State", atoms: Collection[Atom], columns: np.ndarray, pulls: np.ndarray
-) -> np.ndarray:
+def _more(scorer: Scorer, state: State, atoms: Collection[Atom], columns: np.ndarray, pulls: np.ndarray) -> np.ndarray:
     """Upper bound of the nats that atoms of w columns gain beyond their gain beside the whole set, (atoms, keys)."""
     posterior, sums = state.posterior, scorer.system.sums(state.memory)
     count, width = columns.shape

@@ -10,6 +10,7 @@ from ptt.diagnosis.evidence.probability import TEMPER
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Allowed, Gain
 from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.swap import replacements
 from ptt.diagnosis.noise.memory import WHITE
 
 SEEN_NATS = 1.0  # nats by the screen from which an atom is worth an exact score
@@ -138,7 +139,7 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
             return moves
     may_go = droppable(scorer, state)
     less = list[tuple[State, set[str] | None]]()
-    for key, others in scorer.replacements(state, may_go, allowed, SCREEN_ERROR).items():
+    for key, others in replacements(scorer, state, may_go, allowed, SCREEN_ERROR).items():
         if others:
             less.append((scorer.score(without(state, key), state.memory, state.variances), others))
     if state.memory != WHITE:

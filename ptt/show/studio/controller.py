@@ -10,9 +10,9 @@ from nicegui import Client
 from ptt.errors import PttError
 from ptt.fitting.chunks import LONG
 from ptt.machine import parse_machine
+from ptt.show.studio.draw_queue import DrawQueue
 from ptt.show.studio.looks import Look
 from ptt.show.studio.outcomes import QuestionError, SetupFoundError
-from ptt.show.studio.panels import DrawQueue
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
 from ptt.show.studio.running import How, JobRunner
@@ -72,7 +72,7 @@ class Studio(JobRunner):
         """
         self.client = client
         self._listeners = {topic: [] for topic in TOPICS}
-        self.draw_queue = DrawQueue(self)
+        self.draw_queue = DrawQueue(client, lambda: self.view, lambda: self.idle)
 
     def on(self, topic: str, listener: Listener) -> None:
         """Register a listener that is called at once whenever something changes.

@@ -10,7 +10,7 @@ from nicegui import ui
 from ptt.show.card.words import how_sure, pretty, value_in_words
 from ptt.show.studio.card_figures import fit_figure, ruler_html, sign_figure
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.panels import BEHIND
+from ptt.show.studio.draw_queue import BEHIND
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Diagnosed
 

@@ -8,8 +8,8 @@ from nicegui import ui
 from ptt.run.noise import source_in_words
 from ptt.show.card.words import length, percent, pretty
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.draw_queue import BEHIND
 from ptt.show.studio.page_effect import EffectCards
-from ptt.show.studio.panels import BEHIND
 from ptt.show.studio.results import Diagnosed, Source
 
 HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told from", "")
