@@ -1,16 +1,20 @@
 """Layout of an effect's parameter values in one flat vector, and of its basis columns."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import ClassVar, Protocol
 
 import torch
 from torch import Tensor
 
+from ptt.effects.parameter import Parameter
 from ptt.mechanisms.serial import Serial
 from ptt.run.view import View
 
-if TYPE_CHECKING:
-    from ptt.effects.base import Effect
+
+class Parametrised(Protocol):
+    """What has parameters in a declared order: an effect."""
+
+    parameters: ClassVar[tuple[Parameter, ...]]
 
 
 def family(view: View) -> str:
@@ -18,7 +22,7 @@ def family(view: View) -> str:
     return "serial" if isinstance(view.mechanism, Serial) else "three-ptt"
 
 
-def sizes(effect: "Effect", joints: int) -> tuple[int, ...]:
+def sizes(effect: Parametrised, joints: int) -> tuple[int, ...]:
     """Number of values of each parameter of an effect on k joints."""
     return tuple(parameter.size(joints) for parameter in effect.parameters)
 
@@ -38,17 +42,17 @@ def weigh(basis: Tensor, amounts: Tensor) -> Tensor:
     return basis @ amounts
 
 
-def linear_size(effect: "Effect", joints: int) -> int:
+def linear_size(effect: Parametrised, joints: int) -> int:
     """Number of linear values of an effect on k joints."""
     return sum(parameter.size(joints) for parameter in effect.parameters if parameter.role == "linear")
 
 
-def total_size(effect: "Effect", joints: int) -> int:
+def total_size(effect: Parametrised, joints: int) -> int:
     """Number of all values of an effect on k joints."""
     return sum(sizes(effect, joints))
 
 
-def shape_of(effect: "Effect", theta: Tensor, joints: int) -> dict[str, Tensor]:
+def shape_of(effect: Parametrised, theta: Tensor, joints: int) -> dict[str, Tensor]:
     """Cut the searched and given parameters out of the flat vector.
 
     Args:
@@ -63,24 +67,7 @@ def shape_of(effect: "Effect", theta: Tensor, joints: int) -> dict[str, Tensor]:
     return {p.stem: part for p, part in zip(effect.parameters, parts, strict=True) if p.role != "linear"}
 
 
-def usual_values(effect: "Effect", view: View) -> Tensor:
-    """Usual size of each value of an effect on a machine.
-
-    Args:
-        effect: the effect.
-        view: n rows of the machine.
-
-    Returns:
-        (P,) of all parameters in declared order, in their units.
-    """
-    kind, joints = family(view), view.joints
-    parts = [torch.full((p.size(joints),), p.on(kind).usual, dtype=torch.float64) for p in effect.parameters]
-    usual = torch.cat(parts) if parts else torch.zeros(0, dtype=torch.float64)
-    shares = effect.proportions(view.mechanism)
-    return usual if shares is None else usual * shares
-
-
-def flatten(effect: "Effect", shape: Mapping[str, Tensor], joints: int) -> Tensor:
+def flatten(effect: Parametrised, shape: Mapping[str, Tensor], joints: int) -> Tensor:
     """Flat parameter vector with zero amplitudes and a given shape: where a search linearises an effect.
 
     Args:

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.effects.layout import usual_values
 from ptt.effects.parameter import Parameter
+from ptt.effects.usual import usual_values
 from ptt.model.model import Model, Term, parameter_names
 from ptt.run.problem import MOUNT_USUAL, SHIFT_USUAL, TURN_USUAL, Problem
 from ptt.run.view import View

@@ -17,8 +17,9 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect
-from ptt.effects.layout import linear_size, usual_values
+from ptt.effects.layout import linear_size
 from ptt.effects.sudden import ALWAYS, Sudden
+from ptt.effects.usual import usual_values
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import Total, build_whitened, turned, whiten

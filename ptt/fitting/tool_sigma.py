@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter
-from ptt.effects.layout import linear_size, sizes, usual_values
+from ptt.effects.layout import linear_size, sizes
+from ptt.effects.usual import usual_values
 from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.kept import Kept
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES

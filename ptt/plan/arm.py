@@ -6,7 +6,8 @@ import numpy as np
 import torch
 
 from ptt.effects import Library
-from ptt.effects.layout import linear_size, usual_values
+from ptt.effects.layout import linear_size
+from ptt.effects.usual import usual_values
 from ptt.errors import InputError
 from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.model.model import Model

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect, Library
-from ptt.effects.layout import usual_values
 from ptt.effects.metrology import TrackerFrame
+from ptt.effects.usual import usual_values
 from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.report import UNMEASURED
 from ptt.fitting.result import MOST_UNSEEN
