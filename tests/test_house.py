@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_no_file_needs_itself_through_others() -> None:
-    graph = grimp.build_graph("ptt", "nets", exclude_type_checking_imports=True)
+    graph = grimp.build_graph("ptt", "nets")
     files = sorted(name for name in graph.modules if not graph.find_children(name))
     place = {name: number for number, name in enumerate(files)}
     pairs = [

@@ -12,6 +12,7 @@ from ptt.diagnosis.evidence.row_sums import sums_of_rows
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import TRIDIAGONAL_COLUMNS, Basis, Screen
+from ptt.diagnosis.evidence.swap import replacements
 from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock
@@ -132,8 +133,8 @@ def test_no_atom_does_more_in_the_place_of_another_than_it_is_predicted() -> Non
     scorer = Scorer(system)
     state = scorer.score(("0", "1", "2"), WHITE)
     here = {gain.key: gain.nats for gain in scorer.screen(state)}
-    found = scorer.replacements(state, state.keys, lambda atom: True, 5.0)
-    assert scorer.replacements(scorer.score((), WHITE), (), lambda atom: True, 5.0) == {}
+    found = replacements(scorer, state, state.keys, lambda atom: True, 5.0)
+    assert replacements(scorer, scorer.score((), WHITE), (), lambda atom: True, 5.0) == {}
     for key in state.keys:
         chosen = [other for other in state.keys if other != key]
         prior = {other: state.variances[other] for other in chosen}
