@@ -185,3 +185,12 @@ def test_names_that_an_unknown_may_do_as_well_are_said_to_be_that():
 def test_what_is_likely_and_small_is_said_beside_what_is_named() -> None:
     words = explain_verdict(diagnosis("missing", steps=1, perhaps=("link-length",)))
     assert words.endswith("Likely as well, but worth too little to be named: link-length.")
+
+
+def test_an_unknown_that_follows_no_variable_says_so_before_the_little_that_it_follows():
+    words = explain_verdict(diagnosis("unknown", depends=1, share=0.004))
+    first, rest = words.split("\n")[1].split(". ", 1)
+    assert (
+        first.startswith("Most of the remaining error follows none of this run's variables") and "depends on b2" in rest
+    )
+    assert "follows none" not in explain_verdict(diagnosis("unknown", depends=1, share=0.4))

@@ -13,10 +13,12 @@ from ptt.effects.phrases import capital, listed
 from ptt.run.noise import SATURATED, VISITED, Noise, source_in_words
 
 MISSING = "Something is missing that no known effect describes"
+MOSTLY_UNTOLD = "Most of the remaining error follows none of this run's variables; more poses may show what it follows"
 NOTED_EXCESS = 1.5  # times the noise from which an excess is worth a sentence
 EVEN_CHANCE = 0.5  # probability of a verdict that tests of the residuals gave, and not the sets of effects
 # Probability from which a verdict is right in at least 95 % of cases, so that no other need be mentioned
 SURE_VERDICT = 0.9
+MINOR_SHARE = 0.05  # of the variance of the remaining error; what explains less is not what the error mostly follows
 MOST_UNKNOWN_LINES = 5  # lines on an unknown
 # The variable of an effect's law, as its card has it -> the run's column. Joints and positions are left out: most
 # effects vary with them, so an unknown that does so too says nothing about their laws.
@@ -171,8 +173,15 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
         name_of: how a variable is called in a sentence.
 
     Returns:
-        One or two sentences.
+        One to three sentences.
     """
+    if is_minor(strongest):
+        return f"{MOSTLY_UNTOLD}. {_followed(strongest, name_of)}"
+    return _followed(strongest, name_of)
+
+
+def _followed(strongest: Dependence, name_of: Callable[[str], str]) -> str:
+    """The sentences on the variable, the size and the direction."""
     period = f" with a period of {strongest.period_mm:.4g} {strongest.unit}".rstrip() if strongest.period_mm else ""
     share = f"({100.0 * strongest.share:.0f} % of its variance){acting(strongest.acts_on, strongest.residual)}"
     size = f" {strongest.words}" if strongest.words else ""
@@ -189,6 +198,11 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
     rivals = [name_of(rival.removeprefix(f"{strongest.residual} on ")) for rival in strongest.rivals]
     alike = f" {capital(listed(rivals))} would describe it about as well on this run." if rivals else ""
     return f"{rest} depends on {on}{period}{place} {share}.{size}{alike}"
+
+
+def is_minor(strongest: Dependence) -> bool:
+    """Whether what an unknown depends on most explains next to nothing of it, as on a run of a few poses."""
+    return strongest.share < MINOR_SHARE
 
 
 def acting(place: str | None, residual: str) -> str:
