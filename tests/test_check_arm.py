@@ -142,3 +142,14 @@ def test_reach_of_an_arm_is_said_within_its_limits() -> None:
     assert "reach: at most 391 mm from the base's z axis; z from 400 to 400 mm (within" in str(said)
     reach = said.to_dict()["reach_mm"]
     assert reach["sideways"] == pytest.approx(np.hypot(300.0, 250.0)) and reach["z"] == pytest.approx([400.0, 400.0])
+
+
+def test_a_target_that_is_reached_in_several_ways_is_no_repeat() -> None:
+    """Seven joints reach one target in many poses, each with an error of its own: these tell nothing of the noise."""
+    file, table = arm("kuka_iiwa")
+    told = table.replace(target=np.zeros((table.rows, 3)), std=np.full((table.rows, 3), 1e-4))
+    assert "noise-implausible" not in [finding.mistake for finding in check_setup(file, told).findings]
+    twice = take_rows(told, np.repeat(np.arange(table.rows), 2))  # each pose is read twice, a tenth of a mm apart
+    apart = np.where(np.arange(twice.rows) % 2, 0.05, -0.05)[:, None]
+    twice = twice.replace(measured=twice.measured + apart)
+    assert "noise-implausible" in [finding.mistake for finding in check_setup(file, twice).findings]

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ptt.run.holdout import pose_groups
 from ptt.run.tails import median_sigma
 from ptt.setup.columns import Result, said, settled
 from ptt.setup.proof import BEYOND_FAULTS
@@ -17,7 +18,6 @@ LARGE = 0.2  # mm: no noise below is called implausibly large
 BEYOND_ALL = 5.0  # times the whole residual, faults included: an accuracy stated at three sigma stays below
 ROWS = 30  # readings that a rigid motion cannot follow
 FEWEST = 10  # repeats for an estimate of the scatter
-SAME = 2e-3  # mm: positions that round to neighbouring micrometres are one pose
 MEDIAN_3D = 1.538  # median length of a vector of three normal coordinates with sigma 1 (chi, 3 degrees of freedom)
 
 
@@ -36,9 +36,10 @@ def find_noise(setup: Setup) -> tuple[list[Finding], Setup]:
 def _noise(setup: Setup) -> Result | None:
     """Stated noise against the scatter of repeats of a pose; without repeats against the whole residual."""
     stated, source = _stated(setup)
-    found = repeat_scatter(setup)
     if stated is None:
         return None
+    still = repeat_scatter(setup, still=True)
+    found = repeat_scatter(setup) or still
     if not stated > 0.0:
         words = f"{source} {_say(source)} that nothing scatters: treated as not stated"
         return said(setup, "noise-implausible", words, "fill the columns, or leave them out", False), None
@@ -52,7 +53,6 @@ def _noise(setup: Setup) -> Result | None:
         )
         fix = f"state it in mm: {scatter:.2g}"
         return said(setup, "noise-implausible", words, fix), _restated(source, scatter / stated)
-    still = repeat_scatter(setup, still=True)
     scatter, count = still if still is not None else found
     if scatter > SCATTER_TOO_LARGE * stated and (still is not None or scatter > BEYOND_FAULTS):
         words = f"{count} repeats scatter by {1e3 * scatter:,.1f} um, {source} {_say(source)} {1e3 * stated:.1f} um"
@@ -113,21 +113,28 @@ def repeat_scatter(setup: Setup, still: bool = False) -> tuple[float, int] | Non
         Scatter, by the median so that changes between visits count little, and number of repeats; None where there
         are fewer than `FEWEST`.
     """
-    place, reading = places(setup), setup.table.measured
+    place, reading = _driven(setup), setup.table.measured
     if still:
         apart = np.diff(reading, axis=0)[np.linalg.norm(np.diff(place, axis=0), axis=1) < 1e-6]
         return _scatter(apart[np.isfinite(apart).all(axis=1)])
     arrival = np.sign(np.round(np.diff(place, axis=0, prepend=place[:1]), 4))
     others = [setup.table.run, setup.table.payload_kg]
     beside = [np.nan_to_num(np.asarray(column, dtype=float)) for column in others if column is not None]
-    key = np.column_stack([np.round(place, 3), arrival, *beside])
-    good = np.isfinite(key).all(axis=1) & np.isfinite(reading).all(axis=1)
+    pose = pose_groups(setup.table)
+    key = np.column_stack([pose, arrival, *beside])
+    good = (pose >= 0) & np.isfinite(np.column_stack([key, place, reading])).all(axis=1)
     key, reading = key[good], reading[good]
     if len(key) < FEWEST:
         return None
     order = np.lexsort(key.T)
-    same = (np.abs(np.diff(key[order], axis=0)) < SAME).all(axis=1)
+    same = (np.diff(key[order], axis=0) == 0.0).all(axis=1)
     return _scatter(np.diff(reading[order], axis=0)[same])
+
+
+def _driven(setup: Setup) -> np.ndarray:
+    """Where the machine was sent, (n, k): an arm's joint commands, which a target does not tell; else the tool, mm."""
+    sent = setup.table.command
+    return sent if sent is not None and setup.table.joint_prefix == "q" else places(setup)
 
 
 def _scatter(apart: np.ndarray) -> tuple[float, int] | None:
