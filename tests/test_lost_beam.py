@@ -52,6 +52,19 @@ def test_the_same_digits_at_one_pose_are_readings(tmp_path):
     assert without_lost(base) is base
 
 
+@pytest.mark.parametrize(("digits", "lost"), [(4, True), (3, True), (1, False)])
+def test_a_reading_that_stays_while_the_machine_goes_on_by_small_steps_is_none(digits, lost):
+    """Noise changes a fine last digit at every row; a coarse one may stay while a slider hangs in its play."""
+    target = 100.0 + np.column_stack([np.arange(40) * 0.5, np.zeros(40), np.arange(40) * 0.2])
+    noise = np.random.default_rng(3).normal(0.0, 0.005, target.shape)
+    measured = np.round(target + noise, digits)
+    measured[20:23] = measured[19]
+    table = without_lost(make_table(target, measured=measured))
+    assert np.flatnonzero(np.isnan(table.measured).all(axis=1)).tolist() == ([19, 20, 21, 22] if lost else [])
+    measured[19:24] = 0.0
+    assert np.isnan(without_lost(make_table(target, measured=measured)).measured[19:24]).all() == lost
+
+
 def test_an_arm_that_is_told_by_its_joints_alone_has_frozen_readings_too():
     joints = np.linspace(0.0, 1.0, 8)[:, None] * np.ones(6)
     measured = np.random.default_rng(1).normal(size=(8, 3))

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
+from ptt.run.noise import step_of
 from ptt.run.table import Table
 
 SEVERAL = 3  # rows with one reading from which it is taken for a lost beam; fewer are left to outlier tests
-# Larger than any machine's error: poses further apart cannot have one reading. Equal zeros at one pose are valid.
-APART_MM, APART_RAD = 5.0, 0.05
+# Poses that are further apart cannot have one reading, in steps of the last digit: noise of less than a step lets a
+# machine that hangs in its play read the same for a while, yet play is no hundred steps of a tracker that coarse.
+APART_STEPS = 100.0
+APART_MM = 0.1, 5.0  # least, whatever the digits; and most, larger than any machine's error
+LEVER = 100.0  # mm from a joint of an arm to its tool, or more
 
 
 def without_lost(table: Table) -> Table:
@@ -42,16 +46,17 @@ def without_lost(table: Table) -> Table:
 def _lost(table: Table) -> np.ndarray:
     """Rows (n,) whose reading several rows of poses apart have in common."""
     own = pd.DataFrame(table.measured, columns=["x", "y", "z"]).assign(run=table.run)
-    rows = np.flatnonzero(np.isfinite(table.measured).all(axis=1) & (table.role != "base"))
-    rows = rows[own.iloc[rows].duplicated(keep=False).to_numpy()]
+    read = np.flatnonzero(np.isfinite(table.measured).all(axis=1) & (table.role != "base"))
+    rows = read[own.iloc[read].duplicated(keep=False).to_numpy()]
     lost = np.zeros(table.rows, dtype=bool)
     if not len(rows):
         return lost
+    apart_mm = float(np.clip(APART_STEPS * step_of(table.measured[read]), *APART_MM))
     alike = own.iloc[rows].groupby(["run", "x", "y", "z"]).ngroup().to_numpy()
     many = np.bincount(alike)[alike] >= SEVERAL
-    apart, wanted = _reach(table.target[rows], alike) > APART_MM, np.isfinite(table.target[rows]).all(axis=1)
+    apart, wanted = _reach(table.target[rows], alike) > apart_mm, np.isfinite(table.target[rows]).all(axis=1)
     if table.command is not None:  # an arm may go elsewhere with its joints alone
-        most = APART_RAD if table.joint_prefix == "q" else APART_MM
+        most = apart_mm / LEVER if table.joint_prefix == "q" else apart_mm
         apart = np.where(wanted, apart, _reach(table.command[rows], alike) > most)
     lost[rows] = many & apart
     return lost
