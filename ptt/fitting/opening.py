@@ -14,7 +14,9 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 MOST_FIRST = 0.1  # share of the rows that may open a run and be left out for it: of short runs one row in ten
-MOST_REMEMBERING = 0.25  # the same where it is known what remembers: beyond, hardly a row would be left to show it
+MOST_REMEMBERING = 0.4  # the same where it is known what remembers: beyond, too few rows would be left to show it
+MOST_UNDECIDED = 0.25  # the same where errors of the drawing decide
+MOST_ENTERING = 0.5  # the same of a first fit, which has only to tell which rows remember
 MATTERS_SIGMA = 1.0  # standard deviations of a reading from which it matters how a run was entered
 # nats that a wrong guess of it may give to whatever else begins early in a run: about the price of a name
 AT_STAKE_NATS = 10.0
@@ -36,6 +38,30 @@ def opening_rows(problem: Problem) -> np.ndarray:
     first = problem.used & still & (view.direction.numpy() != 0.0).any(axis=1)
     few = "direction" in view.varies and first.sum() < MOST_FIRST * problem.used.sum()
     return first if few else np.zeros_like(first)
+
+
+def entering_rows(problem: Problem) -> np.ndarray:
+    """The rows of a run in which some joints have moved and others, that will, have not: each may stand on either side.
+
+    Where joints are moved one after the other these are many, and a fit to all rows takes how they were left for slow
+    effects. A fit without them tells which rows remember.
+
+    Args:
+        problem: n rows.
+
+    Returns:
+        (n,) bool, the rows before a run first moves included; none where every joint moves at once, or where more than
+        half of the rows would go.
+    """
+    view = problem.view
+    starts, q = view.starts.numpy(), view.q.numpy()
+    moves = (np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL) & ~starts[:, None]
+    waiting = np.zeros_like(moves)
+    for rows in np.split(np.arange(len(q)), np.flatnonzero(starts)[1:]):
+        waiting[rows] = ~np.logical_or.accumulate(moves[rows]) & moves[rows].any(axis=0)
+    some, every = problem.used & waiting.any(axis=1), (waiting == moves.any(axis=0)).all(axis=1)
+    few = some.sum() < MOST_ENTERING * problem.used.sum()
+    return some if few and (some & ~every).any() else np.zeros_like(some)
 
 
 def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:
@@ -88,7 +114,7 @@ def undecided_rows(terms: Sequence[Term], problem: Problem) -> np.ndarray:
     """
     sides = [term.effect.undecided(problem.view).numpy() for term in terms if len(term.theta)]
     told = problem.used & np.any(sides, axis=0) if sides else np.zeros(problem.table.rows, dtype=bool)
-    return told if told.sum() < MOST_REMEMBERING * problem.used.sum() else np.zeros_like(told)
+    return told if told.sum() < MOST_UNDECIDED * problem.used.sum() else np.zeros_like(told)
 
 
 def untold_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:

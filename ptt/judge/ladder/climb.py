@@ -15,7 +15,7 @@ from ptt.fitting.chunks import LONG
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.long import held_out_residual
 from ptt.fitting.masked import masked_effects
-from ptt.fitting.opening import told_aside, untold_rows, without_opening
+from ptt.fitting.opening import entering_rows, told_aside, untold_rows, without_opening
 from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
@@ -98,12 +98,12 @@ def _with_smooth_path(model: Model, effects: Sequence[Effect], problem: Problem)
     other = smoothly(problem) if new and problem.table.rows <= LONG else None
     if other is None:
         return model, problem
-    smooth = replace(model, file=other.file)
+    smooth, early = replace(model, file=other.file), entering_rows(problem)
     before, after = (
-        fit(reduce(add, effects, given), rows, lean=True, coarse=True)
-        for given, rows in ((model, problem), (smooth, other))
+        log_density(fit(reduce(add, effects, given), rows, lean=True, coarse=True), rows)
+        for given, rows in ((model, without_opening(problem, early)), (smooth, without_opening(other, early)))
     )
-    return (smooth, other) if log_density(after, other) > log_density(before, problem) + LIKELIER else (model, problem)
+    return (smooth, other) if after > before + LIKELIER else (model, problem)
 
 
 def _require(effect: Effect, problem: Problem) -> None:
@@ -139,10 +139,12 @@ def _measure(
 ) -> Ladder:
     """Fit every rung on all rows and on all but each fold, and score both on the same sound rows."""
     hidden = folds(problem.table, FOLDS, blocks_beside(problem.frames))
-    fits, held_out = _fitted(rungs, problem, None, hidden, tell)
+    early = _entering_rows(rungs[-1][2], problem)
+    fits, held_out = _fitted(rungs, without_opening(problem, early), None, hidden, tell)
     aside = _rows_of_unknown_side(fits, problem)
     if aside.any():
         problem, notes = without_opening(problem, aside), (*notes, told_aside(int(aside.sum())))
+    if aside.any() or early.any():
         fits, held_out = _fitted(rungs, problem, None, hidden, tell)
     narrower = _quieter_noise(fits[-1], problem)
     if narrower is not None:
@@ -170,6 +172,12 @@ def _measure(
         protocol += "; moments, ranges and periods were found on all rows"
     masked = masked_effects(steps[-1].fitted, held)
     return Ladder(steps, report, fits[-1].noise.to_dict(), protocol, notes, ranges_of(held), masked)
+
+
+def _entering_rows(model: Model, problem: Problem) -> np.ndarray:
+    """Rows that a first fit leaves out because a joint may stand on either side; none without effects of reversal."""
+    asked = problem.table.rows <= LONG and any(term.effect.reverses for term in model.terms)
+    return entering_rows(problem) if asked else np.zeros(problem.table.rows, dtype=bool)
 
 
 def _rows_of_unknown_side(fits: Sequence[FitResult], problem: Problem) -> np.ndarray:
