@@ -149,3 +149,7 @@ def test_targets_out_of_reach_are_named() -> None:
     assert caught.value.rows == (1,)
     with pytest.raises(WorkspaceError, match="out of its travel, 150 to 420 mm"):
         simulate(bench(), table(np.array([[0.0, 0.0, 300.0]])))
+    with pytest.raises(WorkspaceError, match=r"row 1 of the targets is out of reach \(the first of 2 such rows\)"):
+        simulate(bench(), table(np.array([[350.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 350.0, 0.0]])))
+    with pytest.raises(WorkspaceError, match="the datum pose is out of reach"):
+        simulate(bench(tracker={"datum_every": 1, "datum_mm": [350.0, 0.0, 0.0]}), table(np.zeros((3, 3))))

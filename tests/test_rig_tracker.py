@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_rig_bench import BENCH, MEASURED, bench, table, volume
 
-from ptt.errors import TableError
+from ptt.errors import TableError, WorkspaceError
 from ptt.rig import Rig, parse_rig, simulate
 
 STATION = np.array([1200.0, -2700.0, 400.0])
@@ -136,6 +136,14 @@ def test_the_machine_stands_still_while_the_base_is_measured() -> None:
     along = simulate(measured_bench(tracker={"base_every": 7}, **faults), table(POSES), noise=False)
     pose = (along.frame["role"] == "pose").to_numpy()
     np.testing.assert_allclose(along.truth[pose], plain.truth, atol=1e-12)
+
+
+def test_a_target_out_of_reach_is_named_although_the_base_is_read_from_it() -> None:
+    with pytest.raises(WorkspaceError, match="row 1 of the targets is out of reach") as caught:
+        simulate(measured_bench(), table(np.array([[350.0, 0.0, 0.0], [0.0, 0.0, 0.0]])))
+    assert caught.value.rows == (0,)
+    with pytest.raises(TableError, match="base reflectors and no pose"):
+        simulate(measured_bench(), pd.DataFrame({"name": ["base 1"], "role": ["base"]}))
 
 
 def test_targets_may_ask_for_base_reflectors_by_name() -> None:

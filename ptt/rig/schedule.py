@@ -80,6 +80,8 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None) ->
     role = np.where(pose, table["role"].to_numpy()[row], np.where(origin == DATUM, "datum", "base"))
     name = np.where(pose, table["name"].to_numpy()[row], np.where(origin == DATUM, "datum", ""))
     held = role == "base"
+    if held.all():
+        raise TableError("has base reflectors and no pose", where=WHERE, fix="give at least one target")
     name = _name_base(rig, name, origin, held)
     target = np.where(pose[:, None], table[TARGET].to_numpy(float)[row], np.asarray(rig.tracker.datum_mm))
     command = np.where(pose[:, None], table[rig.commanded].to_numpy(float)[row], np.nan)

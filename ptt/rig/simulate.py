@@ -19,11 +19,12 @@ from ptt.rig.nominal import Array, Drawing, ideal_machine, nominal_sliders
 from ptt.rig.odd_state import look_at_run
 from ptt.rig.platform import carried, small_rotation
 from ptt.rig.rig import Rig
-from ptt.rig.schedule import TARGET, Schedule, plan_rows, tell_time
+from ptt.rig.schedule import HOLD, TARGET, Schedule, plan_rows, tell_time
 from ptt.rig.serial_arm import ArmRig
 from ptt.rig.thermal import room_temperature
 
 PART = 50_000  # rows that lie in memory as text at once
+STAY_INSIDE = "stay inside the workspace of the machine"
 MOST_ROWS = 20_000_000  # of one run: a year of readings, one a second and a half
 
 
@@ -122,7 +123,9 @@ def _simulate_arm(
     """The same for a serial arm: joints, load and warmth by `serial_arm`, rows and readings by the same modules."""
     schedule = plan_rows(rig, commands, sliders)
     asked = schedule if sliders is None else plan_rows(rig, commands, None)
-    _refuse(rig, schedule, np.isfinite(asked.command), f"has no {', '.join(rig.commanded)}: an arm needs its posture")
+    names = ", ".join(rig.commanded)
+    what = f"has no {names}: an arm reaches a place in many postures"
+    _refuse(rig, schedule, np.isfinite(asked.command), what, f"fill in {names}")
     for sent in (asked, schedule):
         _refuse(rig, sent, within_limits(spec, sent.command), "takes a joint out of its limits")
     blind = ~np.isfinite(schedule.target).all(1)
@@ -187,17 +190,18 @@ def _settle(rig: Rig, drawing: Drawing, schedule: Schedule) -> tuple[Array, Arra
     return tool, command
 
 
-def _refuse(rig: Rig, schedule: Schedule, good: Array, what: str) -> None:
+def _refuse(rig: Rig, schedule: Schedule, good: Array, what: str, fix: str = STAY_INSIDE) -> None:
     """Refuse rows of the targets for which a joint is not `good` (n, k)."""
-    rows = np.unique(schedule.origin[~good.all(axis=1)])
+    lost = np.unique(schedule.origin[~good.all(axis=1)])
+    rows = lost[lost != HOLD]  # base reflectors are read from a pose of another row
     if len(rows):
-        more = f", {len(rows) - 1} more rows as well" if len(rows) > 1 else ""
+        more = f" (the first of {len(rows)} such rows)" if len(rows) > 1 else ""
         place = f"row {rows[0] + 1} of the targets" if rows[0] >= 0 else "the datum pose"
         raise WorkspaceError(
             f"{place} {what}{more}",
             rows[rows >= 0].tolist(),
             where=rig.source,
-            fix="stay inside the workspace of the machine",
+            fix=fix,
         )
 
 
