@@ -115,6 +115,7 @@ def test_forces_and_directions_on_request() -> None:
         (pd.DataFrame({"x_cmd": [1.0], "y_cmd": [1.0]}), "column z_cmd is missing"),
         (pd.DataFrame([[1.0, 2.0, np.nan]], columns=TARGET), "row 1 has neither x_cmd"),
         (pd.DataFrame([[1.0, 2.0, 3.0], [1.0, "up", 2.0]], columns=TARGET), "row 2, column y_cmd: not a number"),
+        (table(POSES).assign(feed_mm_s=[5.0, np.nan, 0.0, 1.0, 1.0, 1.0]), "row 3, column feed_mm_s: a feed of 0 mm/s"),
     ],
 )
 def test_bad_targets(rows: pd.DataFrame, message: str) -> None:

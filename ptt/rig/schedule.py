@@ -140,6 +140,12 @@ def _tidy(commands: pd.DataFrame, joints: list[str]) -> pd.DataFrame:
         table[column] = values.fillna(default).astype(str).replace("", default)
     for column in ("payload_kg", "feed_mm_s"):
         table[column] = _numbers(table, [column])[:, 0] if column in table else np.nan
+    stopped = (table["feed_mm_s"] <= 0.0).to_numpy()
+    if stopped.any():
+        row = int(np.argmax(stopped))
+        what = f"a feed of {table['feed_mm_s'].iloc[row]:g} mm/s never arrives"
+        place = f"{WHERE} row {row + 1}, column feed_mm_s"
+        raise TableError(what, where=place, fix="give a feed above zero, or an empty cell for the rig's own")
     table["read"] = _numbers(table, ["read"])[:, 0] if "read" in table else 1.0
     told = _numbers(table, ["repeat"])[:, 0] if "repeat" in table else np.ones(len(table))
     table["repeat"] = np.where(np.isfinite(told), told, 1.0).astype(int)
