@@ -12,6 +12,7 @@ from ptt.rig import format_rig, load_rig, parse_rig, simulate, write_run
 from ptt.run.reading import read_table
 
 POSES = volume(6)
+LAW = {"kind": "random-law", "place": "along", "leg": 1, "form": "smooth", "variables": ["b1"], "size_um": 5.0}
 RICH = {
     "seed": 3,
     "drive": {"backlash_mm": 0.05, "turn_um": 4.0, "homing_mm": [0.2, -0.1, 0.3], "compliance_um_per_n": 0.2},
@@ -134,6 +135,14 @@ def test_bad_targets(rows: pd.DataFrame, message: str) -> None:
         ({"odd": [{"kind": "splice", "leg": 4, "height_mm": 1.0, "step_um": 1.0}]}, "less than or equal to 3"),
         ({"tracker": {"knock_row": 3, "knock_time_s": 4.0}}, "knock_row and knock_time_s are both given"),
         ({"drive": {"map_height_mm": [1.0, 2.0], "map_um": [[1.0, 2.0]] * 3}}, "drive.map_um.*at least 4"),
+        ({"drive": {"map_height_mm": [1.0, 3.0, 3.0, 4.0], "map_um": [[1.0] * 4] * 3}}, "map_height_mm.*have to rise"),
+        ({"geometry": {"straightness_height_mm": [4.0, 3.0, 2.0, 1.0]}}, "straightness_height_mm.*have to rise"),
+        ({"drive": {"curve_span_mm": [200.0, 200.0]}}, "curve_span_mm.*ends of a span are the same"),
+        ({"geometry": {"straightness_span_mm": [200.0, 200.0]}}, "straightness_span_mm.*ends of a span are the same"),
+        ({"odd": [{"kind": "cable-drag", "leg": 1, "low_mm": 2, "high_mm": 2, "size_um": 5}]}, "are the same"),
+        ({"odd": [{**LAW, "span": [[1.0, 1.0]]}]}, "span.*are the same"),
+        ({"drive": {"backlash_mm": [0.1, -0.1, 0.0]}}, "drive.backlash_mm.*greater than or equal to 0"),
+        ({"odd": [{"kind": "load-backlash", "leg": 1, "gap_um_per_kg": -5.0}]}, "greater than or equal to 0"),
         ({"conditions": {"cycles": 0}}, "greater than or equal to 1"),
     ],
 )

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 import pydantic
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
-from ptt.rig.schema import Section, Triple
+from ptt.rig.schema import Section, Span, Triple
 
 Joint = Annotated[int, Field(ge=1, le=7)]
 Place = Literal["joint", "lean-x", "lean-y", "tool-x", "tool-y", "tool-z", "sight-x", "sight-y", "sight-z"]
@@ -72,7 +72,7 @@ class SlippingTool(OfArm):
 
     kind: Literal["slipping-tool"]
     shift_um: Triple
-    share: NonNegativeFloat = 0.5
+    share: Annotated[float, Field(ge=0, le=1)] = 0.5
 
     @property
     def leads(self) -> tuple[str, ...]:
@@ -112,6 +112,12 @@ class DressPack(OnJoint):
     low_rad: float
     high_rad: float
     size_urad: float
+
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> "DressPack":
+        if self.low_rad == self.high_rad:
+            raise ValueError("low_rad and high_rad are the same")
+        return self
 
     @property
     def leads(self) -> tuple[str, ...]:
@@ -212,7 +218,7 @@ class ArmLaw(OfArm):
     joint: Joint | None = None
     form: Literal["smooth", "jumpy", "periodic"]
     variables: Annotated[tuple[str, ...], Field(min_length=1)]
-    span: tuple[tuple[float, float], ...]
+    span: tuple[Span, ...]
     size: float
     law_seed: NonNegativeInt = 0
     memory_s: PositiveFloat = 1200.0

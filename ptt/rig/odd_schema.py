@@ -6,9 +6,8 @@ import pydantic
 from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from ptt.rig import arm_odd_schema as arm
-from ptt.rig.schema import Leg, PerLeg, Section, Triple
+from ptt.rig.schema import Leg, PerLeg, Section, Span, Triple
 
-Span = tuple[float, float]
 Place = Literal["along", "radial", "tangential", "link", "tool-x", "tool-y", "tool-z", "sight-x", "sight-y", "sight-z"]
 Variable = Literal[
     "b1", "b2", "b3", "x", "y", "z", "direction1", "direction2", "direction3", "speed1", "speed2", "speed3",
@@ -95,7 +94,7 @@ class WarmBacklash(OnLeg):
     """A nut that loses its preload when warm: the gap opens in proportion above a temperature."""
 
     kind: Literal["warm-backlash"]
-    gap_um_per_k: float
+    gap_um_per_k: NonNegativeFloat
     opens_at_c: float
 
     @property
@@ -108,7 +107,7 @@ class LoadBacklash(OnLeg):
     """A nut whose preload the payload takes off: the gap opens in proportion above a load."""
 
     kind: Literal["load-backlash"]
-    gap_um_per_kg: float
+    gap_um_per_kg: NonNegativeFloat
     opens_at_kg: NonNegativeFloat = 0.0
 
     @property
@@ -139,6 +138,12 @@ class CableDrag(Reversing):
     low_mm: float
     high_mm: float
     size_um: float
+
+    @pydantic.model_validator(mode="after")
+    def _check(self) -> "CableDrag":
+        if self.low_mm == self.high_mm:
+            raise ValueError("low_mm and high_mm are the same")
+        return self
 
 
 class LooseJoint(OnLeg):

@@ -1,8 +1,18 @@
 """What a RIG.toml may say: conditions of a run and every fault of the virtual machine; units are in the key names."""
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    NonNegativeInt,
+    PositiveFloat,
+)
 
 Triple = tuple[float, float, float]
 
@@ -12,9 +22,26 @@ def _spread(value: object) -> object:
     return (value,) * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
+def _apart(ends: tuple[float, float]) -> tuple[float, float]:
+    """A variable is scaled by the width of its span."""
+    if ends[0] == ends[1]:
+        raise ValueError("the two ends of a span are the same")
+    return ends
+
+
+def _rising(heights: tuple[float, ...]) -> tuple[float, ...]:
+    """A cubic spline needs knots in order."""
+    if any(after <= before for before, after in pairwise(heights)):
+        raise ValueError("heights have to rise from one to the next")
+    return heights
+
+
 PerLeg = Annotated[Triple, BeforeValidator(_spread)]
+GapPerLeg = Annotated[tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat], BeforeValidator(_spread)]
 LengthPerLeg = Annotated[tuple[PositiveFloat, PositiveFloat, PositiveFloat], BeforeValidator(_spread)]
 Leg = Annotated[int, Field(ge=1, le=3)]
+Span = Annotated[tuple[float, float], AfterValidator(_apart)]
+Heights = Annotated[tuple[float, ...], AfterValidator(_rising)]
 ZERO: Triple = (0.0, 0.0, 0.0)
 MAP: tuple[tuple[float, ...], ...] = ()
 
@@ -71,14 +98,14 @@ class Drive(Section):
     scale_um_per_m: PerLeg = ZERO
     curve_parabola_um: PerLeg = ZERO
     curve_cubic_um: PerLeg = ZERO
-    curve_span_mm: tuple[float, float] | None = None
-    map_height_mm: tuple[float, ...] = ()
+    curve_span_mm: Span | None = None
+    map_height_mm: Heights = ()
     map_um: tuple[tuple[float, ...], ...] = MAP
     turn_um: PerLeg = ZERO
     turn_phase_rad: PerLeg = ZERO
     turn2_um: PerLeg = ZERO
     turn2_phase_rad: PerLeg = ZERO
-    backlash_mm: PerLeg = ZERO
+    backlash_mm: GapPerLeg = ZERO
     windup_um: PerLeg = ZERO
     windup_length_mm: LengthPerLeg = (1.0, 1.0, 1.0)
     friction_um: PerLeg = ZERO
@@ -116,9 +143,9 @@ class Geometry(Section):
     link_compliance_um_per_n: PerLeg = ZERO
     straightness_um: PerLeg = ZERO
     straightness_seed: NonNegativeInt = 0
-    straightness_span_mm: tuple[float, float] | None = None
+    straightness_span_mm: Span | None = None
     straightness_waves: Annotated[int, Field(ge=1, le=20)] = 3
-    straightness_height_mm: tuple[float, ...] = ()
+    straightness_height_mm: Heights = ()
     straightness_radial_um: tuple[tuple[float, ...], ...] = MAP
     straightness_tangential_um: tuple[tuple[float, ...], ...] = MAP
     joint_offset_rail_mm: PerLeg = ZERO
