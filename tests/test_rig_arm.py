@@ -148,6 +148,11 @@ def test_a_rig_of_an_arm_reads_back_and_noise_follows_the_seed() -> None:
         ({"arm": {"com_mm": [[0, 0, 0], [0, 0, 0], [0, 0, 0]]}}, "arm.com_mm"),
         ({"tracker": {"datum_every": 3}}, "datum_every"),
         ({"conditions": {"moving": True}}, "conditions.moving"),
+        ({"conditions": {"report_force": True}}, "conditions.report_force"),
+        ({"arm": {"ring_urad": [[1.0, 2.0], [1.0], [1.0]]}}, "arm.ring_urad.*as many harmonics"),
+        ({"arm": {"ring_urad": [[1.0, 2.0]] * 3, "ring_phase_rad": [[1.0]] * 3}}, "arm.ring_urad.*as many harmonics"),
+        ({"arm": {"ring_phase_rad": [[1.0]] * 3}}, "arm.ring_urad.*as many harmonics"),
+        ({"arm": {"slip_mrad": [1.0, 0.0, 0.0]}}, "slip_mrad without a moment.*give slip_row"),
     ],
 )
 def test_rigs_that_make_no_sense_are_refused_by_key(sections, words: str) -> None:

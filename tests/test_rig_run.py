@@ -134,6 +134,8 @@ def test_bad_targets(rows: pd.DataFrame, message: str) -> None:
         ({"odd": [{"kind": "gremlin"}]}, "gremlin"),
         ({"odd": [{"kind": "splice", "leg": 4, "height_mm": 1.0, "step_um": 1.0}]}, "less than or equal to 3"),
         ({"tracker": {"knock_row": 3, "knock_time_s": 4.0}}, "knock_row and knock_time_s are both given"),
+        ({"tracker": {"knock_um": [9.0, 0.0, 0.0]}}, "knock_um without a moment.*give knock_row or knock_time_s"),
+        ({"drive": {"slip_mm": [0.1, 0.0, 0.0]}}, "slip_mm without a moment.*give slip_row or slip_time_s"),
         ({"drive": {"map_height_mm": [1.0, 2.0], "map_um": [[1.0, 2.0]] * 3}}, "drive.map_um.*at least 4"),
         ({"drive": {"map_height_mm": [1.0, 3.0, 3.0, 4.0], "map_um": [[1.0] * 4] * 3}}, "map_height_mm.*have to rise"),
         ({"geometry": {"straightness_height_mm": [4.0, 3.0, 2.0, 1.0]}}, "straightness_height_mm.*have to rise"),

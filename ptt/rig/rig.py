@@ -193,12 +193,22 @@ def _check(rig: Rig) -> None:
                 where=f"{rig.source} key {key}",
                 fix="give one value per height and leg",
             )
-    for section, what in ((rig.tracker, "knock"), (rig.drive, "slip")):
-        if getattr(section, f"{what}_row") is not None and getattr(section, f"{what}_time_s") is not None:
-            words = f"{what}_row and {what}_time_s are both given"
-            place = f"{rig.source} key {type(section).__name__.lower()}"
-            raise InputError(words, where=place, fix="keep one of them")
+    _check_moment(rig.tracker, "knock", ("knock_um", "knock_mrad"), rig.source)
+    _check_moment(rig.drive, "slip", ("slip_mm",), rig.source)
+    _check_moment(rig.arm, "slip", ("slip_mrad",), rig.source)
     _check_kind(rig)
+
+
+def _check_moment(section: schema.Section, what: str, sizes: tuple[str, ...], source: str) -> None:
+    """Refuse what happens once in a run at two moments, and of some size at none."""
+    moments = [key for key in (f"{what}_row", f"{what}_time_s") if key in type(section).model_fields]
+    given = [key for key in moments if getattr(section, key) is not None]
+    place = f"{source} key {type(section).__name__.lower()}"
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(given)} are both given", where=place, fix="keep one of them")
+    for key in sizes:
+        if any(getattr(section, key)) and not given:
+            raise InputError(f"{key} without a moment never happens", where=place, fix=f"give {' or '.join(moments)}")
 
 
 def _check_kind(rig: Rig) -> None:
@@ -221,9 +231,13 @@ def _check_kind(rig: Rig) -> None:
             where=f"{rig.source} key tracker.datum_every",
             fix="put the pose into the targets with role 'datum'",
         )
-    if rig.conditions.moving:
-        what = "an arm is read at standstill only"
-        raise InputError(what, where=f"{rig.source} key conditions.moving", fix="remove it")
+    for key, what in (
+        ("moving", "an arm is read at standstill only"),
+        ("report_force", "the joints of an arm report no torques"),
+        ("report_direction", "the joints of an arm report no directions"),
+    ):
+        if getattr(rig.conditions, key):
+            raise InputError(what, where=f"{rig.source} key conditions.{key}", fix="remove it")
     joints = len(rig.serial.joint)
     for key, value in rig.arm:
         if isinstance(value, tuple) and key != "reflector_mm" and len(value) not in (0, joints):
@@ -235,6 +249,13 @@ def _check_kind(rig: Rig) -> None:
     if bool(rig.arm.com_mm) and not rig.arm.mass_kg:
         what = "centres of mass without masses"
         raise InputError(what, where=f"{rig.source} key arm.com_mm", fix="give arm.mass_kg, too")
+    harmonics = [[len(row) for row in table] for table in (rig.arm.ring_urad, rig.arm.ring_phase_rad)]
+    if len({length for row in harmonics for length in row}) > 1 or len(harmonics[0]) < len(harmonics[1]):
+        raise InputError(
+            "every joint needs as many harmonics as the others, and phases as many as sizes",
+            where=f"{rig.source} key arm.ring_urad",
+            fix="give lists of one length, 0 for a harmonic that is not there",
+        )
 
 
 def _check_odd(rig: Rig) -> None:
