@@ -125,7 +125,17 @@ def test_a_changed_seal_is_refused(key: str, tmp_path: Path) -> None:
         open_challenge(folder)
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[]", '{"sealed": "??", "sha256": ""}', '{"sealed": 3, "sha256": ""}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{}",
+        "[]",
+        '{"sealed": "??", "sha256": ""}',
+        '{"sealed": "\u00e4", "sha256": ""}',
+        '{"sealed": 3, "sha256": ""}',
+    ],
+)
 def test_what_is_no_seal_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="not a sealed challenge"):
         unseal(text)

@@ -1,7 +1,6 @@
 """A run with hidden faults, and the seal on what they are; opened again to score a model against it."""
 
 import base64
-import binascii
 import hashlib
 import io
 import json
@@ -214,7 +213,7 @@ def unseal(text: str, where: str = SEAL) -> Sealed:
         whole = parse_json(text, where)
         packed = base64.b64decode(whole["sealed"], validate=True)
         digest = whole["sha256"]
-    except (InputError, KeyError, TypeError, binascii.Error):
+    except (InputError, KeyError, TypeError, ValueError):  # ValueError: not in base64
         raise InputError("not a sealed challenge", where=where, fix="`ptt challenge new` makes one") from None
     if hashlib.sha256(packed).hexdigest() != digest:
         raise InputError(
