@@ -10,7 +10,7 @@ import pytest
 from test_rig_bench import BENCH, COMMAND, TARGET
 
 from ptt.effects.registry import library
-from ptt.errors import InputError
+from ptt.errors import InputError, WorkspaceError
 from ptt.machine import MachineFile, load_machine
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.draw import PROTOCOLS, draw_rig, fault_names
@@ -116,6 +116,21 @@ def test_bad_draws(machine: MachineFile) -> None:
             draw_rig(*arguments)
     with pytest.raises(InputError, match="can show"):
         draw_rig("single", 1, machine, "volume", fault="following-error")
+
+
+def test_a_machine_too_small_for_the_run_is_refused(machine: MachineFile) -> None:
+    links = {
+        "base_radius_mm": 50.0,
+        "platform_radius_mm": 20.0,
+        "link_length_mm": 60.0,
+        "slider_travel_mm": (0.0, 120.0),
+    }
+    small = replace(machine, machine=machine.machine.model_copy(update=links))
+    with pytest.raises(WorkspaceError, match="cannot go everywhere in a run over 120 x 120 x 100 mm"):
+        draw_rig("none", 1, small, "path")
+    tight = replace(machine, machine=machine.machine.model_copy(update={"slider_travel_mm": (270.0, 300.0)}))
+    with pytest.raises(WorkspaceError, match="no pose within 120 x 120 x 100 mm"):
+        draw_rig("none", 1, tight, "volume")
 
 
 def test_volume_has_repeats_both_directions_and_datum_visits(machine: MachineFile) -> None:

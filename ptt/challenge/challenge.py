@@ -118,6 +118,7 @@ def new_challenge(
 
     Raises:
         InputError: an unknown level, too few rows, or a folder that holds a challenge already.
+        WorkspaceError: the drawing does not reach the poses of a run.
     """
     place = Path(folder)
     if level not in (*LEVELS, "any"):

@@ -7,12 +7,13 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from ptt.errors import InputError
+from ptt.errors import InputError, WorkspaceError
 from ptt.machine import MachineFile
 from ptt.rig.draw_faults import KNOWN, Fault, Scene
 from ptt.rig.draw_odd import UNKNOWN
-from ptt.rig.nominal import Array, Drawing, ideal_machine
+from ptt.rig.nominal import Array, Drawing, can_reach, ideal_machine
 from ptt.rig.rig import SECTIONS, Rig, parse_rig
+from ptt.rig.schedule import TARGET
 from ptt.rig.schema import Section
 from ptt.rig.targets import HALF_SIZE, as_targets, make_helix, make_loop, make_volume, there_and_back
 
@@ -69,6 +70,7 @@ def draw_rig(
 
     Raises:
         InputError: an unknown level, protocol or fault, or one that the protocol cannot show.
+        WorkspaceError: the machine does not reach the poses of the run.
     """
     random = np.random.default_rng([seed, 21])
     chosen, protocol = _choose(level, random, protocol, fault)
@@ -77,6 +79,10 @@ def draw_rig(
     drawing = ideal_machine(rig.spec)
     scene = Scene(drawing, rig.spec, HALF_SIZE, protocol)
     targets, conditions = _measure(protocol, drawing, rows, seed)
+    if not can_reach(drawing, targets[TARGET].to_numpy(float)).all():
+        volume = " x ".join(f"{2.0 * half:g}" for half in HALF_SIZE)
+        what = f"this machine cannot go everywhere in a run over {volume} mm about p = 0"
+        raise WorkspaceError(what, [], where=machine.source, fix="take a machine that reaches more of it")
     settings: dict[str, dict[str, Any]] = {"conditions": conditions, "tracker": _frame(random)}
     odd: list[dict[str, Any]] = []
     truth: dict[str, dict[str, Any]] = {}

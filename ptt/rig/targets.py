@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from ptt.errors import WorkspaceError
 from ptt.rig.nominal import Array, Drawing, can_reach, nominal_sliders
 from ptt.rig.schedule import TARGET
 
@@ -104,6 +105,9 @@ def make_volume(drawing: Drawing, rows: int, seed: int, room: Array = HALF_SIZE)
 
     Returns:
         Columns name, role, x_cmd, y_cmd, z_cmd.
+
+    Raises:
+        WorkspaceError: the machine reaches too little of the volume.
     """
     random = np.random.default_rng([seed, 11])
     blocks: list[pd.DataFrame] = []
@@ -146,7 +150,12 @@ def _group(drawing: Drawing, random: np.random.Generator, room: Array) -> Array:
         move = np.diff(nominal_sliders(drawing, three), axis=0)
         if (np.abs(move) > scale * LEAST_MOVE).all() and (move[0] * move[1] > 0).all():
             return three[[0, 1, 2, 1] * 2]
-    raise AssertionError("no group of poses fits the volume")
+    size = " x ".join(f"{2.0 * half:g}" for half in room)
+    raise WorkspaceError(
+        f"no pose within {size} mm about p = 0 can be approached from both sides of every slider",
+        [],
+        fix="take a machine that reaches more of it",
+    )
 
 
 def _datum_visit(room: Array) -> pd.DataFrame:
