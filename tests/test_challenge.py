@@ -251,6 +251,24 @@ def test_an_arm_is_drawn_without_what_it_has_not(tmp_path: Path) -> None:
     assert any("self-weight" in draw_serial("single", seed, blank, rows=24).truth for seed in range(12))
 
 
+@pytest.mark.parametrize("joints", [1, 2, 3, 6])
+def test_an_arm_of_few_joints_or_with_limits_on_one_side_of_zero_is_drawn(joints: int) -> None:
+    file = load_machine(ARM)
+    limits = ((30.0, 150.0), (-170.0, -120.0), (0.0, 90.0))
+    links = [
+        link.model_copy(update={"limits_deg": limits[number % 3], "mass_kg": None, "com_mm": None})
+        for number, link in enumerate(file.machine.joint[:joints])
+    ]
+    short = replace(file, machine=file.machine.model_copy(update={"joint": tuple(links)}), text="")
+    hidden = set()
+    for seed in range(12):
+        drawn = draw_serial("single", seed, short, rows=24)
+        assert np.isfinite(simulate(drawn.rig, drawn.targets).truth).all()
+        assert all(np.any(next(iter(values.values()))) for values in drawn.truth.values())
+        hidden |= set(drawn.truth)
+    assert {"dh-offsets", "backlash"} <= hidden
+
+
 def test_a_model_of_an_arm_is_scored_and_its_commands_hit(tmp_path: Path) -> None:
     """Play of the first two joints by hand: found by its name, missed by another, and taken out of the tool's error."""
     plain = draw_serial("none", 1, load_machine(ARM), rows=60)

@@ -100,15 +100,16 @@ def draw_faults(fault: ArmFault, joints: int, random: np.random.Generator) -> Ar
     if fault in ("compliance", "weight"):
         return replace(faults, compliance=_log(random, 2e-9, 1.5e-8, joints))
     if fault == "backlash":
-        # The last joint hardly moves a reflector near its axis.
-        loose = random.permutation(joints - 1)[: random.integers(1, 3)]
+        # The last joint hardly moves a reflector near its axis; a single joint has no other.
+        loose = random.permutation(max(joints - 1, 1))[: random.integers(1, 3)]
         return replace(faults, gap=np.where(np.isin(np.arange(joints), loose), _log(random, 2e-4, 1e-3, joints), 0.0))
     if fault == "link":
         link = np.zeros((joints, 4))
         size = _log(random, 1.0, 5.0, 3) * np.array([0.2, 3e-4, 0.2]) * random.choice([-1.0, 1.0], 3)
         some = random.random(3) < 0.6
         some[random.integers(0, 2)] = True  # an offset alone may be a tracker's shift
-        link[random.integers(1, joints - 2), :3] = np.where(some, size, 0.0)
+        # The first link may be the tracker's frame and the last ones the reflector's mount, where there are others.
+        link[min(int(random.integers(1, max(joints - 2, 2))), joints - 1), :3] = np.where(some, size, 0.0)
         return replace(faults, link=link)
     return replace(faults, growth=float(random.uniform(STEEL, ALUMINIUM))) if fault == "growth" else faults
 
@@ -139,9 +140,14 @@ def unweighed(spec: SerialSpec) -> SerialSpec:
 
 
 def joint_ranges(spec: SerialSpec) -> tuple[Array, Array]:
-    """Least and greatest value of each joint in a drawn run, (k,) rad each."""
-    low, high = 0.8 * joint_limits(spec)
-    return np.maximum(low, -0.8 * WIDE_RAD), np.minimum(high, 0.8 * WIDE_RAD)
+    """Least and greatest value of each joint in a drawn run, (k,) rad each: within four fifths of limits and WIDE_RAD.
+
+    Four fifths of a limit lie beyond it where both limits are on one side of zero: it ends the range itself there, and
+    limits beyond WIDE_RAD are the range.
+    """
+    limits = joint_limits(spec)
+    low, high = np.clip(np.clip(0.8 * limits, -0.8 * WIDE_RAD, 0.8 * WIDE_RAD), *limits)
+    return np.where(low < high, low, limits[0]), np.where(low < high, high, limits[1])
 
 
 def _log(random: np.random.Generator, low: float, high: float, count: int) -> Array:

@@ -84,7 +84,7 @@ def _poses(spec: SerialSpec, rows: int, random: np.random.Generator) -> Array:
     steps = NUDGE * np.eye(len(spec.joint))
     nudged = [tool_on_drawing(spec, q + step) - tool_on_drawing(spec, q - step) for step in steps]
     sizes = np.linalg.svd(np.stack(nudged, axis=-1), compute_uv=False)
-    keep = np.argsort(-sizes[:, -1] / sizes[:, 0])[:rows]
+    keep = np.argsort(-sizes[:, -1] / np.maximum(sizes[:, 0], 1e-9))[:rows]  # 0 where no joint moves the tool
     return np.asarray(q[np.sort(keep)])
 
 
