@@ -142,6 +142,14 @@ def test_hose_pulls_only_when_taut_and_towards_its_anchor() -> None:
     assert moved[1, 0] > 1.8 * moved[2, 0]
 
 
+def test_the_forces_of_the_drives_bear_the_hose_as_well() -> None:
+    """At the centre the links share a pull along z evenly: 6 N up by the hose against 10 N of weight leaves 4 N."""
+    hose = {"kind": "hose", "anchor_mm": [0.0, 0.0, 900.0], "pull_n": 6.0}
+    rig = bench(odd=[hose], conditions={"payload_kg": 10.0 / 9.80665, "report_force": True})
+    frame = simulate(rig, table(np.zeros((1, 3))), noise=False).frame
+    np.testing.assert_allclose(frame[["tau1", "tau2", "tau3"]], np.full((1, 3), -4.0 / 3.0), atol=1e-6)
+
+
 def test_backlash_that_opens_when_warm() -> None:
     odd = [{"kind": "warm-backlash", "leg": 1, "gap_um_per_k": 10.0, "opens_at_c": 22.0}]
     sent = pd.DataFrame(np.outer(280.0 + 20.0 * (np.arange(40) % 2), np.ones(3)), columns=COMMAND)

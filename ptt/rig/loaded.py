@@ -80,12 +80,13 @@ def load_platform(
             give = give + np.asarray(hose.compliance_um_per_n) * tug * _cosine(drawing, pose)
             total = total + tug
         soft, loose = np.asarray(rig.geometry.link_compliance_um_per_n), np.asarray(rig.geometry.clearance_um)
+        force = total * _cosine(drawing, pose)
         if not (give.any() or soft.any() or loose.any()):
-            return pose, slider, along
+            return pose, slider, force
         given = slider + MICRO * give
         stretch = MICRO * (soft * total + 0.5 * loose * np.sign(np.round(total, 9)))
         pose = _solve(rig, drawing, schedule, warmth, given, stretch, tool, state)
-    return pose, given, along
+    return pose, given, force
 
 
 def _solve(
