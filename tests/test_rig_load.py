@@ -100,6 +100,17 @@ def test_duty_heats_the_screw_that_works() -> None:
     np.testing.assert_array_equal(warmth.sensor, warmth.screw[:, 2])
 
 
+def test_leading_in_takes_no_time_and_warms_no_screw() -> None:
+    """Screws that follow at once: the first row of each run is as warm as its way on the clock alone makes it."""
+    rig = bench(
+        thermal={"duty_k_s_per_mm": 0.1, "growth_um_per_m_k": 11.5},
+        conditions={"cycles": 2, "run_per_cycle": True, "dwell_s": 0.0, "feed_mm_s": 10.0},
+    )
+    poses = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 20.0]])
+    screw = simulate(rig, table(poses), noise=False).screw_temp
+    np.testing.assert_allclose(screw, np.repeat([[20.0], [21.0], [21.0], [21.0]], 3, axis=1), atol=1e-9)
+
+
 def test_screw_grows_from_its_fixed_end() -> None:
     room = {"start_c": 30.0}
     thermal = {"growth_um_per_m_k": 11.5, "fixed_end_mm": 450.0}

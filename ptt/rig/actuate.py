@@ -11,13 +11,14 @@ from ptt.rig.thermal import Warmth, warm_up
 MICRO = 1e-3  # mm per um
 
 
-def follow_warmth(rig: Rig, path: motion.Path, time: Array, seed: int | None) -> Warmth:
+def follow_warmth(rig: Rig, path: motion.Path, time: Array, run: Array, seed: int | None) -> Warmth:
     """Temperatures of a run.
 
     Args:
         rig: room, lags, heat of duty.
         path: of the sliders.
         time: (n,) s.
+        run: (n,) int, number of each row's run.
         seed: of the sensor's noise; None leaves it out.
 
     Returns:
@@ -27,6 +28,10 @@ def follow_warmth(rig: Rig, path: motion.Path, time: Array, seed: int | None) ->
     rows = len(time)
     travelled = np.zeros((rows, 3))
     np.add.at(travelled, path.row, step)
+    # The clock knows the way to a run's first row, not that it is led in: what leads in warms no screw.
+    first = np.flatnonzero(np.diff(run, prepend=run[:1] - 1))
+    command = path.slider[path.last]
+    travelled[first] = np.abs(command[first] - command[np.maximum(first - 1, 0)])
     sigma = rig.thermal.sensor_sigma_k
     random = np.random.default_rng([seed, 6]).normal(size=rows) if seed is not None else np.zeros(rows)
     return warm_up(rig.conditions.room, rig.thermal, time, travelled, sigma * random)

@@ -88,7 +88,7 @@ def simulate(
     time = tell_time(rig, schedule, tool)
     straight = rig.spec.moves == "straight"
     path = motion.run_path(drawing, tool, command, schedule.run, straight=straight, lead_in=rig.conditions.lead_in_mm)
-    warmth = follow_warmth(rig, path, time, run_seed if noise else None)
+    warmth = follow_warmth(rig, path, time, schedule.run, run_seed if noise else None)
     still = (schedule.role != "pose") | (not rig.conditions.moving)
     ends = motion.end_moves(drawing, tool, command) if straight else None
     speed = motion.slider_speed(command, tool, time, still, schedule.run, ends)
