@@ -33,7 +33,7 @@ from sweep_report import NOISE_FREE, summary
 
 from ptt.challenge.cases import Case, draw, plan
 from ptt.challenge.challenge import bench
-from ptt.challenge.truth import MICRO, Truth, table_of
+from ptt.challenge.truth import UM_PER_MM, Truth, table_of
 from ptt.diagnosis.diagnose import diagnose
 from ptt.errors import PttError
 from ptt.model.model import Model
@@ -81,7 +81,7 @@ def describe(case: Case, drawn: DrawnRig, truth: Truth) -> dict[str, Any]:
         "hidden": {fault.name: fault.size / truth.noise.total for fault in truth.faults},
         "counted": [fault.name for fault in truth.faults if fault.counts],
         "outside": [fault.name for fault in truth.faults if not fault.known],
-        "noise_um": MICRO * truth.noise.total,
+        "noise_um": UM_PER_MM * truth.noise.total,
     }
 
 
@@ -95,7 +95,7 @@ def examine(drawn: DrawnRig, truth: Truth, frame: pd.DataFrame, close: Closing) 
     said = result.to_dict()
     named, verdict = [list(group) for group in said["suggested"]], said["verdict"]
     row: dict[str, Any] = {"verdict": verdict, "named": named, "seconds": seconds}
-    row["noise_seen"] = said["noise_um"]["total"] / (MICRO * truth.noise.total)
+    row["noise_seen"] = said["noise_um"]["total"] / (UM_PER_MM * truth.noise.total)
     row["depends"] = [[item["residual"], item["on"]] for item in said["depends_on"][:3]]
     row |= judge_names(named, truth, drawn)
     row["right"] = verdict_right(verdict, truth, row["explained"])

@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 from ptt.challenge.hide import faults_of
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.score import judge
-from ptt.challenge.truth import MICRO, READINGS, Truth, mount_columns, off_set_up, rms_length
+from ptt.challenge.truth import READINGS, UM_PER_MM, Truth, mount_columns, off_set_up, rms_length
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
@@ -197,7 +197,7 @@ def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | Non
     `rosy` is over the held-out error that the diagnosis prints, `unforeseen` over that and `sigma_um` of the commands,
     which beside base reflectors is of the base frame while the error is not.
     """
-    noise = MICRO * truth.noise.total
+    noise = UM_PER_MM * truth.noise.total
     measured = remeasure(model, drawn)
     tool, missed = measured.to_dict(), measured.missed
     before = tool["before"]["total"]
@@ -205,10 +205,10 @@ def reached(model: Model, drawn: DrawnRig, truth: Truth, printed_um: float | Non
     found: dict[str, Any] = {"before": before / noise, "after": None if after is None else after / noise}
     found["worse"] = after is not None and after > before + WORSE * noise
     if after is not None and printed_um:
-        promised = np.hypot(printed_um, 0.0 if missed is None else MICRO * rms_length(missed[:, None]))
+        promised = np.hypot(printed_um, 0.0 if missed is None else UM_PER_MM * rms_length(missed[:, None]))
         shown = np.hypot(after, scatter(drawn))
         found["rosy"] = float(shown / promised)
-        sure = 0.0 if measured.sigma is None else MICRO * rms_length(np.nan_to_num(measured.sigma)[:, None])
+        sure = 0.0 if measured.sigma is None else UM_PER_MM * rms_length(np.nan_to_num(measured.sigma)[:, None])
         found["unforeseen"] = float(shown / np.hypot(promised, sure))
     return found
 
@@ -221,7 +221,7 @@ def scatter(drawn: DrawnRig) -> float:
     place = still.truth if drawn.rig.serial is None else still.frame[READINGS].to_numpy(float)
     run, mount = noisy.frame["run"].to_numpy(), mount_columns(drawn)
     held = None if mount is None else mount[kept]
-    return MICRO * rms_length(off_set_up(drawn.rig, shift[kept], place[kept], run[kept], held))
+    return UM_PER_MM * rms_length(off_set_up(drawn.rig, shift[kept], place[kept], run[kept], held))
 
 
 def printed_heldout(result: Mapping[str, Any]) -> float | None:

@@ -14,7 +14,7 @@ from ptt.challenge.challenge import (
     open_challenge,
 )
 from ptt.challenge.remeasure import remeasure
-from ptt.challenge.truth import MICRO, off_frame, off_set_up, reading_noise, rms_length, table_of
+from ptt.challenge.truth import UM_PER_MM, off_frame, off_set_up, reading_noise, rms_length, table_of
 from ptt.effects import library
 from ptt.machine import load_machine
 from ptt.model.model import Model
@@ -64,7 +64,7 @@ def test_the_tool_error_is_taken_as_the_set_up_allows() -> None:
         run = simulate(known.rig, known.targets, noise=False)
         error = run.truth - run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)
         if policy == "trusted":
-            assert sizes[policy] == pytest.approx(MICRO * rms_length(error))
+            assert sizes[policy] == pytest.approx(UM_PER_MM * rms_length(error))
     assert sizes["fitted"] < 0.8 * sizes["trusted"]
 
 

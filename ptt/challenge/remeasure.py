@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from ptt.challenge.truth import MICRO, READINGS, in_base_frame, mount_columns, off_set_up, table_of
+from ptt.challenge.truth import READINGS, UM_PER_MM, in_base_frame, mount_columns, off_set_up, table_of
 from ptt.correct.compensate import Correction, compensate
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model
@@ -132,6 +132,6 @@ def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray, mount: np.ndarray 
 
 
 def _rms(error: np.ndarray) -> dict[str, float]:
-    squares = MICRO**2 * np.square(error).mean(axis=0)
+    squares = UM_PER_MM**2 * np.square(error).mean(axis=0)
     axes: Mapping[str, float] = {axis: float(np.sqrt(square)) for axis, square in zip("xyz", squares, strict=True)}
     return {**axes, "total": float(np.sqrt(squares.sum()))}

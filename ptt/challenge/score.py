@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.challenge.remeasure import CorrectionAt, ToolError, remeasure
-from ptt.challenge.truth import MICRO, UNSEEN, HiddenFault, Truth
+from ptt.challenge.truth import UM_PER_MM, UNSEEN, HiddenFault, Truth
 from ptt.model.model import Model, parameter_names, told_values
 from ptt.run.noise import Noise
 
@@ -62,7 +62,9 @@ class Score:
         """Whether the model's commands put the tool farther off than the controller's own, by more than the noise."""
         error = self.tool.to_dict()
         before, after = error["before"], error["after"]
-        return before is not None and after is not None and after["total"] > before["total"] + MICRO * self.noise.total
+        return (
+            before is not None and after is not None and after["total"] > before["total"] + UM_PER_MM * self.noise.total
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -84,7 +86,7 @@ class Score:
             "effect": fault.name,
             "is": self.judgement.faults[fault.name],
             "instead": list(self.judgement.instead.get(fault.name, ())),
-            "size_um": MICRO * fault.size,
+            "size_um": UM_PER_MM * fault.size,
             "truth": dict(fault.values),
             "model": self._parameters(fault.name) if fault.name in self.parameters else None,
         }
@@ -151,7 +153,7 @@ def score(model: Model, truth: Truth, correction_at: CorrectionAt | None = None)
         truth.faults,
         _read_parameters(model),
         truth.noise,
-        MICRO * truth.left_rms(model.keys),
+        UM_PER_MM * truth.left_rms(model.keys),
         remeasure(model, truth.drawn, correction_at),
     )
 

@@ -27,7 +27,8 @@ from ptt.run.table import Table, make_table
 
 COUNTS = 2.0  # times the noise of one reading that a fault must leave to count
 UNSEEN = 25.0  # sum of squares in noise units, over a whole run, below which nobody can tell: five sigma
-MICRO = 1e3  # um per mm
+UM_PER_MM = 1e3
+MRAD_PER_RAD = 1e3
 READINGS = ["x_meas", "y_meas", "z_meas"]
 CONTEXT = ("time_s", "payload_kg", "temp_c", "feed_mm_s", "repeat")
 JOINT = re.compile(r"b\d+_cmd|q\d+_cmd_rad")
@@ -157,15 +158,15 @@ def reading_noise(rig: Rig, place: np.ndarray) -> Noise:
     if tracker.white_mm is not None:
         covariance = tracker.white_mm**2 * np.eye(3)
     else:
-        side = (tracker.sideways_um_per_m * distance / MICRO**2) ** 2
+        side = (tracker.sideways_um_per_m * distance / UM_PER_MM**2) ** 2
         covariance = np.mean(
-            (tracker.radial_um / MICRO) ** 2 * along + side[:, None, None] * (np.eye(3) - along), axis=0
+            (tracker.radial_um / UM_PER_MM) ** 2 * along + side[:, None, None] * (np.eye(3) - along), axis=0
         )
     if rig.serial is not None:  # a tracker beside an arm is turned any way, not by milliradians
-        turn = rotation_matrix(np.asarray([tracker.rotation_mrad]) / MICRO)[0]
+        turn = rotation_matrix(np.asarray([tracker.rotation_mrad]) / MRAD_PER_RAD)[0]
         covariance = turn @ covariance @ turn.T
     own = np.square(tracker.axis_um) + tracker.quantum_um**2 / 12.0 + tracker.wander_um**2
-    return Noise(covariance + np.diag(own) / MICRO**2, "truth")
+    return Noise(covariance + np.diag(own) / UM_PER_MM**2, "truth")
 
 
 def table_of(frame: pd.DataFrame, absent: Iterable[str] = ()) -> Table:
@@ -263,7 +264,7 @@ def mount_columns(drawn: DrawnRig) -> np.ndarray | None:
 
 def in_base_frame(rig: Rig, columns: np.ndarray) -> np.ndarray:
     """Shifts in the tracker's axes, (n, 3, c), in those of the base."""
-    turn = rotation_matrix(np.asarray([rig.tracker.rotation_mrad]) / MICRO)[0]
+    turn = rotation_matrix(np.asarray([rig.tracker.rotation_mrad]) / MRAD_PER_RAD)[0]
     return np.einsum("ji,njc->nic", turn, columns)
 
 

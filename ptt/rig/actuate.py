@@ -7,8 +7,7 @@ from ptt.rig.nominal import Array, Drawing
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import Schedule
 from ptt.rig.thermal import Warmth, warm_up
-
-MICRO = 1e-3  # mm per um
+from ptt.rig.units import MM_PER_UM, PPM
 
 
 def follow_warmth(rig: Rig, path: motion.Path, time: Array, run: Array, seed: int | None) -> Warmth:
@@ -58,9 +57,9 @@ def drive_sliders(
     sent = path.slider + 0.5 * np.asarray(rig.controller.backlash_mm) * motion.travel_direction(path.slider)
     gap = np.asarray(faults.backlash_mm) + odd.extra_gap(rig.odd, warmth.screw, schedule.payload)[path.row]
     nut = drive.play(sent, gap)
-    late = drive.windup(path.slider, MICRO * np.asarray(faults.windup_um), np.asarray(faults.windup_length_mm))
+    late = drive.windup(path.slider, MM_PER_UM * np.asarray(faults.windup_um), np.asarray(faults.windup_length_mm))
     late = late + drive.friction(
-        path.slider, MICRO * np.asarray(faults.friction_um), np.asarray(faults.friction_length_mm)
+        path.slider, MM_PER_UM * np.asarray(faults.friction_um), np.asarray(faults.friction_length_mm)
     )
     nut, late, screw = nut[path.last], late[path.last], sent[path.last]
     lead = spec.screw_lead_mm or np.inf
@@ -69,7 +68,7 @@ def drive_sliders(
     error = error + _homing(rig, schedule) + _slip(rig, time)
     late = late - np.asarray(faults.following_s) * speed
     warmer = warmth.screw - spec.reference_temp_c
-    growth = 1e-6 * np.asarray(rig.thermal.growth_um_per_m_k) * warmer * (nut - np.asarray(rig.thermal.fixed_end_mm))
+    growth = PPM * np.asarray(rig.thermal.growth_um_per_m_k) * warmer * (nut - np.asarray(rig.thermal.fixed_end_mm))
     return nut + error + late + growth
 
 

@@ -8,10 +8,10 @@ from ptt.machine import SerialSpec
 from ptt.rig.nominal import Array
 from ptt.rig.schema import Arm
 from ptt.rig.serial_arm import ArmFaults, ArmRig
+from ptt.rig.units import PPM, RAD_PER_MRAD, RAD_PER_NRAD, RAD_PER_URAD
 
-MILLI, MICRO, NANO = 1e-3, 1e-6, 1e-9
 SLACK = 1e-6  # rad: a limit in degrees, written in radians with six digits, is still within
-LINK = (("link_a_mm", 1.0), ("link_alpha_mrad", MILLI), ("link_d_mm", 1.0), ("link_theta_mrad", MILLI))
+LINK = (("link_a_mm", 1.0), ("link_alpha_mrad", RAD_PER_MRAD), ("link_d_mm", 1.0), ("link_theta_mrad", RAD_PER_MRAD))
 
 
 def arm_faults(arm: Arm, spec: SerialSpec) -> ArmFaults:
@@ -28,32 +28,32 @@ def arm_faults(arm: Arm, spec: SerialSpec) -> ArmFaults:
     centre = np.asarray(arm.com_mm) if arm.com_mm else np.zeros((joints, 3))
     return ArmFaults(
         link=np.stack([unit * _full(getattr(arm, key), joints) for key, unit in LINK], axis=1),
-        gap=MILLI * _full(arm.backlash_mrad, joints),
-        compliance=NANO * _full(arm.compliance_nrad_per_nmm, joints),
-        growth=MICRO * arm.growth_um_per_m_k,
+        gap=RAD_PER_MRAD * _full(arm.backlash_mrad, joints),
+        compliance=RAD_PER_NRAD * _full(arm.compliance_nrad_per_nmm, joints),
+        growth=PPM * arm.growth_um_per_m_k,
         wobble=_wobble(arm, joints),
         mass=np.column_stack([arm.mass_kg, centre]) if arm.mass_kg else None,
-        beta=MILLI * _full(arm.link_beta_mrad, joints),
-        scale=MICRO * _full(arm.scale_urad_per_rad, joints),
-        added=MILLI * _full(arm.added_mrad, joints),
+        beta=RAD_PER_MRAD * _full(arm.link_beta_mrad, joints),
+        scale=RAD_PER_URAD * _full(arm.scale_urad_per_rad, joints),
+        added=RAD_PER_MRAD * _full(arm.added_mrad, joints),
         windup=_windup(arm, joints),
-        offset_growth=None if arm.offset_growth_um_per_m_k is None else MICRO * arm.offset_growth_um_per_m_k,
+        offset_growth=None if arm.offset_growth_um_per_m_k is None else PPM * arm.offset_growth_um_per_m_k,
     )
 
 
 def slipped(arm: Arm, joints: int, rows: int) -> Array:
     """Zero points that joints lose for good at a row, (n, k) rad: homed again, hit, or a belt that jumped a tooth."""
     after = np.arange(rows) >= (rows if arm.slip_row is None else arm.slip_row)
-    return np.outer(after, MILLI * _full(arm.slip_mrad, joints))
+    return np.outer(after, RAD_PER_MRAD * _full(arm.slip_mrad, joints))
 
 
 def arm_values(faults: ArmFaults) -> dict[str, Any]:
     """Keys and values of [arm] for what is not zero; the inverse of `arm_faults` but for uneven turns."""
     lists = {key: faults.link[:, column] / unit for column, (key, unit) in enumerate(LINK)}
-    lists |= {"backlash_mrad": faults.gap / MILLI, "compliance_nrad_per_nmm": faults.compliance / NANO}
+    lists |= {"backlash_mrad": faults.gap / RAD_PER_MRAD, "compliance_nrad_per_nmm": faults.compliance / RAD_PER_NRAD}
     values: dict[str, Any] = {key: found.tolist() for key, found in lists.items() if found.any()}
     if faults.growth:
-        values["growth_um_per_m_k"] = faults.growth / MICRO
+        values["growth_um_per_m_k"] = faults.growth / PPM
     if faults.mass is not None:
         values |= {"mass_kg": faults.mass[:, 0].tolist(), "com_mm": faults.mass[:, 1:].tolist()}
     return values
@@ -83,10 +83,10 @@ def _wobble(arm: Arm, joints: int) -> Array:
     rings = np.array(arm.ring_urad).reshape(joints, -1) if arm.ring_urad else np.zeros((joints, 0))
     phases = np.array(arm.ring_phase_rad).reshape(rings.shape) if arm.ring_phase_rad else np.zeros_like(rings)
     wobble = np.zeros((joints, max([rings.shape[1], *own]), 2))
-    wobble[:, : rings.shape[1]] += MICRO * rings[..., None] * np.stack([np.cos(phases), np.sin(phases)], axis=-1)
+    wobble[:, : rings.shape[1]] += RAD_PER_URAD * rings[..., None] * np.stack([np.cos(phases), np.sin(phases)], axis=-1)
     for harmonic, (sizes, angles) in own.items():
         size, phase = _full(sizes, joints), _full(angles, joints)
-        wobble[:, harmonic - 1] += MICRO * size[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
+        wobble[:, harmonic - 1] += RAD_PER_URAD * size[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
     return wobble
 
 
@@ -95,7 +95,7 @@ def _windup(arm: Arm, joints: int) -> Array | None:
     if not any(arm.windup_urad):
         return None
     length = arm.windup_length_mrad or (1.0,) * joints
-    return np.column_stack([MICRO * np.asarray(arm.windup_urad), MILLI * np.asarray(length)])
+    return np.column_stack([RAD_PER_URAD * np.asarray(arm.windup_urad), RAD_PER_MRAD * np.asarray(length)])
 
 
 def _full(values: tuple[float, ...], joints: int) -> Array:

@@ -9,11 +9,9 @@ from ptt.rig import arm_odd_schema as kinds
 from ptt.rig.nominal import Array
 from ptt.rig.odd_law import scaled, unit_law
 from ptt.rig.odd_schema import Odd
-from ptt.rig.serial_arm import GRAVITY, ArmShifts
+from ptt.rig.serial_arm import ArmShifts
 from ptt.rig.thermal import lag
-
-MICRO, NANO = 1e-6, 1e-9
-MICROMETRE = 1e-3  # mm
+from ptt.rig.units import GRAVITY, MM_PER_UM, RAD_PER_NRAD, RAD_PER_URAD
 
 
 @dataclass(frozen=True)
@@ -60,21 +58,21 @@ def shift_arm(odd: Sequence[Odd], state: ArmState) -> ArmShifts:
         match fault:
             case kinds.SlippingTool():
                 late = arm_variable("time", state) >= fault.share
-                total.hand[:] += np.outer(late, MICROMETRE * np.asarray(fault.shift_um))
+                total.hand[:] += np.outer(late, MM_PER_UM * np.asarray(fault.shift_um))
             case kinds.RockingBase():
                 force = np.outer(GRAVITY * (state.payload + fault.moving_kg), state.down)
-                total.base[:] += NANO * fault.nrad_per_nmm * np.cross(state.tool, force)
+                total.base[:] += RAD_PER_NRAD * fault.nrad_per_nmm * np.cross(state.tool, force)
             case kinds.WobblingAxis():
                 phase = fault.times * state.q[:, fault.joint - 1] - fault.phase_rad
                 lean = np.stack([np.cos(phase), np.sin(phase)], axis=-1)
-                total.tilt[:, fault.joint - 1] += MICRO * fault.size_urad * lean
+                total.tilt[:, fault.joint - 1] += RAD_PER_URAD * fault.size_urad * lean
             case kinds.LoadedPlay():
                 above = np.maximum(state.payload - fault.opens_at_kg, 0.0)
-                total.gap[:, fault.joint - 1] += MICRO * fault.urad_per_kg * above
+                total.gap[:, fault.joint - 1] += RAD_PER_URAD * fault.urad_per_kg * above
             case kinds.ArmLaw():
                 _obey(total, fault, state)
             case kinds.OnJoint():
-                total.joint[:, fault.joint - 1] += MICRO * _turn(fault, state)
+                total.joint[:, fault.joint - 1] += RAD_PER_URAD * _turn(fault, state)
             case _:
                 raise AssertionError(f"nobody says what {type(fault).__name__} does to an arm")
     return total
@@ -109,12 +107,12 @@ def _obey(total: ArmShifts, law: kinds.ArmLaw, state: ArmState) -> None:
     size = law.size * unit_law(law.form, law.law_seed, law.variables, scaled(columns, law.span))
     place, _, axis = law.place.partition("-")
     if place == "joint":
-        total.joint[:, (law.joint or 1) - 1] += MICRO * size
+        total.joint[:, (law.joint or 1) - 1] += RAD_PER_URAD * size
     elif place == "lean":
-        total.tilt[:, (law.joint or 1) - 1, "xy".index(axis)] += MICRO * size
+        total.tilt[:, (law.joint or 1) - 1, "xy".index(axis)] += RAD_PER_URAD * size
     else:
         part = total.hand if place == "tool" else total.sight
-        part[:, "xyz".index(axis)] += MICROMETRE * size
+        part[:, "xyz".index(axis)] += MM_PER_UM * size
 
 
 def _turn(fault: kinds.OnJoint, state: ArmState) -> Array:
@@ -136,7 +134,7 @@ def _turn(fault: kinds.OnJoint, state: ArmState) -> Array:
         case kinds.BeltResonance():
             return fault.size_urad * np.cos(2.0 * np.pi * q / fault.period_rad - fault.phase_rad)
         case kinds.RoundingController():
-            counts = q / (MICRO * fault.step_urad)
+            counts = q / (RAD_PER_URAD * fault.step_urad)
             return fault.step_urad * (np.round(counts) - counts)
         case kinds.CoupledJoints():
             return -fault.size_urad * ((state.q[:, fault.other - 1] - fault.angle_rad) / fault.span_rad) ** 2

@@ -11,7 +11,8 @@ from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_faults import Random, log_uniform
 from ptt.rig.draw_noise import stated_sigma
 from ptt.rig.nominal import Array
-from ptt.rig.serial_arm import GRAVITY, ArmFaults, ArmRig
+from ptt.rig.serial_arm import ArmFaults, ArmRig
+from ptt.rig.units import GRAVITY, MM_PER_UM
 
 WANTED = (3.0, 20.0)  # times the noise of one reading: what a fault is drawn to do to the tool
 WEAK = 0.1  # of the strongest joint's lever: a fault of a joint with less hardly moves the tool
@@ -132,7 +133,7 @@ def look_at_scene(drawn: DrawnRig) -> ArmScene:
     tool = tool_on_drawing(spec, q)
     values = rig.tracker.model_dump(exclude_none=True)
     away = float(np.linalg.norm(rig.tracker.station_mm))
-    noise = np.hypot(stated_sigma(values, away), 1e-3 * rig.tracker.wander_um) * 3.0**0.5
+    noise = np.hypot(stated_sigma(values, away), MM_PER_UM * rig.tracker.wander_um) * 3.0**0.5
     seconds = len(q) * rig.conditions.cycles * max(rig.conditions.dwell_s, 1.0)
     load = drawn.targets["payload_kg"].to_numpy(float) if "payload_kg" in drawn.targets else np.zeros(len(q))
     per_cycle = rig.conditions.payload_per_cycle_kg

@@ -9,7 +9,7 @@ from ptt.rig.arm_travel import arm_path
 from ptt.rig.motion import travel_direction
 from ptt.rig.nominal import Array
 from ptt.rig.schedule import Schedule
-from ptt.rig.serial_arm import GRAVITY
+from ptt.rig.units import GRAVITY
 
 NUDGE = 1e-5  # rad, step of the numerical derivative of the tool's place
 

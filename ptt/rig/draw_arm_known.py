@@ -7,8 +7,8 @@ import numpy as np
 from ptt.rig.arm_scene import ArmScene
 from ptt.rig.draw_arm import draw_masses
 from ptt.rig.draw_faults import Fault, Random, log_uniform
+from ptt.rig.units import MM_PER_UM, PPM, RAD_PER_MRAD, RAD_PER_NRAD, RAD_PER_URAD
 
-MILLI, MICRO, NANO = 1e-3, 1e-6, 1e-9
 PARALLEL_DEG = 1.0  # twists nearer to 0 or 180 join axes that are parallel
 GROWTHS = (1.0, 30.0)  # um/m/K: carbon fibre to magnesium
 RING = 8  # harmonics of an uneven ring
@@ -26,12 +26,14 @@ def _links(random: Random, scene: ArmScene) -> dict[str, Any]:
         chosen = random.random(4) < 0.6
         chosen[int(random.integers(0, 2))] = True  # an offset alone may be a tracker's shift
         arm = 0.5 * scene.reach  # what turns behind a link, about
-        for key, some, unit in zip(("a_mm", "alpha_mrad", "d_mm"), chosen, (1.0, arm * MILLI, 1.0), strict=False):
+        for key, some, unit in zip(
+            ("a_mm", "alpha_mrad", "d_mm"), chosen, (1.0, arm * RAD_PER_MRAD, 1.0), strict=False
+        ):
             if some:
                 values[f"link_{key}"][joint] = scene.wanted(random) / unit * float(random.choice([-1.0, 1.0]))
         # A modified drawing's lean belongs to the joint behind the twist, whose own it is there as well.
         if chosen[3] and abs(scene.spec.joint[joint].alpha_deg) % 180.0 < PARALLEL_DEG:
-            lean[joint] = scene.wanted(random) / (arm * MILLI) * float(random.choice([-1.0, 1.0]))
+            lean[joint] = scene.wanted(random) / (arm * RAD_PER_MRAD) * float(random.choice([-1.0, 1.0]))
     return values | ({"link_beta_mrad": lean} if any(lean) else {})
 
 
@@ -39,7 +41,7 @@ def _turns(random: Random, scene: ArmScene) -> dict[str, Any]:
     """Once a turn of the gear that the drawing tells, else of the joint."""
     phase = np.round(random.uniform(0.0, 2.0 * np.pi, scene.joints), 6)
     return {
-        "turn_urad": _lists(scene.angles(random, signed=False), MICRO),
+        "turn_urad": _lists(scene.angles(random, signed=False), RAD_PER_URAD),
         "turn_phase_rad": phase.tolist(),
         "turn_harmonic": round(2.0 * np.pi / scene.spec.turn),
     }
@@ -48,18 +50,18 @@ def _turns(random: Random, scene: ArmScene) -> dict[str, Any]:
 def _ring(random: Random, scene: ArmScene) -> dict[str, Any]:
     """An uneven ring: eight harmonics, the more the smaller."""
     sizes = np.outer(scene.angles(random, signed=False), np.ones(RING)) * random.exponential(size=(scene.joints, RING))
-    sizes = sizes / np.arange(1, RING + 1) / MICRO
+    sizes = sizes / np.arange(1, RING + 1) / RAD_PER_URAD
     phases = random.uniform(0.0, 2.0 * np.pi, (scene.joints, RING))
     return {"ring_urad": np.round(sizes, 4).tolist(), "ring_phase_rad": np.round(phases, 6).tolist()}
 
 
 def _play(random: Random, scene: ArmScene) -> dict[str, Any]:
-    return {"backlash_mrad": _lists([2.0 * size for size in scene.angles(random, signed=False)], MILLI)}
+    return {"backlash_mrad": _lists([2.0 * size for size in scene.angles(random, signed=False)], RAD_PER_MRAD)}
 
 
 def _too_much(random: Random, scene: ArmScene) -> dict[str, Any]:
     """A controller that takes out play which is not there: a gap below zero."""
-    return {"added_mrad": _lists([2.0 * size for size in scene.angles(random, signed=False)], MILLI)}
+    return {"added_mrad": _lists([2.0 * size for size in scene.angles(random, signed=False)], RAD_PER_MRAD)}
 
 
 def _windup(random: Random, scene: ArmScene) -> dict[str, Any]:
@@ -67,8 +69,8 @@ def _windup(random: Random, scene: ArmScene) -> dict[str, Any]:
     usual = float(np.median(scene.step[scene.strong])) * log_uniform(random, 0.4, 3.0)
     own = np.exp(random.uniform(np.log(0.5), np.log(2.0), scene.joints))  # lengths as far apart as those of sliders
     lengths = usual * (np.ones(scene.joints) if random.random() < 0.5 else own)
-    sizes = _lists(scene.angles(random, signed=False), MICRO)
-    return {"windup_urad": sizes, "windup_length_mrad": _lists(lengths.tolist(), MILLI)}
+    sizes = _lists(scene.angles(random, signed=False), RAD_PER_URAD)
+    return {"windup_urad": sizes, "windup_length_mrad": _lists(lengths.tolist(), RAD_PER_MRAD)}
 
 
 def _slip(random: Random, scene: ArmScene) -> dict[str, Any]:
@@ -76,14 +78,14 @@ def _slip(random: Random, scene: ArmScene) -> dict[str, Any]:
     joint = scene.some_joint(random)
     slip = [0.0] * scene.joints
     slip[joint] = scene.angle(random, joint) * float(random.choice([-1.0, 1.0]))
-    return {"slip_mrad": _lists(slip, MILLI), "slip_share": float(random.uniform(0.2, 0.8))}
+    return {"slip_mrad": _lists(slip, RAD_PER_MRAD), "slip_share": float(random.uniform(0.2, 0.8))}
 
 
 def _scale(random: Random, scene: ArmScene) -> dict[str, Any]:
     low, high = scene.span
     far = np.maximum(np.abs(low), np.abs(high))
     sizes = [size / max(float(way), 0.1) for size, way in zip(scene.angles(random), far, strict=True)]
-    return {"scale_urad_per_rad": _lists(sizes, MICRO)}
+    return {"scale_urad_per_rad": _lists(sizes, RAD_PER_URAD)}
 
 
 def _soft(random: Random, scene: ArmScene) -> dict[str, Any]:
@@ -110,25 +112,25 @@ def _yields(random: Random, scene: ArmScene, torque: np.ndarray) -> list[float]:
     """(k,) nrad per N mm: a joint that bears little is as soft as the others."""
     usual = np.maximum(torque, 0.1 * torque.max(initial=1.0))
     sizes = [scene.angle(random, joint) if joint in scene.strong else 0.0 for joint in range(scene.joints)]
-    return _lists([size / float(load) for size, load in zip(sizes, usual, strict=True)], NANO)
+    return _lists([size / float(load) for size, load in zip(sizes, usual, strict=True)], RAD_PER_NRAD)
 
 
 def _growth(random: Random, scene: ArmScene) -> dict[str, Any]:
     """All lengths alike, or the offsets of another material."""
-    size = np.clip(scene.wanted(random) / (max(scene.warmer, 0.1) * scene.reach) / MICRO, *GROWTHS)
+    size = np.clip(scene.wanted(random) / (max(scene.warmer, 0.1) * scene.reach) / PPM, *GROWTHS)
     other = float(size * random.uniform(0.3, 2.0))
     return {"growth_um_per_m_k": float(size)} | ({"offset_growth_um_per_m_k": other} if random.random() < 0.4 else {})
 
 
 def _drift(random: Random, scene: ArmScene) -> dict[str, Any]:
     way = random.normal(size=3)
-    speed = 2.0 * scene.wanted(random) / (scene.seconds / 3600.0) / MILLI
+    speed = 2.0 * scene.wanted(random) / (scene.seconds / 3600.0) / MM_PER_UM
     return {"drift_um_per_h": (speed * way / np.linalg.norm(way)).tolist()}
 
 
 def _knock(random: Random, scene: ArmScene) -> dict[str, Any]:
     way, turn = random.normal(size=(2, 3))
-    shift, angle = 1.5 * scene.wanted(random) / MILLI, scene.wanted(random) / scene.reach / MILLI
+    shift, angle = 1.5 * scene.wanted(random) / MM_PER_UM, scene.wanted(random) / scene.reach / RAD_PER_MRAD
     return {
         "knock_um": (shift * way / np.linalg.norm(way)).tolist(),
         "knock_mrad": (angle * turn / np.linalg.norm(turn)).tolist(),
@@ -147,7 +149,7 @@ ARM_KNOWN: tuple[Fault, ...] = (
         "homing-offset",
         "arm",
         STATIC,
-        lambda r, s: {"link_theta_mrad": _lists(s.angles(r), MILLI)},
+        lambda r, s: {"link_theta_mrad": _lists(s.angles(r), RAD_PER_MRAD)},
         once="link angles",
     ),
     Fault("homing-slip", "arm", STATIC, _slip),

@@ -8,8 +8,8 @@ import numpy as np
 
 from ptt.rig.arm_scene import ArmScene
 from ptt.rig.draw_faults import Fault, Random, log_uniform
+from ptt.rig.units import MM_PER_UM, RAD_PER_NRAD, RAD_PER_URAD
 
-MILLI, MICRO, NANO = 1e-3, 1e-6, 1e-9
 STATIC = ("volume",)
 SLOW = {"payload", "temperature", "memory", "time"}  # what a frame or a tracker may follow by itself
 BESIDES = {"payload": ("payload",), "warmup": ("temperature", "memory")}
@@ -30,7 +30,7 @@ def _one(
 
 
 def _urad(random: Random, scene: ArmScene, joint: int, times: float) -> float:
-    return times * scene.angle(random, joint) / MICRO
+    return times * scene.angle(random, joint) / RAD_PER_URAD
 
 
 def _signed(random: Random, scene: ArmScene, joint: int, times: float) -> float:
@@ -60,7 +60,7 @@ def _tooth(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
 
 def _holder(random: Random, scene: ArmScene) -> dict[str, Any]:
     way = random.normal(size=3)
-    shift = 2.0 * scene.wanted(random) / MILLI * way / np.linalg.norm(way)
+    shift = 2.0 * scene.wanted(random) / MM_PER_UM * way / np.linalg.norm(way)
     return {"kind": "slipping-tool", "shift_um": shift.tolist(), "share": float(random.uniform(0.25, 0.75))}
 
 
@@ -70,12 +70,12 @@ def _rocking(random: Random, scene: ArmScene) -> dict[str, Any]:
     return {
         "kind": "rocking-base",
         "moving_kg": weight,
-        "nrad_per_nmm": 2.0 * scene.wanted(random) / scene.reach / moment / NANO,
+        "nrad_per_nmm": 2.0 * scene.wanted(random) / scene.reach / moment / RAD_PER_NRAD,
     }
 
 
 def _wobble(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
-    size = scene.wanted(random) / (0.5 * scene.reach) / MICRO
+    size = scene.wanted(random) / (0.5 * scene.reach) / RAD_PER_URAD
     phase = float(random.uniform(0.0, 2.0 * np.pi))
     return {"size_urad": size, "times": int(random.integers(2, 6)), "phase_rad": phase}
 
@@ -148,7 +148,7 @@ def _law(acts: str, form: str) -> Callable[[Random, ArmScene], dict[str, Any]]:
             chosen = random.choice(names, count, replace=False).tolist()
             if not describable(acts, joint, form, chosen):
                 break
-        lever = {"joint": float(scene.lever[(joint or 1) - 1]) * MICRO, "lean": 0.5 * scene.reach * MICRO}
+        lever = {"joint": float(scene.lever[(joint or 1) - 1]) * RAD_PER_URAD, "lean": 0.5 * scene.reach * RAD_PER_URAD}
         return {
             "kind": "arm-law",
             "place": f"{acts}{axis}",
@@ -156,7 +156,7 @@ def _law(acts: str, form: str) -> Callable[[Random, ArmScene], dict[str, Any]]:
             "form": form,
             "variables": chosen,
             "span": [_span(name, scene) for name in chosen],
-            "size": 1.2 * scene.wanted(random) / lever.get(acts, MILLI),
+            "size": 1.2 * scene.wanted(random) / lever.get(acts, MM_PER_UM),
             "law_seed": int(random.integers(10**6)),
         }
 

@@ -5,8 +5,8 @@ from scipy.interpolate import CubicSpline
 
 from ptt.rig.nominal import Array
 from ptt.rig.schema import Drive
+from ptt.rig.units import MM_PER_UM, PPM
 
-MICRO = 1e-3  # mm per um
 SLIPS = np.array([0.25, 0.5, 0.75, 1.0])  # where the friction elements of a slider let go, of the full length
 
 
@@ -100,11 +100,11 @@ def screw_error(faults: Drive, nut: Array, screw: Array, home: Array, span: tupl
         (n, 3) mm.
     """
     part = (2.0 * nut - span[0] - span[1]) / (span[1] - span[0])
-    error = np.asarray(faults.homing_mm) + 1e-6 * np.asarray(faults.scale_um_per_m) * (nut - home)
-    error = error + MICRO * np.asarray(faults.curve_parabola_um) * (1.5 * part**2 - 0.5)
-    error = error + MICRO * np.asarray(faults.curve_cubic_um) * (2.5 * part**3 - 1.5 * part)
+    error = np.asarray(faults.homing_mm) + PPM * np.asarray(faults.scale_um_per_m) * (nut - home)
+    error = error + MM_PER_UM * np.asarray(faults.curve_parabola_um) * (1.5 * part**2 - 0.5)
+    error = error + MM_PER_UM * np.asarray(faults.curve_cubic_um) * (2.5 * part**3 - 1.5 * part)
     for leg, values in enumerate(faults.map_um):
-        error[:, leg] += MICRO * CubicSpline(faults.map_height_mm, values)(nut[:, leg])
+        error[:, leg] += MM_PER_UM * CubicSpline(faults.map_height_mm, values)(nut[:, leg])
     turn = 2.0 * np.pi * screw / lead
-    error = error + MICRO * np.asarray(faults.turn_um) * np.cos(turn - np.asarray(faults.turn_phase_rad))
-    return error + MICRO * np.asarray(faults.turn2_um) * np.cos(2.0 * turn - np.asarray(faults.turn2_phase_rad))
+    error = error + MM_PER_UM * np.asarray(faults.turn_um) * np.cos(turn - np.asarray(faults.turn_phase_rad))
+    return error + MM_PER_UM * np.asarray(faults.turn2_um) * np.cos(2.0 * turn - np.asarray(faults.turn2_phase_rad))

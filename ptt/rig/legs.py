@@ -7,9 +7,9 @@ from ptt.machine import ThreePttSpec
 from ptt.rig.nominal import Array, Drawing
 from ptt.rig.platform import Legs, rotation_matrix
 from ptt.rig.schema import Geometry
+from ptt.rig.units import MM_PER_UM, RAD_PER_MRAD
 
 UP = np.array([0.0, 0.0, 1.0])
-MILLI = 1e-3
 
 
 def build_legs(
@@ -81,7 +81,7 @@ def guide_wander(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
     for way, table in enumerate(tables):
         for leg, values in enumerate(table):
             spline = CubicSpline(faults.straightness_height_mm, values)
-            shift[:, leg, way] += MILLI * spline(slider[:, leg])
+            shift[:, leg, way] += MM_PER_UM * spline(slider[:, leg])
     if any(faults.straightness_um):
         shift += _random_guides(spec, faults, slider)
     return shift
@@ -101,7 +101,7 @@ def _random_guides(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array
             size = np.std(reference - np.polyval(line, fine))
             at = (slider[:, leg] - low) / (high - low)
             value = (_series(at, weight[leg, way]) - np.polyval(line, at)) / size
-            shift[:, leg, way] = MILLI * faults.straightness_um[leg] * value
+            shift[:, leg, way] = MM_PER_UM * faults.straightness_um[leg] * value
     return shift
 
 
@@ -119,14 +119,14 @@ def _lean(drawing: Drawing, faults: Geometry) -> tuple[Array, Array]:
 
     Both turns are at right angles to the rail; a turn about the rail itself moves no slider.
     """
-    outward = MILLI * np.asarray(faults.lean_radial_mrad)[:, None] * drawing.sideways
-    aside = -MILLI * np.asarray(faults.lean_tangential_mrad)[:, None] * drawing.across
+    outward = RAD_PER_MRAD * np.asarray(faults.lean_radial_mrad)[:, None] * drawing.sideways
+    aside = -RAD_PER_MRAD * np.asarray(faults.lean_tangential_mrad)[:, None] * drawing.across
     turn = rotation_matrix(outward + aside)
     return np.einsum("lij,lj->li", turn, drawing.rail), turn
 
 
 def _axes(drawing: Drawing, radial: tuple[float, ...], vertical: tuple[float, ...]) -> Array:
     """Joint axes, horizontal and tangential on the drawing, tipped towards outward and up."""
-    axis = drawing.sideways + MILLI * np.asarray(radial)[:, None] * drawing.outward
-    axis = axis + MILLI * np.asarray(vertical)[:, None] * UP
+    axis = drawing.sideways + RAD_PER_MRAD * np.asarray(radial)[:, None] * drawing.outward
+    axis = axis + RAD_PER_MRAD * np.asarray(vertical)[:, None] * UP
     return axis / np.linalg.norm(axis, axis=1, keepdims=True)

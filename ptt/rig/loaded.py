@@ -14,9 +14,7 @@ from ptt.rig.rig import Rig
 from ptt.rig.schedule import Schedule
 from ptt.rig.schema import Geometry
 from ptt.rig.thermal import Warmth
-
-GRAVITY = 9.80665  # m/s^2
-MICRO = 1e-3  # mm per um
+from ptt.rig.units import GRAVITY, MM_PER_UM, PPM
 
 
 def nominal_tool(drawing: Drawing, slider: Array) -> Array:
@@ -83,8 +81,8 @@ def load_platform(
         force = total * _cosine(drawing, pose)
         if not (give.any() or soft.any() or loose.any()):
             return pose, slider, force
-        given = slider + MICRO * give
-        stretch = MICRO * (soft * total + 0.5 * loose * np.sign(np.round(total, 9)))
+        given = slider + MM_PER_UM * give
+        stretch = MM_PER_UM * (soft * total + 0.5 * loose * np.sign(np.round(total, 9)))
         pose = _solve(rig, drawing, schedule, warmth, given, stretch, tool, state)
     return pose, given, force
 
@@ -102,7 +100,7 @@ def _solve(
     spec, thermal = rig.spec, rig.thermal
     strange = odd.shift_all(rig.odd, replace(state, slider=slider))
     height = slider + strange.slider[..., 0]
-    warm = 1e-6 * (warmth.frame - spec.reference_temp_c)
+    warm = PPM * (warmth.frame - spec.reference_temp_c)
     legs = build_legs(
         drawing,
         rig.geometry,
@@ -125,7 +123,7 @@ def _bend(rig: Rig, drawing: Drawing, payload: Array, slider: Array) -> Array:
     if not structure.column_per_slider:
         above_home = np.broadcast_to(above_home.mean(1, keepdims=True), slider.shape)
     lever = (1.0 + above_home / structure.column_height_mm) ** 2
-    push = MICRO * payload[:, None] * lever  # shape: (n, leg)
+    push = MM_PER_UM * payload[:, None] * lever  # shape: (n, leg)
     return push[..., None] * np.array([*structure.column_bend_um_per_kg, 0.0])
 
 

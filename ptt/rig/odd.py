@@ -10,8 +10,8 @@ from ptt.rig.nominal import Array
 from ptt.rig.odd_law import random_law
 from ptt.rig.odd_state import RunState
 from ptt.rig.thermal import lag
+from ptt.rig.units import MM_PER_UM, RAD_PER_URAD
 
-MICRO, MILLI = 1e-3, 1e-3  # mm per um, rad per mrad
 WAYS = ("along", "radial", "tangential")
 ELSEWHERE = (kinds.Hose, kinds.WarmBacklash, kinds.LoadBacklash)  # forces and gaps, not shifts
 
@@ -73,9 +73,9 @@ def extra_gap(odd: Sequence[kinds.Odd], screw: Array, payload: Array) -> Array:
     for fault in odd:
         if isinstance(fault, kinds.WarmBacklash):
             above = np.maximum(screw[:, fault.leg - 1] - fault.opens_at_c, 0.0)
-            gap[:, fault.leg - 1] += MICRO * fault.gap_um_per_k * above
+            gap[:, fault.leg - 1] += MM_PER_UM * fault.gap_um_per_k * above
         elif isinstance(fault, kinds.LoadBacklash):
-            gap[:, fault.leg - 1] += MICRO * fault.gap_um_per_kg * np.maximum(payload - fault.opens_at_kg, 0.0)
+            gap[:, fault.leg - 1] += MM_PER_UM * fault.gap_um_per_kg * np.maximum(payload - fault.opens_at_kg, 0.0)
     return gap
 
 
@@ -99,11 +99,11 @@ def _add(total: Strange, place: str, leg: int | None, size: Array) -> None:
     """Add (n,) um at a place."""
     if leg is None:
         where, axis = place.split("-")
-        getattr(total, where)[:, "xyz".index(axis)] += MICRO * size
+        getattr(total, where)[:, "xyz".index(axis)] += MM_PER_UM * size
     elif place == "link":
-        total.link[:, leg - 1] += MICRO * size
+        total.link[:, leg - 1] += MM_PER_UM * size
     else:
-        total.slider[:, leg - 1, WAYS.index(place)] += MICRO * size
+        total.slider[:, leg - 1, WAYS.index(place)] += MM_PER_UM * size
 
 
 def _profile(fault: kinds.OnLeg, state: RunState) -> Array:
@@ -158,7 +158,7 @@ def _settle(fault: kinds.SettlingTable, state: RunState) -> Array:
     """(n, 3) mm, a small rotation about the pivot: towards the side on which the load is."""
     mass = state.payload + state.platform + fault.moving_kg
     x, y, z = state.tool.T
-    tilt = 1e-6 * fault.urad_per_kg_mm * mass
+    tilt = RAD_PER_URAD * fault.urad_per_kg_mm * mass
     lever = z + fault.pivot_mm
     # A tilt of t x towards +x moves the tool by t x lever sideways and by -t x^2 down.
     return np.column_stack([tilt * x * lever, tilt * y * lever, -tilt * (x**2 + y**2)])

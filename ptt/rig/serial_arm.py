@@ -11,8 +11,8 @@ from ptt.rig.arm_travel import arm_path
 from ptt.rig.motion import travel_direction
 from ptt.rig.nominal import Array
 from ptt.rig.screws import screw, shifted, turned
+from ptt.rig.units import GRAVITY
 
-GRAVITY = 9.80665  # m/s^2
 NUDGE = 1e-5  # rad, step of the numerical derivative of the potential energy
 SETTLE = 4  # rounds in which load and deflection find each other
 

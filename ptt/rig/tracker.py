@@ -8,8 +8,7 @@ from ptt.machine_schema import BasePoint
 from ptt.rig.nominal import Array
 from ptt.rig.platform import rotation_matrix
 from ptt.rig.schema import Tracker
-
-MICRO, MILLI = 1e-3, 1e-3
+from ptt.rig.units import MM_PER_UM, PPM, RAD_PER_MRAD
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ def read_points(
     distance = np.linalg.norm(away, axis=1, keepdims=True)
     beam = away / np.maximum(distance, 1e-9)
     radial, sideways = _sigmas(tracker, distance)
-    read = station + (1.0 + 1e-6 * tracker.scale_ppm) * away
+    read = station + (1.0 + PPM * tracker.scale_ppm) * away
     uneven = np.zeros_like(point)
     outlier = np.zeros(len(point), dtype=bool)
     missing = np.zeros(len(point), dtype=bool)
@@ -61,7 +60,7 @@ def read_points(
         along = (white * beam).sum(1, keepdims=True) * beam
         read = read + radial * along + sideways * (white - along)
         read = read + _wander(tracker, time, np.random.default_rng([seed, 2]))
-        uneven = np.random.default_rng([seed, 8]).normal(size=point.shape) * MICRO * np.asarray(tracker.axis_um)
+        uneven = np.random.default_rng([seed, 8]).normal(size=point.shape) * MM_PER_UM * np.asarray(tracker.axis_um)
         gross = np.random.default_rng([seed, 3])
         outlier = gross.random(len(point)) < tracker.outlier_share
         missing = gross.random(len(point)) < tracker.missing_share
@@ -73,7 +72,7 @@ def read_points(
     turn, shift = _setups(tracker, run, np.random.default_rng([setup_seed, 4]))
     read = np.einsum("nij,nj->ni", turn, read) + shift + uneven
     if noise and tracker.quantum_um:
-        read = np.round(read / (MICRO * tracker.quantum_um)) * MICRO * tracker.quantum_um
+        read = np.round(read / (MM_PER_UM * tracker.quantum_um)) * MM_PER_UM * tracker.quantum_um
     beam = np.einsum("nij,nj->ni", turn, beam)
     std = np.sqrt((radial * beam) ** 2 + sideways**2 * (1.0 - beam**2) + _own(tracker) ** 2)
     return Reading(np.where(missing[:, None], np.nan, read), std, outlier)
@@ -101,8 +100,8 @@ def _sigmas(tracker: Tracker, distance: Array) -> tuple[Array, Array]:
     if tracker.white_mm is not None:
         both = np.full_like(distance, tracker.white_mm)
         return both, both
-    radial = np.full_like(distance, MICRO * tracker.radial_um)
-    return radial, MICRO * tracker.sideways_um_per_m * distance * 1e-3
+    radial = np.full_like(distance, MM_PER_UM * tracker.radial_um)
+    return radial, MM_PER_UM * tracker.sideways_um_per_m * distance * 1e-3
 
 
 def _white(tracker: Tracker, random: np.random.Generator, shape: tuple[int, ...]) -> Array:
@@ -115,7 +114,7 @@ def _white(tracker: Tracker, random: np.random.Generator, shape: tuple[int, ...]
 
 def _own(tracker: Tracker) -> Array:
     """(3,) mm, noise that belongs to the axes of the readings: their own, and that of rounding."""
-    return MICRO * np.hypot(np.asarray(tracker.axis_um), tracker.quantum_um / np.sqrt(12.0))
+    return MM_PER_UM * np.hypot(np.asarray(tracker.axis_um), tracker.quantum_um / np.sqrt(12.0))
 
 
 def _wander(tracker: Tracker, time: Array, random: np.random.Generator) -> Array:
@@ -128,13 +127,13 @@ def _wander(tracker: Tracker, time: Array, random: np.random.Generator) -> Array
     for number in range(len(time)):
         state = keep[number] * state + np.sqrt(1.0 - keep[number] ** 2) * kick[number]
         out[number] = state
-    return MICRO * tracker.wander_um * out
+    return MM_PER_UM * tracker.wander_um * out
 
 
 def _drift(tracker: Tracker, elapsed: Array) -> Array:
     steady = np.outer(elapsed / 3600.0, tracker.drift_um_per_h)
     settling = np.outer(-np.expm1(-elapsed / tracker.drift_constant_s), tracker.drift_um)
-    return MICRO * (steady + settling)
+    return MM_PER_UM * (steady + settling)
 
 
 def _knock(tracker: Tracker, read: Array, time: Array) -> Array:
@@ -145,14 +144,14 @@ def _knock(tracker: Tracker, read: Array, time: Array) -> Array:
         after = time - time[0] >= tracker.knock_time_s
     else:
         return read
-    turn = rotation_matrix(MILLI * np.asarray([tracker.knock_mrad]))[0]
-    return np.where(after[:, None], read @ turn.T + MICRO * np.asarray(tracker.knock_um), read)
+    turn = rotation_matrix(RAD_PER_MRAD * np.asarray([tracker.knock_mrad]))[0]
+    return np.where(after[:, None], read @ turn.T + MM_PER_UM * np.asarray(tracker.knock_um), read)
 
 
 def _setups(tracker: Tracker, run: Array, random: np.random.Generator) -> tuple[Array, Array]:
     """Rotation (n, 3, 3) and translation (n, 3) mm from the base frame to the frame of the readings."""
     runs = int(run.max()) + 1
     scatter = random.normal(size=(runs, 2, 3))
-    vector = MILLI * (np.asarray(tracker.rotation_mrad) + tracker.frame_scatter_mrad * scatter[:, 0])
+    vector = RAD_PER_MRAD * (np.asarray(tracker.rotation_mrad) + tracker.frame_scatter_mrad * scatter[:, 0])
     shift = np.asarray(tracker.translation_mm) + tracker.frame_scatter_mm * scatter[:, 1]
     return rotation_matrix(vector)[run], shift[run]
