@@ -7,7 +7,7 @@ from test_rig_bench import MEASURED, bench, inverse_jacobian, slider_space, tabl
 
 from ptt.rig import simulate
 from ptt.rig.schema import Room, Thermal
-from ptt.rig.thermal import lag, warm_up
+from ptt.rig.thermal import follow_temperatures, lag
 
 POSES = volume(80)
 COMMAND = ["b1_cmd", "b2_cmd", "b3_cmd"]
@@ -78,7 +78,7 @@ def test_lag_behind_a_room_that_warms_up() -> None:
     """Closed form of a first-order lag behind 1 - exp(-t / T)."""
     room, screws = 4000.0, 900.0
     time = np.cumsum(np.full(400, 30.0))
-    warmth = warm_up(
+    temperatures = follow_temperatures(
         Room(start_c=20.0, rise_k=8.0, time_constant_s=room),
         Thermal(screw_lag_s=screws, frame_lag_s=0.0),
         time,
@@ -86,18 +86,18 @@ def test_lag_behind_a_room_that_warms_up() -> None:
         np.zeros(400),
     )
     want = 28.0 - 8.0 * (room * np.exp(-time / room) - screws * np.exp(-time / screws)) / (room - screws)
-    np.testing.assert_allclose(warmth.screw[:, 1], want, atol=1e-3)
-    np.testing.assert_allclose(warmth.frame, 28.0 - 8.0 * np.exp(-time / room), atol=1e-12)
-    assert (warmth.room - warmth.screw[:, 0]).max() > 0.5
+    np.testing.assert_allclose(temperatures.screw[:, 1], want, atol=1e-3)
+    np.testing.assert_allclose(temperatures.frame, 28.0 - 8.0 * np.exp(-time / room), atol=1e-12)
+    assert (temperatures.room - temperatures.screw[:, 0]).max() > 0.5
 
 
 def test_duty_heats_the_screw_that_works() -> None:
     time = np.cumsum(np.full(300, 10.0))
     travelled = np.outer(np.full(300, 50.0), [1.0, 0.0, 2.0])
     heated = Thermal(screw_lag_s=200.0, duty_k_s_per_mm=0.4, sensor="screw 3")
-    warmth = warm_up(Room(), heated, time, travelled, np.zeros(300))
-    np.testing.assert_allclose(warmth.screw[-1], [22.0, 20.0, 24.0], atol=1e-5)
-    np.testing.assert_array_equal(warmth.sensor, warmth.screw[:, 2])
+    temperatures = follow_temperatures(Room(), heated, time, travelled, np.zeros(300))
+    np.testing.assert_allclose(temperatures.screw[-1], [22.0, 20.0, 24.0], atol=1e-5)
+    np.testing.assert_array_equal(temperatures.sensor, temperatures.screw[:, 2])
 
 
 def test_leading_in_takes_no_time_and_warms_no_screw() -> None:

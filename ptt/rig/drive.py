@@ -1,4 +1,4 @@
-"""Drives: what play, friction, screw and encoder make of a commanded height."""
+"""Drives: play, wind-up and friction of the transmission, errors of screw and encoder."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -7,20 +7,20 @@ from ptt.rig.nominal import Array
 from ptt.rig.schema import Drive
 from ptt.rig.units import MM_PER_UM, PPM
 
-SLIPS = np.array([0.25, 0.5, 0.75, 1.0])  # where the friction elements of a slider let go, of the full length
+SLIPS = np.array([0.25, 0.5, 0.75, 1.0])  # stretches at which the four Maxwell-slip elements slip, of the full length
 
 
 def play(path: Array, gap: Array) -> Array:
-    """Follow a path through a gap: the nut stays until the screw has crossed what is left of it.
+    """Backlash: the nut rests until the screw has crossed what is left of the gap.
 
-    Source: the play operator, y = min(max(y_before, x - gap/2), x + gap/2).
+    Source: the play operator, y = min(max(y_before, x - gap/2), x + gap/2): behind by gap/2 once the gap is taken up.
 
     Args:
-        path: (m, k) mm in travel order.
-        gap: (k,) or (m, k) mm, not negative.
+        path: (m, k) mm or rad, of the screw or motor, in travel order.
+        gap: (k,) or (m, k) mm or rad, not negative.
 
     Returns:
-        (m, k) mm; the first point lies in the middle of the gap.
+        (m, k) mm or rad, of the nut or joint; it starts in the middle of the gap.
     """
     half = np.broadcast_to(np.asarray(gap) / 2.0, path.shape)
     low, high = path - half, path + half
@@ -37,17 +37,17 @@ def play(path: Array, gap: Array) -> Array:
 
 
 def windup(path: Array, size: Array, length: Array) -> Array:
-    """Elastic lag that changes over gradually after a reversal.
+    """Elastic wind-up: a lag that changes sign gradually after a reversal.
 
-    Source: Dahl's friction model, ds/dx = (size sign(dx) - s) / length, exact over each stretch.
+    Source: Dahl, A Solid Friction Model, 1968: ds/dx = (size sign(dx) - s) / length, integrated exactly between points.
 
     Args:
-        path: (m, k) mm in travel order.
-        size: (k,) mm.
-        length: (k,) mm.
+        path: (m, k) mm or rad, in travel order.
+        size: (k,) mm or rad, lag far from a reversal.
+        length: (k,) mm or rad, travel over which it approaches that.
 
     Returns:
-        (m, k) mm, by how much the slider is ahead (negative after travelling up for long).
+        (m, k) mm or rad, shift of the slider or joint: -size after a long way up; 0 at the first point.
     """
     if not np.any(size):
         return np.zeros_like(path)
@@ -63,24 +63,24 @@ def windup(path: Array, size: Array, length: Array) -> Array:
 
 
 def friction(path: Array, size: Array, length: Array) -> Array:
-    """Friction hysteresis of many contacts that let go one after another.
+    """Friction hysteresis of many contacts that slip one after another.
 
-    Source: Maxwell-slip (Iwan): parallel elements, each a spring that slips at its own stretch.
+    Source: Maxwell-slip (Iwan) model: parallel springs, each of which slips at a stretch of its own.
 
     Args:
         path: (m, k) mm in travel order.
-        size: (k,) mm, lag when every contact slips.
-        length: (k,) mm, stretch at which the last contact slips.
+        size: (k,) mm, lag when all elements slip.
+        length: (k,) mm, stretch at which the last element slips.
 
     Returns:
-        (m, k) mm.
+        (m, k) mm, shift of the slider: -size after a long way up; 0 at the first point.
     """
     if not np.any(size):
         return np.zeros_like(path)
     lag = np.zeros_like(path)
     for slip in SLIPS:
         stretch = slip * np.asarray(length)
-        # A stop is what a play of twice its stretch leaves over.
+        # The stretch of an element, the stop operator, is the path less its play of twice the limit.
         lag += (path - play(path, 2.0 * stretch)) / stretch
     return -np.asarray(size) * lag / len(SLIPS)
 
@@ -88,16 +88,18 @@ def friction(path: Array, size: Array, length: Array) -> Array:
 def screw_error(faults: Drive, nut: Array, screw: Array, home: Array, span: tuple[float, float], lead: float) -> Array:
     """Errors of screw and encoder: homing, scale, curve, map, once and twice per turn.
 
+    The curve is a sum of Legendre polynomials of degree 2 and 3 over the span, the map a cubic spline.
+
     Args:
         faults: sizes per slider.
         nut: (n, 3) mm, height of the nut.
-        screw: (n, 3) mm, how far the screw has turned.
-        home: (3,) mm, heights the scale is referred to.
-        span: heights between which the curve is stated, mm.
-        lead: mm per turn.
+        screw: (n, 3) mm, turns of the screw times its lead.
+        home: (3,) mm, heights at which the error of scale is zero.
+        span: mm, heights over which the curve is stated.
+        lead: mm per turn; infinite without a screw.
 
     Returns:
-        (n, 3) mm.
+        (n, 3) mm, added to the height of the nut.
     """
     part = (2.0 * nut - span[0] - span[1]) / (span[1] - span[0])
     error = np.asarray(faults.homing_mm) + PPM * np.asarray(faults.scale_um_per_m) * (nut - home)

@@ -13,7 +13,7 @@ from ptt.rig.platform import Pose, link_tension, solve_platform
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import Schedule
 from ptt.rig.schema import Geometry
-from ptt.rig.thermal import Warmth
+from ptt.rig.thermal import Temperatures
 from ptt.rig.units import GRAVITY, MM_PER_UM, PPM
 
 
@@ -44,7 +44,13 @@ def nominal_tool(drawing: Drawing, slider: Array) -> Array:
 
 
 def load_platform(
-    rig: Rig, drawing: Drawing, schedule: Schedule, warmth: Warmth, slider: Array, tool: Array, state: RunState
+    rig: Rig,
+    drawing: Drawing,
+    schedule: Schedule,
+    temperatures: Temperatures,
+    slider: Array,
+    tool: Array,
+    state: RunState,
 ) -> tuple[Pose, Array, Array]:
     """Solve the platform, load it, let drives, links and joints give way, and solve it again.
 
@@ -55,7 +61,7 @@ def load_platform(
         rig: faults of geometry and structure.
         drawing: the ideal machine.
         schedule: the rows and their payload.
-        warmth: temperatures.
+        temperatures: of room, frame and screws.
         slider: (n, 3) mm, heights without load.
         tool: (n, 3) mm, commanded tool positions to start from.
         state: what faults outside the library depend on.
@@ -66,7 +72,7 @@ def load_platform(
     weight = GRAVITY * (schedule.payload + rig.spec.platform_mass_kg)
     down = np.column_stack([np.zeros((schedule.rows, 2)), -weight])
     stretch = np.zeros_like(slider)
-    pose = _solve(rig, drawing, schedule, warmth, slider, stretch, tool, state)
+    pose = _solve(rig, drawing, schedule, temperatures, slider, stretch, tool, state)
     given = slider
     for _ in range(2):  # the give is micrometres: a second look at the forces changes nothing that can be measured
         pull = link_tension(pose, down)
@@ -83,7 +89,7 @@ def load_platform(
             return pose, slider, force
         given = slider + MM_PER_UM * give
         stretch = MM_PER_UM * (soft * total + 0.5 * loose * np.sign(np.round(total, 9)))
-        pose = _solve(rig, drawing, schedule, warmth, given, stretch, tool, state)
+        pose = _solve(rig, drawing, schedule, temperatures, given, stretch, tool, state)
     return pose, given, force
 
 
@@ -91,7 +97,7 @@ def _solve(
     rig: Rig,
     drawing: Drawing,
     schedule: Schedule,
-    warmth: Warmth,
+    temperatures: Temperatures,
     slider: Array,
     stretch: Array,
     start: Array,
@@ -100,7 +106,7 @@ def _solve(
     spec, thermal = rig.spec, rig.thermal
     strange = odd.shift_all(rig.odd, replace(state, slider=slider))
     height = slider + strange.slider[..., 0]
-    warm = PPM * (warmth.frame - spec.reference_temp_c)
+    warm = PPM * (temperatures.frame - spec.reference_temp_c)
     legs = build_legs(
         drawing,
         rig.geometry,

@@ -7,7 +7,7 @@ import numpy as np
 from ptt.rig import motion
 from ptt.rig.nominal import Array, Drawing
 from ptt.rig.schedule import Schedule
-from ptt.rig.thermal import Warmth
+from ptt.rig.thermal import Temperatures
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def look_at_run(
     drawing: Drawing,
     path: motion.Path,
     schedule: Schedule,
-    warmth: Warmth,
+    temperatures: Temperatures,
     *,
     slider: Array,
     tool: Array,
@@ -59,7 +59,7 @@ def look_at_run(
         drawing: the ideal machine.
         path: of the commanded sliders.
         schedule: the rows.
-        warmth: temperatures.
+        temperatures: of room, frame and screws.
         slider: (n, 3) mm, heights without load.
         tool: (n, 3) mm, commanded.
         speed: (n, 3) mm/s.
@@ -84,6 +84,6 @@ def look_at_run(
         speed=speed,
         payload=schedule.payload,
         platform=platform,
-        temperature=warmth.frame,
+        temperature=temperatures.frame,
         time=time - time[0],
     )

@@ -10,7 +10,7 @@ from ptt.errors import InputError, WorkspaceError
 from ptt.files import write_parts
 from ptt.machine import SerialSpec
 from ptt.rig import motion, odd, tracker
-from ptt.rig.actuate import drive_sliders, follow_warmth
+from ptt.rig.actuate import drive_sliders, run_temperatures
 from ptt.rig.arm_faults import arm_faults, slipped, tool_on_drawing, within_limits
 from ptt.rig.arm_odd import shift_arm
 from ptt.rig.arm_state import look_at_arm
@@ -88,16 +88,16 @@ def simulate(
     time = tell_time(rig, schedule, tool)
     straight = rig.spec.moves == "straight"
     path = motion.run_path(drawing, tool, command, schedule.run, straight=straight, lead_in=rig.conditions.lead_in_mm)
-    warmth = follow_warmth(rig, path, time, schedule.run, run_seed if noise else None)
+    temperatures = run_temperatures(rig, path, time, schedule.run, run_seed if noise else None)
     still = (schedule.role != "pose") | (not rig.conditions.moving)
     ends = motion.end_moves(drawing, tool, command) if straight else None
     speed = motion.slider_speed(command, tool, time, still, schedule.run, ends)
-    slider = drive_sliders(rig, drawing, path, time, speed, schedule, warmth)
+    slider = drive_sliders(rig, drawing, path, time, speed, schedule, temperatures)
     mass = rig.spec.platform_mass_kg
     state = look_at_run(
-        drawing, path, schedule, warmth, slider=slider, tool=tool, speed=speed, time=time, platform=mass
+        drawing, path, schedule, temperatures, slider=slider, tool=tool, speed=speed, time=time, platform=mass
     )
-    pose, slider, force = load_platform(rig, drawing, schedule, warmth, slider, tool, state)
+    pose, slider, force = load_platform(rig, drawing, schedule, temperatures, slider, tool, state)
     strange = odd.shift_all(rig.odd, replace(state, slider=slider))
     truth = pose.position + carried(pose, np.asarray(rig.spec.reflector_mm)) + strange.tool
     seen = _see_base(rig, schedule, truth, exact=not noise)
@@ -113,14 +113,14 @@ def simulate(
     groups.append((["x_meas", "y_meas", "z_meas"], measured))
     if rig.tracker.report_std:
         groups.append((["x_std", "y_std", "z_std"], reading.std))
-    frame = _tabulate(rig, schedule, time, warmth.sensor, groups)
-    return RunResult(frame, seen, slider, small_rotation(pose), force, warmth.screw, reading.outlier)
+    frame = _tabulate(rig, schedule, time, temperatures.sensor, groups)
+    return RunResult(frame, seen, slider, small_rotation(pose), force, temperatures.screw, reading.outlier)
 
 
 def _simulate_arm(
     rig: Rig, spec: SerialSpec, commands: pd.DataFrame, sliders: pd.DataFrame | None, *, noise: bool, seed: int
 ) -> RunResult:
-    """The same for a serial arm: joints, load and warmth by `serial_arm`, rows and readings by the same modules."""
+    """The same for a serial arm: joints, loads and growth by `serial_arm`, rows and readings by the same modules."""
     schedule = plan_rows(rig, commands, sliders)
     asked = schedule if sliders is None else plan_rows(rig, commands, None)
     names = ", ".join(rig.commanded)

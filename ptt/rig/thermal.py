@@ -1,4 +1,4 @@
-"""Temperatures of room, frame and screws, each behind its cause."""
+"""Temperatures of room, frame and screws; frame and screws lag behind their causes."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,14 @@ from ptt.rig.schema import Room, Thermal
 
 
 @dataclass(frozen=True)
-class Warmth:
-    """Temperatures at every row, in degrees Celsius.
+class Temperatures:
+    """Temperatures at every row of a run, in degrees Celsius.
 
     Attributes:
-        room: (n,).
+        room: (n,), air.
         frame: (n,).
-        screw: (n, 3).
-        sensor: (n,), what the column temp_c says.
+        screw: (n, 3), each screw.
+        sensor: (n,), the column temp_c.
     """
 
     room: Array
@@ -25,17 +25,18 @@ class Warmth:
     sensor: Array
 
 
-def warm_up(room: Room, faults: Thermal, time: Array, travelled: Array, noise: Array) -> Warmth:
-    """Follow the temperatures through a run that begins in balance with the room.
+def follow_temperatures(room: Room, faults: Thermal, time: Array, travelled: Array, noise: Array) -> Temperatures:
+    """Integrate the temperatures over a run that begins with frame and screws at the room's start temperature.
 
-    Source: first-order lag, lag dT/dt = cause - T, exact for a cause that is constant between two rows; the room counts
-    with its temperature halfway. A screw's cause is the room plus the heat of its duty, proportional to its mean speed.
+    Source: first-order lag, time constant dT/dt = cause - T, exact for a cause that is constant between two rows (the
+    room counts with its temperature halfway). The cause of a screw is the room plus friction heat, proportional to the
+    screw's mean speed since the row before.
 
     Args:
         room: course of the room's temperature.
-        faults: lags, heat of duty, which sensor.
-        time: (n,) s.
-        travelled: (n, 3) mm, way of each slider since the row before.
+        faults: time constants, friction heat, which sensor.
+        time: (n,) s from the start of the simulation.
+        travelled: (n, 3) mm, path length of each slider since the row before.
         noise: (n,) K, of the sensor.
 
     Returns:
@@ -43,21 +44,21 @@ def warm_up(room: Room, faults: Thermal, time: Array, travelled: Array, noise: A
     """
     air = room_temperature(room, time)
     step = np.diff(time, prepend=0.0)
-    duty = faults.duty_k_s_per_mm * travelled / np.maximum(step, 1e-9)[:, None]
+    heat = faults.duty_k_s_per_mm * travelled / np.maximum(step, 1e-9)[:, None]  # K
     between = room_temperature(room, time - 0.5 * step)[:, None]
     frame = lag(between, step, faults.frame_lag_s, room.start_c)[:, 0] if faults.frame_lag_s else air
-    screw = lag((between if faults.screw_lag_s else air[:, None]) + duty, step, faults.screw_lag_s, room.start_c)
+    screw = lag((between if faults.screw_lag_s else air[:, None]) + heat, step, faults.screw_lag_s, room.start_c)
     sensors = {"room": air, "frame": frame, "screw": screw.mean(1)}
     sensors |= {f"screw {leg + 1}": screw[:, leg] for leg in range(3)}
-    return Warmth(air, frame, screw, sensors[faults.sensor] + noise)
+    return Temperatures(air, frame, screw, sensors[faults.sensor] + noise)
 
 
 def room_temperature(room: Room, time: Array) -> Array:
-    """The room's temperature.
+    """Temperature of the room: start, exponential rise and sinusoidal swing.
 
     Args:
-        room: start, rise, swing.
-        time: (n,) s.
+        room: its parameters.
+        time: (n,) s from the start of the simulation.
 
     Returns:
         (n,) degrees Celsius.
@@ -67,16 +68,16 @@ def room_temperature(room: Room, time: Array) -> Array:
 
 
 def lag(cause: Array, step: Array, constant: float, start: float) -> Array:
-    """First-order lag behind a cause.
+    """First-order lag behind a cause that is constant between two rows.
 
     Args:
-        cause: (n, k).
-        step: (n,) s since the row before.
-        constant: s; zero follows at once.
+        cause: (n, k), of the interval that ends at each row.
+        step: (n,) s, length of that interval.
+        constant: time constant, s; 0 follows at once.
         start: state before the first row.
 
     Returns:
-        (n, k).
+        (n, k), in the unit of the cause.
     """
     if constant == 0.0:
         return cause.copy()
