@@ -9,7 +9,7 @@ from pydantic import TypeAdapter
 
 from ptt.errors import InputError
 from ptt.rig import Rig
-from ptt.rig.arm_scene import ArmScene, look_at_scene
+from ptt.rig.arm_scene import ArmScene, scene_of_arm
 from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_arm_known import ARM_KNOWN
 from ptt.rig.draw_arm_odd import ARM_ODD
@@ -89,7 +89,7 @@ def called(rig: Rig, name: str) -> str:
 
 def _scene(drawn: DrawnRig) -> Scene | ArmScene:
     if drawn.rig.serial is not None:
-        return look_at_scene(drawn)
+        return scene_of_arm(drawn)
     return Scene(ideal_machine(drawn.rig.spec), drawn.rig.spec, drawn.room, drawn.protocol)
 
 

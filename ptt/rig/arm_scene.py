@@ -117,7 +117,7 @@ class ArmScene:
         return float(np.sqrt(np.square(GRAVITY * slopes @ down).mean()))
 
 
-def look_at_scene(drawn: DrawnRig) -> ArmScene:
+def scene_of_arm(drawn: DrawnRig) -> ArmScene:
     """The scene of a drawn arm.
 
     Args:

@@ -14,7 +14,7 @@ from ptt.rig.units import GRAVITY
 NUDGE = 1e-5  # rad, step of the numerical derivative of the tool's place
 
 
-def look_at_arm(spec: SerialSpec, schedule: Schedule, temperature: Array, time: Array) -> ArmState:
+def state_of_arm(spec: SerialSpec, schedule: Schedule, temperature: Array, time: Array) -> ArmState:
     """Gather a run.
 
     Args:

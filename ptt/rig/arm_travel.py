@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ptt.rig.motion import Path, first_moves
+from ptt.rig.motion import Path, first_directions
 from ptt.rig.nominal import Array
 
 LEAD_IN = 1.0  # rad before a run's first row: longer than any play or wind-up of a joint
@@ -23,7 +23,7 @@ def arm_path(q: Array, run: Array | None = None) -> Path:
     rows = np.arange(len(q))
     number = np.zeros(len(q), dtype=int) if run is None else run
     first = np.flatnonzero(np.diff(number, prepend=number[:1] - 1))
-    before = q[first] - LEAD_IN * first_moves(q[:, None], first)
+    before = q[first] - LEAD_IN * first_directions(q[:, None], first)
     last = rows + np.cumsum(np.isin(rows, first))
     passed = np.insert(q, first, before, axis=0)
     return Path(passed, np.insert(rows, first, first), last)

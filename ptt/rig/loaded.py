@@ -104,17 +104,17 @@ def _solve(
     state: RunState,
 ) -> Pose:
     spec, thermal = rig.spec, rig.thermal
-    strange = odd.shift_all(rig.odd, replace(state, slider=slider))
-    height = slider + strange.slider[..., 0]
+    shifts = odd.odd_shifts(rig.odd, replace(state, slider=slider))
+    height = slider + shifts.slider[..., 0]
     warm = PPM * (temperatures.frame - spec.reference_temp_c)
     legs = build_legs(
         drawing,
         rig.geometry,
         height,
-        wander=guide_wander(spec, rig.geometry, height) + strange.slider[..., 1:],
+        wander=guide_wander(spec, rig.geometry, height) + shifts.slider[..., 1:],
         bend=_bend(rig, drawing, schedule.payload, height),
         growth=(thermal.frame_um_per_m_k * warm, thermal.platform_um_per_m_k * warm, thermal.link_um_per_m_k * warm),
-        stretch=stretch + strange.link,
+        stretch=stretch + shifts.link,
     )
     return solve_platform(legs, start, rig.source)
 

@@ -1,4 +1,4 @@
-"""How the sliders get from row to row: the path between, the controller's own compensation, speeds."""
+"""Motion of the sliders between the rows of a run: their path, directions and speeds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,20 +9,22 @@ from scipy.interpolate import CubicSpline
 
 from ptt.rig.nominal import Array, Drawing, nominal_sliders
 
-STANDSTILL = 1e-9  # mm
-SHARP = 0.7  # cosine of the angle at which a path turns so sharply that it is no smooth motion
+STANDSTILL = 1e-9  # mm, a slider or tool that moves less stands still
+MOVES = 1e-6  # mm or rad, least travel that gives a first direction: commands are written to a nanometre
+SHARP = 0.7  # cosine of the angle between two moves (45 degrees) below which the path has a corner
+SAME_RATE = 0.05  # share by which the tool's speed may change between moves of one smooth motion
 ROUNDED = 0.2  # s: a controller rounds off corners after moves that are shorter
-TRANSIT = 16  # even parts of a straight move of the tool that are looked at
-CLOSE = 1e-4  # of a straight move: near enough to its end to have the speed of that, and about a turn its curvature
+TRANSIT = 16  # equal parts into which a straight move of the tool is divided
+CLOSE = 1e-4  # share of a straight move over which its slope at an end, and its curvature at a turn, are taken
 
 
 @dataclass(frozen=True)
 class Path:
-    """Commanded slider heights in the order of travel, the stretches between rows included.
+    """Commands in the order of travel, points between the rows included.
 
     Attributes:
-        slider: (m, 3) mm.
-        row: (m,) int, the row that each point leads to.
+        slider: (m, k) mm or rad, slider heights or joint values.
+        row: (m,) int, the row whose move each point belongs to.
         last: (n,) int, the point at which each row is read.
     """
 
@@ -32,16 +34,16 @@ class Path:
 
 
 def run_path(drawing: Drawing, tool: Array, command: Array, run: Array, *, straight: bool, lead_in: float) -> Path:
-    """Lay the sliders' path through the rows.
+    """Path of the sliders through the rows.
 
-    A run's first row is arrived at in the direction in which the second one sets off: the machine leads in.
+    Each slider is led in to a run's first row: it arrives there in the direction in which it moves first afterwards.
 
     Args:
         drawing: the ideal machine.
         tool: (n, 3) mm, commanded tool positions.
         command: (n, 3) mm, commanded slider heights.
-        run: (n,) int.
-        straight: the tool runs straight between rows; otherwise each slider runs monotonically.
+        run: (n,) int, number of each row's run.
+        straight: the tool moves straight between rows; otherwise each slider moves monotonically.
         lead_in: mm, how far each slider travels before a run's first row.
 
     Returns:
@@ -51,53 +53,53 @@ def run_path(drawing: Drawing, tool: Array, command: Array, run: Array, *, strai
     rows = len(command)
     points = np.stack([command, command], axis=1)  # shape: (n, points, 3), the last one that of the row
     if straight:
-        way = _straight_way(drawing, tool, command)
-        points = np.concatenate([way(_inner_parts(way, rows)), command[:, None]], axis=1)
+        heights_at = _straight_move(drawing, tool, command)
+        points = np.concatenate([heights_at(_inner_shares(heights_at, rows)), command[:, None]], axis=1)
     count = np.full(rows, points.shape[1] if straight else 1)
     count[first] = 2
-    points[first, -2] = command[first] - lead_in * first_moves(points if straight else command[:, None], first)
+    points[first, -2] = command[first] - lead_in * first_directions(points if straight else command[:, None], first)
     passed = np.arange(points.shape[1]) >= points.shape[1] - count[:, None]
     return Path(points[passed], np.repeat(np.arange(rows), count), np.cumsum(count) - 1)
 
 
-def _straight_way(drawing: Drawing, tool: Array, command: Array) -> Callable[[Array], Array]:
-    """Sliders while the tool runs straight to each row: from parts of the way, (n, p), to heights, (n, p, 3) mm.
+def _straight_move(drawing: Drawing, tool: Array, command: Array) -> Callable[[Array], Array]:
+    """Sliders while the tool moves straight to each row: from shares of the move, (n, p), to heights, (n, p, 3) mm.
 
-    What compensation adds to the nominal command changes evenly on the way.
+    What compensation adds to the nominal command changes linearly along the move.
     """
     extra = command - nominal_sliders(drawing, tool)
     start = np.maximum(np.arange(len(tool)) - 1, 0)
 
-    def way(part: Array) -> Array:
+    def heights_at(share: Array) -> Array:
         between, more = (
-            values[start, None] + part[:, :, None] * (values - values[start])[:, None] for values in (tool, extra)
+            values[start, None] + share[:, :, None] * (values - values[start])[:, None] for values in (tool, extra)
         )
         return nominal_sliders(drawing, between.reshape(-1, 3)).reshape(between.shape) + more
 
-    return way
+    return heights_at
 
 
-def _inner_parts(way: Callable[[Array], Array], rows: int) -> Array:
-    """Parts of each straight way to look at, in rising order: even ones, and where each slider turns.
+def _inner_shares(heights_at: Callable[[Array], Array], rows: int) -> Array:
+    """Shares of each straight move, (n, p) in rising order: equal parts, and where each slider reverses.
 
-    A height curves one way along a straight line, so it turns once at the most: at the top of the parabola through the
-    highest or lowest even part and its neighbours, and once more through three places close about that top.
+    A height is convex or concave along a straight line, so it has one extremum at the most: at the vertex of the
+    parabola through the extreme equal part and its neighbours, refined by three points close to that vertex.
     """
     even = np.tile(np.arange(TRANSIT + 1) / TRANSIT, (rows, 1))
-    height = way(even)  # shape: (n, TRANSIT + 1, 3)
+    height = heights_at(even)  # shape: (n, TRANSIT + 1, 3)
     step = np.diff(height, axis=1)
     bend = np.diff(np.sign(step), axis=1) != 0.0
     nearer = np.where(np.abs(step[:, 0]) < np.abs(step[:, -1]), 1, TRANSIT - 1)
     at = np.where(bend.any(axis=1), 1 + np.argmax(bend, axis=1), nearer)  # shape: (n, 3)
     three = [np.take_along_axis(height, at[:, None] + beside, axis=1)[:, 0] for beside in (-1, 0, 1)]
-    turn = np.clip((at + _top(*three)) / TRANSIT, CLOSE, 1.0 - CLOSE)
-    three = [np.einsum("nll->nl", way(turn + beside * CLOSE)) for beside in (-1, 0, 1)]
-    turn = np.clip(turn + CLOSE * _top(*three), CLOSE, 1.0 - CLOSE)
+    turn = np.clip((at + _vertex(*three)) / TRANSIT, CLOSE, 1.0 - CLOSE)
+    three = [np.einsum("nll->nl", heights_at(turn + beside * CLOSE)) for beside in (-1, 0, 1)]
+    turn = np.clip(turn + CLOSE * _vertex(*three), CLOSE, 1.0 - CLOSE)
     return np.sort(np.concatenate([even[:, 1:-1], turn], axis=1), axis=1)
 
 
-def _top(before: Array, here: Array, after: Array) -> Array:
-    """Where the parabola through three even places turns, in steps from the middle one, within them."""
+def _vertex(before: Array, here: Array, after: Array) -> Array:
+    """Vertex of the parabola through three equidistant values, in steps from the middle one, clipped to -1 ... 1."""
     bend = before - 2.0 * here + after
     return np.clip(np.divide(0.5 * (before - after), bend, out=np.zeros_like(bend), where=bend != 0.0), -1.0, 1.0)
 
@@ -106,10 +108,10 @@ def travel_direction(slider: Array) -> Array:
     """Direction of travel at each point of a path; standstill keeps the last one.
 
     Args:
-        slider: (m, 3) mm.
+        slider: (m, k) mm or rad.
 
     Returns:
-        (m, 3), +1 or -1; 0 before the first move.
+        (m, k), +1 or -1; 0 before the first move.
     """
     step = np.diff(slider, axis=0, prepend=slider[:1])
     sign = np.where(np.abs(step) > STANDSTILL, np.sign(step), 0.0)
@@ -117,8 +119,8 @@ def travel_direction(slider: Array) -> Array:
     return np.take_along_axis(sign, at, axis=0)
 
 
-def end_moves(drawing: Drawing, tool: Array, command: Array) -> tuple[Array, Array]:
-    """How the sliders set off and arrive on straight moves of the tool.
+def end_slopes(drawing: Drawing, tool: Array, command: Array) -> tuple[Array, Array]:
+    """Derivatives of slider heights at the start and the end of straight moves of the tool.
 
     Args:
         drawing: the ideal machine.
@@ -126,10 +128,11 @@ def end_moves(drawing: Drawing, tool: Array, command: Array) -> tuple[Array, Arr
         command: (n, 3) mm, commanded slider heights.
 
     Returns:
-        (n, 3) mm per move each, of the move to each row; those to first rows tell nothing.
+        At the start and at the end of the move to each row, (n, 3) mm per whole move each; that to the first row of a
+        run is without meaning.
     """
-    way, part = _straight_way(drawing, tool, command), np.tile([0.0, CLOSE, 1.0 - CLOSE, 1.0], (len(tool), 1))
-    start, after, before, end = np.moveaxis(way(part), 1, 0)
+    share = np.tile([0.0, CLOSE, 1.0 - CLOSE, 1.0], (len(tool), 1))
+    start, after, before, end = np.moveaxis(_straight_move(drawing, tool, command)(share), 1, 0)
     return (after - start) / CLOSE, (end - before) / CLOSE
 
 
@@ -143,18 +146,18 @@ def slider_speed(
 ) -> Array:
     """Slider speeds at the rows of a path that is run without stopping.
 
-    Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, an axis
-    still has the speed at which it came, but at a sharp turn after a move so short that the controller rounds it off:
-    there its speed is halfway between before and after. What is run through again from where it ended, a lap after a
-    lap, is led in and out by itself, as every run is: a row that repeats the one before begins it.
+    Between corners the motion is smooth: a cubic spline over time. At a corner, and where the feed changes, an axis has
+    the speed at which it arrives; only at a sharp corner after a move so short that the controller rounds it off, the
+    mean of the speeds before and after. A row that repeats the pose before it begins a new lap; each lap, like each
+    run, is a motion of its own.
 
     Args:
-        command: (n, 3) mm.
-        tool: (n, 3) mm.
+        command: (n, 3) mm, commanded slider heights.
+        tool: (n, 3) mm, commanded tool positions.
         time: (n,) s.
         still: (n,) bool, rows that are read at standstill.
-        run: (n,) number of each row's run. None for a single one.
-        ends: (n, 3) mm per move each, how straight moves to the rows set off and arrive; None: sliders run evenly.
+        run: (n,) int, number of each row's run; None for a single one.
+        ends: of `end_slopes`, for single straight moves between corners; None for sliders of constant speed there.
 
     Returns:
         (n, 3) mm/s, zero at standstill.
@@ -192,20 +195,20 @@ def slider_speed(
 
 
 def _corners(tool: Array, time: Array, still: Array) -> tuple[Array, Array]:
-    """(n,) bool, inner rows at which the motion is not smooth: a sharp turn; a stop or a change of feed."""
+    """Inner rows at which the motion is not smooth, (n,) bool each: at a sharp corner; at a stop or change of feed."""
     way = np.diff(tool, axis=0)
     rate = np.linalg.norm(way, axis=1) / np.diff(time)
     unit = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
     sharp = (unit[1:] * unit[:-1]).sum(1) < SHARP
-    change = np.abs(np.diff(rate)) > 0.05 * np.maximum(rate[1:], rate[:-1])
+    change = np.abs(np.diff(rate)) > SAME_RATE * np.maximum(rate[1:], rate[:-1])
     return np.pad(sharp, 1), np.pad(change | still[1:-1], 1)
 
 
-def first_moves(points: Array, first: Array) -> Array:
-    """Direction in which each slider or joint first sets off in each run.
+def first_directions(points: Array, first: Array) -> Array:
+    """Direction in which each slider or joint moves first in each run.
 
     Args:
-        points: (n, p, k) mm or rad, p points on the way to each row, the last one that of the row.
+        points: (n, p, k) mm or rad, p points of the move to each row, the last one that of the row.
         first: (r,) first row of each run.
 
     Returns:
@@ -217,7 +220,7 @@ def first_moves(points: Array, first: Array) -> Array:
             np.concatenate([points[start, -1:], points[start + 1 : stop].reshape(-1, points.shape[2])]), axis=0
         )
         for leg in range(points.shape[2]):
-            found = np.flatnonzero(np.abs(step[:, leg]) > 1e-6)
+            found = np.flatnonzero(np.abs(step[:, leg]) > MOVES)
             if len(found):
                 moves[number, leg] = np.sign(step[found[0], leg])
     return moves

@@ -17,7 +17,7 @@ ELSEWHERE = (kinds.Hose, kinds.WarmBacklash, kinds.LoadBacklash)  # forces and g
 
 
 @dataclass(frozen=True)
-class Strange:
+class OddShifts:
     """Shifts by odd faults.
 
     Attributes:
@@ -33,7 +33,7 @@ class Strange:
     sight: Array
 
 
-def shift_all(odd: Sequence[kinds.Odd], state: RunState) -> Strange:
+def odd_shifts(odd: Sequence[kinds.Odd], state: RunState) -> OddShifts:
     """What the odd faults shift.
 
     Args:
@@ -44,7 +44,7 @@ def shift_all(odd: Sequence[kinds.Odd], state: RunState) -> Strange:
         The shifts.
     """
     rows = len(state.time)
-    total = Strange(np.zeros((rows, 3, 3)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3)))
+    total = OddShifts(np.zeros((rows, 3, 3)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3)))
     for fault in odd:
         if isinstance(fault, ELSEWHERE):
             continue
@@ -95,7 +95,7 @@ def hose_force(hose: kinds.Hose, position: Array) -> Array:
     return tension * way / np.maximum(length, 1e-9)
 
 
-def _add(total: Strange, place: str, leg: int | None, size: Array) -> None:
+def _add(total: OddShifts, place: str, leg: int | None, size: Array) -> None:
     """Add (n,) um at a place."""
     if leg is None:
         where, axis = place.split("-")

@@ -41,7 +41,7 @@ class RunState:
     time: Array
 
 
-def look_at_run(
+def state_of_run(
     drawing: Drawing,
     path: motion.Path,
     schedule: Schedule,

@@ -108,7 +108,7 @@ def link_tension(pose: Pose, force: Array) -> Array:
     return _solve(np.swapaxes(pose.link, 1, 2), force)
 
 
-def carried(pose: Pose, reflector: Array) -> Array:
+def reflector_shift(pose: Pose, reflector: Array) -> Array:
     """By how much a turning platform moves its reflector.
 
     Args:

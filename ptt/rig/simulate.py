@@ -13,11 +13,11 @@ from ptt.rig import motion, odd, tracker
 from ptt.rig.actuate import drive_sliders, run_temperatures
 from ptt.rig.arm_faults import arm_faults, slipped, tool_on_drawing, within_limits
 from ptt.rig.arm_odd import shift_arm
-from ptt.rig.arm_state import look_at_arm
+from ptt.rig.arm_state import state_of_arm
 from ptt.rig.loaded import load_platform, nominal_tool
 from ptt.rig.nominal import Array, Drawing, ideal_machine, nominal_sliders
-from ptt.rig.odd_state import look_at_run
-from ptt.rig.platform import carried, small_rotation
+from ptt.rig.odd_state import state_of_run
+from ptt.rig.platform import reflector_shift, small_rotation
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import HOLD, TARGET, Schedule, plan_rows, tell_time
 from ptt.rig.serial_arm import ArmRig
@@ -90,19 +90,19 @@ def simulate(
     path = motion.run_path(drawing, tool, command, schedule.run, straight=straight, lead_in=rig.conditions.lead_in_mm)
     temperatures = run_temperatures(rig, path, time, schedule.run, run_seed if noise else None)
     still = (schedule.role != "pose") | (not rig.conditions.moving)
-    ends = motion.end_moves(drawing, tool, command) if straight else None
+    ends = motion.end_slopes(drawing, tool, command) if straight else None
     speed = motion.slider_speed(command, tool, time, still, schedule.run, ends)
     slider = drive_sliders(rig, drawing, path, time, speed, schedule, temperatures)
     mass = rig.spec.platform_mass_kg
-    state = look_at_run(
+    state = state_of_run(
         drawing, path, schedule, temperatures, slider=slider, tool=tool, speed=speed, time=time, platform=mass
     )
     pose, slider, force = load_platform(rig, drawing, schedule, temperatures, slider, tool, state)
-    strange = odd.shift_all(rig.odd, replace(state, slider=slider))
-    truth = pose.position + carried(pose, np.asarray(rig.spec.reflector_mm)) + strange.tool
+    shifts = odd.odd_shifts(rig.odd, replace(state, slider=slider))
+    truth = pose.position + reflector_shift(pose, np.asarray(rig.spec.reflector_mm)) + shifts.tool
     seen = _see_base(rig, schedule, truth, exact=not noise)
     reading = tracker.read_points(
-        rig.tracker, seen + strange.sight, time, schedule.run, seed=run_seed, setup_seed=rig.seed, noise=noise
+        rig.tracker, seen + shifts.sight, time, schedule.run, seed=run_seed, setup_seed=rig.seed, noise=noise
     )
     groups = [(TARGET, schedule.target), (rig.commanded, command)]
     if rig.conditions.report_direction:
@@ -133,7 +133,7 @@ def _simulate_arm(
     time = tell_time(rig, schedule, tool)
     air = room_temperature(rig.conditions.room, time)
     arm = ArmRig(spec, arm_faults(rig.arm, spec), np.asarray(rig.arm.reflector_mm), np.eye(4), 0.0)
-    shifts = shift_arm(rig.odd, look_at_arm(spec, schedule, air, time))
+    shifts = shift_arm(rig.odd, state_of_arm(spec, schedule, air, time))
     shifts.joint[:] += slipped(rig.arm, spec.joints, schedule.rows)
     joint, frame = arm.settle(schedule.command, schedule.payload, air, shifts, schedule.run)
     # A mount that is put on anew for each run sits a little beside where it sat.
