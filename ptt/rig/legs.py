@@ -22,7 +22,7 @@ def build_legs(
     growth: tuple[Array, Array, Array],
     stretch: Array,
 ) -> Legs:
-    """Place the chains of every row.
+    """Ends and lengths of the chains of every row.
 
     Args:
         drawing: the ideal machine.
@@ -31,7 +31,7 @@ def build_legs(
         wander: (n, 3, 2) mm, sideways shift of each slider by its guide, radial and tangential.
         bend: (n, 3, 3) mm, shift of each slider by its column.
         growth: relative growth of base radius, platform radius and links, (n,) each.
-        stretch: (n, 3) mm, what joint play adds to each link.
+        stretch: (n, 3) mm, what load, joint clearance and odd faults add to each link.
 
     Returns:
         The chains.
@@ -39,7 +39,7 @@ def build_legs(
     rail, turn = _lean(drawing, faults)
     base, platform, links = growth
     out, aside = (np.asarray(size)[:, None] for size in (faults.tower_radial_mm, faults.tower_tangential_mm))
-    foot = drawing.pivot + out * drawing.foot_way + aside * drawing.sideways
+    foot = drawing.pivot + out * drawing.foot_direction + aside * drawing.sideways
     along = (slider - drawing.home)[..., None] * rail
     joint = foot + along + (base * drawing.base_radius)[:, None, None] * drawing.outward + bend
     joint = joint + wander[..., :1] * drawing.across + wander[..., 1:] * drawing.sideways
@@ -65,8 +65,8 @@ def build_legs(
 def guide_wander(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
     """Sideways shift of each slider where its guide is not straight.
 
-    A given table is splined; a random guide is a short Fourier series whose constant and slope over the span (the
-    travel, if none is given) are taken out, because those are the rail's place and lean.
+    A given table is interpolated by a cubic spline. A random guide is a short Fourier series of the given rms over the
+    span (the travel, if none is given), less its best straight line there, which is the rail's position and lean.
 
     Args:
         spec: the drawing, for the travel.
@@ -78,10 +78,10 @@ def guide_wander(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
     """
     shift = np.zeros((*slider.shape, 2))
     tables = (faults.straightness_radial_um, faults.straightness_tangential_um)
-    for way, table in enumerate(tables):
+    for direction, table in enumerate(tables):
         for leg, values in enumerate(table):
             spline = CubicSpline(faults.straightness_height_mm, values)
-            shift[:, leg, way] += MM_PER_UM * spline(slider[:, leg])
+            shift[:, leg, direction] += MM_PER_UM * spline(slider[:, leg])
     if any(faults.straightness_um):
         shift += _random_guides(spec, faults, slider)
     return shift
@@ -95,17 +95,18 @@ def _random_guides(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array
     fine = (np.arange(400) + 0.5) / 400
     shift = np.zeros((*slider.shape, 2))
     for leg in range(3):
-        for way in range(2):
-            reference = _series(fine, weight[leg, way])
+        for direction in range(2):
+            reference = _series(fine, weight[leg, direction])
             line = np.polyfit(fine, reference, 1)
             size = np.std(reference - np.polyval(line, fine))
             at = (slider[:, leg] - low) / (high - low)
-            value = (_series(at, weight[leg, way]) - np.polyval(line, at)) / size
-            shift[:, leg, way] = MM_PER_UM * faults.straightness_um[leg] * value
+            value = (_series(at, weight[leg, direction]) - np.polyval(line, at)) / size
+            shift[:, leg, direction] = MM_PER_UM * faults.straightness_um[leg] * value
     return shift
 
 
 def _series(part: Array, weight: Array) -> Array:
+    """Half waves over a span, (n,): weights (w, 2) of cosine and sine at shares (n,) of it."""
     angle = np.pi * np.outer(part, np.arange(1, len(weight) + 1))
     return np.cos(angle) @ weight[:, 0] + np.sin(angle) @ weight[:, 1]
 
@@ -115,9 +116,10 @@ def _sideways(drawing: Drawing, radial: tuple[float, ...], tangential: tuple[flo
 
 
 def _lean(drawing: Drawing, faults: Geometry) -> tuple[Array, Array]:
-    """Rails turned exactly: positive radial leans the upper end outward, positive tangential counter-clockwise.
+    """Directions of the leaning rails, (3, 3), and the rotations that make them, (3, 3, 3).
 
-    Both turns are at right angles to the rail; a turn about the rail itself moves no slider.
+    Positive radial leans the upper end outward, positive tangential counter-clockwise seen from above. Both rotation
+    axes are perpendicular to the rail; a rotation about the rail itself moves no slider.
     """
     outward = RAD_PER_MRAD * np.asarray(faults.lean_radial_mrad)[:, None] * drawing.sideways
     aside = -RAD_PER_MRAD * np.asarray(faults.lean_tangential_mrad)[:, None] * drawing.across

@@ -1,4 +1,4 @@
-"""The platform of a real machine under its load: drives give way, joint play takes sides, the column bends."""
+"""The platform under load: drives and links yield, joint clearances change side, the column bends."""
 
 from dataclasses import replace
 
@@ -18,14 +18,17 @@ from ptt.rig.units import GRAVITY, MM_PER_UM, PPM
 
 
 def nominal_tool(drawing: Drawing, slider: Array) -> Array:
-    """Tool positions of slider heights on the ideal machine.
+    """Forward kinematics of the ideal machine.
 
     Args:
         drawing: the ideal machine.
-        slider: (n, 3) mm.
+        slider: (n, 3) mm, slider heights.
 
     Returns:
-        (n, 3) mm.
+        (n, 3) mm, tool positions.
+
+    Raises:
+        WorkspaceError: the sliders of some rows stand too far apart.
     """
     rows = len(slider)
     still = np.zeros(rows)
@@ -38,7 +41,7 @@ def nominal_tool(drawing: Drawing, slider: Array) -> Array:
         growth=(still, still, still),
         stretch=np.zeros((rows, 3)),
     )
-    # A first guess: on the machine's axis, at its usual depth under (or over) the sliders.
+    # The start: on the machine's axis, below (or above) the sliders by as much as at p = 0.
     middle = np.column_stack([np.zeros((rows, 2)), (slider - drawing.home).mean(1)])
     return solve_platform(legs, middle).position
 
@@ -52,10 +55,11 @@ def load_platform(
     tool: Array,
     state: RunState,
 ) -> tuple[Pose, Array, Array]:
-    """Solve the platform, load it, let drives, links and joints give way, and solve it again.
+    """Solve the platform without load, let drives, links and joints yield to the load, and solve it again.
 
-    Source: static balance of the link forces; a slider yields by compliance times the force along its rail, a link
-    grows by compliance times its tension.
+    Source: static balance of the link forces under the weight of payload and platform, gravity along -z, and the pull
+    of hoses. A slider yields by compliance times the force along its rail, a link lengthens by compliance times its
+    tension, and by half its joints' clearance where it is pulled (shortens where it is pushed).
 
     Args:
         rig: faults of geometry and structure.
@@ -64,33 +68,36 @@ def load_platform(
         temperatures: of room, frame and screws.
         slider: (n, 3) mm, heights without load.
         tool: (n, 3) mm, commanded tool positions to start from.
-        state: what faults outside the library depend on.
+        state: the run, which faults outside the library depend on.
 
     Returns:
-        The pose, the loaded slider heights (n, 3) mm, the forces along the rails (n, 3) N.
+        The poses, the slider heights under load (n, 3) mm, and the forces of the links on the sliders along the rails,
+        (n, 3) N, positive upwards.
+
+    Raises:
+        WorkspaceError: the chains of some rows cannot be closed.
     """
     weight = GRAVITY * (schedule.payload + rig.spec.platform_mass_kg)
     down = np.column_stack([np.zeros((schedule.rows, 2)), -weight])
     stretch = np.zeros_like(slider)
     pose = _solve(rig, drawing, schedule, temperatures, slider, stretch, tool, state)
-    given = slider
-    for _ in range(2):  # the give is micrometres: a second look at the forces changes nothing that can be measured
-        pull = link_tension(pose, down)
-        along = pull * _cosine(drawing, pose)
-        give = np.asarray(rig.drive.compliance_um_per_n) * along
-        total = pull
+    loaded = slider
+    for _ in range(2):  # drives yield by micrometres: forces of a second round change nothing that can be measured
+        tension = link_tension(pose, down)
+        yielding = np.asarray(rig.drive.compliance_um_per_n) * tension * _cosine(drawing, pose)
         for hose in (item for item in rig.odd if isinstance(item, Hose)):
-            tug = link_tension(pose, odd.hose_force(hose, pose.position))
-            give = give + np.asarray(hose.compliance_um_per_n) * tug * _cosine(drawing, pose)
-            total = total + tug
-        soft, loose = np.asarray(rig.geometry.link_compliance_um_per_n), np.asarray(rig.geometry.clearance_um)
-        force = total * _cosine(drawing, pose)
-        if not (give.any() or soft.any() or loose.any()):
+            pull = link_tension(pose, odd.hose_force(hose, pose.position))
+            yielding = yielding + np.asarray(hose.compliance_um_per_n) * pull * _cosine(drawing, pose)
+            tension = tension + pull
+        compliance, clearance = rig.geometry.link_compliance_um_per_n, rig.geometry.clearance_um
+        force = tension * _cosine(drawing, pose)
+        if not (yielding.any() or any(compliance) or any(clearance)):
             return pose, slider, force
-        given = slider + MM_PER_UM * give
-        stretch = MM_PER_UM * (soft * total + 0.5 * loose * np.sign(np.round(total, 9)))
-        pose = _solve(rig, drawing, schedule, temperatures, given, stretch, tool, state)
-    return pose, given, force
+        loaded = slider + MM_PER_UM * yielding
+        side = np.sign(np.round(tension, 9))  # an unloaded joint, but for rounding, is in the middle of its clearance
+        stretch = MM_PER_UM * (np.asarray(compliance) * tension + 0.5 * np.asarray(clearance) * side)
+        pose = _solve(rig, drawing, schedule, temperatures, loaded, stretch, tool, state)
+    return pose, loaded, force
 
 
 def _solve(
@@ -120,9 +127,10 @@ def _solve(
 
 
 def _bend(rig: Rig, drawing: Drawing, payload: Array, slider: Array) -> Array:
-    """Shift of each slider by its bent column, (n, 3, 3) mm.
+    """Shift of each slider by the bent column, (n, 3, 3) mm.
 
-    Source: a cantilever under an end moment, deflection proportional to the square of the height above its foot.
+    Source: a cantilever under an end moment, whose deflection grows with the square of the height above its foot. The
+    rig states it at p = 0; without `column_per_slider` all sliders shift alike, by their mean height.
     """
     structure = rig.structure
     above_home = slider - drawing.home
@@ -134,4 +142,5 @@ def _bend(rig: Rig, drawing: Drawing, payload: Array, slider: Array) -> Array:
 
 
 def _cosine(drawing: Drawing, pose: Pose) -> Array:
+    """Cosine between each link, towards the platform, and its rail, upwards, (n, 3)."""
     return np.einsum("nlx,lx->nl", pose.link, drawing.rail)

@@ -1,4 +1,4 @@
-"""The drawing as the controller knows it: slider heights of a tool position in closed form."""
+"""The ideal machine: directions and lengths of its drawing, and its inverse kinematics in closed form."""
 
 import math
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from ptt.machine import ThreePttSpec
 
 Array = np.ndarray
 
-ROUNDING = 1e-6  # mm
+ROUNDING = 1e-6  # mm: home heights that are nearer to each other are the same
 
 
 @dataclass(frozen=True)
@@ -21,12 +21,13 @@ class Drawing:
         sideways: (3, 3), horizontal unit vector across it, counter-clockwise.
         rail: (3, 3), unit vector of each rail, upwards.
         across: (3, 3), unit vector at right angles to rail and sideways: outward where the rail is upright.
-        foot_way: (3, 3), in which a rail stands off beside sideways: outward, or across a rail flatter than 45 degrees.
+        foot_direction: (3, 3), unit vector of a radial shift of the rail: outward, or across where the rail is flatter
+            than 45 degrees, along which a shift outward would be one along the rail.
         pivot: (3, 3) mm, joint on each slider when the tool is at p = 0; leaning rails turn about it.
         home: (3,) mm, slider heights at p = 0.
-        base_radius: mm.
-        platform_radius: mm.
-        link: mm.
+        base_radius: mm, of the joints on the sliders at p = 0.
+        platform_radius: mm, of the joints on the platform.
+        link: mm, length of the links.
         side: +1 where the sliders are above the platform, -1 where below.
         travel: (2, 3) mm, lowest and highest height of each slider.
     """
@@ -35,7 +36,7 @@ class Drawing:
     sideways: Array
     rail: Array
     across: Array
-    foot_way: Array
+    foot_direction: Array
     pivot: Array
     home: Array
     base_radius: float
@@ -46,7 +47,7 @@ class Drawing:
 
 
 def ideal_machine(spec: ThreePttSpec) -> Drawing:
-    """Work out directions and home heights of a drawing.
+    """Directions, lengths and home heights of a drawing.
 
     Args:
         spec: the [machine] section.
@@ -66,7 +67,7 @@ def ideal_machine(spec: ThreePttSpec) -> Drawing:
         sideways=sideways,
         rail=np.sin(lean)[:, None] * outward + np.cos(lean)[:, None] * up,
         across=across,
-        foot_way=np.where((np.abs(np.sin(lean)) > np.abs(np.cos(lean)))[:, None], across, outward),
+        foot_direction=np.where((np.abs(np.sin(lean)) > np.abs(np.cos(lean)))[:, None], across, outward),
         pivot=spec.base_radius_mm * outward + rise * up,
         home=np.full(3, spec.joint_height_mm + rise),
         base_radius=spec.base_radius_mm,
@@ -81,7 +82,8 @@ def ideal_machine(spec: ThreePttSpec) -> Drawing:
 def _anchored(drawing: Drawing) -> Drawing:
     """The drawing with home and pivot where its sliders stand at p = 0.
 
-    A rail that leans so far that its slider would be on the other side of the link there has it elsewhere than upright.
+    On a rail that leans so far that its slider would be on the other side of its link there, that is another place than
+    on the upright machine.
     """
     apart = nominal_sliders(drawing, np.zeros((1, 3)))[0] - drawing.home
     if not (np.abs(apart) > ROUNDING).any():  # nor where p = 0 is out of reach
@@ -90,16 +92,17 @@ def _anchored(drawing: Drawing) -> Drawing:
 
 
 def nominal_sliders(drawing: Drawing, tool: Array) -> Array:
-    """Slider heights that the controller computes for a tool position.
+    """Inverse kinematics of the ideal machine: slider heights that the controller computes for tool positions.
 
-    Source: the link is the hypotenuse over its distance from the rail; b = foot of the perpendicular + the other leg.
+    Source: Pythagoras, b = height of the foot of the perpendicular from platform joint to rail + side sqrt(L^2 - d^2),
+    d the length of that perpendicular.
 
     Args:
         drawing: the ideal machine.
         tool: (n, 3) mm.
 
     Returns:
-        (n, 3) mm, NaN where a link is too short.
+        (n, 3) mm, NaN where a link is too short to reach its rail.
     """
     joint = tool[:, None, :] + drawing.platform_radius * drawing.outward  # shape: (n, leg, xyz)
     reach = joint - drawing.pivot
@@ -111,7 +114,7 @@ def nominal_sliders(drawing: Drawing, tool: Array) -> Array:
 
 
 def can_reach(drawing: Drawing, tool: Array) -> Array:
-    """Whether the sliders' travel and the links reach tool positions.
+    """Whether tool positions lie within reach of the links and inside the sliders' travel.
 
     Args:
         drawing: the ideal machine.

@@ -7,23 +7,24 @@ import numpy as np
 from ptt.errors import WorkspaceError
 
 Array = np.ndarray
-TOLERANCE = 1e-11  # mm and rad: last Newton step
-MAX_STEPS = 60
-LONGEST_STEP = 60.0  # mm: keeps a far start on its own side of the sliders
+TOLERANCE = 1e-11  # mm and rad, a Newton step below which nothing but rounding changes
+MAX_STEPS = 60  # a start on the other side of a large machine takes many steps of bounded length
+LONGEST_STEP = 60.0  # mm, a fifth of the bench's links: keeps a far start on its own side of the sliders
+CLOSED = 1e-8  # mm, residual of a closed chain: far above rounding, far below any reading
 
 
 @dataclass(frozen=True)
 class Legs:
-    """Where the three chains begin and end, per row.
+    """Ends, joint axes and lengths of the three chains of every row.
 
     Attributes:
         slider: (n, 3, 3) mm, centre of the joint on each slider, base frame.
         slider_axis: (n, 3, 3), unit vector e of the joint axis fixed to each slider, base frame.
         platform: (n, 3, 3) mm, centre of each platform joint from the platform's centre, platform frame.
         platform_axis: (3, 3), unit vector e' of the joint axis fixed to the platform, platform frame.
-        length: (n, 3) mm.
-        slider_offset: (3,) mm, how far the middle axis misses the slider's axis, towards the platform.
-        platform_offset: (3,) mm, how far the middle axis misses the platform's axis, towards the slider.
+        length: (n, 3) mm, between the middle axes of each link's two universal joints.
+        slider_offset: (3,) mm, distance of the middle axis from the slider's axis, positive towards the platform.
+        platform_offset: (3,) mm, distance of the middle axis from the platform's axis, positive towards the slider.
     """
 
     slider: Array
@@ -37,7 +38,7 @@ class Legs:
 
 @dataclass(frozen=True)
 class Pose:
-    """A solved platform.
+    """Solved poses of the platform.
 
     Attributes:
         position: (n, 3) mm, platform centre.
@@ -51,18 +52,18 @@ class Pose:
 
 
 def solve_platform(legs: Legs, start: Array, where: str = "") -> Pose:
-    """Find the platform that closes all three chains.
+    """Forward kinematics: the poses of the platform that close all three chains.
 
     Source: |B_i - A_i - offsets| = L_i and s_i . (e_i x R e'_i) = 0, because the middle axes at both ends of a link are
-    parallel: the link and both outer axes lie in one plane. Newton on position and rotation.
+    parallel: the link and both outer axes lie in one plane. Newton's method on position and rotation.
 
     Args:
-        legs: the chains.
+        legs: the chains of n rows.
         start: (n, 3) mm, first guess of the position, on the platform's side of the sliders.
-        where: file for messages.
+        where: name of the rig's file, for messages.
 
     Returns:
-        The pose.
+        The poses.
 
     Raises:
         WorkspaceError: the chains of some rows cannot be closed.
@@ -79,13 +80,13 @@ def solve_platform(legs: Legs, start: Array, where: str = "") -> Pose:
         if not np.isfinite(step).all() or np.abs(step).max(initial=0.0) < TOLERANCE:
             break
     residual, _, link = _closure(legs, position, rotation)
-    # A row that jitters in the last digits is closed; one that has no solution is far from it.
-    lost = ~(np.abs(residual).max(axis=1, initial=0.0) < 1e-8)
-    if lost.any():
-        rows = np.flatnonzero(lost).tolist()
+    # Not by the step: rounding keeps a closed row moving, while one without a solution has a large residual.
+    open_ = ~(np.abs(residual).max(axis=1, initial=0.0) < CLOSED)
+    if open_.any():
+        rows = np.flatnonzero(open_).tolist()
         raise WorkspaceError(
-            f"the virtual machine cannot reach row {rows[0] + 1}"
-            + (f" and {len(rows) - 1} more" if len(rows) > 1 else ""),
+            f"the virtual machine cannot reach row {rows[0] + 1} of the run"
+            + (f" (the first of {len(rows)} such rows)" if len(rows) > 1 else ""),
             rows,
             where=where,
             fix="stay inside the workspace of the machine",
@@ -96,7 +97,7 @@ def solve_platform(legs: Legs, start: Array, where: str = "") -> Pose:
 def link_tension(pose: Pose, force: Array) -> Array:
     """Static tension of each link under a force on the platform.
 
-    The universal joints take up every couple, so the three link forces balance the force alone: sum T_i s_i = F.
+    Source: balance of forces, sum T_i s_i = F; the universal joints take up every couple.
 
     Args:
         pose: n solved platforms.
@@ -109,23 +110,23 @@ def link_tension(pose: Pose, force: Array) -> Array:
 
 
 def reflector_shift(pose: Pose, reflector: Array) -> Array:
-    """By how much a turning platform moves its reflector.
+    """Shift of the reflector by the rotation of the platform.
 
     Args:
-        pose: n platforms.
-        reflector: (3,) mm from the platform's centre.
+        pose: n solved platforms.
+        reflector: (3,) mm from the platform's centre, platform frame.
 
     Returns:
-        (n, 3) mm.
+        (n, 3) mm, base frame.
     """
     return np.einsum("nij,j->ni", pose.rotation, reflector) - reflector
 
 
 def small_rotation(pose: Pose) -> Array:
-    """Rotation vector of platforms that hardly turn.
+    """Rotation vector of platforms that hardly turn, to first order: the skew part of the rotation matrix.
 
     Args:
-        pose: n platforms.
+        pose: n solved platforms.
 
     Returns:
         (n, 3) rad.
@@ -135,7 +136,7 @@ def small_rotation(pose: Pose) -> Array:
 
 
 def rotation_matrix(vector: Array) -> Array:
-    """Rotation about a vector by its length.
+    """Rotation matrices of rotation vectors.
 
     Source: Rodrigues' formula.
 
@@ -154,32 +155,35 @@ def rotation_matrix(vector: Array) -> Array:
 
 
 def _closure(legs: Legs, position: Array, rotation: Array) -> tuple[Array, Array, Array]:
-    """Residuals (n, 6), their derivative by position and small rotation (n, 6, 6), and link directions (n, 3, 3)."""
+    """Residuals (n, 6), their Jacobian by position and small rotation (n, 6, 6), and link directions (n, 3, 3).
+
+    Residuals are three in mm, of the link lengths, and three without unit, of the planes of links and outer axes.
+    """
     arm = np.einsum("nij,nlj->nli", rotation, legs.platform)
     axis = np.einsum("nij,lj->nli", rotation, legs.platform_axis)
     span = position[:, None, :] + arm - legs.slider
     link = span
-    for _ in range(2):  # the crosses turn with the link, whose direction they change by little
-        cross = legs.slider_offset[:, None] * _across(link, legs.slider_axis)
-        cross = cross + legs.platform_offset[:, None] * _across(link, axis)
-        link = span - cross
-    reach = np.linalg.norm(link, axis=-1, keepdims=True)
-    unit = link / reach
+    for _ in range(2):  # the offsets turn with the link, whose direction they hardly change
+        offset = legs.slider_offset[:, None] * _across(link, legs.slider_axis)
+        offset = offset + legs.platform_offset[:, None] * _across(link, axis)
+        link = span - offset
+    length = np.linalg.norm(link, axis=-1, keepdims=True)
+    unit = link / length
     normal = np.cross(legs.slider_axis, axis)
-    twist = (unit * normal).sum(-1)
-    by_position = (normal - unit * twist[..., None]) / reach
+    out_of_plane = (unit * normal).sum(-1)
+    by_position = (normal - unit * out_of_plane[..., None]) / length
     parallel = (legs.slider_axis * axis).sum(-1, keepdims=True)
     by_rotation = parallel * unit - (unit * axis).sum(-1, keepdims=True) * legs.slider_axis
     lengths = np.concatenate([unit, np.cross(arm, unit)], axis=-1)
     planes = np.concatenate([by_position, by_rotation + np.cross(arm, by_position)], axis=-1)
-    residual = np.concatenate([reach[..., 0] - legs.length, twist], axis=-1)
+    residual = np.concatenate([length[..., 0] - legs.length, out_of_plane], axis=-1)
     return residual, np.concatenate([lengths, planes], axis=1), unit
 
 
 def _across(link: Array, axis: Array) -> Array:
-    """Unit vector square to an axis in the plane of axis and link: the way from outer to middle axis."""
-    square = link - (link * axis).sum(-1, keepdims=True) * axis
-    return square / np.linalg.norm(square, axis=-1, keepdims=True)
+    """Unit vector perpendicular to an outer axis in the plane of axis and link: from the outer to the middle axis."""
+    normal = link - (link * axis).sum(-1, keepdims=True) * axis
+    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
 
 def _solve(matrix: Array, right: Array) -> Array:
