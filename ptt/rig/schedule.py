@@ -1,4 +1,4 @@
-"""The order of a run: cycles of the path with datum visits and base reflectors in between, and the clock."""
+"""The rows of a run in order: cycles of the targets, datum visits, base reflectors; and their times."""
 
 from dataclasses import dataclass
 
@@ -16,19 +16,19 @@ DATUM, HOLD = -1, -2  # in `origin`: rows that no row of the targets stands for
 
 @dataclass(frozen=True)
 class Schedule:
-    """What is visited or measured, row by row.
+    """The rows of a run: poses that are visited, and base reflectors that are measured meanwhile.
 
     Attributes:
-        origin: (n,) int, row of the targets, DATUM for a datum visit, HOLD where the machine stands still.
+        origin: (n,) int, row of the targets; DATUM for a datum visit, HOLD for a base reflector.
         target: (n, 3) mm, NaN where only sliders are commanded.
         command: (n, k) mm or rad, joints to send, NaN where the controller computes them from the target.
         name: (n,) str.
         role: (n,) str, pose, base or datum.
-        run: (n,) int.
-        repeat: (n,) int from 1, the cycle; as the targets have it where they hold every cycle themselves.
+        run: (n,) int from 0.
+        repeat: (n,) int from 1, number of the cycle.
         payload: (n,) kg.
         feed: (n,) mm/s.
-        read: (n,) bool, False where the machine passes and the tracker is not looked at.
+        read: (n,) bool, False where the machine passes without a reading.
     """
 
     origin: Array
@@ -62,7 +62,7 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None) ->
     """Lay out every row of a simulated run.
 
     Args:
-        rig: conditions and tracker say how often what is repeated.
+        rig: its conditions and tracker say how many cycles, datum visits and base readings there are.
         commands: the targets, columns as in a targets file; for a rig of one cycle their column repeat says which cycle
             of a longer run a row is of.
         sliders: columns b1.. or q1.. to send instead, a row per row of `commands` or per row and cycle.
@@ -71,7 +71,8 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None) ->
         The schedule.
 
     Raises:
-        TableError: columns missing, sliders of another length, an unknown base reflector.
+        TableError: no rows or no pose, columns missing, cells that are no numbers, a feed of zero, sliders of another
+            length, an unknown base reflector.
     """
     table = _tidy(commands, rig.commanded)
     origin, cycle = _layout(rig, table)
@@ -86,7 +87,7 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None) ->
     target = np.where(pose[:, None], table[TARGET].to_numpy(float)[row], np.asarray(rig.tracker.datum_mm))
     command = np.where(pose[:, None], table[rig.commanded].to_numpy(float)[row], np.nan)
     if sliders is not None:
-        command = _send(sliders, rig.sent, command, pose, held, len(table))
+        command = _replace_commands(sliders, rig.sent, command, pose, held, len(table))
     target, command = _hold(target, held), _hold(command, held)
     conditions = rig.conditions
     return Schedule(
@@ -103,28 +104,28 @@ def plan_rows(rig: Rig, commands: pd.DataFrame, sliders: pd.DataFrame | None) ->
     )
 
 
-def tell_time(rig: Rig, schedule: Schedule, tool: Array) -> Array:
-    """When each row is read.
+def reading_times(rig: Rig, schedule: Schedule, tool: Array) -> Array:
+    """Times of the readings: travel of the tool at the feed, dwells at standstill, pauses between cycles.
 
     Args:
-        rig: dwell and pause.
+        rig: its conditions say dwell and pause.
         schedule: the rows.
         tool: (n, 3) mm, commanded tool positions.
 
     Returns:
-        (n,) s from the start of the simulation.
+        (n,) s from the start of the simulation; the first row is read after one dwell.
     """
     conditions = rig.conditions
-    way = np.linalg.norm(np.diff(tool, axis=0, prepend=tool[:1]), axis=1) / schedule.feed
+    travel = np.linalg.norm(np.diff(tool, axis=0, prepend=tool[:1]), axis=1) / schedule.feed
     stop = schedule.held | (schedule.role == "datum") | (not conditions.moving)
-    step = way + np.where(stop, conditions.dwell_s, 0.0)
+    step = travel + np.where(stop, conditions.dwell_s, 0.0)
     step = np.maximum(step, 1e-3)  # two readings never share a time, so that speeds stay finite
     step[0] = conditions.dwell_s
     return np.cumsum(step + conditions.pause_s * (np.diff(schedule.repeat, prepend=schedule.repeat[0]) != 0))
 
 
 def _tidy(commands: pd.DataFrame, joints: list[str]) -> pd.DataFrame:
-    """A copy with every column this module reads."""
+    """A copy of the targets with every column this module reads."""
     table = commands.reset_index(drop=True).copy()
     if table.empty:
         raise TableError("has no rows", where=WHERE, fix="give at least one target")
@@ -147,15 +148,15 @@ def _tidy(commands: pd.DataFrame, joints: list[str]) -> pd.DataFrame:
         place = f"{WHERE} row {row + 1}, column feed_mm_s"
         raise TableError(what, where=place, fix="give a feed above zero, or an empty cell for the rig's own")
     table["read"] = _numbers(table, ["read"])[:, 0] if "read" in table else 1.0
-    told = _numbers(table, ["repeat"])[:, 0] if "repeat" in table else np.ones(len(table))
-    table["repeat"] = np.where(np.isfinite(told), told, 1.0).astype(int)
+    repeat = _numbers(table, ["repeat"])[:, 0] if "repeat" in table else np.ones(len(table))
+    table["repeat"] = np.where(np.isfinite(repeat), repeat, 1.0).astype(int)
     numbers = {"target": _numbers(table, TARGET), "command": _numbers(table, joints)}
     table[TARGET], table[joints] = numbers["target"], numbers["command"]
     known = np.isfinite(numbers["target"]).all(1) | np.isfinite(numbers["command"]).all(1)
-    lost = ~(known | (table["role"] == "base").to_numpy())
-    if lost.any():
+    empty = ~(known | (table["role"] == "base").to_numpy())
+    if empty.any():
         raise TableError(
-            f"row {int(np.argmax(lost)) + 1} has neither x_cmd, y_cmd, z_cmd nor {', '.join(joints)}",
+            f"row {int(np.argmax(empty)) + 1} has neither x_cmd, y_cmd, z_cmd nor {', '.join(joints)}",
             where=WHERE,
             fix="fill in one of the two",
         )
@@ -177,11 +178,11 @@ def _numbers(table: pd.DataFrame, columns: list[str], where: str = WHERE) -> Arr
 
 
 def _layout(rig: Rig, table: pd.DataFrame) -> tuple[Array, Array]:
-    """Which row of the targets, or what else, is done when; and in which cycle."""
+    """`Schedule.origin` of every row, and the number of its cycle from 0, (n,) int each."""
     tracker = rig.tracker
     points = rig.machine.tracker.base_point
-    wanted = rig.machine.tracker.frame == "measured" if tracker.measure_base is None else tracker.measure_base
-    base = [HOLD] * len(points) if wanted else []
+    measured = rig.machine.tracker.frame == "measured" if tracker.measure_base is None else tracker.measure_base
+    base = [HOLD] * len(points) if measured else []
     origin: list[int] = []
     cycle: list[int] = []
     laps = _laps(rig, table)
@@ -202,31 +203,33 @@ def _layout(rig: Rig, table: pd.DataFrame) -> tuple[Array, Array]:
 
 
 def _laps(rig: Rig, table: pd.DataFrame) -> list[tuple[int, Array]]:
-    """Cycles from 0 with rows of the targets: all of them in each, or, of a run that is listed whole, its own."""
-    cycles, rows, told = rig.conditions.cycles, np.arange(len(table)), table["repeat"].to_numpy()
-    if cycles > 1 or (np.diff(told) < 0).any():  # repeats of single poses are no cycles
+    """Number from 0 and rows of each cycle: all targets in each, or its own where the targets list a whole run."""
+    cycles, rows, repeat = rig.conditions.cycles, np.arange(len(table)), table["repeat"].to_numpy()
+    if cycles > 1 or (np.diff(repeat) < 0).any():  # numbers that fall again count visits of single poses
         return [(number, rows) for number in range(cycles)]
-    return [*enumerate(np.split(rows, np.flatnonzero(np.diff(told)) + 1))]
+    return [*enumerate(np.split(rows, np.flatnonzero(np.diff(repeat)) + 1))]
 
 
 def _name_base(rig: Rig, name: Array, origin: Array, held: Array) -> Array:
-    """Names of the base reflectors in the order they are measured, those in the targets as they stand there."""
+    """Names of all rows: base reflectors of the rig in the order of the machine file, those of the targets as named."""
     known = [point.name for point in rig.machine.tracker.base_point]
     own = held & (origin == HOLD)
     named = name.astype(object)
     if own.any():
         named[own] = np.resize(np.array(known, dtype=object), int(own.sum()))
-    strange = [value for value in named[held] if value not in known]
-    if strange:
+    unknown = [value for value in named[held] if value not in known]
+    if unknown:
         raise TableError(
-            f"base reflector {strange[0]!r} is not in the machine file",
+            f"base reflector {unknown[0]!r} is not in the machine file",
             where=WHERE,
             fix=f"use one of {', '.join(known) or 'none'}, or add it as [[tracker.base_point]]",
         )
     return named.astype(str)
 
 
-def _send(sliders: pd.DataFrame, joints: list[str], command: Array, pose: Array, held: Array, rows: int) -> Array:
+def _replace_commands(
+    sliders: pd.DataFrame, joints: list[str], command: Array, pose: Array, held: Array, rows: int
+) -> Array:
     """Commands with those of the targets' rows replaced by joints that are given, (n, k) mm or rad."""
     missing = [column for column in joints if column not in sliders]
     if missing:
@@ -240,9 +243,9 @@ def _send(sliders: pd.DataFrame, joints: list[str], command: Array, pose: Array,
             f"{len(values)} rows of sliders for {rows} targets", where="sliders", fix=f"give a row per row of {WHERE}"
         )
     given = values if len(values) == poses else np.tile(values, (poses // rows, 1))
-    lost = ~held[pose] & ~np.isfinite(given).all(1)
-    if lost.any():
-        place = f"sliders row {int(np.argmax(lost)) % len(values) + 1}"
+    empty = ~held[pose] & ~np.isfinite(given).all(1)
+    if empty.any():
+        place = f"sliders row {int(np.argmax(empty)) % len(values) + 1}"
         raise TableError(
             f"has no {', '.join(joints)} to send", where=place, fix="leave the row out of sliders and targets"
         )

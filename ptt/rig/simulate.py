@@ -1,4 +1,4 @@
-"""From slider commands sent in order to true positions and tracker readings."""
+"""A simulated run: from commands in the order of travel to true positions and tracker readings."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,11 +19,11 @@ from ptt.rig.nominal import Array, Drawing, ideal_machine, nominal_sliders
 from ptt.rig.odd_state import state_of_run
 from ptt.rig.platform import reflector_shift, small_rotation
 from ptt.rig.rig import Rig
-from ptt.rig.schedule import HOLD, TARGET, Schedule, plan_rows, tell_time
+from ptt.rig.schedule import HOLD, TARGET, Schedule, plan_rows, reading_times
 from ptt.rig.serial_arm import ArmRig
 from ptt.rig.thermal import room_temperature
 
-PART = 50_000  # rows that lie in memory as text at once
+PART = 50_000  # rows that are in memory as text at once
 STAY_INSIDE = "stay inside the workspace of the machine"
 MOST_ROWS = 20_000_000  # of one run: a year of readings, one a second and a half
 
@@ -34,11 +34,12 @@ class RunResult:
 
     Attributes:
         frame: the tracker CSV as a table, n rows in travel order.
-        truth: (n, 3) mm, where the measured reflector really was, base frame, less its offset on the drawing, which
-            tracker software takes off.
-        slider_actual: (n, k) mm or rad, where the sliders or joints really were.
+        truth: (n, 3) mm, base frame, true position of the tool: of the reflector less its offset on the drawing, which
+            tracker software takes off; of the reflector itself in rows of base reflectors.
+        slider_actual: (n, k) mm or rad, true slider heights or joint values under load, without what faults of [[odd]]
+            shift a slider by.
         rotation: (n, 3) rad, small parasitic rotation of the platform; zero for an arm.
-        force: (n, 3) N, force of each link along its rail, upwards; (n, 0) for an arm.
+        force: (n, 3) N, force of each link on its slider along the rail, positive upwards; (n, 0) for an arm.
         screw_temp: (n, 3) degrees Celsius; (n, 0) for an arm.
         outlier: (n,) bool, grossly wrong readings.
     """
@@ -68,14 +69,16 @@ def simulate(
             optionally name, role, payload_kg, feed_mm_s, read (0: passed without a reading); others are left aside.
         sliders: columns b1, b2, b3 (mm; of an arm q1.., rad) to send instead of the controller's own, in the order of
             `commands` (every cycle alike) or of all cycles; the targets stay.
-        noise: False leaves out everything random.
-        seed: of the noise of this run, the rig's own by default; the machine stays the same one.
+        noise: False leaves out the noise of tracker and temperature sensor, lost readings, rounding and the errors of
+            the base reflectors' coordinates. What is random from run to run (homing, set-up, mount) stays.
+        seed: of that noise; None takes the rig's own. The machine and its set-ups follow the rig's seed alone.
 
     Returns:
         The run.
 
     Raises:
-        TableError: columns missing or of different length.
+        InputError: more rows than a run may have.
+        TableError: columns missing, sliders of another length, cells that are no numbers, an unknown base reflector.
         WorkspaceError: targets or commands out of reach.
     """
     _require_rows(rig, len(commands))
@@ -84,8 +87,8 @@ def simulate(
         return _simulate_arm(rig, rig.serial, commands, sliders, noise=noise, seed=run_seed)
     drawing = ideal_machine(rig.spec)
     schedule = plan_rows(rig, commands, sliders)
-    tool, command = _settle(rig, drawing, schedule)
-    time = tell_time(rig, schedule, tool)
+    tool, command = _commanded(rig, drawing, schedule)
+    time = reading_times(rig, schedule, tool)
     straight = rig.spec.moves == "straight"
     path = motion.run_path(drawing, tool, command, schedule.run, straight=straight, lead_in=rig.conditions.lead_in_mm)
     temperatures = run_temperatures(rig, path, time, schedule.run, run_seed if noise else None)
@@ -100,9 +103,9 @@ def simulate(
     pose, slider, force = load_platform(rig, drawing, schedule, temperatures, slider, tool, state)
     shifts = odd.odd_shifts(rig.odd, replace(state, slider=slider))
     truth = pose.position + reflector_shift(pose, np.asarray(rig.spec.reflector_mm)) + shifts.tool
-    seen = _see_base(rig, schedule, truth, exact=not noise)
+    truth = _with_base(rig, schedule, truth, exact=not noise)
     reading = tracker.read_points(
-        rig.tracker, seen + shifts.sight, time, schedule.run, seed=run_seed, setup_seed=rig.seed, noise=noise
+        rig.tracker, truth + shifts.sight, time, schedule.run, seed=run_seed, setup_seed=rig.seed, noise=noise
     )
     groups = [(TARGET, schedule.target), (rig.commanded, command)]
     if rig.conditions.report_direction:
@@ -114,7 +117,7 @@ def simulate(
     if rig.tracker.report_std:
         groups.append((["x_std", "y_std", "z_std"], reading.std))
     frame = _tabulate(rig, schedule, time, temperatures.sensor, groups)
-    return RunResult(frame, seen, slider, small_rotation(pose), force, temperatures.screw, reading.outlier)
+    return RunResult(frame, truth, slider, small_rotation(pose), force, temperatures.screw, reading.outlier)
 
 
 def _simulate_arm(
@@ -128,18 +131,18 @@ def _simulate_arm(
     _refuse(rig, schedule, np.isfinite(asked.command), what, f"fill in {names}")
     for sent in (asked, schedule):
         _refuse(rig, sent, within_limits(spec, sent.command), "takes a joint out of its limits")
-    blind = ~np.isfinite(schedule.target).all(1)
-    tool = np.where(blind[:, None], tool_on_drawing(spec, asked.command), schedule.target)
-    time = tell_time(rig, schedule, tool)
+    untold = ~np.isfinite(schedule.target).all(1)
+    tool = np.where(untold[:, None], tool_on_drawing(spec, asked.command), schedule.target)
+    time = reading_times(rig, schedule, tool)
     air = room_temperature(rig.conditions.room, time)
     arm = ArmRig(spec, arm_faults(rig.arm, spec), np.asarray(rig.arm.reflector_mm), np.eye(4), 0.0)
     shifts = shift_arm(rig.odd, state_of_arm(spec, schedule, air, time))
     shifts.joint[:] += slipped(rig.arm, spec.joints, schedule.rows)
     joint, frame = arm.settle(schedule.command, schedule.payload, air, shifts, schedule.run)
-    # A mount that is put on anew for each run sits a little beside where it sat.
+    # The mount is put on again for each run, never quite in the same place.
     mounts = rig.arm.reflector_scatter_mm * np.random.default_rng([rig.seed, 9]).normal(size=(schedule.runs, 3))
-    held = arm.tip(frame) + np.einsum("nij,nj->ni", frame[:, :3, :3], mounts[schedule.run])
-    truth, reflector = (_see_base(rig, schedule, points, exact=not noise) for points in (arm.tool(frame), held))
+    mounted = arm.tip(frame) + np.einsum("nij,nj->ni", frame[:, :3, :3], mounts[schedule.run])
+    truth, reflector = (_with_base(rig, schedule, points, exact=not noise) for points in (arm.tool(frame), mounted))
     reading = tracker.read_points(
         rig.tracker, reflector + shifts.sight, time, schedule.run, seed=seed, setup_seed=rig.seed, noise=noise
     )
@@ -152,41 +155,42 @@ def _simulate_arm(
 
 
 def write_run(frame: pd.DataFrame, path: str | Path) -> None:
-    """Write a run as tracker CSV, whole or not at all, every float as it is.
+    """Write a run as tracker CSV, whole or not at all; its floats read back exactly.
 
     Args:
         frame: of a `RunResult`.
-        path: where to.
+        path: of the file.
     """
     parts = range(0, max(len(frame), 1), PART)
     write_parts(path, (_text(frame[first : first + PART], first == 0) for first in parts))
 
 
 def _text(frame: pd.DataFrame, titles: bool) -> bytes:
+    """Rows as CSV, with or without the line of titles."""
     return frame.to_csv(index=False, header=titles, lineterminator="\n").encode()
 
 
 def _require_rows(rig: Rig, targets: int) -> None:
-    """Refuse a run that no memory holds, before an hour is spent on it."""
+    """Refuse a run that does not fit into memory, before an hour is spent on it."""
     rows = targets * rig.conditions.cycles
     if rows > MOST_ROWS:
         what = f"{rig.conditions.cycles} cycles of {targets} targets are {rows:.0f} rows, more than {MOST_ROWS}"
         raise InputError(what, where=f"{rig.source} key conditions.cycles", fix="take fewer")
 
 
-def _settle(rig: Rig, drawing: Drawing, schedule: Schedule) -> tuple[Array, Array]:
+def _commanded(rig: Rig, drawing: Drawing, schedule: Schedule) -> tuple[Array, Array]:
     """Tool position and slider heights that are commanded, (n, 3) mm each."""
-    lost = ~np.isfinite(schedule.command).all(1)
-    command = np.where(lost[:, None], nominal_sliders(drawing, schedule.target), schedule.command)
+    computed = ~np.isfinite(schedule.command).all(1)
+    command = np.where(computed[:, None], nominal_sliders(drawing, schedule.target), schedule.command)
     _refuse(rig, schedule, np.isfinite(command), "is out of reach")
     low, high = np.transpose(rig.spec.travel_ends)
     inside = (command >= low) & (command <= high)
     ends = ", ".join(f"{low:g} to {high:g}" for low, high in dict.fromkeys(rig.spec.travel_ends))
     _refuse(rig, schedule, inside, f"takes a slider out of its travel, {ends} mm")
     tool = schedule.target.copy()
-    blind = ~np.isfinite(tool).all(1)
-    if blind.any():
-        tool[blind] = nominal_tool(drawing, command[blind])
+    untold = ~np.isfinite(tool).all(1)
+    if untold.any():
+        tool[untold] = nominal_tool(drawing, command[untold])
     return tool, command
 
 
@@ -205,19 +209,21 @@ def _refuse(rig: Rig, schedule: Schedule, good: Array, what: str, fix: str = STA
         )
 
 
-def _see_base(rig: Rig, schedule: Schedule, truth: Array, *, exact: bool) -> Array:
+def _with_base(rig: Rig, schedule: Schedule, tool: Array, *, exact: bool) -> Array:
+    """Measured points, (n, 3) mm: the tool, and in the rows of base reflectors these."""
     if not schedule.held.any():
-        return truth
+        return tool
     places = tracker.place_base(rig.machine.tracker.base_point, rig.seed, exact=exact)
-    seen = truth.copy()
+    points = tool.copy()
     for row in np.flatnonzero(schedule.held):
-        seen[row] = places[str(schedule.name[row])]
-    return seen
+        points[row] = places[str(schedule.name[row])]
+    return points
 
 
 def _tabulate(
     rig: Rig, schedule: Schedule, time: Array, temperature: Array, groups: list[tuple[list[str], Array]]
 ) -> pd.DataFrame:
+    """The run as a table: groups are titles and their columns."""
     conditions = rig.conditions
     label = conditions.label
     columns: dict[str, Array] = {
