@@ -1,4 +1,4 @@
-"""Screw motions of the links of an arm, as 4 x 4 matrices."""
+"""Homogeneous transformations of the links of an arm."""
 
 import numpy as np
 
@@ -7,11 +7,11 @@ from ptt.rig.platform import rotation_matrix
 
 
 def screw(axis: int, turn: Array | float, slide: Array | float) -> Array:
-    """Turn about an axis and slide along it.
+    """Screw motion: rotation about a coordinate axis and translation along it.
 
     Args:
         axis: 0 for x, 1 for y, 2 for z.
-        turn: (...) rad.
+        turn: (...) rad, positive counter-clockwise about the axis.
         slide: (...) mm.
 
     Returns:
@@ -27,10 +27,10 @@ def screw(axis: int, turn: Array | float, slide: Array | float) -> Array:
 
 
 def turned(vector: Array) -> Array:
-    """Rotation about a vector by its length.
+    """Rotations as homogeneous transformations.
 
     Args:
-        vector: (n, 3) rad.
+        vector: (n, 3) rad, rotation vectors.
 
     Returns:
         (n, 4, 4).
@@ -41,7 +41,7 @@ def turned(vector: Array) -> Array:
 
 
 def shifted(vector: Array) -> Array:
-    """Shift by a vector.
+    """Translations as homogeneous transformations.
 
     Args:
         vector: (n, 3) mm.

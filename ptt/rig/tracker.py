@@ -1,4 +1,4 @@
-"""The laser tracker: what it reads of a reflector whose place in the base frame is known."""
+"""The laser tracker: readings of reflectors whose true positions in the base frame are known."""
 
 from dataclasses import dataclass
 
@@ -13,10 +13,10 @@ from ptt.rig.units import MM_PER_UM, PPM, RAD_PER_MRAD
 
 @dataclass(frozen=True)
 class Reading:
-    """What the tracker says.
+    """Readings of the tracker.
 
     Attributes:
-        measured: (n, 3) mm, NaN where the reflector was not observed.
+        measured: (n, 3) mm, frame of the readings; NaN where the reflector was not observed.
         std: (n, 3) mm, standard deviation of each coordinate as the tracker states it.
         outlier: (n,) bool, grossly wrong readings.
     """
@@ -31,17 +31,17 @@ def read_points(
 ) -> Reading:
     """Read reflectors.
 
-    The order of causes: wavelength (scale about the station), air and angle noise, drift and knock of the stand, the
-    frame in which the readings are expressed, and last what each of its axes adds and the digits that are kept.
+    In this order: scale (of wavelength) about the station, noise along the beam and across it, wander, gross errors,
+    drift and knock of the stand, rigid motion into the frame of the readings, noise of its axes, rounding.
 
     Args:
-        tracker: its faults.
-        point: (n, 3) mm, true places in the base frame.
-        time: (n,) s.
+        tracker: station, frame and faults.
+        point: (n, 3) mm, true positions in the base frame.
+        time: (n,) s; drift and a knock at a time count from the first row.
         run: (n,) int, each run may have its own set-up.
         seed: of the noise.
         setup_seed: of the set-ups, the same when the run is repeated.
-        noise: False leaves out everything random but the set-ups.
+        noise: False leaves out everything random but the set-ups, and the rounding.
 
     Returns:
         The readings.
@@ -50,17 +50,17 @@ def read_points(
     away = point - station
     distance = np.linalg.norm(away, axis=1, keepdims=True)
     beam = away / np.maximum(distance, 1e-9)
-    radial, sideways = _sigmas(tracker, distance)
+    radial, transverse = _sigmas(tracker, distance)
     read = station + (1.0 + PPM * tracker.scale_ppm) * away
-    uneven = np.zeros_like(point)
+    axis_noise = np.zeros_like(point)
     outlier = np.zeros(len(point), dtype=bool)
     missing = np.zeros(len(point), dtype=bool)
     if noise:
         white = _white(tracker, np.random.default_rng([seed, 1]), point.shape)
         along = (white * beam).sum(1, keepdims=True) * beam
-        read = read + radial * along + sideways * (white - along)
+        read = read + radial * along + transverse * (white - along)
         read = read + _wander(tracker, time, np.random.default_rng([seed, 2]))
-        uneven = np.random.default_rng([seed, 8]).normal(size=point.shape) * MM_PER_UM * np.asarray(tracker.axis_um)
+        axis_noise = np.random.default_rng([seed, 8]).normal(size=point.shape) * MM_PER_UM * np.asarray(tracker.axis_um)
         gross = np.random.default_rng([seed, 3])
         outlier = gross.random(len(point)) < tracker.outlier_share
         missing = gross.random(len(point)) < tracker.missing_share
@@ -70,24 +70,24 @@ def read_points(
     read = read + _drift(tracker, time - time[0])
     read = _knock(tracker, read, time)
     turn, shift = _setups(tracker, run, np.random.default_rng([setup_seed, 4]))
-    read = np.einsum("nij,nj->ni", turn, read) + shift + uneven
+    read = np.einsum("nij,nj->ni", turn, read) + shift + axis_noise
     if noise and tracker.quantum_um:
         read = np.round(read / (MM_PER_UM * tracker.quantum_um)) * MM_PER_UM * tracker.quantum_um
     beam = np.einsum("nij,nj->ni", turn, beam)
-    std = np.sqrt((radial * beam) ** 2 + sideways**2 * (1.0 - beam**2) + _own(tracker) ** 2)
+    std = np.sqrt((radial * beam) ** 2 + transverse**2 * (1.0 - beam**2) + _axis_sigma(tracker) ** 2)
     return Reading(np.where(missing[:, None], np.nan, read), std, outlier)
 
 
 def place_base(points: tuple[BasePoint, ...], seed: int, *, exact: bool) -> dict[str, Array]:
-    """Where the base reflectors really are: the machine file knows them to their sigma only.
+    """True positions of the base reflectors, which the machine file states with an error of their sigma.
 
     Args:
         points: of the machine file.
         seed: of the machine.
-        exact: take the file's values as true.
+        exact: take the stated positions as true.
 
     Returns:
-        (3,) mm by name.
+        Name -> (3,) mm, base frame.
     """
     error = np.random.default_rng([seed, 5]).normal(size=(len(points), 3)) * (0.0 if exact else 1.0)
     return {
@@ -96,7 +96,7 @@ def place_base(points: tuple[BasePoint, ...], seed: int, *, exact: bool) -> dict
 
 
 def _sigmas(tracker: Tracker, distance: Array) -> tuple[Array, Array]:
-    """(n, 1) mm each: along the beam and across it."""
+    """Standard deviations along the beam and of each direction across it, (n, 1) mm each."""
     if tracker.white_mm is not None:
         both = np.full_like(distance, tracker.white_mm)
         return both, both
@@ -105,20 +105,23 @@ def _sigmas(tracker: Tracker, distance: Array) -> tuple[Array, Array]:
 
 
 def _white(tracker: Tracker, random: np.random.Generator, shape: tuple[int, ...]) -> Array:
-    """Unit variance, normal or with the heavy tails of Student's t."""
+    """Independent noise of unit variance, normal or of Student's t."""
     if tracker.heavy_dof is None:
         return random.normal(size=shape)
     dof = tracker.heavy_dof
     return random.standard_t(dof, size=shape) * np.sqrt((dof - 2.0) / dof)
 
 
-def _own(tracker: Tracker) -> Array:
-    """(3,) mm, noise that belongs to the axes of the readings: their own, and that of rounding."""
+def _axis_sigma(tracker: Tracker) -> Array:
+    """Standard deviation of the noise of each axis of the readings, rounding (step / sqrt 12) included, (3,) mm."""
     return MM_PER_UM * np.hypot(np.asarray(tracker.axis_um), tracker.quantum_um / np.sqrt(12.0))
 
 
 def _wander(tracker: Tracker, time: Array, random: np.random.Generator) -> Array:
-    """Slow random drift of the air and the stand: an Ornstein-Uhlenbeck process, exact between readings."""
+    """Slow random wander of air and stand, (n, 3) mm.
+
+    Source: stationary Ornstein-Uhlenbeck process of each coordinate, exact between readings.
+    """
     kick = random.normal(size=(len(time), 3))
     if tracker.wander_um == 0.0:
         return np.zeros_like(kick)
@@ -131,13 +134,14 @@ def _wander(tracker: Tracker, time: Array, random: np.random.Generator) -> Array
 
 
 def _drift(tracker: Tracker, elapsed: Array) -> Array:
+    """Steady drift and drift that settles exponentially, (n, 3) mm."""
     steady = np.outer(elapsed / 3600.0, tracker.drift_um_per_h)
     settling = np.outer(-np.expm1(-elapsed / tracker.drift_constant_s), tracker.drift_um)
     return MM_PER_UM * (steady + settling)
 
 
 def _knock(tracker: Tracker, read: Array, time: Array) -> Array:
-    """Someone kicks the tripod: from then on everything has moved like a rigid body."""
+    """Readings in which everything has moved like a rigid body, about the base frame's origin, from the knock on."""
     if tracker.knock_row is not None:
         after = np.arange(len(read)) >= tracker.knock_row
     elif tracker.knock_time_s is not None:
