@@ -1,4 +1,4 @@
-"""Faults that no effect of the library describes: what each does to sliders, links, tool and line of sight."""
+"""Faults that no effect of the library describes: shifts of sliders, links, tool and readings of a 3-PTT."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ from ptt.rig.odd_state import RunState
 from ptt.rig.thermal import lag
 from ptt.rig.units import MM_PER_UM, RAD_PER_URAD
 
-WAYS = ("along", "radial", "tangential")
-ELSEWHERE = (kinds.Hose, kinds.WarmBacklash, kinds.LoadBacklash)  # forces and gaps, not shifts
+DIRECTIONS = ("along", "radial", "tangential")
+NO_SHIFTS = (kinds.Hose, kinds.WarmBacklash, kinds.LoadBacklash)  # forces and gaps, not shifts
 
 
 @dataclass(frozen=True)
@@ -21,10 +21,10 @@ class OddShifts:
     """Shifts by odd faults.
 
     Attributes:
-        slider: (n, 3, 3) mm, each slider along its rail, across it outward, tangentially.
-        link: (n, 3) mm, what is added to each link.
-        tool: (n, 3) mm, the whole machine under the tool.
-        sight: (n, 3) mm, the tracker's view of it alone.
+        slider: (n, 3, 3) mm, of each slider: along its rail, across it outward, tangentially.
+        link: (n, 3) mm, added to the length of each link.
+        tool: (n, 3) mm, of the tool, base frame.
+        sight: (n, 3) mm, of the readings alone, as by the line of sight, base frame.
     """
 
     slider: Array
@@ -34,11 +34,11 @@ class OddShifts:
 
 
 def odd_shifts(odd: Sequence[kinds.Odd], state: RunState) -> OddShifts:
-    """What the odd faults shift.
+    """Sum of the shifts by odd faults.
 
     Args:
         odd: the faults.
-        state: the run, its heights those of the sliders as they are.
+        state: the run, with the slider heights that faults are to follow.
 
     Returns:
         The shifts.
@@ -46,10 +46,10 @@ def odd_shifts(odd: Sequence[kinds.Odd], state: RunState) -> OddShifts:
     rows = len(state.time)
     total = OddShifts(np.zeros((rows, 3, 3)), np.zeros((rows, 3)), np.zeros((rows, 3)), np.zeros((rows, 3)))
     for fault in odd:
-        if isinstance(fault, ELSEWHERE):
+        if isinstance(fault, NO_SHIFTS):
             continue
         if isinstance(fault, kinds.SettlingTable):
-            total.tool[:] += _settle(fault, state)
+            total.tool[:] += _tilt(fault, state)
         elif isinstance(fault, kinds.RandomLaw):
             _add(total, fault.place, fault.leg, random_law(fault, state))
         elif isinstance(fault, kinds.OnLeg):
@@ -59,15 +59,15 @@ def odd_shifts(odd: Sequence[kinds.Odd], state: RunState) -> OddShifts:
 
 
 def extra_gap(odd: Sequence[kinds.Odd], screw: Array, payload: Array) -> Array:
-    """What warmth and load add to the gaps of the nuts.
+    """Backlash that opens with temperature or load.
 
     Args:
         odd: the faults.
-        screw: (n, 3) degrees Celsius.
+        screw: (n, 3) degrees Celsius, temperatures of the screws.
         payload: (n,) kg.
 
     Returns:
-        (n, 3) mm.
+        (n, 3) mm, added to the gap of each nut.
     """
     gap = np.zeros_like(screw)
     for fault in odd:
@@ -80,7 +80,7 @@ def extra_gap(odd: Sequence[kinds.Odd], screw: Array, payload: Array) -> Array:
 
 
 def hose_force(hose: kinds.Hose, position: Array) -> Array:
-    """Force of a hose on the platform.
+    """Force of a hose on the platform: a constant pull, and that of a spring once the hose is taut.
 
     Args:
         hose: the fault.
@@ -89,21 +89,21 @@ def hose_force(hose: kinds.Hose, position: Array) -> Array:
     Returns:
         (n, 3) N, towards the anchor.
     """
-    way = np.asarray(hose.anchor_mm) - position
-    length = np.linalg.norm(way, axis=1, keepdims=True)
+    towards = np.asarray(hose.anchor_mm) - position
+    length = np.linalg.norm(towards, axis=1, keepdims=True)
     tension = hose.pull_n + hose.stiffness_n_per_mm * np.maximum(length - hose.free_length_mm, 0.0)
-    return tension * way / np.maximum(length, 1e-9)
+    return tension * towards / np.maximum(length, 1e-9)
 
 
 def _add(total: OddShifts, place: str, leg: int | None, size: Array) -> None:
-    """Add (n,) um at a place."""
+    """Add sizes (n,) um at a place: a direction of a slider, a link, or an axis of tool or sight."""
     if leg is None:
         where, axis = place.split("-")
         getattr(total, where)[:, "xyz".index(axis)] += MM_PER_UM * size
     elif place == "link":
         total.link[:, leg - 1] += MM_PER_UM * size
     else:
-        total.slider[:, leg - 1, WAYS.index(place)] += MM_PER_UM * size
+        total.slider[:, leg - 1, DIRECTIONS.index(place)] += MM_PER_UM * size
 
 
 def _profile(fault: kinds.OnLeg, state: RunState) -> Array:
@@ -132,18 +132,18 @@ def _profile(fault: kinds.OnLeg, state: RunState) -> Array:
         case kinds.ScalePitch():
             return fault.size_um * (2.0 * ((height / fault.pitch_mm + fault.phase) % 1.0) - 1.0)
         case _:
-            return _remember(fault, state)
+            return _profile_of_history(fault, state)
 
 
-def _remember(fault: kinds.OnLeg, state: RunState) -> Array:
-    """Size of a fault of one leg that knows where it comes from, (n,) um."""
+def _profile_of_history(fault: kinds.OnLeg, state: RunState) -> Array:
+    """Size of a fault of one leg that depends on the travel so far, (n,) um."""
     leg = fault.leg - 1
     match fault:
         case kinds.MotorHeat():
-            spent = np.diff(state.time, prepend=0.0)
-            work = state.step[:, leg] / np.maximum(spent, 1e-3)
-            work[0] = 0.0
-            return fault.um_s_per_mm * lag(work[:, None], spent, fault.constant_s, 0.0)[:, 0]
+            interval = np.diff(state.time, prepend=0.0)
+            speed = state.step[:, leg] / np.maximum(interval, 1e-3)  # mean, mm/s
+            speed[0] = 0.0
+            return fault.um_s_per_mm * lag(speed[:, None], interval, fault.constant_s, 0.0)[:, 0]
         case kinds.StickSlip():
             return -fault.size_um * state.direction[:, leg] * np.exp(-state.step[:, leg] / fault.step_mm)
         case kinds.SlippingCoupling():
@@ -151,11 +151,11 @@ def _remember(fault: kinds.OnLeg, state: RunState) -> Array:
         case kinds.CarriageTip():
             return 0.5 * fault.size_um * state.direction[:, leg]
         case _:
-            raise AssertionError(f"nobody says what {type(fault).__name__} does")
+            raise AssertionError(f"no shift is defined for {type(fault).__name__}")
 
 
-def _settle(fault: kinds.SettlingTable, state: RunState) -> Array:
-    """(n, 3) mm, a small rotation about the pivot: towards the side on which the load is."""
+def _tilt(fault: kinds.SettlingTable, state: RunState) -> Array:
+    """Shift of the tool by a table that tilts about a pivot below it, towards the load, (n, 3) mm; first order."""
     mass = state.payload + state.platform + fault.moving_kg
     x, y, z = state.tool.T
     tilt = RAD_PER_URAD * fault.urad_per_kg_mm * mass

@@ -1,4 +1,4 @@
-"""Laws that nobody wrote down: random functions of random variables."""
+"""Random laws: random functions of variables of a run."""
 
 from collections.abc import Callable, Sequence
 
@@ -9,15 +9,15 @@ from ptt.rig.odd_schema import RandomLaw
 from ptt.rig.odd_state import RunState
 from ptt.rig.thermal import lag
 
-WAVES = 8  # cosines in a smooth law
-ROUGHNESS = (1.0, 3.0)  # radians over half of a variable's span: from half a wave to a wave over all of it
-STEPS = (1, 4)  # steps in a jumpy law
-WAVES_A_SPAN = (1.5, 6.5)  # of a periodic law, over all of a variable's span
-SAMPLES = 4000  # over which a law is brought to zero mean and unit size
+WAVES = 8  # cosines in a smooth law: enough that it looks like a draw of a Gaussian process
+ROUGHNESS = (1.0, 3.0)  # rad over half of a variable's span: from a third of a wave to one wave over all of it
+STEPS = (1, 4)  # least number of steps in a jumpy law, and one more than the greatest
+WAVES_A_SPAN = (1.5, 6.5)  # waves of a periodic law over all of a variable's span
+SAMPLES = 4000  # random points that a law's mean and rms are taken over, to about two per cent
 
 
 def random_law(law: RandomLaw, state: RunState) -> Array:
-    """Size of a law at every row.
+    """Values of a random law of a 3-PTT at every row.
 
     Args:
         law: form, variables, seed.
@@ -31,12 +31,12 @@ def random_law(law: RandomLaw, state: RunState) -> Array:
 
 
 def unit_law(form: str, seed: int, variables: Sequence[str], at: Array) -> Array:
-    """A random function.
+    """A random function, normalised.
 
     Args:
         form: of FORMS.
         seed: of the function.
-        variables: names; what is called a direction has two values only.
+        variables: names; a direction takes the values -1 and 1 only.
         at: (n, v), the variables with their spans at -1 ... 1.
 
     Returns:
@@ -50,15 +50,15 @@ def unit_law(form: str, seed: int, variables: Sequence[str], at: Array) -> Array
 
 
 def variable(name: str, state: RunState, memory_s: float = 1200.0) -> Array:
-    """A variable of a run.
+    """A variable of a run that a law may depend on.
 
     Args:
         name: as in RandomLaw.
         state: the run.
-        memory_s: how long warmth is remembered.
+        memory_s: s, time constant by which `memory` lags behind the temperature.
 
     Returns:
-        (n,), time as a share of the run.
+        (n,), in the units of `RunState`; time as a share of the run, 0 to 1.
     """
     if name == "memory":
         step = np.diff(state.time, prepend=0.0)
@@ -74,11 +74,11 @@ def variable(name: str, state: RunState, memory_s: float = 1200.0) -> Array:
 
 
 def scaled(columns: Sequence[Array], span: Sequence[tuple[float, float]]) -> Array:
-    """Variables with their spans at -1 ... 1.
+    """Variables scaled so that their spans become -1 ... 1.
 
     Args:
         columns: (n,) each.
-        span: what each may cover.
+        span: lower and upper end of each.
 
     Returns:
         (n, v).
@@ -88,7 +88,7 @@ def scaled(columns: Sequence[Array], span: Sequence[tuple[float, float]]) -> Arr
 
 
 def _smooth(at: Array, seed: int) -> Array:
-    """Sum of plane waves in random directions: a draw of a Gaussian process."""
+    """Sum of plane waves of random directions and phases: nearly a draw of a Gaussian process (random features)."""
     random = np.random.default_rng([seed, 201])
     rough = random.uniform(*ROUGHNESS)
     waves = rough * random.normal(size=(WAVES, at.shape[1]))
@@ -97,7 +97,7 @@ def _smooth(at: Array, seed: int) -> Array:
 
 
 def _jumpy(at: Array, seed: int) -> Array:
-    """Sum of steps, each beyond a threshold in every variable."""
+    """Sum of steps; each is taken where every variable is beyond a threshold of its own."""
     random = np.random.default_rng([seed, 201])
     count = int(random.integers(*STEPS))
     thresholds, sides = (
@@ -110,7 +110,7 @@ def _jumpy(at: Array, seed: int) -> Array:
 
 
 def _periodic(at: Array, seed: int) -> Array:
-    """One wave in a random direction with a flat or a sharp crest, no whole number of them in a span."""
+    """A plane wave of a random direction with a second harmonic, which flattens or sharpens its crests."""
     random = np.random.default_rng([seed, 201])
     wave = random.normal(size=(at.shape[1],))
     wave = np.pi * random.uniform(*WAVES_A_SPAN) * wave / np.linalg.norm(wave)

@@ -1,4 +1,4 @@
-"""What a fault outside the library may depend on, row by row."""
+"""The state of a 3-PTT row by row, on which faults outside the library depend."""
 
 from dataclasses import dataclass
 
@@ -12,18 +12,18 @@ from ptt.rig.thermal import Temperatures
 
 @dataclass(frozen=True)
 class RunState:
-    """A run as it happens.
+    """A run, row by row.
 
     Attributes:
         drawing: the ideal machine.
         slider: (n, 3) mm, heights.
         tool: (n, 3) mm, commanded.
-        direction: (n, 3), of arrival, +1 or -1, 0 before the first move.
-        step: (n, 3) mm, way of each slider since the row before.
-        reversals: (n, 3), how often each slider has turned.
-        speed: (n, 3) mm/s, while the row is read.
+        direction: (n, 3), direction of arrival, +1 or -1; 0 before the first move.
+        step: (n, 3) mm, path length of each slider since the row before.
+        reversals: (n, 3), number of reversals of each slider so far.
+        speed: (n, 3) mm/s, when the row is read.
         payload: (n,) kg.
-        platform: kg.
+        platform: kg, mass of the platform.
         temperature: (n,) degrees Celsius, of the frame.
         time: (n,) s from the first row.
     """
@@ -53,7 +53,7 @@ def state_of_run(
     time: Array,
     platform: float,
 ) -> RunState:
-    """Gather a run.
+    """The state of a run.
 
     Args:
         drawing: the ideal machine.
@@ -63,8 +63,8 @@ def state_of_run(
         slider: (n, 3) mm, heights without load.
         tool: (n, 3) mm, commanded.
         speed: (n, 3) mm/s.
-        time: (n,) s.
-        platform: its mass, kg.
+        time: (n,) s from the start of the simulation.
+        platform: kg, mass of the platform.
 
     Returns:
         The state.
