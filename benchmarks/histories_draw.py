@@ -152,7 +152,9 @@ def _second(first: DrawnRig, seed: int, random: np.random.Generator) -> DrawnRig
     protocol = protocols[random.integers(len(protocols))]
     rows = int(np.exp(random.uniform(np.log(LEAST_ROWS), np.log(600))))
     kind = str(random.choice(list(NOISES)))
-    again = draw_foreign(seed + OWN, protocol, noise=kind, rows=rows, foreign=Foreign(first.rig.machine, first.room))
+    again = draw_foreign(
+        seed + OWN, protocol, noise=kind, rows=rows, foreign=Foreign(first.rig.machine, first.half_size)
+    )
     if first.rig.machine.tracker.sigma_mm is None:
         return again
     # The file states the noise of the tracker: then it is the same tracker.
@@ -168,7 +170,7 @@ def _second(first: DrawnRig, seed: int, random: np.random.Generator) -> DrawnRig
 def history_of(first: DrawnRig, again: DrawnRig) -> DrawnRig:
     """The second run on the first one's machine, faults included."""
     rig = replace(again.rig, **{name: getattr(first.rig, name) for name in SECTIONS})
-    return replace(again, rig=rig, truth=first.truth, room=first.room)
+    return replace(again, rig=rig, truth=first.truth, half_size=first.half_size)
 
 
 def _sound(drawn: DrawnRig, model: Model, random: np.random.Generator, seed: int) -> Any:

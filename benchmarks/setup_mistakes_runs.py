@@ -36,18 +36,18 @@ def draw_run(seed: int, faults: int = 1, rows: int | None = None) -> tuple[Machi
     drawn = draw_foreign(seed, protocol, rows=rows or int(np.exp(random.uniform(np.log(24), np.log(600)))))  # type: ignore[arg-type]
     rig = drawn.rig
     for _ in range(faults):
-        rig = _harm(rig, protocol, random, drawn.room)
+        rig = _harm(rig, protocol, random, drawn.half_size)
     frame = simulate(rig, drawn.targets).frame
     columns = {title: frame[title].to_numpy() for title in frame.columns if title not in drawn.absent}
     return rig.machine, _stand_anywhere(_tabulate(columns), rig.machine, random)
 
 
-def _harm(rig: Rig, protocol: str, random: Random, room: np.ndarray) -> Rig:
+def _harm(rig: Rig, protocol: str, random: Random, half_size: np.ndarray) -> Rig:
     """One fault more, of the library or of none, up to 1 mm."""
     kinds = (UNKNOWN, KNOWN) if random.random() < 0.3 else (KNOWN,)
     fits = next(found for kind in kinds if (found := [item for item in kind if protocol in item.protocols]))
     item = fits[int(random.integers(len(fits)))]
-    values = item.draw(random, Scene(ideal_machine(rig.spec), rig.spec, room))
+    values = item.draw(random, Scene(ideal_machine(rig.spec), rig.spec, half_size))
     values = {key: value for key, value in values.items() if not key.endswith("_share")}
     if item.section == "odd":
         content = {key: value for key, value in rig.spec.model_dump(mode="json").items() if value is not None}

@@ -12,11 +12,11 @@ from ptt.machine import format_machine, parse_machine
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.draw_foreign import CONDITIONS, draw_foreign
-from ptt.rig.draw_machine import GRID, draw_machine_file, safety
+from ptt.rig.draw_machine import GRID, draw_machine_file, singularity_margins
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
 from ptt.rig.loaded import nominal_tool
 from ptt.rig.nominal import ideal_machine, nominal_sliders
-from ptt.rig.paths import CURVES, NINE, PATHS, draw_plan, make_path
+from ptt.rig.paths import CURVES, PATHS, RASTER_VISITS, draw_plan, make_path
 from ptt.rig.schedule import TARGET
 from ptt.rig.schema import Tracker
 from ptt.rig.tracker import read_points
@@ -43,7 +43,7 @@ def test_drawings_are_of_many_kinds_and_can_be_written() -> None:
 @pytest.mark.parametrize("seed", range(0, 40, 4))
 def test_workspaces_are_reached_and_far_from_singularities(seed: int) -> None:
     foreign = draw_machine_file(seed)
-    drawing, tool = ideal_machine(foreign.file.machine), GRID * foreign.room
+    drawing, tool = ideal_machine(foreign.file.machine), GRID * foreign.half_size
     height = nominal_sliders(drawing, tool)
     low, high = foreign.file.machine.slider_travel_mm
     assert (height > low).all() and (height < high).all()
@@ -53,7 +53,7 @@ def test_workspaces_are_reached_and_far_from_singularities(seed: int) -> None:
     turned = [nominal_tool(drawing, height + step * unit) - tool for unit in np.eye(3)]
     forward = np.stack(turned, axis=-1) / step
     gain = np.linalg.svd(forward, compute_uv=False)[:, 0]
-    np.testing.assert_allclose(safety(drawing, tool)["gain"], gain, rtol=1e-4)
+    np.testing.assert_allclose(singularity_margins(drawing, tool)["gain"], gain, rtol=1e-4)
     assert gain.max() < 4.6
 
 
@@ -72,7 +72,7 @@ def test_turning_is_held_where_the_constraint_equation_says_so() -> None:
     w = np.sqrt(square[good])
     volume = np.abs(sum(g[:, i] * g[:, j] * w[:, 3 - i - j] for i, j in itertools.combinations(range(3), 2)))
     volume *= np.sqrt(0.75) / link**3
-    turn = safety(drawing, tool)["turn"][good]
+    turn = singularity_margins(drawing, tool)["turn"][good]
     # |det| of three vectors no longer than 1 is at most its least singular value times the two others, 1.5 together.
     assert (turn * 1.5 > volume * 0.999).all()
     assert ((turn < 0.02) == (volume < 0.02)).mean() > 0.9
@@ -101,7 +101,7 @@ def test_plans_have_about_the_rows_asked_for_and_can_be_run(path: str, rows: int
         pose = (result.frame["role"] == "pose").to_numpy()
         read = pose & ("read" not in drawn.targets or np.resize(drawn.targets["read"] == 1, len(pose)))
         assert 0.5 * rows <= read.sum() <= 1.4 * rows + 16
-        assert (np.abs(drawn.targets[TARGET]) <= drawn.room + 1e-3).all().all()
+        assert (np.abs(drawn.targets[TARGET]) <= drawn.half_size + 1e-3).all().all()
 
 
 def test_poses_of_a_run_without_stops_lie_close() -> None:
@@ -120,12 +120,12 @@ def test_forms_of_repeats() -> None:
     drawing = ideal_machine(foreign.file.machine)
 
     def plan(form: str):
-        return draw_plan(5, drawing, foreign.room, 240, "cloud", form)
+        return draw_plan(5, drawing, foreign.half_size, 240, "cloud", form)
 
     none, cycles, nine = plan("none"), plan("cycles"), plan("nine")
     assert none.cycles == 1 and none.targets["name"].is_unique and len(none.targets) == 240
     assert cycles.cycles > 1 and len(cycles.targets) * cycles.cycles <= 240 and cycles.targets["name"].is_unique
-    assert (len(nine.targets), nine.cycles) == NINE
+    assert (len(nine.targets), nine.cycles) == RASTER_VISITS
     again, shuffled = plan("consecutive").targets["name"].to_numpy(), plan("shuffled").targets["name"]
     visits = len(again) // len(set(again))
     assert visits > 1 and (again.reshape(-1, visits) == again[::visits, None]).all()
@@ -284,4 +284,4 @@ def test_steep_machines_lean_far_or_lie_flat_and_have_room(seed: int) -> None:
     steep, plain = (draw_machine_file(seed, steep=steep) for steep in (True, False))
     leans = np.abs(steep.file.machine.slider_lean_deg)
     assert (leans > 7.0).all() and leans.max() >= 15.0 and np.abs(plain.file.machine.slider_lean_deg).max() <= 12.0
-    assert steep.room.min() > 0.05 * steep.file.machine.link_length_mm
+    assert steep.half_size.min() > 0.05 * steep.file.machine.link_length_mm

@@ -160,7 +160,7 @@ def test_draws_repeat() -> None:
 def test_trackers_stand_outside_of_the_arm(kind: str) -> None:
     for seed in range(2):
         drawn = draw_foreign_arm(seed, noise=kind, rows=40)
-        assert np.linalg.norm(drawn.rig.tracker.station_mm) > drawn.room[0] + 600.0
+        assert np.linalg.norm(drawn.rig.tracker.station_mm) > drawn.half_size[0] + 600.0
         assert np.isfinite(simulate(drawn.rig, drawn.targets).frame[MEASURED].to_numpy()).all(axis=1).mean() > 0.4
 
 

@@ -90,7 +90,7 @@ def called(rig: Rig, name: str) -> str:
 def _scene(drawn: DrawnRig) -> Scene | ArmScene:
     if drawn.rig.serial is not None:
         return scene_of_arm(drawn)
-    return Scene(ideal_machine(drawn.rig.spec), drawn.rig.spec, drawn.room, drawn.protocol)
+    return Scene(ideal_machine(drawn.rig.spec), drawn.rig.spec, drawn.half_size, drawn.protocol)
 
 
 def _put(rig: Rig, section: str, values: Mapping[str, Any]) -> Rig:

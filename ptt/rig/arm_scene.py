@@ -32,7 +32,7 @@ class ArmScene:
         payload: (n,) kg.
         seconds: how long the run takes, about.
         warms: K, how far the room is warmer than at the start halfway through the run, negative where it cools.
-        room: least and greatest places of the tool, (3,) mm each.
+        tool_range: least and greatest coordinates of the tool in the run, (3,) mm each, base frame.
         protocol: how the run is measured.
     """
 
@@ -44,7 +44,7 @@ class ArmScene:
     payload: Array
     seconds: float
     warms: float
-    room: tuple[Array, Array]
+    tool_range: tuple[Array, Array]
     protocol: str
 
     @property
@@ -148,6 +148,6 @@ def scene_of_arm(drawn: DrawnRig) -> ArmScene:
         payload=load,
         seconds=seconds,
         warms=room.rise_k * float(1.0 - np.exp(-0.5 * seconds / room.time_constant_s)),
-        room=(tool.min(axis=0), tool.max(axis=0)),
+        tool_range=(tool.min(axis=0), tool.max(axis=0)),
         protocol=drawn.protocol,
     )

@@ -31,7 +31,7 @@ class DrawnRig:
         targets: the poses, to be given to `simulate`.
         truth: {name of the effect or odd fault: {key: value}}, empty for a rig without faults.
         protocol: how it is measured.
-        room: (3,) mm, half size of the workspace about p = 0.
+        half_size: (3,) mm, half size of the workspace about p = 0.
         absent: columns of the run that nobody wrote down.
         notes: what was drawn besides, in words, such as the kind of path.
     """
@@ -40,7 +40,7 @@ class DrawnRig:
     targets: pd.DataFrame
     truth: dict[str, dict[str, Any]]
     protocol: Protocol
-    room: Array = field(default_factory=HALF_SIZE.copy, compare=False)
+    half_size: Array = field(default_factory=HALF_SIZE.copy, compare=False)
     absent: tuple[str, ...] = ()
     notes: Mapping[str, str] = field(default_factory=dict, compare=False)
 

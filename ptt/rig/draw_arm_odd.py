@@ -189,7 +189,7 @@ def _span(name: str, scene: ArmScene) -> list[float]:
         low, high = (float(end[int(name[1:]) - 1]) for end in scene.span)
         return [low, max(high, low + 0.05)]
     if name in "xyz":
-        low, high = (float(end["xyz".index(name)]) for end in scene.room)
+        low, high = (float(end["xyz".index(name)]) for end in scene.tool_range)
         return [low, max(high, low + 1.0)]
     fixed = {"payload": [0.0, float(scene.payload.max(initial=1.0)) or 1.0], "time": [0.0, 1.0]}
     ends = sorted([scene.spec.reference_temp_c, scene.spec.reference_temp_c + 1.5 * scene.warms])

@@ -20,24 +20,24 @@ class Scene:
     Attributes:
         drawing: directions and lengths.
         spec: the [machine] section.
-        room: (3,) mm, half size of the workspace.
+        half_size: (3,) mm, half size of the workspace.
         protocol: how the run is measured.
     """
 
     drawing: Drawing
     spec: ThreePttSpec
-    room: Array
+    half_size: Array
     protocol: str = "volume"
 
     @property
     def span(self) -> list[float]:
         """Slider heights that the workspace covers, mm."""
-        return list(volume_span(self.drawing, self.room))
+        return list(volume_span(self.drawing, self.half_size))
 
     @property
     def scale(self) -> float:
         """Size of the workspace against the bench's."""
-        return float((self.room / HALF_SIZE).min())
+        return float((self.half_size / HALF_SIZE).min())
 
 
 Draw = Callable[[Random, Any], dict[str, Any]]  # of a scene, or of an arm's

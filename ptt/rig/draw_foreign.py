@@ -19,7 +19,7 @@ Random = np.random.Generator
 ROWS = (24, 600)
 LONG, LONGEST = 0.05, 2000  # share of runs that are longer, and how long they get
 STATIC = ("payload_kg", "temp_c", "feed_mm_s")  # columns that say nothing where nothing of the kind changes
-AWAY = 3000.0  # mm, where the tracker stands unless its noise says otherwise
+STATION_DISTANCE = 3000.0  # mm, where the tracker stands unless its noise says otherwise
 
 
 def draw_foreign(
@@ -60,7 +60,7 @@ def draw_foreign(
         path = str(random.choice(SMOOTH))
     repeats = "none" if cycles > 1 else repeats  # what is run through under every load is repeated thereby
     count = max(rows // cycles, PER_TURN if moving else 8)
-    plan = draw_plan(seed, ideal_machine(spec), foreign.room, count, path, repeats, smooth=moving)
+    plan = draw_plan(seed, ideal_machine(spec), foreign.half_size, count, path, repeats, smooth=moving)
     conditions["cycles"] = cycles if cycles > 1 else plan.cycles
     per_run = foreign.file.tracker.frame == "fitted-per-run"
     conditions["run_per_cycle"] = per_run
@@ -70,13 +70,13 @@ def draw_foreign(
     tracker["datum_every"] = 0 if moving else datum  # nobody breaks off a smooth run
     told = random.random() < 0.5
     away = float(np.linalg.norm(tracker["station_mm"]))
-    file = tell_noise(foreign.file, stated_sigma(values, away) * random.uniform(0.8, 1.25) if told else None)
+    file = state_noise(foreign.file, stated_sigma(values, away) * random.uniform(0.8, 1.25) if told else None)
     dwell = float(np.round(random.uniform(2.0, 12.0), 1))
     content = {"seed": seed, "conditions": {"dwell_s": dwell, **conditions}, "tracker": tracker}
     rig = parse_rig({"machine": spec.model_dump(mode="json", exclude_none=True), **content})
     absent = STATIC if protocol in ("path", "volume") and random.random() < 0.4 else ()
     notes = {"noise": kind, "path": plan.path, "repeats": plan.repeats}
-    return DrawnRig(replace(rig, machine=file), plan.targets, {}, protocol, foreign.room, absent, notes)
+    return DrawnRig(replace(rig, machine=file), plan.targets, {}, protocol, foreign.half_size, absent, notes)
 
 
 def _draw_rows(random: Random) -> int:
@@ -117,7 +117,9 @@ CONDITIONS: dict[Protocol, Callable[[Random], tuple[int, dict[str, Any]]]] = {
 def _set_up(random: Random, file: MachineFile) -> dict[str, Any]:
     """Where the tracker stands, and how its frame lies: where the file trusts it, exactly as it says."""
     angle = random.uniform(0.0, 2.0 * np.pi)
-    place: Array = np.array([AWAY * np.cos(angle), AWAY * np.sin(angle), random.uniform(0.0, 800.0)])
+    place: Array = np.array(
+        [STATION_DISTANCE * np.cos(angle), STATION_DISTANCE * np.sin(angle), random.uniform(0.0, 800.0)]
+    )
     shift, turn = random.uniform(-2.0, 2.0, 3), random.uniform(-2.0, 2.0, 3)
     values: dict[str, Any] = {"station_mm": np.round(place, 1).tolist()}
     if file.tracker.frame != "trusted":
@@ -127,7 +129,7 @@ def _set_up(random: Random, file: MachineFile) -> dict[str, Any]:
     return values
 
 
-def tell_noise(file: MachineFile, sigma: float | None) -> MachineFile:
+def state_noise(file: MachineFile, sigma: float | None) -> MachineFile:
     """The machine file with what it says of the noise."""
     rounded = None if sigma is None else float(f"{sigma:.2g}")
     return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": rounded}), text="")

@@ -11,7 +11,7 @@ from ptt.machine import MachineFile, format_machine
 from ptt.rig.draw import DrawnRig, Protocol
 from ptt.rig.draw_arm_machine import ForeignArm, draw_arm_file
 from ptt.rig.draw_arm_paths import draw_arm_plan
-from ptt.rig.draw_foreign import STATIC, tell_noise
+from ptt.rig.draw_foreign import STATIC, state_noise
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
 from ptt.rig.rig import parse_rig
 from ptt.rig.schedule import TARGET
@@ -62,7 +62,7 @@ def draw_foreign_arm(
     tracker["station_mm"] = _farther(tracker["station_mm"], arm.reach_mm)
     told = random.random() < 0.5
     sigma = stated_sigma(values, float(np.linalg.norm(tracker["station_mm"]))) * random.uniform(0.8, 1.25)
-    file = tell_noise(arm.file, sigma if told else None)
+    file = state_noise(arm.file, sigma if told else None)
     content: dict[str, Any] = {
         "machine": tomllib.loads(format_machine(file)),
         "seed": seed,

@@ -1,4 +1,4 @@
-"""Foreign drawings: machines of other makers, drawn by seed, each with a workspace well inside its singularities."""
+"""Drawings of random 3-PTT machines, each with a workspace well away from its singularities."""
 
 import itertools
 from dataclasses import dataclass
@@ -11,28 +11,27 @@ from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.rig.nominal import Array, Drawing, ideal_machine, nominal_sliders
 
 Frame = Literal["fitted", "trusted", "fitted-per-run", "measured"]
-LEAST_SLOPE = 0.35  # cosine between link and rail: 20 degrees from the inverse singularity
-MOST_GAIN = 4.5  # mm of the tool per mm of one slider direction; the bench has 2.3
-LEAST_TURN = 0.2  # what holds the platform against turning; 1 where the links are square to their joint axes, the
-# bench has 0.41, the constraint singularity 0
-SHRINK = 0.9  # of a workspace that comes too near to one of them
-LEAST_ROOM = 0.06  # half width of a workspace per link length: a machine that moves less is drawn anew
-SPARE = 0.08  # of the sliders' way, left at both ends for corrections
+LEAST_SLOPE = 0.35  # least cosine between link and rail: 20 degrees from the inverse singularity
+MOST_GAIN = 4.5  # greatest singular value of dp/db; the bench has 2.3, the direct singularity infinity
+LEAST_TURN = 0.2  # least singular value of the rotational constraints; the bench has 0.41, their singularity 0
+SHRINK = 0.9  # factor on a workspace that comes too near to a singularity
+LEAST_HALF_WIDTH = 0.06  # half width of a workspace per link length: a machine that moves less is drawn anew
+SPARE = 0.08  # share of the sliders' range, left as travel at both ends for corrections
 LEADS_MM = (2.0, 4.0, 5.0, 6.0, 10.0, 16.0, 20.0)
 GRID = np.array(list(itertools.product(np.linspace(-1.0, 1.0, 5), repeat=3)))
 
 
 @dataclass(frozen=True)
 class Foreign:
-    """A drawing nobody here built.
+    """A random drawing.
 
     Attributes:
         file: the machine, its tracker frame and what is known of the noise (`sigma_mm` is left to who draws the noise).
-        room: (3,) mm, half size of the workspace about p = 0.
+        half_size: (3,) mm, half size of the workspace about p = 0.
     """
 
     file: MachineFile
-    room: Array
+    half_size: Array
 
 
 def draw_machine_file(seed: int, *, steep: bool = False) -> Foreign:
@@ -40,7 +39,7 @@ def draw_machine_file(seed: int, *, steep: bool = False) -> Foreign:
 
     Args:
         seed: of everything.
-        steep: let rails lean by 15 to 75 degrees, or lie flat as in a star.
+        steep: rails lean by 15 to 75 degrees, or lie flat as a star, instead of by 12 degrees at the most.
 
     Returns:
         The drawing and its workspace.
@@ -49,30 +48,31 @@ def draw_machine_file(seed: int, *, steep: bool = False) -> Foreign:
     for _ in range(1000):
         values = _draw_lengths(random) | (_draw_leans(leaning) if steep else {})
         spec = ThreePttSpec(kind="three-ptt", slider_travel_mm=(0.0, 1e5), **values)
-        room = _draw_room(random, spec.link_length_mm)
-        room = _shrink(ideal_machine(spec), room)
-        if room[0] >= LEAST_ROOM * spec.link_length_mm:
+        half_size = _draw_half_size(random, spec.link_length_mm)
+        half_size = _shrink(ideal_machine(spec), half_size)
+        if half_size[0] >= LEAST_HALF_WIDTH * spec.link_length_mm:
             break
     else:
-        raise AssertionError("no machine has room to move in")
-    travel = _travel(ideal_machine(spec), room)
+        raise AssertionError("no drawing has a workspace")
+    travel = _travel(ideal_machine(spec), half_size)
     spec = spec.model_copy(update={"slider_travel_mm": travel})
-    return Foreign(MachineFile(spec, tracker=_draw_tracker(random, spec), source=f"foreign {seed}"), room)
+    return Foreign(MachineFile(spec, tracker=_draw_tracker(random, spec), source=f"foreign {seed}"), half_size)
 
 
-def safety(drawing: Drawing, tool: Array) -> dict[str, Array]:
-    """How far poses are from what a machine cannot do.
+def singularity_margins(drawing: Drawing, tool: Array) -> dict[str, Array]:
+    """Distances of poses from the singularities of a machine.
 
-    Source: inverse singularity, link square to its rail; direct singularity, J without inverse (db = J dp, rows
-    s_i / s_i . d_i); constraint singularity, the link parts s_i - (s_i . e_i) e_i square to the joint axes do not span.
+    Source: inverse singularity, a link perpendicular to its rail; direct singularity, J without inverse (db = J dp,
+    rows s_i / s_i . d_i); constraint singularity, linearly dependent components s_i - (s_i . e_i) e_i of the links
+    perpendicular to their joint axes.
 
     Args:
         drawing: the ideal machine.
         tool: (n, 3) mm.
 
     Returns:
-        (n,) each: `slope`, the least cosine between link and rail, 0 out of reach; `gain`, mm of the tool per mm of the
-        sliders in the worst direction; `turn`, the least singular value of the link parts.
+        (n,) each: `slope`, the least cosine between link and rail, 0 out of reach; `gain`, the greatest singular value
+        of dp/db; `turn`, the least singular value of those components.
     """
     height = nominal_sliders(drawing, tool)
     reached = np.isfinite(height).all(axis=1)
@@ -119,34 +119,34 @@ def _draw_lengths(random: np.random.Generator) -> dict[str, Any]:
 
 
 def _draw_leans(random: np.random.Generator) -> dict[str, Any]:
-    """Rails that lean far, all alike or each by its own, or a star."""
+    """Rails that lean far, all by one angle or each by its own, or lie flat as a star."""
     common = random.choice([-1.0, 1.0]) * random.uniform(15.0, 75.0)
     leans = {"common": np.full(3, common), "own": common + random.uniform(-8.0, 8.0, 3), "star": np.full(3, 90.0)}
     return {"slider_lean_deg": tuple(np.round(leans[str(random.choice(list(leans)))], 1).tolist())}
 
 
-def _draw_room(random: np.random.Generator, link: float) -> Array:
+def _draw_half_size(random: np.random.Generator, link: float) -> Array:
     wide = random.uniform(0.15, 0.3) * link
     return wide * np.array([1.0, random.uniform(0.7, 1.0), random.uniform(0.4, 1.2)])
 
 
-def _shrink(drawing: Drawing, room: Array) -> Array:
-    """The largest workspace of the same shape that keeps its distance."""
-    while room[0] > 0.5 * LEAST_ROOM * drawing.link:
-        figures = safety(drawing, GRID * room)
+def _shrink(drawing: Drawing, half_size: Array) -> Array:
+    """Half size of the largest workspace of the same shape that keeps its distance from singularities."""
+    while half_size[0] > 0.5 * LEAST_HALF_WIDTH * drawing.link:
+        margins = singularity_margins(drawing, GRID * half_size)
         if (
-            figures["slope"].min() >= LEAST_SLOPE
-            and figures["gain"].max() <= MOST_GAIN
-            and figures["turn"].min() >= LEAST_TURN
+            margins["slope"].min() >= LEAST_SLOPE
+            and margins["gain"].max() <= MOST_GAIN
+            and margins["turn"].min() >= LEAST_TURN
         ):
-            return np.floor(room)
-        room = SHRINK * room
+            return np.floor(half_size)
+        half_size = SHRINK * half_size
     return np.zeros(3)
 
 
-def _travel(drawing: Drawing, room: Array) -> tuple[float, float]:
-    """Travel of the sliders, whole millimetres, with something to spare."""
-    heights = nominal_sliders(drawing, GRID * room)
+def _travel(drawing: Drawing, half_size: Array) -> tuple[float, float]:
+    """Travel of the sliders for a workspace, whole millimetres, with some to spare at both ends."""
+    heights = nominal_sliders(drawing, GRID * half_size)
     low, high = float(heights.min()), float(heights.max())
     spare = SPARE * (high - low) + 5.0
     return float(np.floor(low - spare)), float(np.ceil(high + spare))

@@ -132,7 +132,7 @@ def _rattle(random: Random, scene: Scene) -> dict[str, Any]:
 def _table(random: Random, scene: Scene) -> dict[str, Any]:
     """Drawn by what it does at the edge of the workspace, 20 to 150 um."""
     pivot = float(np.round(scene.drawing.link * random.uniform(1.0, 2.5), 1))
-    tilt = 1e3 * log_uniform(random, 20.0, 150.0) / (10.0 * float(scene.room[0]) * pivot)
+    tilt = 1e3 * log_uniform(random, 20.0, 150.0) / (10.0 * float(scene.half_size[0]) * pivot)
     return {"kind": "settling-table", "urad_per_kg_mm": tilt, "moving_kg": 10.0, "pivot_mm": pivot}
 
 

@@ -131,7 +131,7 @@ def _span(name: str, scene: Scene) -> list[float]:
         return [-40.0, 40.0]
     if name.startswith("b"):
         return scene.span
-    half = float(scene.room["xyz".index(name)])
+    half = float(scene.half_size["xyz".index(name)])
     return [-half, half]
 
 

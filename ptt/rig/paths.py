@@ -1,4 +1,4 @@
-"""Paths a run can take, and the forms in which its poses are visited again."""
+"""Paths of runs of a 3-PTT, and the orders in which their poses are repeated."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from ptt.rig.targets import as_targets, make_volume
 
 Random = np.random.Generator
 REPEATS = ("none", "consecutive", "cycles", "shuffled", "nine")
-PER_TURN = 40  # poses from which a chord's direction is within a hundredth of the path's
-NINE = (32, 9)  # poses and visits of the source paper's raster
+PER_TURN = 40  # poses a turn: neighbouring chords differ by 9 degrees, so that speeds can be told from them
+RASTER_VISITS = (32, 9)  # poses and visits of the source paper's raster
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Plan:
 
     Attributes:
         targets: columns name, role, x_cmd, y_cmd, z_cmd, and read where some poses are only passed.
-        cycles: how often all of it is run through.
+        cycles: number of times that all of it is run through.
         path: kind of path.
         repeats: form of the repeats.
     """
@@ -35,7 +35,7 @@ class Plan:
 def draw_plan(
     seed: int,
     drawing: Drawing,
-    room: Array,
+    half_size: Array,
     rows: int,
     path: str | None = None,
     repeats: str | None = None,
@@ -47,47 +47,47 @@ def draw_plan(
     Args:
         seed: of everything.
         drawing: the ideal machine.
-        room: (3,) mm, half size of the workspace.
-        rows: about how many readings; never more than a few over it.
+        half_size: (3,) mm, half size of the workspace.
+        rows: about how many readings.
         path: kind of path, None lets the seed choose.
         repeats: form of the repeats, None lets the seed choose.
-        smooth: it is run without stopping, so that poses lie close enough to tell the speed between them.
+        smooth: it is run without stopping, so that poses have to lie close enough to tell the speed between them.
 
     Returns:
-        The targets.
+        The path.
     """
     random = np.random.default_rng([seed, 72])
     drawn_path, drawn_repeats = str(random.choice(PATHS)), str(random.choice(REPEATS))
     path, repeats = path or drawn_path, repeats or drawn_repeats
-    times = {"none": 1, "nine": NINE[1]}.get(repeats, int(random.integers(2, 5)))
-    count = NINE[0] if repeats == "nine" else max(rows // times, 8)
+    times = {"none": 1, "nine": RASTER_VISITS[1]}.get(repeats, int(random.integers(2, 5)))
+    count = RASTER_VISITS[0] if repeats == "nine" else max(rows // times, 8)
     if path == "volume":
-        table = make_volume(drawing, max(count, 10), seed, room)
+        table = make_volume(drawing, max(count, 10), seed, half_size)
     elif path == "one-way":
-        table = _one_way(drawing, random, count, room)
+        table = _one_way(drawing, random, count, half_size)
     else:
-        table = as_targets(make_path(path, count, room, random, smooth=smooth))
+        table = as_targets(make_path(path, count, half_size, random, smooth=smooth))
     table = _repeat(table, repeats, times, random, whole=path in ("volume", "one-way"))
     cycled = repeats in ("cycles", "nine") or (path in ("volume", "one-way") and repeats != "none")
     return Plan(table, times if cycled else 1, path, repeats)
 
 
-def make_path(kind: str, rows: int, room: Array, random: Random, *, smooth: bool = False) -> Array:
+def make_path(kind: str, rows: int, half_size: Array, random: Random, *, smooth: bool = False) -> Array:
     """Poses of a path.
 
     Args:
         kind: of CURVES.
         rows: number of poses n.
-        room: (3,) mm, half size of the workspace.
+        half_size: (3,) mm, half size of the workspace.
         random: of its proportions.
-        smooth: no more turns than poses lie close on.
+        smooth: limit the turns to one for every PER_TURN poses.
 
     Returns:
-        (n, 3) mm, to 0.1 um, inside the room.
+        (n, 3) mm, to 0.1 um, within the workspace.
     """
-    most = rows / PER_TURN if smooth else np.inf
-    points = ROUND[kind](rows, random, most) if kind in ROUND else FREE[kind](rows, random)
-    return np.round(points * room, 4)
+    most_turns = rows / PER_TURN if smooth else np.inf
+    points = ROUND_PATHS[kind](rows, random, most_turns) if kind in ROUND_PATHS else OTHER_PATHS[kind](rows, random)
+    return np.round(points * half_size, 4)
 
 
 def _cloud(rows: int, random: Random) -> Array:
@@ -95,7 +95,7 @@ def _cloud(rows: int, random: Random) -> Array:
 
 
 def _raster(rows: int, random: Random) -> Array:
-    """Two to four heights, lines back and forth or all one way."""
+    """Lines on two to four heights, back and forth or all in one direction."""
     heights = int(random.integers(2, 5))
     lines = max(int(np.sqrt(rows / heights)), 2)
     across = -(-rows // (heights * lines))
@@ -110,35 +110,35 @@ def _raster(rows: int, random: Random) -> Array:
 
 
 def _round(angle: Array, radius: Array | float, height: Array | float) -> Array:
-    """Points on circles that touch the walls where the radius is 1."""
+    """Points at polar angles, (n, 3): radius 1 reaches the sides of the workspace."""
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(height, angle.shape)])
 
 
-def _helix(rows: int, random: Random, most: float) -> Array:
-    angle = 2.0 * np.pi * min(random.uniform(1.0, 5.0), most) * np.arange(rows) / rows
+def _helix(rows: int, random: Random, most_turns: float) -> Array:
+    angle = 2.0 * np.pi * min(random.uniform(1.0, 5.0), most_turns) * np.arange(rows) / rows
     return _round(angle, random.uniform(0.5, 1.0), np.linspace(-1.0, 1.0, rows))
 
 
-def _circle(rows: int, random: Random, most: float) -> Array:
-    angle = 2.0 * np.pi * min(int(random.integers(1, 4)), most) * np.arange(rows) / rows
+def _circle(rows: int, random: Random, most_turns: float) -> Array:
+    angle = 2.0 * np.pi * min(int(random.integers(1, 4)), most_turns) * np.arange(rows) / rows
     return _round(angle, random.uniform(0.6, 1.0), random.uniform(-0.8, 0.8))
 
 
-def _spiral(rows: int, random: Random, most: float) -> Array:
-    """Out from the middle, on a dish."""
+def _spiral(rows: int, random: Random, most_turns: float) -> Array:
+    """A spiral from the centre outwards, on a plane or a cone."""
     part = np.arange(1, rows + 1) / rows
     dish = random.uniform(0.0, 1.5)
-    turns = min(random.uniform(3.0, 7.0), most)
+    turns = min(random.uniform(3.0, 7.0), most_turns)
     return _round(2.0 * np.pi * turns * np.sqrt(part), np.sqrt(part), dish * (part - 0.5))
 
 
-def _loop(rows: int, random: Random, most: float) -> Array:
+def _loop(rows: int, random: Random, most_turns: float) -> Array:
     swing = 2.0 * np.pi * np.arange(rows) / rows
-    return _round(min(2.0, most) * swing, 0.75 + 0.25 * np.cos(swing), np.sin(swing + random.uniform(0.0, 6.0)))
+    return _round(min(2.0, most_turns) * swing, 0.75 + 0.25 * np.cos(swing), np.sin(swing + random.uniform(0.0, 6.0)))
 
 
 def _star(rows: int, random: Random) -> Array:
-    """Rays from the middle outwards and back."""
+    """Rays from the centre outwards and back."""
     steps = int(random.integers(2, 5))
     part = np.concatenate([np.arange(steps + 1), np.arange(steps - 1, 0, -1)]) / steps
     rays = -(-rows // len(part))
@@ -148,30 +148,35 @@ def _star(rows: int, random: Random) -> Array:
 
 
 def _walk(rows: int, random: Random) -> Array:
-    """A random walk that the walls throw back."""
+    """A random walk reflected at the sides of the workspace."""
     place = np.cumsum(random.normal(0.0, random.uniform(0.15, 0.5), (rows, 3)), axis=0)
     return np.abs((place + 1.0) % 4.0 - 2.0) - 1.0
 
 
-ROUND: dict[str, Callable[[int, Random, float], Array]] = {  # can be run without stopping
+ROUND_PATHS: dict[str, Callable[[int, Random, float], Array]] = {  # can be run without stopping
     "helix": _helix,
     "circle": _circle,
     "spiral": _spiral,
     "loop": _loop,
 }
-FREE: dict[str, Callable[[int, Random], Array]] = {"cloud": _cloud, "raster": _raster, "star": _star, "walk": _walk}
-CURVES = ("cloud", "raster", *ROUND, "star", "walk")
-SMOOTH = tuple(ROUND)
+OTHER_PATHS: dict[str, Callable[[int, Random], Array]] = {
+    "cloud": _cloud,
+    "raster": _raster,
+    "star": _star,
+    "walk": _walk,
+}
+CURVES = ("cloud", "raster", *ROUND_PATHS, "star", "walk")
+SMOOTH = tuple(ROUND_PATHS)
 PATHS = ("volume", "one-way", *CURVES)
 
 
-def _one_way(drawing: Drawing, random: Random, count: int, room: Array) -> pd.DataFrame:
-    """Every pose is reached upwards by every slider: from below, a place that is passed without a reading.
+def _one_way(drawing: Drawing, random: Random, count: int, half_size: Array) -> pd.DataFrame:
+    """Poses that every slider reaches upwards: from a pose straight below, which is passed without a reading.
 
-    Leaning rails apart, sliders follow the tool's height one to one, so that straight down is the way.
+    On upright rails a move of the tool along z moves every slider by as much.
     """
-    poses = np.round(random.uniform(-room, room, (count, 3)) * [1.0, 1.0, 0.8], 4)
-    below = poses - [0.0, 0.0, 0.2 * room[2]]
+    poses = np.round(random.uniform(-half_size, half_size, (count, 3)) * [1.0, 1.0, 0.8], 4)
+    below = poses - [0.0, 0.0, 0.2 * half_size[2]]
     table = as_targets(np.stack([below, poses], axis=1).reshape(-1, 3))
     table["read"] = np.tile([0, 1], count)
     move = nominal_sliders(drawing, poses) - nominal_sliders(drawing, below)
@@ -180,7 +185,7 @@ def _one_way(drawing: Drawing, random: Random, count: int, room: Array) -> pd.Da
 
 
 def _repeat(table: pd.DataFrame, form: str, times: int, random: Random, *, whole: bool) -> pd.DataFrame:
-    """Visit poses again one after another, or in any order; paths whose order matters are only cycled `whole`."""
+    """Poses repeated one after another or in random order; paths whose order matters are only cycled as a `whole`."""
     if whole or form not in ("consecutive", "shuffled"):
         return table
     order = np.repeat(np.arange(len(table)), times)
