@@ -69,7 +69,7 @@ def judge_names(named: Sequence[Sequence[str]], truth: Truth, drawn: DrawnRig) -
     picks = list(dict.fromkeys(group[0] for group in named))
     must, may = {fault.name for fault in truth.faults if fault.counts}, set(truth.hidden)
     judgement = judge(picks, truth)
-    kin = {name for key in drawn.truth for name in faults_of(drawn.rig)[key].kin}
+    kin = {name for key in drawn.truth for name in faults_of(drawn.rig)[key].related}
     words = {
         key: "kin" if word in ("wrong", "partial") and key.partition("[")[0] in kin else word
         for key, word in judgement.named.items()

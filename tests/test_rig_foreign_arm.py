@@ -18,7 +18,7 @@ from ptt.mechanisms.serial import Serial
 from ptt.model.model import Model
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.arm_odd_schema import SlippingTool
-from ptt.rig.draw_arm_machine import FAMILIES, draw_arm_file, posture
+from ptt.rig.draw_arm_machine import FAMILIES, draw_arm_file, inverse_condition
 from ptt.rig.draw_arm_odd import ARM_ODD, describable
 from ptt.rig.draw_arm_paths import INSET, PATHS, draw_arm_plan, inverse
 from ptt.rig.draw_foreign_arm import ARM_PROTOCOLS, ROWS, draw_foreign_arm
@@ -57,7 +57,9 @@ def test_drawings_are_of_all_kinds_and_can_be_written() -> None:
 @pytest.mark.parametrize("seed", range(0, 40, 4))
 def test_runs_begin_from_postures_that_are_not_singular(seed: int) -> None:
     arm = ARMS[seed]
-    assert (arm.low < arm.high).all() and posture(arm.file.machine, 0.5 * (arm.low + arm.high)[None])[0] > 0.02
+    assert (arm.low < arm.high).all() and inverse_condition(arm.file.machine, 0.5 * (arm.low + arm.high)[None])[
+        0
+    ] > 0.02
 
 
 # --- runs ----------------------------------------------------------------------------------------------------------
@@ -194,7 +196,7 @@ def test_faults_are_drawn_until_they_can_be_seen_and_one_spring_is_not_hidden_tw
         for fault in truth.faults:
             assert VISIBLE[0] * 0.8 < fault.size / truth.noise.total < VISIBLE[1] * 1.2, fault.name
     for case in plan("multi", 60, 0, arm=True):
-        shared = [ARM_FAULTS[name].once or ARM_FAULTS[name].called for name in case.faults]
+        shared = [ARM_FAULTS[name].exclusive or ARM_FAULTS[name].called for name in case.faults]
         assert 2 <= len(shared) == len(set(shared)) <= 4
 
 

@@ -152,7 +152,7 @@ def _several(random: np.random.Generator, protocol: Protocol, count: int, arm: b
     special = [name for name in fitting if len(runs[name]) == 1]
     first = [special[random.integers(len(special))]] if special and count else []
     picked = {
-        table[name].once or table[name].called: name for name in [*random.permutation(fitting).tolist(), *first]
+        table[name].exclusive or table[name].called: name for name in [*random.permutation(fitting).tolist(), *first]
     }  # the last one stays
     rest = [name for name in random.permutation(list(picked.values())).tolist() if name not in first]
     return tuple(first + rest[: count - len(first)])

@@ -1,4 +1,4 @@
-"""Faults of an arm that no effect of the library describes: what each adds to joints, axes, tool, base and sight."""
+"""Faults of an arm that no effect of the library describes: shifts of joints, axes, tool, base and readings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from ptt.rig.units import GRAVITY, MM_PER_UM, RAD_PER_NRAD, RAD_PER_URAD
 
 @dataclass(frozen=True)
 class ArmState:
-    """A run of an arm as it happens.
+    """A run of an arm, row by row.
 
     Attributes:
         q: (n, k) rad, commands.
-        direction: (n, k), of arrival, +1 or -1.
-        step: (n, k) rad, way of each joint since the row before.
-        reversals: (n, k), how often each joint has turned back.
-        lever: (n, k) N mm per kg at the tool, torque of gravity about each joint.
+        direction: (n, k), direction of arrival, +1 or -1.
+        step: (n, k) rad, travel of each joint since the row before.
+        reversals: (n, k), number of reversals of each joint so far.
+        lever: (n, k) N mm/kg, torque of gravity about each joint for each kg at the tool.
         tool: (n, 3) mm, commanded.
         down: (3,), direction of gravity in the base frame.
         payload: (n,) kg.
@@ -44,7 +44,7 @@ class ArmState:
 
 
 def shift_arm(odd: Sequence[Odd], state: ArmState) -> ArmShifts:
-    """What the odd faults add.
+    """Sum of the shifts by odd faults.
 
     Args:
         odd: the faults.
@@ -70,27 +70,27 @@ def shift_arm(odd: Sequence[Odd], state: ArmState) -> ArmShifts:
                 above = np.maximum(state.payload - fault.opens_at_kg, 0.0)
                 total.gap[:, fault.joint - 1] += RAD_PER_URAD * fault.urad_per_kg * above
             case kinds.ArmLaw():
-                _obey(total, fault, state)
+                _add_law(total, fault, state)
             case kinds.OnJoint():
                 total.joint[:, fault.joint - 1] += RAD_PER_URAD * _turn(fault, state)
             case _:
-                raise AssertionError(f"nobody says what {type(fault).__name__} does to an arm")
+                raise AssertionError(f"no shift of an arm is defined for {type(fault).__name__}")
     return total
 
 
 def arm_variable(name: str, state: ArmState, memory_s: float = 1200.0) -> Array:
-    """A variable of a run.
+    """A variable of a run that a law may depend on.
 
     Args:
         name: q1.., direction1.., x, y, z, payload, temperature, memory (of the temperature) or time.
         state: the run.
-        memory_s: how long warmth is remembered.
+        memory_s: s, time constant by which `memory` lags behind the temperature.
 
     Returns:
-        (n,), time as a share of the run.
+        (n,), in the units of `ArmState`; time as a share of the run, 0 to 1.
     """
     if name == "memory":
-        return _remembered(state.temperature, state, memory_s)
+        return _lagging(state.temperature, state, memory_s)
     if name == "time":
         return state.time / max(float(state.time[-1]), 1e-9)
     if name in ("x", "y", "z"):
@@ -101,8 +101,8 @@ def arm_variable(name: str, state: ArmState, memory_s: float = 1200.0) -> Array:
     return np.asarray(columns[name[:-1]][:, int(name[-1]) - 1])
 
 
-def _obey(total: ArmShifts, law: kinds.ArmLaw, state: ArmState) -> None:
-    """Add what a random law says where it acts."""
+def _add_law(total: ArmShifts, law: kinds.ArmLaw, state: ArmState) -> None:
+    """Add the values of a random law where it acts."""
     columns = [arm_variable(name, state, law.memory_s) for name in law.variables]
     size = law.size * unit_law(law.form, law.law_seed, law.variables, scaled(columns, law.span))
     place, _, axis = law.place.partition("-")
@@ -116,21 +116,21 @@ def _obey(total: ArmShifts, law: kinds.ArmLaw, state: ArmState) -> None:
 
 
 def _turn(fault: kinds.OnJoint, state: ArmState) -> Array:
-    """By how much a fault of one joint turns it, (n,) urad."""
+    """Rotation of a joint by a fault of its own, (n,) urad."""
     joint = fault.joint - 1
-    q, way, lever = state.q[:, joint], state.direction[:, joint], state.lever[:, joint]
+    q, direction, lever = state.q[:, joint], state.direction[:, joint], state.lever[:, joint]
     match fault:
         case kinds.HardeningJoint():
             torque = (state.payload + fault.hand_kg) * lever
             return fault.size_urad * torque / (fault.half_nmm + np.abs(torque))
         case kinds.LoadedFriction():
-            return -fault.urad_per_nmm * np.abs((state.payload + fault.hand_kg) * lever) * way
+            return -fault.urad_per_nmm * np.abs((state.payload + fault.hand_kg) * lever) * direction
         case kinds.DamagedTooth():
             apart = (q - fault.angle_rad + 0.5 * fault.turn_rad) % fault.turn_rad - 0.5 * fault.turn_rad
             return fault.size_urad * np.exp(-0.5 * (apart / fault.width_rad) ** 2)
         case kinds.DressPack():
             part = np.clip((q - fault.low_rad) / (fault.high_rad - fault.low_rad), 0.0, 1.0)
-            return -fault.size_urad * part * way
+            return -fault.size_urad * part * direction
         case kinds.BeltResonance():
             return fault.size_urad * np.cos(2.0 * np.pi * q / fault.period_rad - fault.phase_rad)
         case kinds.RoundingController():
@@ -139,21 +139,21 @@ def _turn(fault: kinds.OnJoint, state: ArmState) -> Array:
         case kinds.CoupledJoints():
             return -fault.size_urad * ((state.q[:, fault.other - 1] - fault.angle_rad) / fault.span_rad) ** 2
         case kinds.WarmJoint():
-            warm = _remembered(state.temperature, state, fault.constant_s)
+            warm = _lagging(state.temperature, state, fault.constant_s)
             return fault.urad_per_k * (warm - state.temperature[0])
         case kinds.BusyJoint():
-            spent = np.diff(state.time, prepend=0.0)
-            work = state.step[:, joint] / np.maximum(spent, 1e-3)
-            work[0] = 0.0
-            return fault.urad_s_per_rad * lag(work[:, None], spent, fault.constant_s, 0.0)[:, 0]
+            interval = np.diff(state.time, prepend=0.0)
+            speed = state.step[:, joint] / np.maximum(interval, 1e-3)  # mean, rad/s
+            speed[0] = 0.0
+            return fault.urad_s_per_rad * lag(speed[:, None], interval, fault.constant_s, 0.0)[:, 0]
         case kinds.LossAtReversal():
             return -fault.urad_per_reversal * state.reversals[:, joint]
         case _:
-            raise AssertionError(f"nobody says what {type(fault).__name__} does")
+            raise AssertionError(f"no shift is defined for {type(fault).__name__}")
 
 
-def _remembered(values: Array, state: ArmState, constant_s: float) -> Array:
-    """First-order lag behind a cause that counts with its mean between two rows; at once where the constant is zero."""
+def _lagging(values: Array, state: ArmState, constant_s: float) -> Array:
+    """First-order lag behind values (n,), which count with their mean between two rows; the values for no constant."""
     if constant_s == 0.0:
         return values
     between = values - 0.5 * np.diff(values, prepend=values[:1])

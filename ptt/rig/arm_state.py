@@ -1,4 +1,4 @@
-"""What a fault of an arm outside the library may depend on, row by row."""
+"""The state of an arm row by row, on which faults outside the library depend."""
 
 import numpy as np
 
@@ -15,29 +15,29 @@ NUDGE = 1e-5  # rad, step of the numerical derivative of the tool's place
 
 
 def state_of_arm(spec: SerialSpec, schedule: Schedule, temperature: Array, time: Array) -> ArmState:
-    """Gather a run.
+    """The state of a run.
 
     Args:
         spec: the drawing.
         schedule: the rows.
         temperature: (n,) degrees Celsius, of the room.
-        time: (n,) s.
+        time: (n,) s from the start of the simulation.
 
     Returns:
         The state.
     """
     q, path = schedule.command, arm_path(schedule.command, schedule.run)
-    way = travel_direction(path.slider)
-    turned = np.diff(way, axis=0, prepend=way[:1]) * way != 0
-    turned[1:] &= way[:-1] != 0  # the first move is no reversal
+    direction = travel_direction(path.slider)
+    turned = np.diff(direction, axis=0, prepend=direction[:1]) * direction != 0
+    turned[1:] &= direction[:-1] != 0  # the first move is no reversal
     step = np.abs(np.diff(q, axis=0, prepend=q[:1]))
     down = np.asarray(spec.gravity) / np.linalg.norm(spec.gravity)
     return ArmState(
         q=q,
-        direction=way[path.last],
+        direction=direction[path.last],
         step=step,
         reversals=np.cumsum(turned, axis=0)[path.last].astype(float),
-        lever=GRAVITY * np.einsum("nxj,x->nj", tool_slopes(spec, q), down),
+        lever=GRAVITY * np.einsum("nxj,x->nj", tool_jacobian(spec, q), down),
         tool=tool_on_drawing(spec, q),
         down=down,
         payload=schedule.payload,
@@ -46,15 +46,15 @@ def state_of_arm(spec: SerialSpec, schedule: Schedule, temperature: Array, time:
     )
 
 
-def tool_slopes(spec: SerialSpec, q: Array) -> Array:
-    """How far the drawing's tool point goes per turn of each joint.
+def tool_jacobian(spec: SerialSpec, q: Array) -> Array:
+    """Jacobian dp/dq of the drawing's tool point, by central differences.
 
     Args:
         spec: the drawing.
         q: (n, k) rad.
 
     Returns:
-        (n, 3, k) mm/rad, by central differences.
+        (n, 3, k) mm/rad, base frame.
     """
     steps = NUDGE * np.eye(q.shape[1])
     sides = [tool_on_drawing(spec, q + step) - tool_on_drawing(spec, q - step) for step in steps]

@@ -1,20 +1,20 @@
-"""The joints' way through the rows of a run of an arm, each run led in as every machine leads in."""
+"""The path of the joints of an arm through the rows of a run, each run led in."""
 
 import numpy as np
 
 from ptt.rig.motion import Path, first_directions
 from ptt.rig.nominal import Array
 
-LEAD_IN = 1.0  # rad before a run's first row: longer than any play or wind-up of a joint
+LEAD_IN = 1.0  # rad of travel before a run's first row: more than play or wind-up of any joint take
 
 
 def arm_path(q: Array, run: Array | None = None) -> Path:
-    """Lay the joints' path through the rows.
+    """Path of the joints through the rows.
 
-    A run's first row is arrived at in the direction in which the second one sets off.
+    Each joint is led in to a run's first row: it arrives there in the direction in which it moves first afterwards.
 
     Args:
-        q: (n, k) rad, commands in travel order; each joint runs monotonically between rows.
+        q: (n, k) rad, commands in travel order; each joint moves monotonically between rows.
         run: (n,) number of each row's run; None for a single one.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Random rigs with known hidden faults, each with a protocol on which its faults can be seen."""
+"""Random 3-PTT rigs with known hidden faults, each measured by a protocol that shows its faults."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -28,12 +28,12 @@ class DrawnRig:
 
     Attributes:
         rig: the virtual machine.
-        targets: the poses, to be given to `simulate`.
+        targets: for `simulate`.
         truth: {name of the effect or odd fault: {key: value}}, empty for a rig without faults.
         protocol: how it is measured.
         half_size: (3,) mm, half size of the workspace about p = 0.
-        absent: columns of the run that nobody wrote down.
-        notes: what was drawn besides, in words, such as the kind of path.
+        absent: columns of the run that are left out of its file.
+        notes: kinds of what was drawn besides, as of 'noise' and 'path'.
     """
 
     rig: Rig
@@ -58,11 +58,11 @@ def draw_rig(
 
     Args:
         level: "none"; "single", one effect of the library; "multi", two to four; "unknown", one fault that no effect
-            describes and up to two that one does.
+            describes and up to two that effects describe.
         seed: of the choice, the sizes, the poses and the noise.
         machine: the drawing.
-        protocol: how it is measured; None lets the seed choose one on which the faults can be seen.
-        rows: about how many.
+        protocol: how it is measured; None lets the seed choose one that shows the faults.
+        rows: about how many readings.
         fault: name of the fault to hide at level "single" or "unknown", None lets the seed choose.
 
     Returns:
@@ -100,11 +100,11 @@ def draw_rig(
 
 
 def fault_names(level: Literal["single", "unknown"] = "single", protocol: Protocol | None = None) -> tuple[str, ...]:
-    """Names that can be drawn, for sweeps over them.
+    """Names of the faults that `draw_rig` hides.
 
     Args:
-        level: library effects or odd faults.
-        protocol: only those that it can show.
+        level: "single" for effects of the library, "unknown" for faults outside it.
+        protocol: only faults that it can show; None for all.
 
     Returns:
         Names in a fixed order.
@@ -113,7 +113,7 @@ def fault_names(level: Literal["single", "unknown"] = "single", protocol: Protoc
     return tuple(item.name for item in table if protocol is None or protocol in item.protocols)
 
 
-def _choose(
+def _choose(  # the order of draws is part of a seed's meaning
     level: Level, random: np.random.Generator, protocol: Protocol | None, fault: str | None
 ) -> tuple[list[Fault], Protocol]:
     if level not in ("none", "single", "multi", "unknown"):
@@ -165,7 +165,7 @@ def _measure(protocol: Protocol, drawing: Drawing, rows: int, seed: int) -> tupl
 
 
 def _frame(random: np.random.Generator) -> dict[str, Any]:
-    """Where the tracker stands and how its frame lies."""
+    """Station and frame of the tracker, keys of [tracker]."""
     angle = random.uniform(0.0, 2.0 * np.pi)
     place = [3000.0 * np.cos(angle), 3000.0 * np.sin(angle), random.uniform(0.0, 600.0)]
     return {

@@ -30,10 +30,10 @@ def _links(random: Random, scene: ArmScene) -> dict[str, Any]:
             ("a_mm", "alpha_mrad", "d_mm"), chosen, (1.0, arm * RAD_PER_MRAD, 1.0), strict=False
         ):
             if some:
-                values[f"link_{key}"][joint] = scene.wanted(random) / unit * float(random.choice([-1.0, 1.0]))
+                values[f"link_{key}"][joint] = scene.draw_shift(random) / unit * float(random.choice([-1.0, 1.0]))
         # A modified drawing's lean belongs to the joint behind the twist, whose own it is there as well.
         if chosen[3] and abs(scene.spec.joint[joint].alpha_deg) % 180.0 < PARALLEL_DEG:
-            lean[joint] = scene.wanted(random) / (arm * RAD_PER_MRAD) * float(random.choice([-1.0, 1.0]))
+            lean[joint] = scene.draw_shift(random) / (arm * RAD_PER_MRAD) * float(random.choice([-1.0, 1.0]))
     return values | ({"link_beta_mrad": lean} if any(lean) else {})
 
 
@@ -41,7 +41,7 @@ def _turns(random: Random, scene: ArmScene) -> dict[str, Any]:
     """Once a turn of the gear that the drawing tells, else of the joint."""
     phase = np.round(random.uniform(0.0, 2.0 * np.pi, scene.joints), 6)
     return {
-        "turn_urad": _lists(scene.angles(random, signed=False), RAD_PER_URAD),
+        "turn_urad": _lists(scene.draw_angles(random, signed=False), RAD_PER_URAD),
         "turn_phase_rad": phase.tolist(),
         "turn_harmonic": round(2.0 * np.pi / scene.spec.turn),
     }
@@ -49,42 +49,44 @@ def _turns(random: Random, scene: ArmScene) -> dict[str, Any]:
 
 def _ring(random: Random, scene: ArmScene) -> dict[str, Any]:
     """An uneven ring: eight harmonics, the more the smaller."""
-    sizes = np.outer(scene.angles(random, signed=False), np.ones(RING)) * random.exponential(size=(scene.joints, RING))
+    sizes = np.outer(scene.draw_angles(random, signed=False), np.ones(RING)) * random.exponential(
+        size=(scene.joints, RING)
+    )
     sizes = sizes / np.arange(1, RING + 1) / RAD_PER_URAD
     phases = random.uniform(0.0, 2.0 * np.pi, (scene.joints, RING))
     return {"ring_urad": np.round(sizes, 4).tolist(), "ring_phase_rad": np.round(phases, 6).tolist()}
 
 
 def _play(random: Random, scene: ArmScene) -> dict[str, Any]:
-    return {"backlash_mrad": _lists([2.0 * size for size in scene.angles(random, signed=False)], RAD_PER_MRAD)}
+    return {"backlash_mrad": _lists([2.0 * size for size in scene.draw_angles(random, signed=False)], RAD_PER_MRAD)}
 
 
-def _too_much(random: Random, scene: ArmScene) -> dict[str, Any]:
+def _over_compensation(random: Random, scene: ArmScene) -> dict[str, Any]:
     """A controller that takes out play which is not there: a gap below zero."""
-    return {"added_mrad": _lists([2.0 * size for size in scene.angles(random, signed=False)], RAD_PER_MRAD)}
+    return {"added_mrad": _lists([2.0 * size for size in scene.draw_angles(random, signed=False)], RAD_PER_MRAD)}
 
 
 def _windup(random: Random, scene: ArmScene) -> dict[str, Any]:
     """A change-over that some rows see halfway: by the usual way between rows; gears of one arm are of one kind."""
-    usual = float(np.median(scene.step[scene.strong])) * log_uniform(random, 0.4, 3.0)
+    usual = float(np.median(scene.step[scene.visible_joints])) * log_uniform(random, 0.4, 3.0)
     own = np.exp(random.uniform(np.log(0.5), np.log(2.0), scene.joints))  # lengths as far apart as those of sliders
     lengths = usual * (np.ones(scene.joints) if random.random() < 0.5 else own)
-    sizes = _lists(scene.angles(random, signed=False), RAD_PER_URAD)
+    sizes = _lists(scene.draw_angles(random, signed=False), RAD_PER_URAD)
     return {"windup_urad": sizes, "windup_length_mrad": _lists(lengths.tolist(), RAD_PER_MRAD)}
 
 
 def _slip(random: Random, scene: ArmScene) -> dict[str, Any]:
     """One joint loses its zero in the middle of the run."""
-    joint = scene.some_joint(random)
+    joint = scene.draw_joint(random)
     slip = [0.0] * scene.joints
-    slip[joint] = scene.angle(random, joint) * float(random.choice([-1.0, 1.0]))
+    slip[joint] = scene.draw_angle(random, joint) * float(random.choice([-1.0, 1.0]))
     return {"slip_mrad": _lists(slip, RAD_PER_MRAD), "slip_share": float(random.uniform(0.2, 0.8))}
 
 
 def _scale(random: Random, scene: ArmScene) -> dict[str, Any]:
     low, high = scene.span
     far = np.maximum(np.abs(low), np.abs(high))
-    sizes = [size / max(float(way), 0.1) for size, way in zip(scene.angles(random), far, strict=True)]
+    sizes = [size / max(float(way), 0.1) for size, way in zip(scene.draw_angles(random), far, strict=True)]
     return {"scale_urad_per_rad": _lists(sizes, RAD_PER_URAD)}
 
 
@@ -111,26 +113,26 @@ def _weight(random: Random, scene: ArmScene) -> dict[str, Any]:
 def _yields(random: Random, scene: ArmScene, torque: np.ndarray) -> list[float]:
     """(k,) nrad per N mm: a joint that bears little is as soft as the others."""
     usual = np.maximum(torque, 0.1 * torque.max(initial=1.0))
-    sizes = [scene.angle(random, joint) if joint in scene.strong else 0.0 for joint in range(scene.joints)]
+    sizes = [scene.draw_angle(random, joint) if joint in scene.visible_joints else 0.0 for joint in range(scene.joints)]
     return _lists([size / float(load) for size, load in zip(sizes, usual, strict=True)], RAD_PER_NRAD)
 
 
 def _growth(random: Random, scene: ArmScene) -> dict[str, Any]:
     """All lengths alike, or the offsets of another material."""
-    size = np.clip(scene.wanted(random) / (max(scene.warmer, 0.1) * scene.reach) / PPM, *GROWTHS)
+    size = np.clip(scene.draw_shift(random) / (max(scene.warming_size_k, 0.1) * scene.reach) / PPM, *GROWTHS)
     other = float(size * random.uniform(0.3, 2.0))
     return {"growth_um_per_m_k": float(size)} | ({"offset_growth_um_per_m_k": other} if random.random() < 0.4 else {})
 
 
 def _drift(random: Random, scene: ArmScene) -> dict[str, Any]:
     way = random.normal(size=3)
-    speed = 2.0 * scene.wanted(random) / (scene.seconds / 3600.0) / MM_PER_UM
+    speed = 2.0 * scene.draw_shift(random) / (scene.seconds / 3600.0) / MM_PER_UM
     return {"drift_um_per_h": (speed * way / np.linalg.norm(way)).tolist()}
 
 
 def _knock(random: Random, scene: ArmScene) -> dict[str, Any]:
     way, turn = random.normal(size=(2, 3))
-    shift, angle = 1.5 * scene.wanted(random) / MM_PER_UM, scene.wanted(random) / scene.reach / RAD_PER_MRAD
+    shift, angle = 1.5 * scene.draw_shift(random) / MM_PER_UM, scene.draw_shift(random) / scene.reach / RAD_PER_MRAD
     return {
         "knock_um": (shift * way / np.linalg.norm(way)).tolist(),
         "knock_mrad": (angle * turn / np.linalg.norm(turn)).tolist(),
@@ -144,23 +146,23 @@ def _ppm(random: Random, scene: ArmScene) -> dict[str, Any]:
 
 STATIC = ("volume",)
 ARM_KNOWN: tuple[Fault, ...] = (
-    Fault("dh-offsets", "arm", STATIC, _links, once="link angles"),
+    Fault("dh-offsets", "arm", STATIC, _links, exclusive="link angles"),
     Fault(
         "homing-offset",
         "arm",
         STATIC,
-        lambda r, s: {"link_theta_mrad": _lists(s.angles(r), RAD_PER_MRAD)},
-        once="link angles",
+        lambda r, s: {"link_theta_mrad": _lists(s.draw_angles(r), RAD_PER_MRAD)},
+        exclusive="link angles",
     ),
     Fault("homing-slip", "arm", STATIC, _slip),
     Fault("lead-scale", "arm", STATIC, _scale),
-    Fault("once-per-rev", "arm", STATIC, _turns, once="rings"),
-    Fault("joint-error-map", "arm", STATIC, _ring, once="rings"),
+    Fault("once-per-rev", "arm", STATIC, _turns, exclusive="rings"),
+    Fault("joint-error-map", "arm", STATIC, _ring, exclusive="rings"),
     Fault("backlash", "arm", STATIC, _play),
-    Fault("over-compensation", "arm", STATIC, _too_much, effect="backlash"),
+    Fault("over-compensation", "arm", STATIC, _over_compensation, effect="backlash"),
     Fault("windup", "arm", STATIC, _windup),
-    Fault("axis-compliance", "arm", ("payload",), _soft, once="springs"),
-    Fault("self-weight", "arm", ("still load",), _weight, once="springs"),
+    Fault("axis-compliance", "arm", ("payload",), _soft, exclusive="springs"),
+    Fault("self-weight", "arm", ("still load",), _weight, exclusive="springs"),
     Fault("frame-growth", "arm", ("warmup",), _growth),
     Fault("tracker-scale", "tracker", STATIC, _ppm),
     Fault("tracker-drift", "tracker", STATIC, _drift),

@@ -9,7 +9,7 @@ import numpy as np
 from ptt.machine import MachineFile, SerialSpec
 from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.rig.arm_faults import joint_limits
-from ptt.rig.arm_state import tool_slopes
+from ptt.rig.arm_state import tool_jacobian
 from ptt.rig.draw_arm import draw_masses
 from ptt.rig.draw_machine import Frame
 from ptt.rig.nominal import Array
@@ -66,7 +66,7 @@ def draw_arm_file(seed: int, *, weighed: bool | None = None) -> ForeignArm:
     )
 
 
-def posture(spec: SerialSpec, q: Array) -> Array:
+def inverse_condition(spec: SerialSpec, q: Array) -> Array:
     """How far postures are from singular ones of the tool's place.
 
     Args:
@@ -76,11 +76,11 @@ def posture(spec: SerialSpec, q: Array) -> Array:
     Returns:
         (n,), least over greatest singular value of dp/dq.
     """
-    sizes = np.linalg.svd(tool_slopes(spec, q), compute_uv=False)
+    sizes = np.linalg.svd(tool_jacobian(spec, q), compute_uv=False)
     return np.asarray(sizes[:, -1] / sizes[:, 0])
 
 
-def _lathe(random: Random) -> Links:
+def _scara(random: Random) -> Links:
     """SCARA-like: two parallel upright axes, then one that nods and one that rolls in the place of the spindle."""
     return [
         (random.uniform(0.3, 0.5), 0.0, random.uniform(0.3, 0.6)),
@@ -136,7 +136,7 @@ def _seven(random: Random) -> Links:
 
 
 FAMILIES: dict[str, Callable[[Random], Links]] = {
-    "scara": _lathe,
+    "scara": _scara,
     "bench": _bench,
     "puma": _puma,
     "ur": _three_parallel,
@@ -194,7 +194,7 @@ def _ranges(spec: SerialSpec, random: Random) -> tuple[Array, Array]:
     """Joint values of a run about a posture that is far from singular ones, (k,) rad each."""
     low, high = np.clip(0.9 * joint_limits(spec), -TURNS, TURNS)
     homes = random.uniform(0.8 * low, 0.8 * high, (HOMES, spec.joints))
-    home = homes[np.argmax(posture(spec, homes))]
+    home = homes[np.argmax(inverse_condition(spec, homes))]
     half = random.uniform(*WIDE, spec.joints)
     return np.maximum(home - half, low), np.minimum(home + half, high)
 

@@ -23,14 +23,14 @@ def _one(
     """Draws of a fault of one joint that can be seen, of one that weights turn where the fault needs that."""
 
     def draw(random: Random, scene: ArmScene) -> dict[str, Any]:
-        joint = int(random.choice(scene.loaded if loaded else scene.strong))
+        joint = int(random.choice(scene.loaded_joints if loaded else scene.visible_joints))
         return {"kind": kind, "joint": joint + 1, **fill(random, scene, joint)}
 
     return draw
 
 
 def _urad(random: Random, scene: ArmScene, joint: int, times: float) -> float:
-    return times * scene.angle(random, joint) / RAD_PER_URAD
+    return times * scene.draw_angle(random, joint) / RAD_PER_URAD
 
 
 def _signed(random: Random, scene: ArmScene, joint: int, times: float) -> float:
@@ -60,7 +60,7 @@ def _tooth(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
 
 def _holder(random: Random, scene: ArmScene) -> dict[str, Any]:
     way = random.normal(size=3)
-    shift = 2.0 * scene.wanted(random) / MM_PER_UM * way / np.linalg.norm(way)
+    shift = 2.0 * scene.draw_shift(random) / MM_PER_UM * way / np.linalg.norm(way)
     return {"kind": "slipping-tool", "shift_um": shift.tolist(), "share": float(random.uniform(0.25, 0.75))}
 
 
@@ -70,12 +70,12 @@ def _rocking(random: Random, scene: ArmScene) -> dict[str, Any]:
     return {
         "kind": "rocking-base",
         "moving_kg": weight,
-        "nrad_per_nmm": 2.0 * scene.wanted(random) / scene.reach / moment / RAD_PER_NRAD,
+        "nrad_per_nmm": 2.0 * scene.draw_shift(random) / scene.reach / moment / RAD_PER_NRAD,
     }
 
 
 def _wobble(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
-    size = scene.wanted(random) / (0.5 * scene.reach) / RAD_PER_URAD
+    size = scene.draw_shift(random) / (0.5 * scene.reach) / RAD_PER_URAD
     phase = float(random.uniform(0.0, 2.0 * np.pi))
     return {"size_urad": size, "times": int(random.integers(2, 6)), "phase_rad": phase}
 
@@ -99,7 +99,7 @@ def _counts(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
 
 
 def _warm(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
-    size = _signed(random, scene, joint, 1.5) / max(scene.warmer, 0.5)
+    size = _signed(random, scene, joint, 1.5) / max(scene.warming_size_k, 0.5)
     lag = float(random.choice([0.0, log_uniform(random, 0.02, 0.5) * scene.seconds]))
     return {"urad_per_k": size, "constant_s": lag}
 
@@ -112,7 +112,7 @@ def _busy(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
 
 
 def _coupled(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
-    others = [other for other in scene.strong.tolist() if other != joint] or [(joint + 1) % scene.joints]
+    others = [other for other in scene.visible_joints.tolist() if other != joint] or [(joint + 1) % scene.joints]
     other = int(random.choice(others))
     low, high = (float(end[other]) for end in scene.span)
     return {
@@ -138,9 +138,9 @@ def _law(acts: str, form: str) -> Callable[[Random, ArmScene], dict[str, Any]]:
     """Draws of a random law that acts on a joint, the lean of its axis, the tool or the line of sight."""
 
     def draw(random: Random, scene: ArmScene) -> dict[str, Any]:
-        joint = scene.some_joint(random) + 1 if acts in ("joint", "lean") else None
+        joint = scene.draw_joint(random) + 1 if acts in ("joint", "lean") else None
         axis = {"joint": "", "lean": f"-{'xy'[random.integers(2)]}"}.get(acts, f"-{'xyz'[random.integers(3)]}")
-        moving = [number + 1 for number in scene.strong.tolist()]
+        moving = [number + 1 for number in scene.visible_joints.tolist()]
         names = [*(f"q{number}" for number in moving), *(f"direction{number}" for number in moving), "x", "y", "z"]
         names += ["time", *BESIDES.get(scene.protocol, ())]
         while True:
@@ -156,7 +156,7 @@ def _law(acts: str, form: str) -> Callable[[Random, ArmScene], dict[str, Any]]:
             "form": form,
             "variables": chosen,
             "span": [_span(name, scene) for name in chosen],
-            "size": 1.2 * scene.wanted(random) / lever.get(acts, MM_PER_UM),
+            "size": 1.2 * scene.draw_shift(random) / lever.get(acts, MM_PER_UM),
             "law_seed": int(random.integers(10**6)),
         }
 
@@ -192,7 +192,7 @@ def _span(name: str, scene: ArmScene) -> list[float]:
         low, high = (float(end["xyz".index(name)]) for end in scene.tool_range)
         return [low, max(high, low + 1.0)]
     fixed = {"payload": [0.0, float(scene.payload.max(initial=1.0)) or 1.0], "time": [0.0, 1.0]}
-    ends = sorted([scene.spec.reference_temp_c, scene.spec.reference_temp_c + 1.5 * scene.warms])
+    ends = sorted([scene.spec.reference_temp_c, scene.spec.reference_temp_c + 1.5 * scene.warming_k])
     fixed |= {key: [ends[0], max(ends[1], ends[0] + 1.0)] for key in ("temperature", "memory")}
     return fixed.get(name, [-1.0, 1.0])
 
@@ -200,19 +200,23 @@ def _span(name: str, scene: ArmScene) -> list[float]:
 SHOWN: tuple[Fault, ...] = (
     Fault("hardening-joint", "odd", ("volume",), _one("hardening-joint", _hardening, loaded=True)),
     Fault(
-        "loaded-friction", "odd", STATIC, _one("loaded-friction", _friction, loaded=True), kin=("backlash", "windup")
+        "loaded-friction",
+        "odd",
+        STATIC,
+        _one("loaded-friction", _friction, loaded=True),
+        related=("backlash", "windup"),
     ),
     Fault("damaged-tooth", "odd", STATIC, _one("damaged-tooth", _tooth)),
     Fault("slipping-tool", "odd", STATIC, _holder),
     Fault("rocking-base", "odd", STATIC, _rocking),
     Fault("wobbling-axis", "odd", STATIC, _one("wobbling-axis", _wobble)),
-    Fault("dress-pack", "odd", STATIC, _one("dress-pack", _cables), kin=("backlash", "windup")),
+    Fault("dress-pack", "odd", STATIC, _one("dress-pack", _cables), related=("backlash", "windup")),
     Fault("belt-resonance", "odd", STATIC, _one("belt-resonance", _belt)),
     Fault("rounding-controller", "odd", STATIC, _one("rounding-controller", _counts)),
     Fault("warm-joint", "odd", ("warmup",), _one("warm-joint", _warm)),
     Fault("busy-joint", "odd", STATIC, _one("busy-joint", _busy)),
     Fault("coupled-joints", "odd", STATIC, _one("coupled-joints", _coupled)),
-    Fault("loaded-play", "odd", ("payload",), _one("loaded-play", _loose), kin=("backlash",)),
+    Fault("loaded-play", "odd", ("payload",), _one("loaded-play", _loose), related=("backlash",)),
     Fault("loss-at-reversal", "odd", STATIC, _one("loss-at-reversal", _loss)),
 )
 ACTS, FORMS = ("joint", "lean", "tool", "sight"), ("smooth", "jumpy", "periodic")

@@ -7,8 +7,8 @@ import pandas as pd
 
 from ptt.machine import SerialSpec
 from ptt.rig.arm_faults import tool_on_drawing, within_limits
-from ptt.rig.arm_state import tool_slopes
-from ptt.rig.draw_arm_machine import ForeignArm, posture
+from ptt.rig.arm_state import tool_jacobian
+from ptt.rig.draw_arm_machine import ForeignArm, inverse_condition
 from ptt.rig.nominal import Array
 from ptt.rig.paths import Plan
 
@@ -65,7 +65,7 @@ def inverse(spec: SerialSpec, start: Array, goal: Array) -> Array:
         off = goal - tool_on_drawing(spec, q)
         if np.abs(off).max() < 0.1 * FOUND:
             break
-        step = np.einsum("nkx,nx->nk", np.linalg.pinv(tool_slopes(spec, q), rcond=1e-3), off)
+        step = np.einsum("nkx,nx->nk", np.linalg.pinv(tool_jacobian(spec, q), rcond=1e-3), off)
         q += step / np.maximum(1.0, np.abs(step).max(axis=1, keepdims=True) / 0.3)
     missed = np.linalg.norm(goal - tool_on_drawing(spec, q), axis=1) > FOUND
     lost = missed | (np.abs(q - start) > FARTHEST).any(axis=1) | ~within_limits(spec, q).all(axis=1)
@@ -75,7 +75,7 @@ def inverse(spec: SerialSpec, start: Array, goal: Array) -> Array:
 def _spread(random: Random, arm: ForeignArm, count: int) -> Array:
     """Random postures: of twice as many the half that is farthest from singular ones, (n, k) rad."""
     q = random.uniform(arm.low, arm.high, (2 * count, len(arm.low)))
-    keep = np.argsort(-posture(_drawing(arm), q))[:count]
+    keep = np.argsort(-inverse_condition(_drawing(arm), q))[:count]
     return np.asarray(q[np.sort(keep)])
 
 

@@ -1,4 +1,4 @@
-"""Which faults can be hidden, on which protocols they can be seen, and how large they usually are."""
+"""Faults of a 3-PTT that effects of the library describe: their sizes, and the protocols that show them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ Random = np.random.Generator
 
 @dataclass(frozen=True)
 class Scene:
-    """The machine that faults are drawn for.
+    """The machine and the run that faults are drawn for.
 
     Attributes:
-        drawing: directions and lengths.
-        spec: the [machine] section.
+        drawing: the ideal machine.
+        spec: its [machine] section.
         half_size: (3,) mm, half size of the workspace.
         protocol: how the run is measured.
     """
@@ -31,12 +31,12 @@ class Scene:
 
     @property
     def span(self) -> list[float]:
-        """Slider heights that the workspace covers, mm."""
+        """Lowest and highest slider height in the workspace, mm."""
         return list(volume_span(self.drawing, self.half_size))
 
     @property
     def scale(self) -> float:
-        """Size of the workspace against the bench's."""
+        """Size of the workspace relative to the bench's."""
         return float((self.half_size / HALF_SIZE).min())
 
 
@@ -53,11 +53,11 @@ class Fault:
         name: the effect's name in the library, or the odd fault's.
         section: of the rig file.
         protocols: those that show it.
-        draw: keys and values of the section.
-        effect: the effect's name in the library where several faults are one effect.
-        kin: effects of which a fault outside the library holds a share, so that to name them is not wrong.
-        unseen: kept from those who build the diagnosis, to judge it by in the end.
-        once: what several faults share, of which only one is hidden in a rig: one thing under two names, one spring.
+        draw: draws keys and values of the section.
+        effect: the effect's name in the library, where it is not the fault's own.
+        related: effects of which a fault outside the library holds a share, so that to name them is not wrong.
+        unseen: held back from the development of the diagnosis, to judge it by.
+        exclusive: a name shared by faults of which a rig has only one: two names of one thing, or one spring.
     """
 
     name: str
@@ -65,9 +65,9 @@ class Fault:
     protocols: tuple[Any, ...]
     draw: Draw
     effect: str = ""
-    kin: tuple[str, ...] = ()
+    related: tuple[str, ...] = ()
     unseen: bool = False
-    once: str = ""
+    exclusive: str = ""
 
     @property
     def called(self) -> str:
@@ -76,12 +76,12 @@ class Fault:
 
 
 def log_uniform(random: Random, low: float, high: float) -> float:
-    """A size drawn evenly over its orders of magnitude."""
+    """A log-uniform size between two positive bounds."""
     return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
 
 def some_legs(random: Random, low: float, high: float, *, signed: bool = True, alone: bool = True) -> list[float]:
-    """Log-uniform sizes on one leg or on all."""
+    """Log-uniform sizes of three legs; where `alone`, half of the draws have one on a single leg only."""
     size = np.exp(random.uniform(np.log(low), np.log(high), 3))
     if signed:
         size = size * random.choice([-1.0, 1.0], 3)
@@ -91,7 +91,7 @@ def some_legs(random: Random, low: float, high: float, *, signed: bool = True, a
 
 
 def _both_ways(random: Random, key: str, unit: str, low: float, high: float) -> dict[str, Any]:
-    """A radial and a tangential fault on the same legs."""
+    """Radial and tangential sizes on the same legs, one or all."""
     one = random.random() < 0.5
     keep = np.arange(3) == random.integers(3) if one else np.ones(3, dtype=bool)
     values = {}

@@ -1,4 +1,4 @@
-"""More faults that effects of the library describe, beside those that the sample data were drawn from."""
+"""More faults of a 3-PTT that effects of the library describe; `draw_rig` leaves them out, so its seeds stay alike."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from ptt.rig.draw_faults import PATH_OR_VOLUME, STATIC, Fault, Random, Scene, lo
 
 
 def _slip(random: Random, scene: Scene) -> dict[str, Any]:
-    """One slider loses its zero in the middle of the run."""
+    """The zero of one slider shifts between a fifth and four fifths of the run."""
     leg, size = random.integers(3), log_uniform(random, 0.02, 0.4) * random.choice([-1.0, 1.0])
     slip = [float(size) if other == leg else 0.0 for other in range(3)]
     return {"slip_mm": slip, "slip_share": float(random.uniform(0.2, 0.8))}
@@ -16,8 +16,8 @@ def _soft_links(random: Random, scene: Scene) -> dict[str, Any]:
     return {"link_compliance_um_per_n": some_legs(random, 0.03, 0.5, signed=False)}
 
 
-def _too_much(random: Random, scene: Scene) -> dict[str, Any]:
-    """A controller that takes out play which is not there: a gap below zero."""
+def _over_compensation(random: Random, scene: Scene) -> dict[str, Any]:
+    """A controller that compensates backlash which is not there: a negative gap to the library."""
     return {"backlash_mm": some_legs(random, 0.008, 0.1, signed=False)}
 
 
@@ -35,7 +35,7 @@ def _offsets(random: Random, scene: Scene) -> dict[str, Any]:
 MORE: tuple[Fault, ...] = (
     Fault("homing-slip", "drive", PATH_OR_VOLUME, _slip),
     Fault("link-compliance", "geometry", ("payload",), _soft_links),
-    Fault("over-compensation", "controller", PATH_OR_VOLUME, _too_much, effect="backlash"),
+    Fault("over-compensation", "controller", PATH_OR_VOLUME, _over_compensation, effect="backlash"),
     Fault("tracker-scale", "tracker", STATIC, _scale),
     Fault("joint-offset", "geometry", STATIC, _offsets),
 )

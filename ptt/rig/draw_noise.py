@@ -1,4 +1,4 @@
-"""Kinds of tracker noise, drawn by name."""
+"""Kinds of tracker noise, of random sizes."""
 
 from collections.abc import Callable
 from typing import Any
@@ -18,7 +18,7 @@ def draw_noise(kind: str, seed: int) -> dict[str, Any]:
         seed: of the sizes.
 
     Returns:
-        Keys and values of [tracker], the station among them where the noise depends on how far it is.
+        Keys and values of [tracker], with the station where the noise depends on its distance.
     """
     random = np.random.default_rng([seed, 73])
     values = NOISES[kind](random)
@@ -30,19 +30,19 @@ def draw_noise(kind: str, seed: int) -> dict[str, Any]:
 
 
 def stated_sigma(values: dict[str, Any], distance: float) -> float:
-    """What a maker's leaflet would say of one coordinate of such a tracker, mm; nothing of drift or gross errors.
+    """Standard deviation of one coordinate as a data sheet states it, without wander, drift and gross errors.
 
     Args:
-        values: as drawn.
+        values: keys and values of [tracker].
         distance: mm, from the tracker to the machine.
 
     Returns:
-        Root mean square over the three coordinates.
+        Root mean square over the three coordinates, mm.
     """
     radial, sideways = values.get("radial_um", 1.0), values.get("sideways_um_per_m", 1.25) * distance * 1e-3
     white = 1e3 * values["white_mm"] if "white_mm" in values else np.sqrt((radial**2 + 2.0 * sideways**2) / 3.0)
-    own = np.mean(np.square(values.get("axis_um", (0.0,) * 3))) + values.get("quantum_um", 0.0) ** 2 / 12.0
-    return float(1e-3 * np.sqrt(white**2 + own))
+    axes = np.mean(np.square(values.get("axis_um", (0.0,) * 3))) + values.get("quantum_um", 0.0) ** 2 / 12.0
+    return float(1e-3 * np.sqrt(white**2 + axes))
 
 
 def _white(random: Random) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def _heavy(random: Random) -> dict[str, Any]:
 
 
 def _range(random: Random) -> dict[str, Any]:
-    """A tracker so near that its distance changes much over the workspace."""
+    """A tracker so near that its distance, and with it the noise, changes much over the workspace."""
     angle, away = random.uniform(0.0, 2.0 * np.pi), random.uniform(700.0, 1500.0)
     station = [away * np.cos(angle), away * np.sin(angle), random.uniform(0.0, 400.0)]
     return {
@@ -65,7 +65,7 @@ def _range(random: Random) -> dict[str, Any]:
 
 
 def _anisotropic(random: Random) -> dict[str, Any]:
-    """Sharp along the beam, blunt across it."""
+    """Little noise along the beam, much across it."""
     angle, away = random.uniform(0.0, 2.0 * np.pi), random.uniform(2500.0, 6000.0)
     station = [away * np.cos(angle), away * np.sin(angle), random.uniform(0.0, 1500.0)]
     return {
@@ -76,13 +76,13 @@ def _anisotropic(random: Random) -> dict[str, Any]:
 
 
 def _quantised(random: Random) -> dict[str, Any]:
-    """Readings kept to a few digits; below a third of a digit of noise, repeats would all be alike."""
+    """Readings rounded to a coarse step; with noise below a third of it, repeats would all be the same."""
     quantum = float(random.choice([1.0, 2.0, 5.0, 10.0]))
     return {"quantum_um": quantum, "white_mm": 1e-3 * max(quantum * float(random.uniform(0.35, 0.8)), 1.5)}
 
 
 def _wander(random: Random) -> dict[str, Any]:
-    """Air and stand: a third to two and a half times the white noise, over half a minute to an hour and a half."""
+    """Wander of 0.3 to 2.5 times the white noise, correlated over half a minute to 80 minutes."""
     white = log_uniform(random, 0.0015, 0.004)
     share, slow = log_uniform(random, 0.3, 2.5), log_uniform(random, 30.0, 5000.0)
     return {"white_mm": white, "wander_um": 1e3 * white * share, "wander_s": slow}
@@ -99,7 +99,7 @@ def _axes(random: Random) -> dict[str, Any]:
 
 
 def _mixed(random: Random) -> dict[str, Any]:
-    """Some of all."""
+    """Anisotropic noise of heavy tails with rounding, wander and gross errors."""
     drawn = {**_anisotropic(random), "heavy_dof": float(random.uniform(3.0, 8.0)), "quantum_um": 1.0}
     drawn |= {"wander_um": log_uniform(random, 1.0, 4.0), "wander_s": log_uniform(random, 60.0, 2000.0)}
     return {**drawn, "outlier_share": float(random.uniform(0.0, 0.03))}

@@ -1,4 +1,4 @@
-"""Faults that no effect of the library describes, as they are hidden in rigs."""
+"""Faults of a 3-PTT that no effect of the library describes, of random sizes."""
 
 from typing import Any
 
@@ -9,12 +9,12 @@ from ptt.rig.nominal import Array
 
 
 def some_height(random: Random, scene: Scene, spread: float = 25.0) -> float:
-    """Somewhere in the middle of what a run covers."""
+    """A slider height, mm, within +-spread mm on the bench about that at p = 0."""
     return float(np.round(scene.drawing.home[0] + scene.scale * random.uniform(-spread, spread), 3))
 
 
 def some_leg(random: Random) -> int:
-    """Number of a leg."""
+    """Number of a leg, 1 to 3."""
     return int(random.integers(1, 4))
 
 
@@ -34,7 +34,7 @@ def _damage(random: Random, scene: Scene) -> dict[str, Any]:
 
 
 def _roller(random: Random, scene: Scene) -> dict[str, Any]:
-    """A period well away from the lead, its half and its double."""
+    """A period well away from the screw's lead, its half, double and triple."""
     lead = scene.spec.screw_lead_mm or 5.0
     period = lead * float(
         random.choice([random.uniform(0.6, 0.85), random.uniform(1.25, 1.75), random.uniform(2.3, 3.4)])
@@ -79,17 +79,17 @@ UNKNOWN: tuple[Fault, ...] = (
     Fault("guide-damage", "odd", PATH_OR_VOLUME, _damage),
     Fault("roller-period", "odd", PATH_OR_VOLUME, _roller),
     Fault("hose", "odd", STATIC, _hose),
-    Fault("warm-backlash", "odd", ("warmup",), _warm, kin=("backlash",)),
+    Fault("warm-backlash", "odd", ("warmup",), _warm, related=("backlash",)),
 )
 
 
 def log_signed(random: Random, low: float, high: float) -> float:
-    """A size drawn evenly over its orders of magnitude, of either sign."""
+    """A log-uniform size of random sign."""
     return log_uniform(random, low, high) * float(random.choice([-1.0, 1.0]))
 
 
 def _worn(random: Random, scene: Scene) -> dict[str, Any]:
-    """The stretch of a screw on which it mostly works."""
+    """Wear of a screw where it works most."""
     return {
         "kind": "bump",
         "leg": some_leg(random),
@@ -130,7 +130,7 @@ def _rattle(random: Random, scene: Scene) -> dict[str, Any]:
 
 
 def _table(random: Random, scene: Scene) -> dict[str, Any]:
-    """Drawn by what it does at the edge of the workspace, 20 to 150 um."""
+    """Sized by the shift of the tool at the edge of the workspace, 20 to 150 um under the moving mass."""
     pivot = float(np.round(scene.drawing.link * random.uniform(1.0, 2.5), 1))
     tilt = 1e3 * log_uniform(random, 20.0, 150.0) / (10.0 * float(scene.half_size[0]) * pivot)
     return {"kind": "settling-table", "urad_per_kg_mm": tilt, "moving_kg": 10.0, "pivot_mm": pivot}
@@ -139,8 +139,8 @@ def _table(random: Random, scene: Scene) -> dict[str, Any]:
 SHOWN_FAULTS: tuple[Fault, ...] = (
     Fault("worn-spot", "odd", PATH_OR_VOLUME, _worn),
     Fault("cross-coupling", "odd", STATIC, _coupled),
-    Fault("cable-drag", "odd", PATH_OR_VOLUME, _cable, kin=("backlash", "windup")),
-    Fault("load-backlash", "odd", ("payload",), _loaded_nut, kin=("backlash",)),
+    Fault("cable-drag", "odd", PATH_OR_VOLUME, _cable, related=("backlash", "windup")),
+    Fault("load-backlash", "odd", ("payload",), _loaded_nut, related=("backlash",)),
     Fault("loose-joint", "odd", STATIC, _rattle),
     Fault("settling-table", "odd", ("volume", "payload"), _table),
 )

@@ -1,4 +1,4 @@
-"""Faults outside the library that are kept from those who build the diagnosis: it is judged by them in the end."""
+"""Faults outside the library that are held back from the development of the diagnosis, to judge it by."""
 
 import itertools
 from collections.abc import Callable
@@ -7,11 +7,12 @@ from typing import Any
 from ptt.rig.draw_faults import PATH_OR_VOLUME, STATIC, Fault, Random, Scene, log_uniform
 from ptt.rig.draw_odd import log_signed, some_height, some_leg
 
+# Variables of random laws: of every run, and besides of the runs of a protocol.
 ALWAYS = ("b1", "b2", "b3", "x", "y", "z", "direction1", "direction2", "direction3", "time")
 BESIDES = {"payload": ("payload",), "warmup": ("temperature", "memory"), "speed": ("speed1", "speed2", "speed3")}
 FIXED_SPANS = {"payload": (0.0, 6.0), "temperature": (20.0, 28.0), "memory": (20.0, 28.0), "time": (0.0, 1.0)}
-SLOW = {"payload", "temperature", "memory", "time"}  # what a frame or a tracker may follow by itself
-HOW_MANY = (1, 1, 2, 2, 3)  # variables of a random law
+SLOW = {"payload", "temperature", "memory", "time"}  # effects of the library follow any function of these alone
+HOW_MANY = (1, 1, 2, 2, 3)  # numbers of variables of a random law, equally likely
 
 
 def _clamp(random: Random, scene: Scene) -> dict[str, Any]:
@@ -23,7 +24,7 @@ def _clamp(random: Random, scene: Scene) -> dict[str, Any]:
 
 
 def _motor(random: Random, scene: Scene) -> dict[str, Any]:
-    """A few micrometres per millimetre a second of mean speed, which is a few millimetres a second."""
+    """8 to 40 um for each mm/s of mean speed, of which a run with dwells has a few."""
     size = log_signed(random, 8.0, 40.0)
     return {
         "kind": "motor-heat",
@@ -34,7 +35,7 @@ def _motor(random: Random, scene: Scene) -> dict[str, Any]:
 
 
 def _pitch(random: Random, scene: Scene) -> dict[str, Any]:
-    """A pitch that is no part of the screw's lead."""
+    """A pitch that is no simple fraction of the screw's lead."""
     lead = scene.spec.screw_lead_mm or 5.0
     pitch = lead * float(
         random.choice([random.uniform(0.21, 0.24), random.uniform(0.27, 0.31), random.uniform(0.4, 0.47)])
@@ -69,7 +70,7 @@ def _tip(random: Random, scene: Scene) -> dict[str, Any]:
 
 
 def _law(acts: str, form: str) -> Callable[[Random, Scene], dict[str, Any]]:
-    """Draws of a random law that acts on a slider, a rail, a link, the tool or the line of sight."""
+    """The draw of a random law that acts on a slider, a rail, a link, the tool or the line of sight."""
 
     def draw(random: Random, scene: Scene) -> dict[str, Any]:
         place, leg = _place(acts, random)
@@ -93,16 +94,16 @@ def _law(acts: str, form: str) -> Callable[[Random, Scene], dict[str, Any]]:
 
 
 def describable(place: str, leg: int | None, form: str, variables: list[str]) -> bool:
-    """Whether a law might be an effect of the library, or nothing but a tracker's drift.
+    """Whether effects of the library could describe a random law.
 
     Args:
-        place: where it acts.
-        leg: of which leg.
+        place: where it acts, as in RandomLaw.
+        leg: its leg, None where it acts on tool or sight.
         form: smooth or jumpy.
-        variables: that it depends on.
+        variables: names of its variables.
 
     Returns:
-        True for laws that are no unknown physics.
+        True for laws that are not to be hidden as unknown ones.
     """
     if set(variables) <= SLOW:
         return True  # loads, warmth, drift, knocks, slipped zeros
@@ -146,8 +147,8 @@ UNSEEN_FAULTS: tuple[Fault, ...] = (
     Fault("loose-clamp", "odd", STATIC, _clamp, unseen=True),
     Fault("motor-heat", "odd", ("volume", "speed"), _motor, unseen=True),
     Fault("scale-pitch", "odd", STATIC, _pitch, unseen=True),
-    Fault("stick-slip", "odd", PATH_OR_VOLUME, _stick, kin=("backlash", "windup"), unseen=True),
+    Fault("stick-slip", "odd", PATH_OR_VOLUME, _stick, related=("backlash", "windup"), unseen=True),
     Fault("slipping-coupling", "odd", STATIC, _coupling, unseen=True),
-    Fault("carriage-tip", "odd", STATIC, _tip, kin=("backlash",), unseen=True),
+    Fault("carriage-tip", "odd", STATIC, _tip, related=("backlash",), unseen=True),
     *LAWS,
 )
