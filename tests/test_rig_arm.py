@@ -14,6 +14,7 @@ from ptt.door.simulating import simulate as drive
 from ptt.errors import InputError, TableError, WorkspaceError
 from ptt.machine import load_machine
 from ptt.rig import format_rig, parse_rig, simulate
+from ptt.rig.serial_arm import rigid
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 MEASURED = ["x_meas", "y_meas", "z_meas"]
@@ -136,6 +137,13 @@ def test_a_rig_of_an_arm_reads_back_and_noise_follows_the_seed() -> None:
     one, same, other = (simulate(one, targets, seed=s).frame[MEASURED] for one, s in ((rig, 1), (again, 1), (rig, 2)))
     assert one.equals(same)
     assert np.std(one.to_numpy() - other.to_numpy()) == pytest.approx(0.01 * np.sqrt(2.0), rel=0.1)
+
+
+def test_coordinates_turn_against_their_frame() -> None:
+    matrix = rigid(np.array([0.0, 0.0, 0.5 * np.pi]), np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_allclose(matrix @ [0.0, 5.0, 0.0, 1.0], [6.0, 2.0, 3.0, 1.0], atol=1e-12)
+    turn = np.array([0.3, -0.8, 0.4])
+    np.testing.assert_allclose(rigid(turn, np.zeros(3))[:3, :3], Rotation.from_rotvec(-turn).as_matrix(), atol=1e-12)
 
 
 @pytest.mark.parametrize(

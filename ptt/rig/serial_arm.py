@@ -1,4 +1,4 @@
-"""A virtual serial arm with faults: a chain of 4 x 4 matrices in numpy, loads by virtual work, play step by step."""
+"""A virtual serial arm with faults: Denavit-Hartenberg chain, loads by virtual work, play along the travel."""
 
 import math
 from dataclasses import dataclass
@@ -14,26 +14,26 @@ from ptt.rig.screws import screw, shifted, turned
 from ptt.rig.units import GRAVITY
 
 NUDGE = 1e-5  # rad, step of the numerical derivative of the potential energy
-SETTLE = 4  # rounds in which load and deflection find each other
+SETTLE = 4  # iterations of torque and deflection: joints yield by milliradians, each round by a thousandth of the last
 
 
 @dataclass(frozen=True)
 class ArmFaults:
-    """What is wrong with an arm of k joints.
+    """Faults of an arm of k joints.
 
     Attributes:
-        link: (k, 4) errors of a (mm), alpha (rad), d (mm) and theta (rad).
-        gap: (k,) play of each joint, rad.
-        compliance: (k,) yield of each joint, rad per N mm.
-        growth: expansion of every length a, 1/K, and of every offset d where `offset_growth` says nothing else.
-        wobble: (k, m, 2) cosine and sine of the m-th harmonic of each joint's turn, rad.
-        mass: (k, 4) what each link really weighs, kg, and its centre of mass in the frame that it carries, mm; None
-            for the drawing's.
-        beta: (k,) turn about the y axis that follows each twist, rad: how far parallel axes are from being so.
-        scale: (k,) share by which each joint turns too far.
-        added: (k,) play that the controller makes up for, half of it to either side, rad.
-        windup: (k, 2) height (rad) and length (rad) of a gradual change-over after a reversal.
-        offset_growth: expansion of every offset d, 1/K; None for that of the lengths.
+        link: (k, 4) errors of the Denavit-Hartenberg parameters a (mm), alpha (rad), d (mm) and theta (rad).
+        gap: (k,) rad, play of each joint.
+        compliance: (k,) rad per N mm, of each joint.
+        growth: 1/K, thermal expansion of every length a, and of every offset d unless `offset_growth` is given.
+        wobble: (k, m, 2) rad, cosine and sine coefficient of the harmonics 1 to m of each joint.
+        mass: (k, 4) true mass of each link, kg, and its centre of mass in the frame that it carries, mm; None for the
+            drawing's.
+        beta: (k,) rad, rotation about the y axis after each twist (Hayati): how far parallel axes are from parallel.
+        scale: (k,) relative error of each joint's rotation.
+        added: (k,) rad, backlash that the controller compensates: half of it is added in the direction of travel.
+        windup: (k, 2) rad, size and length of each joint's wind-up; None without any.
+        offset_growth: 1/K, thermal expansion of every offset d; None for that of the lengths.
     """
 
     link: Array
@@ -56,15 +56,15 @@ class ArmFaults:
 
 @dataclass(frozen=True)
 class ArmShifts:
-    """What a run adds row by row to the faults of an arm of k joints.
+    """Shifts of an arm of k joints that change from row to row.
 
     Attributes:
-        joint: (n, k) rad, added to the driven joints.
+        joint: (n, k) rad, added to the joints behind their play.
         gap: (n, k) rad, added to the play.
-        tilt: (n, k, 2) rad, by which each joint's axis leans about the x and the y axis of its own frame.
-        hand: (n, 3) mm, shift of the tool in its holder, in the tool's frame.
-        base: (n, 3) rad, rotation of the base about its origin.
-        sight: (n, 3) mm, the tracker's view of the tool alone, base frame.
+        tilt: (n, k, 2) rad, rotation of each joint's axis about the x and the y axis of its frame.
+        hand: (n, 3) mm, shift of the tool in its holder, in the frame of the last link.
+        base: (n, 3) rad, rotation vector of the base about its origin.
+        sight: (n, 3) mm, shift of the readings alone, base frame.
     """
 
     joint: Array
@@ -76,7 +76,7 @@ class ArmShifts:
 
     @classmethod
     def none(cls, rows: int, joints: int) -> "ArmShifts":
-        """A run that adds nothing."""
+        """Shifts of zero."""
         flat, three = (rows, joints), (rows, 3)
         shapes = (flat, flat, (*flat, 2), three, three, three)
         return cls(*(np.zeros(shape) for shape in shapes))
@@ -88,10 +88,10 @@ class ArmRig:
 
     Attributes:
         spec: the drawing.
-        faults: what the drawing does not know.
-        reflector_mm: (3,) place of the reflector beside the drawing's tool point, in the tool's frame.
-        tracker: (4, 4) base frame to tracker frame.
-        sigma_mm: scatter of one coordinate.
+        faults: deviations from it.
+        reflector_mm: (3,) mm, reflector from the drawing's tool point, in the frame of the last link.
+        tracker: (4, 4), base frame to tracker frame; for `measure`.
+        sigma_mm: standard deviation of one coordinate; for `measure`.
     """
 
     spec: SerialSpec
@@ -101,13 +101,13 @@ class ArmRig:
     sigma_mm: float
 
     def measure(self, q: Array, payload: Array, temperature: Array, seed: int) -> Array:
-        """Drive through joint commands and read the tracker at each.
+        """Readings of the tracker at each of the joint commands.
 
         Args:
             q: (n, k) rad, in travel order.
             payload: (n,) kg at the tool point.
             temperature: (n,) deg C.
-            seed: of the scatter.
+            seed: of the noise.
 
         Returns:
             (n, 3) mm in tracker coordinates.
@@ -124,17 +124,17 @@ class ArmRig:
         shifts: ArmShifts | None = None,
         run: Array | None = None,
     ) -> tuple[Array, Array]:
-        """Where joints and last link come to rest after each command.
+        """Joints and last link at rest after each command.
 
         Args:
             q: (n, k) rad, in travel order.
             payload: (n,) kg at the tool point.
             temperature: (n,) deg C.
-            shifts: what the run adds.
-            run: (n,) number of each row's run; None for a single one.
+            shifts: of the rows; None for none.
+            run: (n,) int, number of each row's run; None for a single one.
 
         Returns:
-            Joint values (n, k) rad, and the frame that the last link carries, (n, 4, 4), in the base frame.
+            True joint values (n, k) rad, and the frame that the last link carries, (n, 4, 4), in the base frame.
         """
         q = np.asarray(q, dtype=float)
         added = shifts or ArmShifts.none(*q.shape)
@@ -147,18 +147,18 @@ class ArmRig:
         return joint, turned(added.base) @ frame @ shifted(added.hand)
 
     def tool(self, frame: Array) -> Array:
-        """Place of the drawing's tool point on last links at rest, (n, 3) mm in the base frame."""
+        """Position of the drawing's tool point on the last link's frames (n, 4, 4), (n, 3) mm, base frame."""
         return np.asarray(frame[:, :3, :3] @ np.asarray(self.spec.tool_mm) + frame[:, :3, 3])
 
     def tip(self, frame: Array) -> Array:
-        """Place of the reflector on last links at rest, (n, 3) mm in the base frame."""
+        """Position of the reflector on the last link's frames (n, 4, 4), (n, 3) mm, base frame."""
         return self.tool(frame) + frame[:, :3, :3] @ self.reflector_mm
 
     def _driven(self, q: Array, gap: Array, run: Array | None) -> Array:
-        """Joint values behind uneven rings, play, friction and what the controller adds."""
+        """Joint values without load, (n, k) rad: compensation, play, wind-up, harmonics and scale."""
         faults, path = self.faults, arm_path(q, run)
-        order = np.arange(1, faults.wobble.shape[1] + 1)
-        phase = q[..., None] * order
+        harmonic = np.arange(1, faults.wobble.shape[1] + 1)
+        phase = q[..., None] * harmonic
         uneven = (np.cos(phase) * faults.wobble[..., 0] + np.sin(phase) * faults.wobble[..., 1]).sum(axis=-1)
         sent = path.slider + 0.5 * np.asarray(faults.added) * travel_direction(path.slider)
         follower = drive.play(sent, (faults.gap + gap)[path.row])[path.last]
@@ -167,7 +167,7 @@ class ArmRig:
         return np.asarray(follower + uneven + faults.scale * q)
 
     def _yielded(self, joint: Array, payload: Array, growth: Array) -> Array:
-        """Joint values under load, (n, k) rad."""
+        """Joint values under load, (n, k) rad: each yields by compliance times torque, in the posture of the load."""
         at = joint
         for _ in range(SETTLE if self.faults.compliance.any() else 0):
             torque = [self._torque(at, index, payload, growth) for index in range(joint.shape[1])]
@@ -175,17 +175,17 @@ class ArmRig:
         return at
 
     def _torque(self, joint: Array, index: int, payload: Array | float, growth: Array | float) -> Array:
-        """Torque of all weights about one joint, N mm: the fall of the potential energy."""
+        """Torque of all weights about one joint, (...) N mm: minus the derivative of the potential energy by it."""
         step = NUDGE * np.eye(joint.shape[-1])[index]
         fall = self._energy(joint - step, payload, growth) - self._energy(joint + step, payload, growth)
         return np.asarray(fall / (2.0 * NUDGE))
 
     def torques(self, joint: Array, payload: Array | float) -> Array:
-        """Torque of links and payload about each joint of a cold arm at (n, k) rad, (n, k) N mm."""
+        """Torques of links and payload about each joint at (n, k) rad and reference temperature, (n, k) N mm."""
         return np.stack([self._torque(joint, index, payload, 1.0) for index in range(joint.shape[1])], axis=-1)
 
     def _energy(self, joint: Array, payload: Array | float, growth: Array | float) -> Array:
-        """Potential energy of links and payload, N mm."""
+        """Potential energy of links and payload (at the tool point), (...) N mm."""
         frames = self._frames(joint, growth)
         down = np.asarray(self.spec.gravity) / np.linalg.norm(self.spec.gravity)
         energy = -payload * GRAVITY * ((frames[-1] @ np.append(self.spec.tool_mm, 1.0))[..., :3] @ down)
@@ -194,13 +194,16 @@ class ArmRig:
         return np.asarray(energy)
 
     def _masses(self) -> Array:
-        """Mass and centre of each link, (k, 4) kg and mm."""
+        """Mass of each link, kg, and its centre of mass in the frame that it carries, mm, (k, 4)."""
         if self.faults.mass is not None:
             return self.faults.mass
         return np.array([[link.mass_kg or 0.0, *(link.com_mm or (0.0, 0.0, 0.0))] for link in self.spec.joint])
 
     def _frames(self, joint: Array, growth: Array | float, tilt: Array | None = None) -> list[Array]:
-        """Frame that each link carries at (..., k) rad, (..., 4, 4) each."""
+        """Frames that the links carry at (..., k) rad, in the base frame, (..., 4, 4) each.
+
+        Source: Denavit and Hartenberg, standard or modified (Craig); `growth` (..., 2) are factors on a and d.
+        """
         shape = joint.shape[:-1]
         longer = np.broadcast_to(growth, (*shape, 2))
         beta = np.broadcast_to(self.faults.beta, joint.shape[-1:])
@@ -218,19 +221,15 @@ class ArmRig:
 
 
 def rigid(turn: Array, shift: Array) -> Array:
-    """Rigid motion as a (4, 4) matrix.
+    """Homogeneous transformation of coordinates into a frame that is turned against the old one.
 
     Args:
-        turn: (3,) rotation vector, rad.
-        shift: (3,) mm.
+        turn: (3,) rad, rotation vector of the new frame against the old; coordinates turn by its opposite.
+        shift: (3,) mm, origin of the old frame in the new.
 
     Returns:
-        The matrix.
+        (4, 4).
     """
-    angle = float(np.linalg.norm(turn))
-    axis = np.asarray(turn) / angle if angle else np.array([0.0, 0.0, 1.0])
-    cross = np.cross(np.eye(3), axis)
-    matrix = np.eye(4)
-    matrix[:3, :3] += math.sin(angle) * -cross + (1.0 - math.cos(angle)) * cross @ cross
+    matrix: Array = turned(-np.asarray(turn)[None])[0]
     matrix[:3, 3] = shift
     return matrix
