@@ -1,4 +1,4 @@
-"""Virtual arms with one hidden fault, and runs on them: what is drawn, how large it usually is, how it is measured."""
+"""Virtual arms with one hidden fault, and runs on them: kinds of faults, their usual sizes, how they are measured."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
@@ -32,10 +32,10 @@ class ArmRun:
         rig: the arm.
         fault: what is hidden in it; 'weight' hides the masses too: `rig.spec` is a drawing that states none.
         q: (n, k) rad, commands in travel order.
-        payload_kg: (n,).
+        payload_kg: (n,) kg.
         temp_c: (n,) deg C.
-        time_s: (n,).
-        seed: of the scatter.
+        time_s: (n,) s.
+        seed: of the noise.
     """
 
     rig: ArmRig
@@ -48,7 +48,7 @@ class ArmRun:
 
     @property
     def readings(self) -> Array:
-        """What the tracker reads, (n, 3) mm."""
+        """Readings of the tracker, (n, 3) mm, tracker frame."""
         return self.rig.measure(self.q, self.payload_kg, self.temp_c, self.seed)
 
 
@@ -62,7 +62,7 @@ def draw_arm(spec: SerialSpec, fault: ArmFault, seed: int, rows: int = 220, sigm
         fault: which kind.
         seed: of everything.
         rows: poses of the run.
-        sigma_mm: scatter of one coordinate.
+        sigma_mm: standard deviation of one coordinate.
 
     Returns:
         The run.
@@ -82,11 +82,11 @@ def draw_arm(spec: SerialSpec, fault: ArmFault, seed: int, rows: int = 220, sigm
 
 
 def draw_faults(fault: ArmFault, joints: int, random: np.random.Generator) -> ArmFaults:
-    """Draw the fault itself.
+    """Draw a fault of one kind.
 
     Strain-wave gears yield by 2 to 15 nrad per N mm, under a payload or the links themselves; play is 0.2 to 1 mrad in
-    one or two joints; one link is off by 0.2 to 1 mm or 0.3 to 2 mrad in its length, twist or offset; lengths grow like
-    steel to like aluminium.
+    one or two joints; length, twist and offset of one link are off by 0.2 to 1 mm or 0.3 to 1.5 mrad; lengths grow by
+    the expansion of steel to that of aluminium.
 
     Args:
         fault: which kind.
@@ -115,21 +115,23 @@ def draw_faults(fault: ArmFault, joints: int, random: np.random.Generator) -> Ar
 
 
 def draw_masses(spec: SerialSpec, random: np.random.Generator) -> Array:
-    """Draw what the links of an arm weigh: 8 to 30 kg a metre and a drive of 0.5 to 4 kg each, centres off the bone.
+    """Draw masses of the links of an arm: 8 to 30 kg for each metre between its joints, and a drive of 0.5 to 4 kg.
+
+    Centres of mass lie between the joints, 20 mm (rms) off the line between them.
 
     Args:
         spec: the drawing.
         random: source of numbers.
 
     Returns:
-        (k, 4) kg and mm, centres in the frame that each link carries.
+        (k, 4) kg and mm, centres of mass in the frame that each link carries.
     """
     masses = np.empty((len(spec.joint), 4))
     for index, link in enumerate(spec.joint):
-        bone = np.array([link.a_mm, 0.0, link.d_mm])
-        masses[index, 0] = random.uniform(8.0, 30.0) * np.linalg.norm(bone) * 1e-3 + random.uniform(0.5, 4.0)
-        # A link's frame sits at its far end in the standard convention: the bone lies behind it.
-        masses[index, 1:] = -random.uniform(0.2, 0.8) * bone + random.normal(0.0, 20.0, 3)
+        span = np.array([link.a_mm, 0.0, link.d_mm])
+        masses[index, 0] = random.uniform(8.0, 30.0) * np.linalg.norm(span) * 1e-3 + random.uniform(0.5, 4.0)
+        # A link's frame is at its far end in the standard convention: the link lies behind it.
+        masses[index, 1:] = -random.uniform(0.2, 0.8) * span + random.normal(0.0, 20.0, 3)
     return masses
 
 

@@ -1,4 +1,4 @@
-"""Faults of an arm that effects of the library describe, drawn by what they do to the tool beside the noise."""
+"""Faults of an arm that effects of the library describe, sized by the shift of the tool relative to the noise."""
 
 from typing import Any
 
@@ -9,7 +9,7 @@ from ptt.rig.draw_arm import draw_masses
 from ptt.rig.draw_faults import Fault, Random, log_uniform
 from ptt.rig.units import MM_PER_UM, PPM, RAD_PER_MRAD, RAD_PER_NRAD, RAD_PER_URAD
 
-PARALLEL_DEG = 1.0  # twists nearer to 0 or 180 join axes that are parallel
+PARALLEL_DEG = 1.0  # axes are parallel where the twist is nearer than this to 0 or 180 degrees
 GROWTHS = (1.0, 30.0)  # um/m/K: carbon fibre to magnesium
 RING = 8  # harmonics of an uneven ring
 
@@ -62,12 +62,12 @@ def _play(random: Random, scene: ArmScene) -> dict[str, Any]:
 
 
 def _over_compensation(random: Random, scene: ArmScene) -> dict[str, Any]:
-    """A controller that takes out play which is not there: a gap below zero."""
+    """A controller that compensates backlash which is not there: a negative gap to the library."""
     return {"added_mrad": _lists([2.0 * size for size in scene.draw_angles(random, signed=False)], RAD_PER_MRAD)}
 
 
 def _windup(random: Random, scene: ArmScene) -> dict[str, Any]:
-    """A change-over that some rows see halfway: by the usual way between rows; gears of one arm are of one kind."""
+    """Wind-up over about the usual travel between rows, so that some rows see it halfway; often of one length."""
     usual = float(np.median(scene.step[scene.visible_joints])) * log_uniform(random, 0.4, 3.0)
     own = np.exp(random.uniform(np.log(0.5), np.log(2.0), scene.joints))  # lengths as far apart as those of sliders
     lengths = usual * (np.ones(scene.joints) if random.random() < 0.5 else own)
@@ -76,7 +76,7 @@ def _windup(random: Random, scene: ArmScene) -> dict[str, Any]:
 
 
 def _slip(random: Random, scene: ArmScene) -> dict[str, Any]:
-    """One joint loses its zero in the middle of the run."""
+    """The zero of one joint shifts between a fifth and four fifths of the run."""
     joint = scene.draw_joint(random)
     slip = [0.0] * scene.joints
     slip[joint] = scene.draw_angle(random, joint) * float(random.choice([-1.0, 1.0]))

@@ -1,4 +1,4 @@
-"""Foreign arms: drawings about the families of the market, drawn by seed, each with the postures it is run in."""
+"""Drawings of random arms of the usual families, each with the joint ranges of its run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ ODD_TWIST = 0.15  # share of wrists whose axes meet at other angles than the fam
 
 @dataclass(frozen=True)
 class ForeignArm:
-    """A drawing nobody here built.
+    """A random drawing of an arm.
 
     Attributes:
         file: the machine, its tracker frame and tool (`sigma_mm` is left to who draws the noise).
-        family: of the market.
+        family: of FAMILIES.
         low: (k,) rad, least joint values of a run.
         high: (k,) rad, greatest ones.
-        reach_mm: about how far it reaches.
+        reach_mm: about its reach, mm.
     """
 
     file: MachineFile
@@ -67,21 +67,21 @@ def draw_arm_file(seed: int, *, weighed: bool | None = None) -> ForeignArm:
 
 
 def inverse_condition(spec: SerialSpec, q: Array) -> Array:
-    """How far postures are from singular ones of the tool's place.
+    """Inverse condition number of dp/dq: how far postures are from singular ones for the tool's position.
 
     Args:
         spec: the drawing.
         q: (n, k) rad.
 
     Returns:
-        (n,), least over greatest singular value of dp/dq.
+        (n,), least over greatest singular value, 0 at a singularity.
     """
     sizes = np.linalg.svd(tool_jacobian(spec, q), compute_uv=False)
     return np.asarray(sizes[:, -1] / sizes[:, 0])
 
 
 def _scara(random: Random) -> Links:
-    """SCARA-like: two parallel upright axes, then one that nods and one that rolls in the place of the spindle."""
+    """SCARA-like: two parallel upright axes, then one of pitch and one of roll instead of the spindle."""
     return [
         (random.uniform(0.3, 0.5), 0.0, random.uniform(0.3, 0.6)),
         (random.uniform(0.25, 0.45), 90.0 * _sign(random), random.uniform(-0.1, 0.1)),

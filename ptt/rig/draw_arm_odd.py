@@ -1,4 +1,4 @@
-"""Faults of an arm that no effect of the library describes; half of the kinds are random laws, kept unseen."""
+"""Faults of an arm that no effect of the library describes; random laws are held back to judge the diagnosis by."""
 
 import itertools
 from collections.abc import Callable
@@ -11,16 +11,16 @@ from ptt.rig.draw_faults import Fault, Random, log_uniform
 from ptt.rig.units import MM_PER_UM, RAD_PER_NRAD, RAD_PER_URAD
 
 STATIC = ("volume",)
-SLOW = {"payload", "temperature", "memory", "time"}  # what a frame or a tracker may follow by itself
+SLOW = {"payload", "temperature", "memory", "time"}  # effects of the library follow any function of these alone
 BESIDES = {"payload": ("payload",), "warmup": ("temperature", "memory")}
-HOW_MANY = (1, 1, 2, 2, 3)  # variables of a random law
-HAND_KG = (1.0, 8.0)  # what always hangs at the end of an arm
+HOW_MANY = (1, 1, 2, 2, 3)  # numbers of variables of a random law, equally likely
+HAND_KG = (1.0, 8.0)  # mass at the end of an arm besides the payload
 
 
 def _one(
     kind: str, fill: Callable[[Random, ArmScene, int], dict[str, Any]], *, loaded: bool = False
 ) -> Callable[[Random, ArmScene], dict[str, Any]]:
-    """Draws of a fault of one joint that can be seen, of one that weights turn where the fault needs that."""
+    """The draw of a fault of one visible joint; of one that weights load where the fault needs a torque."""
 
     def draw(random: Random, scene: ArmScene) -> dict[str, Any]:
         joint = int(random.choice(scene.loaded_joints if loaded else scene.visible_joints))
@@ -51,7 +51,7 @@ def _friction(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
 
 
 def _tooth(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
-    """Somewhere in the middle of the way, as wide as a tooth or three of a big wheel."""
+    """In the middle half of the joint's range, as wide as one to three teeth of a large wheel."""
     low, high = (float(end[joint]) for end in scene.span)
     place = random.uniform(0.75 * low + 0.25 * high, 0.25 * low + 0.75 * high)
     width = random.uniform(0.03, 0.12) * (high - low)
@@ -66,6 +66,7 @@ def _holder(random: Random, scene: ArmScene) -> dict[str, Any]:
 
 def _rocking(random: Random, scene: ArmScene) -> dict[str, Any]:
     weight = log_uniform(random, 5.0, 60.0) * 1e-3 * scene.reach
+    # Not GRAVITY: the digits are part of what a seed draws.
     moment = 9.81 * (weight + float(scene.payload.mean())) * scene.reach
     return {
         "kind": "rocking-base",
@@ -87,7 +88,7 @@ def _cables(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
 
 
 def _belt(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
-    """A period between whole parts of a turn, and longer than two usual steps: shorter ones nobody can tell."""
+    """A period that divides no turn evenly, and longer than two usual steps: a shorter one is aliased."""
     often = min(float(random.integers(3, 40)), np.pi / max(float(scene.step[joint]), 0.05)) // 1.0
     period = 2.0 * np.pi / (max(often, 2.0) + random.uniform(0.25, 0.75))
     phase = float(random.uniform(0.0, 2.0 * np.pi))
@@ -135,7 +136,7 @@ def _loss(random: Random, scene: ArmScene, joint: int) -> dict[str, Any]:
 
 
 def _law(acts: str, form: str) -> Callable[[Random, ArmScene], dict[str, Any]]:
-    """Draws of a random law that acts on a joint, the lean of its axis, the tool or the line of sight."""
+    """The draw of a random law that acts on a joint, the lean of its axis, the tool or the line of sight."""
 
     def draw(random: Random, scene: ArmScene) -> dict[str, Any]:
         joint = scene.draw_joint(random) + 1 if acts in ("joint", "lean") else None
@@ -164,16 +165,16 @@ def _law(acts: str, form: str) -> Callable[[Random, ArmScene], dict[str, Any]]:
 
 
 def describable(acts: str, joint: int | None, form: str, variables: list[str]) -> bool:
-    """Whether a law might be an effect of the library, or nothing but a tracker's drift.
+    """Whether effects of the library could describe a random law.
 
     Args:
-        acts: where it acts.
-        joint: on which joint, from 1.
+        acts: where it acts: joint, lean, tool or sight.
+        joint: its joint, from 1; None where it acts on tool or sight.
         form: smooth, jumpy or periodic.
-        variables: that it depends on.
+        variables: names of its variables.
 
     Returns:
-        True for laws that are no unknown physics.
+        True for laws that are not to be hidden as unknown ones.
     """
     if set(variables) <= SLOW:
         return True  # loads, warmth, drift, knocks, slipped zeros
@@ -184,7 +185,7 @@ def describable(acts: str, joint: int | None, form: str, variables: list[str]) -
 
 
 def _span(name: str, scene: ArmScene) -> list[float]:
-    """What a variable covers in a run."""
+    """Range of a variable in a run."""
     if name[0] == "q":
         low, high = (float(end[int(name[1:]) - 1]) for end in scene.span)
         return [low, max(high, low + 0.05)]

@@ -14,13 +14,13 @@ from ptt.rig.paths import Plan
 
 Random = np.random.Generator
 DIGITS = 6  # of a command in rad: a microradian
-NEWTON = 25  # steps of an inverse
-FOUND = 1e-6  # mm by which an inverse may miss
-FARTHEST = 0.8  # rad from where an inverse set out: farther, and the arm may have folded over
-SHRINK = 0.8  # of a figure that the arm cannot follow
-TRIES = 60
-INSET = 0.1  # of the diagonal, by which the poses of ISO 9283 lie inside the corners of its cube
-BESIDE = (0.05, 0.2)  # rad from where a pose is arrived at
+NEWTON = 25  # Gauss-Newton steps of an inverse at the most
+FOUND = 1e-6  # mm, greatest error of an inverse
+FARTHEST = 0.8  # rad from the start of an inverse: farther away the arm may be in another configuration
+SHRINK = 0.8  # factor on a figure that the arm cannot follow
+TRIES = 60  # random postures or lines that are tried before giving up
+INSET = 0.1  # of the diagonal: the poses of ISO 9283 lie inside the corners of its cube by it
+BESIDE = (0.05, 0.2)  # rad, distance from which a pose is approached
 
 
 def draw_arm_plan(seed: int, arm: ForeignArm, rows: int, path: str | None = None) -> Plan:
@@ -48,17 +48,17 @@ def draw_arm_plan(seed: int, arm: ForeignArm, rows: int, path: str | None = None
 
 
 def inverse(spec: SerialSpec, start: Array, goal: Array) -> Array:
-    """Joints that bring the drawing's tool point to places, as near as may be to where they set out.
+    """Inverse kinematics of the drawing's tool point, near given joint values.
 
     Source: Gauss-Newton with the pseudo-inverse of dp/dq, which moves redundant joints least.
 
     Args:
         spec: the drawing.
         start: (n, k) rad.
-        goal: (n, 3) mm.
+        goal: (n, 3) mm, base frame.
 
     Returns:
-        (n, k) rad, NaN where none was found within limits and near.
+        (n, k) rad, NaN where none was found within the limits and near the start.
     """
     q = np.array(start, dtype=float)
     for _ in range(NEWTON):
