@@ -15,7 +15,7 @@ from sweep_judge import SAME
 
 from ptt.challenge.cases import Case, draw, names_of, protocols_of
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
-from ptt.challenge.truth import READINGS, off_set_up, reading_noise, rms_length, table_of
+from ptt.challenge.truth import READINGS, reading_noise, rms_length, table_of, without_set_up
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.effects import library
@@ -242,4 +242,4 @@ def _apart(one: DrawnRig, other: DrawnRig) -> float:
     shift = frames[0][READINGS].to_numpy(float) - frames[1][READINGS].to_numpy(float)
     read = np.isfinite(shift).all(axis=1) & (frames[0]["role"] != "base").to_numpy()
     place, run = frames[0][TARGET].to_numpy(float), frames[0]["run"].to_numpy()
-    return rms_length(off_set_up(one.rig, shift[read], place[read], run[read]))
+    return rms_length(without_set_up(one.rig, shift[read], place[read], run[read]))

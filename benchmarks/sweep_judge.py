@@ -10,7 +10,7 @@ from pydantic import TypeAdapter
 from ptt.challenge.hide import faults_of
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.score import judge
-from ptt.challenge.truth import READINGS, UM_PER_MM, Truth, mount_columns, off_set_up, rms_length
+from ptt.challenge.truth import READINGS, UM_PER_MM, Truth, mount_columns, rms_length, without_set_up
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
@@ -221,7 +221,7 @@ def scatter(drawn: DrawnRig) -> float:
     place = still.truth if drawn.rig.serial is None else still.frame[READINGS].to_numpy(float)
     run, mount = noisy.frame["run"].to_numpy(), mount_columns(drawn)
     held = None if mount is None else mount[kept]
-    return UM_PER_MM * rms_length(off_set_up(drawn.rig, shift[kept], place[kept], run[kept], held))
+    return UM_PER_MM * rms_length(without_set_up(drawn.rig, shift[kept], place[kept], run[kept], held))
 
 
 def printed_heldout(result: Mapping[str, Any]) -> float | None:

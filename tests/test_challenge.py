@@ -19,7 +19,7 @@ from ptt.challenge.challenge import (
 )
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
 from ptt.challenge.score import judge, score
-from ptt.challenge.truth import find_truth, off_frame, rms_length, table_of
+from ptt.challenge.truth import find_truth, rms_length, table_of, without_rigid_motion
 from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.effects.registry import make_effect
@@ -181,7 +181,7 @@ def test_size_is_what_the_best_rigid_motion_leaves() -> None:
     went, wanted = simulate(drawn.rig, drawn.targets, noise=False).truth, sound.truth
     assert fault.counts
     # A rotation by milliradians is its first order to within 1e-6 of 100 mm.
-    assert fault.size == pytest.approx(rms_length(off_frame(went - wanted, wanted)), rel=1e-3)
+    assert fault.size == pytest.approx(rms_length(without_rigid_motion(went - wanted, wanted)), rel=1e-3)
     assert fault.size < rms_length(went - wanted)
 
 

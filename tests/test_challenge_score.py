@@ -21,7 +21,7 @@ from ptt.challenge.challenge import (
 )
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.score import judge, score
-from ptt.challenge.truth import READINGS, UM_PER_MM, find_truth, off_frame, rms_length, table_of
+from ptt.challenge.truth import READINGS, UM_PER_MM, find_truth, rms_length, table_of, without_rigid_motion
 from ptt.commands.challenge import app
 from ptt.diagnosis.diagnose import diagnose
 from ptt.door.simulating import simulate as simulated
@@ -156,7 +156,7 @@ def test_places_that_a_run_only_passes_are_not_measured_again() -> None:
 def _tool_error(drawn) -> float:
     run = simulate(drawn.rig, drawn.targets, noise=False)
     wanted = run.frame[["x_cmd", "y_cmd", "z_cmd"]].to_numpy(float)
-    return UM_PER_MM * rms_length(off_frame(run.truth - wanted, wanted))
+    return UM_PER_MM * rms_length(without_rigid_motion(run.truth - wanted, wanted))
 
 
 def test_the_wrong_model_scores_wrong_and_makes_the_tool_worse() -> None:

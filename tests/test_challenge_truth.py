@@ -14,7 +14,7 @@ from ptt.challenge.challenge import (
     open_challenge,
 )
 from ptt.challenge.remeasure import remeasure
-from ptt.challenge.truth import UM_PER_MM, off_frame, off_set_up, reading_noise, rms_length, table_of
+from ptt.challenge.truth import UM_PER_MM, reading_noise, rms_length, table_of, without_rigid_motion, without_set_up
 from ptt.effects import library
 from ptt.machine import load_machine
 from ptt.model.model import Model
@@ -30,10 +30,12 @@ def test_off_frame_takes_rigid_motions_off_and_nothing_else() -> None:
     random = np.random.default_rng(0)
     place = random.uniform(-60, 60, (40, 3))
     moved = np.cross([1e-4, -2e-4, 3e-4], place) + np.array([0.1, -0.2, 0.3])
-    np.testing.assert_allclose(off_frame(moved, place), 0.0, atol=1e-12)
+    np.testing.assert_allclose(without_rigid_motion(moved, place), 0.0, atol=1e-12)
     shift = random.normal(size=(40, 3))
-    np.testing.assert_allclose(off_frame(shift + moved, place), off_frame(shift, place), atol=1e-12)
-    assert rms_length(off_frame(shift, place)) > 0.8 * rms_length(shift)
+    np.testing.assert_allclose(
+        without_rigid_motion(shift + moved, place), without_rigid_motion(shift, place), atol=1e-12
+    )
+    assert rms_length(without_rigid_motion(shift, place)) > 0.8 * rms_length(shift)
 
 
 def test_a_known_set_up_holds_nothing_and_one_for_each_run_holds_more() -> None:
@@ -45,7 +47,7 @@ def test_a_known_set_up_holds_nothing_and_one_for_each_run_holds_more() -> None:
         file = bench()
         file = replace(file, tracker=file.tracker.model_copy(update={"frame": policy}))
         rig = replace(draw_rig("none", 1, bench(), "volume", rows=40).rig, machine=file)
-        left[policy] = rms_length(off_set_up(rig, moved, place, run))
+        left[policy] = rms_length(without_set_up(rig, moved, place, run))
     assert left["trusted"] == left["measured"] == rms_length(moved)
     assert 0.1 * left["trusted"] < left["fitted"] < left["trusted"]
     assert left["fitted-per-run"] < 1e-9

@@ -11,7 +11,7 @@ from ptt.challenge.cases import VISIBLE, Case, draw, names_of, plan, protocols_o
 from ptt.challenge.fresh import fresh_poses
 from ptt.challenge.hide import ARM_FAULTS, clear_faults, hide_faults
 from ptt.challenge.remeasure import remeasure
-from ptt.challenge.truth import mount_columns, off_set_up
+from ptt.challenge.truth import mount_columns, without_set_up
 from ptt.effects import library
 from ptt.machine import format_machine, parse_machine
 from ptt.mechanisms.serial import Serial
@@ -215,8 +215,8 @@ def test_what_a_mount_can_hold_is_no_size_of_a_fault() -> None:
     moved = replace(sound, rig=replace(sound.rig, odd=(slip,)))
     here, there = (simulate(each.rig, each.targets, noise=False).frame[MEASURED].to_numpy() for each in (sound, moved))
     run, shift = np.zeros(len(here)), there - here
-    assert np.abs(off_set_up(sound.rig, shift, here, run)).max() > 0.01
-    np.testing.assert_allclose(off_set_up(sound.rig, shift, here, run, mount_columns(sound)), 0.0, atol=1e-6)
+    assert np.abs(without_set_up(sound.rig, shift, here, run)).max() > 0.01
+    np.testing.assert_allclose(without_set_up(sound.rig, shift, here, run, mount_columns(sound)), 0.0, atol=1e-6)
 
 
 # --- closing the loop ----------------------------------------------------------------------------------------------

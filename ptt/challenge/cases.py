@@ -1,4 +1,4 @@
-"""Cases: which faults are hidden in which rig, under which noise; everything follows from the seed."""
+"""Cases of a sweep: which faults are hidden in which rig, under which noise; everything follows from the seed."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -7,15 +7,15 @@ import numpy as np
 
 from ptt.challenge.hide import ARM_FAULTS, FAULTS, hide_faults
 from ptt.challenge.truth import (
-    COUNTS,
+    COUNTED_SIZE,
     READINGS,
     Truth,
     find_truth,
     mount_columns,
-    off_set_up,
     reading_noise,
     rms_length,
     seen_place,
+    without_set_up,
 )
 from ptt.effects import library
 from ptt.machine import MachineFile
@@ -27,9 +27,9 @@ from ptt.rig.draw_foreign_arm import ARM_PROTOCOLS, draw_foreign_arm
 from ptt.rig.draw_machine import draw_machine_file
 from ptt.rig.draw_noise import NOISES, draw_noise
 
-RIGS, SIZES = 3, 6  # how many are drawn until every fault can be seen
-AGAIN = 1_000_000  # between the seeds of two attempts
-VISIBLE = (COUNTS, 30.0)  # sizes of a fault, times the noise of one reading, that a sweep of visible faults draws
+RIGS, SIZES = 3, 6  # rigs, and sizes of each fault, that are drawn at the most until every fault can be seen
+ATTEMPT = 1_000_000  # between the seeds of two attempts: more than a sweep has cases
+VISIBLE = (COUNTED_SIZE, 30.0)  # range of sizes of a visible fault, times the noise of one reading
 MOST_FAULTS = 5
 # Faults that poses in a volume show are also hidden in runs of several loads and temperatures, and those that a path
 # shows also in one at several speeds.
@@ -38,12 +38,12 @@ ALSO: dict[str, tuple[Protocol, ...]] = {"volume": ("volume", "payload", "warmup
 ALSO_ARM: dict[str, tuple[Protocol, ...]] = {"volume": ARM_PROTOCOLS, "still load": ("volume", "warmup")}
 # Readings that an effect asks for: a map of uneven rings takes a hundred rows for each of up to seven joints.
 LEAST_ROWS = {"joint-error-map": 720}
-# The library has these, and hardly a run tells them from others: hidden alone, never among several.
+# Effects that hardly a run tells from others: hidden alone, never among several.
 AMBIGUOUS = ("joint-offset", "tracker-scale")
-# Of a real machine each size of the drawing is off, by about what readings scatter by.
+# At level dense each size of the drawing is off by about the noise of a reading, as on a real machine.
 SIZES_OF_DRAWING = ("homing-offset", "lead-scale", "tower-position", "tower-tilt", "link-length", "joint-offset")
-LITTLE = (0.2, 2.5)  # sizes of each of these, times the noise of one reading
-MOST_TIMES = 3.0  # of a size as it is drawn: what a run hardly shows is not made huge
+LITTLE = (0.2, 2.5)  # range of the sizes of each of these, times the noise of one reading
+MOST_TIMES = 3.0  # greatest factor on a drawn size: what a run hardly shows is not made huge
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Case:
 
     Attributes:
         seed: of everything.
-        level: single, multi, unknown, none or dense, one fault beside all sizes of the drawing, each off a little.
+        level: single, multi, unknown, none, or dense: one fault beside small errors of all sizes of the drawing.
         protocol: how it is measured.
         faults: names of what is hidden.
         noise: kind of noise; None is the bench's own.
@@ -81,7 +81,7 @@ def table_of_faults(arm: bool) -> dict[str, Fault]:
 
 
 def names_of(level: str, kinds: str = "all", *, arm: bool = False) -> tuple[str, ...]:
-    """Faults of a level: effects of the library, or kinds outside it that are shown, unseen or both."""
+    """Names of the faults of a level: effects of the library, or faults outside it that are shown, unseen or all."""
     table = table_of_faults(arm)
     if level != "unknown":
         return tuple(name for name, fault in table.items() if fault.section != "odd")
@@ -90,7 +90,7 @@ def names_of(level: str, kinds: str = "all", *, arm: bool = False) -> tuple[str,
 
 
 def protocols_of(name: str, *, arm: bool = False) -> tuple[Protocol, ...]:
-    """Runs in which a fault is hidden."""
+    """Protocols of the runs in which a fault is hidden."""
     own, also = table_of_faults(arm)[name].protocols, ALSO_ARM if arm else ALSO
     return tuple(dict.fromkeys(each for protocol in own for each in also.get(protocol, (protocol,))))
 
@@ -114,7 +114,7 @@ def plan(
     cases = []
     for number in range(start, start + count):
         random = np.random.default_rng([number, 61])
-        protocol, faults = _hide(level, number, random, kinds, shared.get("arm", False))
+        protocol, faults = _choose_faults(level, number, random, kinds, shared.get("arm", False))
         through = list(NOISES)[(number + number // len(NOISES)) % len(NOISES)] if shared.get("bench") is None else None
         case = Case(number, level, protocol, faults, noise or through, **shared)
         least = max((LEAST_ROWS[name] for name in faults if name in LEAST_ROWS), default=None) if case.arm else None
@@ -122,7 +122,7 @@ def plan(
     return cases
 
 
-def _hide(
+def _choose_faults(
     level: str, number: int, random: np.random.Generator, kinds: str, arm: bool
 ) -> tuple[Protocol, tuple[str, ...]]:
     protocols = ARM_PROTOCOLS if arm else PROTOCOLS
@@ -144,7 +144,7 @@ def _hide(
 
 
 def _several(random: np.random.Generator, protocol: Protocol, count: int, arm: bool) -> tuple[str, ...]:
-    """Effects for one run, each once, one of them of the kind that only this run shows."""
+    """Names of several effects for one run, one of them, where there is any, that no other protocol shows."""
     table, runs = table_of_faults(arm), {name: protocols_of(name, arm=arm) for name in names_of("multi", arm=arm)}
     fitting = [
         name for name in runs if protocol in runs[name] and name not in AMBIGUOUS and not (arm and name in LEAST_ROWS)
@@ -159,45 +159,45 @@ def _several(random: np.random.Generator, protocol: Protocol, count: int, arm: b
 
 
 def draw(case: Case) -> tuple[DrawnRig, Truth]:
-    """Draw the rig of a case, and work out its truth.
+    """Draw the rig of a case, and find its truth.
 
-    Where visible faults are wanted, sizes are drawn anew until each fault alone is of a size in VISIBLE, and the rig
-    with them where its path cannot show one; what comes nearest is taken in the end.
+    Where visible faults are wanted, sizes are drawn again until each fault alone has a size in VISIBLE, and the rig
+    too where its run cannot show one; after all attempts the nearest is taken.
     """
     best: tuple[float, DrawnRig] | None = None
     for attempt in range(RIGS if case.visible and case.faults else 1):
-        seed = case.seed + AGAIN * attempt
-        off, drawn = _hide_visibly(_sound(case, seed), case, seed)
-        if best is None or off < best[0]:
-            best = off, drawn
-        if off == 0.0:
+        seed = case.seed + ATTEMPT * attempt
+        distance, drawn = _hide_visibly(_sound(case, seed), case, seed)
+        if best is None or distance < best[0]:
+            best = distance, drawn
+        if distance == 0.0:
             break
     assert best is not None
     return best[1], find_truth(best[1], library())
 
 
 def _hide_visibly(sound: DrawnRig, case: Case, seed: int) -> tuple[float, DrawnRig]:
-    """How far sizes are from VISIBLE at the worst, as a logarithm, and the rig."""
+    """Greatest distance of a fault's size from VISIBLE, as a logarithm, and the rig with the faults."""
     if not (case.visible and case.faults):
         return 0.0, hide_faults(sound, case.faults, seed)
     still = simulate(sound.rig, sound.targets, noise=False)
     noise = reading_noise(sound.rig, still.truth).total
     if case.level == "dense":
-        off, own = _best_size(sound, still, noise, case.faults[0], seed)
-        return off, _off_a_little(hide_faults(sound, case.faults[:1], own), sound, still, noise, seed)
+        distance, own = _best_size(sound, still, noise, case.faults[0], seed)
+        return distance, _vary_drawing(hide_faults(sound, case.faults[:1], own), sound, still, noise, seed)
     tried = [_best_size(sound, still, noise, name, seed) for name in case.faults]
-    seen = [name for name, (off, _) in zip(case.faults, tried, strict=True) if off == 0.0]
+    seen = [name for name, (distance, _) in zip(case.faults, tried, strict=True) if distance == 0.0]
     # Of several those that this run cannot show are left out; what the case is about stays.
     enough = len(seen) > 1 if case.level == "multi" else case.faults[0] in seen
     drawn = sound
     for name, (_, own) in zip(case.faults, tried, strict=True):
         if name in seen or not enough:
             drawn = hide_faults(drawn, [name], own)
-    return 0.0 if enough else max(off for off, _ in tried), drawn
+    return 0.0 if enough else max(distance for distance, _ in tried), drawn
 
 
-def _off_a_little(drawn: DrawnRig, sound: DrawnRig, still: RunResult, noise: float, seed: int) -> DrawnRig:
-    """The rig with each size of the drawing off by about what a reading scatters by."""
+def _vary_drawing(drawn: DrawnRig, sound: DrawnRig, still: RunResult, noise: float, seed: int) -> DrawnRig:
+    """The rig with each size of the drawing off by about the noise of a reading."""
     random = np.random.default_rng([seed, 62])
     for name in SIZES_OF_DRAWING:
         wanted = float(np.exp(random.uniform(*np.log(LITTLE)))) * noise
@@ -207,10 +207,10 @@ def _off_a_little(drawn: DrawnRig, sound: DrawnRig, still: RunResult, noise: flo
 
 
 def _best_size(sound: DrawnRig, still: RunResult, noise: float, name: str, seed: int) -> tuple[float, int]:
-    """How far the most visible of a few draws of a fault is from VISIBLE, as a logarithm, and its seed."""
+    """Distance from VISIBLE, as a logarithm, of the nearest of a few draws of a fault's size, and its seed."""
     best, mount = (np.inf, seed), mount_columns(sound)
     for attempt in range(SIZES):
-        own = seed + AGAIN // 100 * attempt
+        own = seed + ATTEMPT // 100 * attempt
         size = max(_size(hide_faults(sound, [name], own), still, mount) / noise, 1e-6)
         best = min(best, (max(0.0, float(np.log(VISIBLE[0] / size)), float(np.log(size / VISIBLE[1]))), own))
         if best[0] == 0.0:
@@ -219,13 +219,13 @@ def _best_size(sound: DrawnRig, still: RunResult, noise: float, name: str, seed:
 
 
 def _size(drawn: DrawnRig, still: RunResult, mount: np.ndarray | None) -> float:
-    """What one fault leaves in the readings once the tracker's set-up is out, mm."""
+    """Size of one fault in the readings, less what the tracker's set-up may hold, rms length in mm."""
     frame = simulate(drawn.rig, drawn.targets, noise=False).frame
     shift = frame[READINGS].to_numpy(float) - still.frame[READINGS].to_numpy(float)
     read = np.isfinite(shift).all(axis=1) & (frame["role"] != "base").to_numpy()
     place, run = seen_place(drawn.rig, frame), frame["run"].to_numpy()
     held = None if mount is None else mount[read]
-    return rms_length(off_set_up(drawn.rig, shift[read], place[read], run[read], held))
+    return rms_length(without_set_up(drawn.rig, shift[read], place[read], run[read], held))
 
 
 def _sound(case: Case, seed: int) -> DrawnRig:

@@ -1,4 +1,4 @@
-"""Fresh poses of an arm in the range that its run measured: benchmarks judge a diagnosis by the commands there."""
+"""Fresh poses of an arm in the range of its run, by which benchmarks judge the commands of a diagnosed model."""
 
 from dataclasses import replace
 

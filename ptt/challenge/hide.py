@@ -1,4 +1,4 @@
-"""Faults put into a rig by name, and taken out again."""
+"""Faults added to a rig by name, and removed again."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -26,21 +26,21 @@ _ODD: TypeAdapter[Any] = TypeAdapter(Odd)
 
 
 def faults_of(rig: Rig) -> Mapping[str, Fault]:
-    """What can be hidden in a rig, by name: 3-PTT and arm have faults of the same names that are not the same."""
+    """Faults that can be hidden in a rig, by name; faults of a 3-PTT and of an arm may share a name."""
     return FAULTS if rig.serial is None else ARM_FAULTS
 
 
 def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int, times: float = 1.0) -> DrawnRig:
-    """Hide faults of random size in a rig, whether or not its run is the best one to see them.
+    """Hide faults of random size in a rig, whether or not its run shows them.
 
     Args:
         drawn: the rig, its targets, and what is hidden already.
-        names: faults of `ptt.rig.draw.fault_names`, effects of the library or not.
+        names: of `faults_of` the rig.
         seed: of the sizes.
-        times: as large as the seed has them, of faults whose values are lengths or angles of each leg alone.
+        times: factor on the drawn sizes, of faults all of whose values are sizes of legs.
 
     Returns:
-        The rig with these faults, too.
+        The rig with these faults as well.
 
     Raises:
         InputError: an unknown fault, or one that is hidden already.
@@ -55,17 +55,17 @@ def hide_faults(drawn: DrawnRig, names: Sequence[str], seed: int, times: float =
         if times != 1.0:
             values = {key: (times * np.array(legs)).tolist() for key, legs in values.items()}
         truth[name] = values
-        rig = _put(rig, table[name].section, _settle(values, len(drawn.targets) * rig.conditions.cycles))
+        rig = _with_fault(rig, table[name].section, _at_rows(values, len(drawn.targets) * rig.conditions.cycles))
     return replace(drawn, rig=rig, truth=truth)
 
 
 def clear_faults(rig: Rig, truth: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> Rig:
-    """Take faults out of a rig.
+    """Remove faults from a rig.
 
     Args:
         rig: with faults.
         truth: name of the fault -> keys and values in the rig.
-        names: which of them to take out.
+        names: of the faults to remove.
 
     Returns:
         The rig without them.
@@ -77,13 +77,13 @@ def clear_faults(rig: Rig, truth: Mapping[str, Mapping[str, Any]], names: Iterab
             rig = replace(rig, odd=tuple(item for item in rig.odd if item != fault))
             continue
         present = getattr(rig, section)
-        update = {key: type(present).model_fields[key].default for key in _settle(truth[name], 0)}
+        update = {key: type(present).model_fields[key].default for key in _at_rows(truth[name], 0)}
         rig = replace(rig, **{section: present.model_copy(update=update)})
     return rig
 
 
 def called(rig: Rig, name: str) -> str:
-    """What the library calls a fault of a rig."""
+    """Name in the library of a fault of a rig."""
     return faults_of(rig)[name].called
 
 
@@ -93,7 +93,7 @@ def _scene(drawn: DrawnRig) -> Scene | ArmScene:
     return Scene(ideal_machine(drawn.rig.spec), drawn.rig.spec, drawn.half_size, drawn.protocol)
 
 
-def _put(rig: Rig, section: str, values: Mapping[str, Any]) -> Rig:
+def _with_fault(rig: Rig, section: str, values: Mapping[str, Any]) -> Rig:
     if section == "odd":
         return replace(rig, odd=(*rig.odd, _ODD.validate_python(values)))
     present = getattr(rig, section)
@@ -101,7 +101,7 @@ def _put(rig: Rig, section: str, values: Mapping[str, Any]) -> Rig:
     return replace(rig, **{section: type(present).model_validate(joined)})
 
 
-def _settle(values: Mapping[str, Any], rows: int) -> dict[str, Any]:
-    """What happens once is drawn at a share of the run and happens at a row."""
+def _at_rows(values: Mapping[str, Any], rows: int) -> dict[str, Any]:
+    """Values of the rig's file: of an event drawn at a share of the run its row."""
     shares = {"knock_share": "knock_row", "slip_share": "slip_row"}
     return {shares.get(key, key): int(value * rows) if key in shares else value for key, value in values.items()}

@@ -1,4 +1,4 @@
-"""A rig measured again without noise with the commands of a model: how far its tool is off."""
+"""A rig measured again without noise, with the commands of a model: the errors of its tool."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from ptt.challenge.truth import READINGS, UM_PER_MM, in_base_frame, mount_columns, off_set_up, table_of
+from ptt.challenge.truth import READINGS, UM_PER_MM, in_base_frame, mount_columns, table_of, without_set_up
 from ptt.correct.compensate import Correction, compensate
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model
@@ -21,11 +21,11 @@ CorrectionAt = Callable[[np.ndarray | None], Correction | None]
 
 @dataclass(frozen=True)
 class ToolError:
-    """Where the tool really went against where it was wanted, without noise, after what the set-up may hold.
+    """True positions of the tool less the targets, without noise, less what the set-up may hold.
 
-    That is the best rigid motion, one for each run where the machine file sets the tracker up anew each time, none
-    where it trusts the tracker's frame; and of an arm whose reflector's mount is fitted a shift that stays with it.
-    Beside base reflectors too, for a diagnosis frees a frame that these hold, and its held-out error is of that.
+    That is the best rigid motion, one for each run where the machine file fits a frame per run, none where it trusts
+    the frame; and of an arm whose reflector's mount is fitted a shift that moves with the tool. A frame measured by
+    base reflectors counts as fitted, since a diagnosis frees it, and its held-out error is without it.
 
     Attributes:
         before: (n, 3) mm, with the controller's own commands.
@@ -47,9 +47,9 @@ class ToolError:
 
 
 def remeasure(model: Model, drawn: DrawnRig, correction_at: CorrectionAt | None = None) -> ToolError:
-    """Send a model's commands for the run's own targets to the rig, as the run has left it.
+    """Run a rig, as its run has left it, with a model's commands for the run's own targets.
 
-    What counts is where the run was read: of places that it only passed, on its way to a pose, no reading tells.
+    Errors are taken at the rows that are read, not where the run only passes.
 
     Args:
         model: effects with their parameters.
@@ -79,7 +79,7 @@ def remeasure(model: Model, drawn: DrawnRig, correction_at: CorrectionAt | None 
 
 
 def as_left(rig: Rig) -> Rig:
-    """The rig after its run: what slipped or was knocked over in the middle of it stays so.
+    """The rig after its run: what slipped or was knocked in the middle of it stays so.
 
     Args:
         rig: before its run.
@@ -119,7 +119,7 @@ def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray, mount: np.ndarray 
         label = run.frame["run"].to_numpy()[poses]
         frame = "fitted" if policy == "measured" else policy
         rig = replace(drawn.rig, machine=replace(machine, tracker=machine.tracker.model_copy(update={"frame": frame})))
-        return off_set_up(rig, went - wanted, wanted, label, in_base_frame(rig, mount[poses]))
+        return without_set_up(rig, went - wanted, wanted, label, in_base_frame(rig, mount[poses]))
     if policy == "trusted":
         return went - wanted
     label = run.frame["run"].to_numpy()[poses] if policy == "fitted-per-run" else np.zeros(len(went))

@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ptt.challenge.remeasure import CorrectionAt, ToolError, remeasure
-from ptt.challenge.truth import UM_PER_MM, UNSEEN, HiddenFault, Truth
+from ptt.challenge.truth import UM_PER_MM, UNDETECTABLE, HiddenFault, Truth
 from ptt.model.model import Model, parameter_names, told_values
 from ptt.run.noise import Noise
 
@@ -20,11 +20,11 @@ class Judgement:
     """A choice of effects held against the truth.
 
     Attributes:
-        faults: hidden fault -> 'found'; 'explained' (the effects named do all its work, by a computation on the truth);
-            'missed'; 'too small' (it does not count, and was not named).
-        named: effect -> 'right'; 'fair' (does the work of a fault under another name); 'partial' (helps with a fault
-            that no effect describes); 'wrong'.
-        instead: hidden fault -> effects that do its work under other names.
+        faults: hidden fault -> 'found'; 'explained' (the named effects describe its share in the run, by a fit to the
+            truth); 'missed'; 'too small' (it does not count, and was not named).
+        named: effect -> 'right'; 'fair' (describes a fault under another name); 'partial' (describes a part of a fault
+            outside the library); 'wrong'.
+        instead: hidden fault -> named effects that describe it under other names.
     """
 
     faults: dict[str, Found]
@@ -33,7 +33,7 @@ class Judgement:
 
     @property
     def right(self) -> bool:
-        """Whether everything that counts is found or explained, and nothing was added wrongly."""
+        """Whether every fault that counts is found or explained, and no effect is wrong or partial."""
         return "missed" not in self.faults.values() and not {"wrong", "partial"} & set(self.named.values())
 
 
@@ -96,12 +96,12 @@ class Score:
 
 
 def judge(keys: Sequence[str], truth: Truth) -> Judgement:
-    """Hold the effects that were named against those that were hidden.
+    """Compare the effects that were named with the faults that were hidden.
 
-    A name that is not the hidden one is fair where a computation on the truth says that nobody could tell: the effects
-    named are fitted to the run without noise, with and without the hidden one, and the difference stays unseen. Nothing
-    but that decides, so exact ambiguities (all slider zeros and the tracker's z, tracker scale and links, radius, lead
-    and zero together) and those of this one run are treated alike.
+    Another name than the hidden one is fair where the run cannot tell them apart: the named effects are fitted to the
+    run without noise with and without the hidden one, and chi-squared differs by less than UNDETECTABLE. So exact
+    ambiguities (all slider zeros and the tracker's z; tracker scale and links, radius, lead and zero together) and
+    those of this one run are treated alike.
 
     Args:
         keys: effects named, with [label] where they have one.
@@ -120,7 +120,7 @@ def judge(keys: Sequence[str], truth: Truth) -> Judgement:
             faults[fault.name] = "too small"
         elif _explained(fault, keys, truth):
             faults[fault.name] = "explained"
-            instead[fault.name] = tuple(key for key in extra if _works(key, keys, truth))
+            instead[fault.name] = tuple(key for key in extra if _contributes(key, keys, truth))
         else:
             faults[fault.name] = "missed"
     stands_in = {key for group in instead.values() for key in group}
@@ -130,7 +130,7 @@ def judge(keys: Sequence[str], truth: Truth) -> Judgement:
     for key in keys:
         if key in truth.hidden:
             named[key] = "right"
-        elif odd and _works(key, keys, truth):
+        elif odd and _contributes(key, keys, truth):
             named[key] = "partial"
         else:
             named[key] = "fair" if key in stands_in and not open_ else "wrong"
@@ -159,15 +159,15 @@ def score(model: Model, truth: Truth, correction_at: CorrectionAt | None = None)
 
 
 def _explained(fault: HiddenFault, keys: Sequence[str], truth: Truth) -> bool:
-    """Whether the effects named do all the work of a fault that was not."""
+    """Whether the named effects describe the run as well as with the fault that was not named."""
     if fault.known:
-        return truth.left(keys) - truth.left([*keys, fault.name]) < UNSEEN
+        return truth.left(keys) - truth.left([*keys, fault.name]) < UNDETECTABLE
     return truth.left_rms(keys) < 0.5 * truth.noise.total
 
 
-def _works(key: str, keys: Sequence[str], truth: Truth) -> bool:
-    """Whether an effect takes something off the run without noise that the others do not."""
-    return truth.left([other for other in keys if other != key]) - truth.left(keys) >= UNSEEN
+def _contributes(key: str, keys: Sequence[str], truth: Truth) -> bool:
+    """Whether the run without noise is described detectably worse without an effect."""
+    return truth.left([other for other in keys if other != key]) - truth.left(keys) >= UNDETECTABLE
 
 
 def _read_parameters(model: Model) -> dict[str, tuple[tuple[str, float, float | None], ...]]:

@@ -1,4 +1,4 @@
-"""The truth of a rig: what each hidden fault does to the readings, and what a choice of effects leaves of it."""
+"""The truth of a rig: the share of each hidden fault in the readings, and the residual of any choice of effects."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -25,8 +25,8 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table, make_table
 
-COUNTS = 2.0  # times the noise of one reading that a fault must leave to count
-UNSEEN = 25.0  # sum of squares in noise units, over a whole run, below which nobody can tell: five sigma
+COUNTED_SIZE = 2.0  # times the noise of one reading: smaller faults need not be found
+UNDETECTABLE = 25.0  # difference of chi-squared over a whole run, five sigma, below which two models are told by none
 UM_PER_MM = 1e3
 MRAD_PER_RAD = 1e3
 READINGS = ["x_meas", "y_meas", "z_meas"]
@@ -46,9 +46,9 @@ class HiddenFault:
     Attributes:
         name: of the effect, or of a fault outside the library.
         values: keys and values of the rig.
-        signature: readings with all faults less readings without this one, less what the set-up may hold, (n, 3) mm.
+        signature: (n, 3) mm, readings with all faults less readings without this one, less what the set-up may hold.
         size: root mean square of its length, mm.
-        counts: whether it leaves at least twice the noise of one reading.
+        counts: whether it is at least COUNTED_SIZE times the noise of one reading.
         known: whether an effect of the library describes it.
     """
 
@@ -105,7 +105,7 @@ class Truth:
         return self._left[chosen]
 
     def left(self, keys: Iterable[str]) -> float:
-        """What effects, fitted as well as they can be, leave of the run without noise: a sum of squares in noise units.
+        """Chi-squared of effects fitted to the run without noise: the sum of squared residuals in units of its noise.
 
         It is the non-centrality of the test that would tell them from the truth on this run.
 
@@ -118,16 +118,16 @@ class Truth:
         return self.fitted(keys).chi2
 
     def left_rms(self, keys: Iterable[str]) -> float:
-        """The same as a length, mm: root mean square over the readings."""
+        """The same as a root mean square length over the readings, mm."""
         return rms_length(self.fitted(keys).residual[self.problem.used])
 
 
 def find_truth(drawn: DrawnRig, known: Library) -> Truth:
-    """Work out what the faults of a rig do to its run.
+    """Find the share of each fault of a rig in its run.
 
     Args:
         drawn: rig, targets, faults.
-        known: effects by name.
+        known: effects of the library by name.
 
     Returns:
         The truth.
@@ -145,7 +145,7 @@ def reading_noise(rig: Rig, place: np.ndarray) -> Noise:
 
     Args:
         rig: with its tracker.
-        place: (n, 3) mm, where it reads.
+        place: (n, 3) mm, measured points, base frame.
 
     Returns:
         The noise, averaged over the places, in the axes of the readings (those of a 3-PTT are turned by milliradians).
@@ -174,7 +174,7 @@ def table_of(frame: pd.DataFrame, absent: Iterable[str] = ()) -> Table:
 
     Args:
         frame: of a `RunResult`.
-        absent: columns that nobody wrote down.
+        absent: columns that are left out.
 
     Returns:
         The table.
@@ -198,12 +198,12 @@ def table_of(frame: pd.DataFrame, absent: Iterable[str] = ()) -> Table:
     return table.replace(run_label=tuple(str(label) for label in labels))
 
 
-def off_frame(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Take the best small rigid motion off.
+def without_rigid_motion(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Shifts less their best small rigid motion, by least squares.
 
     Args:
         shift: (n, 3) mm.
-        place: (n, 3) mm, where.
+        place: (n, 3) mm, positions at which they are.
 
     Returns:
         (n, 3) mm.
@@ -212,17 +212,17 @@ def off_frame(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
     return np.asarray(shift - (rigid @ np.linalg.lstsq(rigid, shift.ravel(), rcond=None)[0]).reshape(-1, 3))
 
 
-def off_set_up(
+def without_set_up(
     rig: Rig, shift: np.ndarray, place: np.ndarray, run: np.ndarray, mount: np.ndarray | None = None
 ) -> np.ndarray:
-    """Take off what the tracker's set-up may hold: a rigid motion, one for each run, or nothing if it is known.
+    """Shifts less what the tracker's set-up may hold: a rigid motion, one for each run, or nothing where it is known.
 
     Args:
         rig: its machine file says what is known of the frame.
         shift: (n, 3) mm.
-        place: (n, 3) mm, where.
+        place: (n, 3) mm, positions at which they are.
         run: (n,), label or number of each row's run.
-        mount: (n, 3, 3), what a reflector moves by that is put elsewhere on an arm's tool, where its mount is fitted.
+        mount: (n, 3, 3), of `mount_columns`, where the reflector's mount on an arm is fitted.
 
     Returns:
         (n, 3) mm.
@@ -239,18 +239,18 @@ def off_set_up(
     left = np.array(shift)
     for label in np.unique(run) if policy == "fitted-per-run" else [None]:
         rows = np.ones(len(left), dtype=bool) if label is None else run == label
-        left[rows] = off_frame(left[rows], place[rows])
+        left[rows] = without_rigid_motion(left[rows], place[rows])
     return left
 
 
 def mount_columns(drawn: DrawnRig) -> np.ndarray | None:
-    """What readings move by for each mm of an arm's reflector along the tool's axes, where its mount is fitted.
+    """Derivatives of the readings by the position of an arm's reflector along the tool's axes.
 
     Args:
         drawn: the rig.
 
     Returns:
-        (n, 3, 3); None where the mount is known, and for a 3-PTT.
+        (n, 3, 3), last axis the tool's; None where the mount is known, and for a 3-PTT.
     """
     rig = drawn.rig
     if rig.serial is None or rig.machine.tracker.tool == "trusted":
@@ -263,13 +263,13 @@ def mount_columns(drawn: DrawnRig) -> np.ndarray | None:
 
 
 def in_base_frame(rig: Rig, columns: np.ndarray) -> np.ndarray:
-    """Shifts in the tracker's axes, (n, 3, c), in those of the base."""
+    """Columns of shifts in the tracker's frame, (n, 3, c), in the base frame."""
     turn = rotation_matrix(np.asarray([rig.tracker.rotation_mrad]) / MRAD_PER_RAD)[0]
     return np.einsum("ji,njc->nic", turn, columns)
 
 
 def seen_place(rig: Rig, frame: pd.DataFrame) -> np.ndarray:
-    """Where readings of a run without noise are, (n, 3) mm: as wanted, of an arm as the tracker has them."""
+    """Positions of readings, (n, 3) mm, for small rigid motions: the targets; of an arm the readings themselves."""
     # The frame beside a bench is turned by milliradians, that beside an arm any way.
     return np.array(frame[TARGET if rig.serial is None else READINGS], dtype=float)
 
@@ -291,15 +291,15 @@ def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library
     held = None if mount is None else mount[poses]
     if held is not None and problem.base is not None:  # readings in the base frame
         held = in_base_frame(drawn.rig, held)
-    signature[poses] = off_set_up(drawn.rig, shift, place[poses], problem.table.run[poses], held)
+    signature[poses] = without_set_up(drawn.rig, shift, place[poses], problem.table.run[poses], held)
     size = rms_length(signature[poses])
     return HiddenFault(
-        called(drawn.rig, key), drawn.truth[key], signature, size, size >= COUNTS * noise.total, library_has
+        called(drawn.rig, key), drawn.truth[key], signature, size, size >= COUNTED_SIZE * noise.total, library_has
     )
 
 
 def _by_run(columns: np.ndarray, run: np.ndarray, policy: str) -> np.ndarray:
-    """Columns (n, 3, c), those of each run apart where the policy says so."""
+    """Columns (n, 3, c), one set for each run where the policy is "fitted-per-run"."""
     if policy != "fitted-per-run":
         return columns
     return np.concatenate([np.where((run == label)[:, None, None], columns, 0.0) for label in np.unique(run)], axis=-1)
