@@ -1,4 +1,4 @@
-"""[arm] of a RIG.toml <-> the faults of the virtual arm; what its drawing alone says."""
+"""[arm] of a RIG.toml <-> the faults of the virtual arm; tool point and joint limits of its drawing."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ LINK = (("link_a_mm", 1.0), ("link_alpha_mrad", RAD_PER_MRAD), ("link_d_mm", 1.0
 
 
 def arm_faults(arm: Arm, spec: SerialSpec) -> ArmFaults:
-    """What is wrong with an arm, in the units of the virtual arm.
+    """Faults of an arm in the units of the virtual arm.
 
     Args:
         arm: the section of the file; an empty list stands for zeros.
@@ -42,7 +42,7 @@ def arm_faults(arm: Arm, spec: SerialSpec) -> ArmFaults:
 
 
 def slipped(arm: Arm, joints: int, rows: int) -> Array:
-    """Zero points that joints lose for good at a row, (n, k) rad: homed again, hit, or a belt that jumped a tooth."""
+    """Zero points lost for good from a row on, (n, k) rad: a second homing, a hit joint, a belt that jumped a tooth."""
     after = np.arange(rows) >= (rows if arm.slip_row is None else arm.slip_row)
     return np.outer(after, RAD_PER_MRAD * _full(arm.slip_mrad, joints))
 
@@ -78,7 +78,7 @@ def within_limits(spec: SerialSpec, q: Array) -> Array:
 
 
 def _wobble(arm: Arm, joints: int) -> Array:
-    """Cosine and sine of each harmonic of a turn, (k, m, 2) rad, of size x cos(harmonic q - phase)."""
+    """Cosine and sine coefficients of size x cos(harmonic q - phase), (k, m, 2) rad, harmonics 1 to m."""
     own = {arm.turn_harmonic: (arm.turn_urad, arm.turn_phase_rad)} if any(arm.turn_urad) else {}
     rings = np.array(arm.ring_urad).reshape(joints, -1) if arm.ring_urad else np.zeros((joints, 0))
     phases = np.array(arm.ring_phase_rad).reshape(rings.shape) if arm.ring_phase_rad else np.zeros_like(rings)
@@ -91,7 +91,7 @@ def _wobble(arm: Arm, joints: int) -> Array:
 
 
 def _windup(arm: Arm, joints: int) -> Array | None:
-    """Height and length of each joint's change-over after a reversal, (k, 2) rad; None without any."""
+    """Size and length of each joint's wind-up, (k, 2) rad; None without any."""
     if not any(arm.windup_urad):
         return None
     length = arm.windup_length_mrad or (1.0,) * joints
@@ -99,4 +99,5 @@ def _windup(arm: Arm, joints: int) -> Array | None:
 
 
 def _full(values: tuple[float, ...], joints: int) -> Array:
+    """Values of all joints, (k,); an empty list stands for zeros."""
     return np.asarray(values, dtype=float) if values else np.zeros(joints)

@@ -1,4 +1,4 @@
-"""What a RIG.toml may say of faults of an arm that no effect of the library describes."""
+"""[[odd]] of a RIG.toml: faults of an arm that no effect of the library describes."""
 
 from typing import Annotated, Literal
 
@@ -13,11 +13,11 @@ ANYWHERE = ("x", "y", "z", *(f"q{joint}" for joint in range(1, 8)))  # what a le
 
 
 class OfArm(Section):
-    """A fault of an arm; `leads` says what a rest of the readings follows, in the words of a diagnosis."""
+    """A fault of an arm; `leads` names the variables that the residual depends on, as a diagnosis calls them."""
 
 
 class OnJoint(OfArm):
-    """A fault of one joint that follows its own angle."""
+    """A fault of one joint, by default a function of its angle."""
 
     joint: Joint
 
@@ -208,7 +208,7 @@ class LossAtReversal(OnJoint):
 
 
 class ArmLaw(OfArm):
-    """Any law: a random function, smooth, in steps or periodic, of variables scaled to -1 ... 1, that acts somewhere.
+    """A random function, smooth, in steps or periodic, of variables scaled to -1 ... 1, that acts at a place.
 
     Sizes are urad on a joint or where its axis leans, um on an axis of the tool's or of the base's frame.
     """

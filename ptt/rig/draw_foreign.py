@@ -1,4 +1,4 @@
-"""Sound rigs that nobody here built: drawing, path, conditions and noise all drawn by seed."""
+"""Random 3-PTT rigs without faults: drawing, path, conditions and noise are all drawn by seed."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,7 +32,7 @@ def draw_foreign(
     repeats: str | None = None,
     foreign: Foreign | None = None,
 ) -> DrawnRig:
-    """Draw a sound rig.
+    """Draw a rig without faults.
 
     Args:
         seed: of everything.
@@ -130,6 +130,6 @@ def _set_up(random: Random, file: MachineFile) -> dict[str, Any]:
 
 
 def state_noise(file: MachineFile, sigma: float | None) -> MachineFile:
-    """The machine file with what it says of the noise."""
+    """The machine file with a stated noise, mm, to two digits; None states none."""
     rounded = None if sigma is None else float(f"{sigma:.2g}")
     return replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": rounded}), text="")

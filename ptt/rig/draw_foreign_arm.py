@@ -1,4 +1,4 @@
-"""Sound arms that nobody here built: drawing, run, conditions and noise all drawn by seed."""
+"""Random arms without faults: drawing, run, conditions and noise are all drawn by seed."""
 
 import tomllib
 from collections.abc import Callable
@@ -35,7 +35,7 @@ def draw_foreign_arm(
     path: str | None = None,
     arm: ForeignArm | None = None,
 ) -> DrawnRig:
-    """Draw a sound arm and a run of it.
+    """Draw an arm without faults and a run of it.
 
     Args:
         seed: of everything.
@@ -109,7 +109,7 @@ CONDITIONS: dict[str, Callable[[Random, ForeignArm, pd.DataFrame, int, float], M
 
 
 def _louder(values: dict[str, Any], times: float) -> dict[str, Any]:
-    """The same noise, larger in all its lengths."""
+    """Noise whose lengths are multiplied by a factor."""
     return {key: (np.asarray(value) * times).tolist() if key in LENGTHS else value for key, value in values.items()}
 
 
@@ -128,7 +128,7 @@ def _set_up(random: Random, arm: ForeignArm) -> dict[str, Any]:
 
 
 def _farther(station: list[float], reach: float) -> list[float]:
-    """A place as far outside of the arm's reach as it was from a bench."""
+    """A station as far outside the arm's reach as it was from the base's origin, mm."""
     place = np.asarray(station)
     distance = float(np.linalg.norm(place))
     return np.round(place * (distance + reach) / distance, 1).tolist()

@@ -1,4 +1,4 @@
-"""Random rigs of serial arms with known hidden faults, each with a run on which all of them can be seen."""
+"""Random rigs of serial arms with known hidden faults, each with a run that shows all of them."""
 
 import tomllib
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a RIG.toml may say of faults that no effect of the library describes."""
+"""[[odd]] of a RIG.toml: faults of a 3-PTT that no effect of the library describes."""
 
 from typing import Annotated, Literal
 
@@ -16,9 +16,9 @@ Variable = Literal[
 
 
 class OnLeg(Section):
-    """A fault of one slider, rail or link that follows its own height.
+    """A fault of one slider, rail or link, by default a function of its slider's height.
 
-    `leads` says what a rest of the readings follows, in the words of a diagnosis.
+    `leads` names the variables that the residual depends on, as a diagnosis calls them.
     """
 
     leg: Leg
@@ -66,7 +66,7 @@ class Periodic(OnLeg):
 
 
 class Bump(OnLeg):
-    """Any Gaussian error of one slider over its height, such as a worn stretch of screw."""
+    """A Gaussian error of one slider over its height, such as a worn part of its screw."""
 
     kind: Literal["bump"]
     height_mm: float
@@ -237,7 +237,7 @@ class CarriageTip(Reversing):
 
 
 class RandomLaw(Section):
-    """Any law: a random function, smooth or in steps, of variables scaled to -1 ... 1, that acts somewhere."""
+    """A random function, smooth or in steps, of variables scaled to -1 ... 1, that acts at a place."""
 
     kind: Literal["random-law"]
     place: Place

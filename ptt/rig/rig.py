@@ -1,4 +1,4 @@
-"""RIG.toml <-> the faults, conditions and machine that one simulated run needs."""
+"""RIG.toml <-> a virtual machine: its drawing, its faults and the conditions of its run."""
 
 import difflib
 import tomllib
@@ -24,9 +24,9 @@ class Rig:
 
     Attributes:
         machine: the drawing and the base reflectors.
-        seed: of every random number of a run.
-        conditions: payload, feed, room, repeats.
-        controller: what the controller compensates by itself.
+        seed: of every random number of the machine and of a run.
+        conditions: payload, feed, room, cycles.
+        controller: compensation by the controller.
         drive: faults between command and slider.
         thermal: temperatures and growth.
         geometry: faults of rails, links, joints and platform.
@@ -52,7 +52,7 @@ class Rig:
 
     @property
     def spec(self) -> ThreePttSpec:
-        """The drawing of a 3-PTT."""
+        """The drawing of a 3-PTT; an InputError for an arm."""
         if not isinstance(self.machine.machine, ThreePttSpec):
             what = "this needs a 3-PTT, the rig is a serial arm"
             raise InputError(what, where=self.source, fix='use a machine of kind "three-ptt"')
@@ -173,7 +173,7 @@ def _find_machine(machine: str | dict[str, Any], where: str) -> MachineFile:
 
 
 def _explain(error: pydantic.ValidationError, where: str) -> InputError:
-    """Turn the first of pydantic's findings into one line."""
+    """The first of pydantic's errors as one message."""
     first = error.errors()[0]
     path = [str(part) for part in first["loc"]]
     if first["type"] == "extra_forbidden":

@@ -1,4 +1,4 @@
-"""What a RIG.toml may say: conditions of a run and every fault of the virtual machine; units are in the key names."""
+"""Sections of a RIG.toml: conditions of a run and faults of the virtual machine; units are part of the keys."""
 
 from itertools import pairwise
 from typing import Annotated, Literal
@@ -43,7 +43,7 @@ Leg = Annotated[int, Field(ge=1, le=3)]
 Span = Annotated[tuple[float, float], AfterValidator(_apart)]
 Heights = Annotated[tuple[float, ...], AfterValidator(_rising)]
 ZERO: Triple = (0.0, 0.0, 0.0)
-MAP: tuple[tuple[float, ...], ...] = ()
+NO_TABLE: tuple[tuple[float, ...], ...] = ()
 
 
 class Section(BaseModel):
@@ -63,7 +63,7 @@ class Room(Section):
 
 
 class Conditions(Section):
-    """How the run is driven."""
+    """Conditions of a run: cycles, payload, feed, dwells, room, and the columns it reports."""
 
     label: str = "run 1"
     cycles: Annotated[int, Field(ge=1)] = 1
@@ -82,7 +82,7 @@ class Conditions(Section):
 
 
 class Controller(Section):
-    """What the controller corrects by itself: it adds half of this in the direction of travel, on each side."""
+    """Compensation by the controller: it adds half of the backlash it knows in the direction of travel."""
 
     backlash_mm: PerLeg = ZERO
 
@@ -100,7 +100,7 @@ class Drive(Section):
     curve_cubic_um: PerLeg = ZERO
     curve_span_mm: Span | None = None
     map_height_mm: Heights = ()
-    map_um: tuple[tuple[float, ...], ...] = MAP
+    map_um: tuple[tuple[float, ...], ...] = NO_TABLE
     turn_um: PerLeg = ZERO
     turn_phase_rad: PerLeg = ZERO
     turn2_um: PerLeg = ZERO
@@ -115,7 +115,7 @@ class Drive(Section):
 
 
 class Thermal(Section):
-    """Temperatures that lag behind their causes, and what grows with them."""
+    """Thermal growth from the reference temperature, time constants of screws and frame, and the sensor."""
 
     growth_um_per_m_k: PerLeg = ZERO
     fixed_end_mm: PerLeg = ZERO
@@ -146,8 +146,8 @@ class Geometry(Section):
     straightness_span_mm: Span | None = None
     straightness_waves: Annotated[int, Field(ge=1, le=20)] = 3
     straightness_height_mm: Heights = ()
-    straightness_radial_um: tuple[tuple[float, ...], ...] = MAP
-    straightness_tangential_um: tuple[tuple[float, ...], ...] = MAP
+    straightness_radial_um: tuple[tuple[float, ...], ...] = NO_TABLE
+    straightness_tangential_um: tuple[tuple[float, ...], ...] = NO_TABLE
     joint_offset_rail_mm: PerLeg = ZERO
     joint_offset_slider_mm: PerLeg = ZERO
     joint_offset_platform_mm: PerLeg = ZERO
@@ -159,20 +159,20 @@ class Geometry(Section):
 
 
 PerJoint = tuple[float, ...]
-PerJointUp = tuple[NonNegativeFloat, ...]
+NonNegativePerJoint = tuple[NonNegativeFloat, ...]
 
 
 class Arm(Section):
     """Faults of a serial arm; a list has one value per joint, an empty one stands for zeros."""
 
-    backlash_mrad: PerJointUp = ()
-    added_mrad: PerJointUp = ()
-    windup_urad: PerJointUp = ()
+    backlash_mrad: NonNegativePerJoint = ()
+    added_mrad: NonNegativePerJoint = ()
+    windup_urad: NonNegativePerJoint = ()
     windup_length_mrad: tuple[PositiveFloat, ...] = ()
     slip_mrad: PerJoint = ()
     slip_row: NonNegativeInt | None = None
     scale_urad_per_rad: PerJoint = ()
-    compliance_nrad_per_nmm: PerJointUp = ()
+    compliance_nrad_per_nmm: NonNegativePerJoint = ()
     turn_urad: PerJoint = ()
     turn_phase_rad: PerJoint = ()
     turn_harmonic: Annotated[int, Field(ge=1, le=1000)] = 1
@@ -185,14 +185,14 @@ class Arm(Section):
     link_beta_mrad: PerJoint = ()
     growth_um_per_m_k: float = 0.0
     offset_growth_um_per_m_k: float | None = None
-    mass_kg: PerJointUp = ()
+    mass_kg: NonNegativePerJoint = ()
     com_mm: tuple[Triple, ...] = ()
     reflector_mm: Triple = ZERO
     reflector_scatter_mm: NonNegativeFloat = 0.0
 
 
 class Structure(Section):
-    """The column that carries the sliders: a cantilever that the payload bends."""
+    """The column that carries the sliders: a cantilever that the payload bends horizontally."""
 
     column_bend_um_per_kg: tuple[float, float] = (0.0, 0.0)
     column_height_mm: PositiveFloat = 800.0
@@ -200,7 +200,7 @@ class Structure(Section):
 
 
 class Tracker(Section):
-    """The laser tracker: where it stands, how its frame lies, and how it errs."""
+    """The laser tracker: its station, the frame of its readings, and its errors."""
 
     station_mm: Triple = (0.0, -3000.0, 300.0)
     translation_mm: Triple = ZERO
