@@ -63,7 +63,9 @@ def _text(data: dict[str, Any]) -> str:
     lines.append(f"  condition number {home['condition']:.3g}, manipulability {home['manipulability']:.3g}")
     if "inverse_mm" in home:
         lines.append(f"  determinant of db/dp {home['determinant']:.4g}")
-        lines.append(f"  inverse singularity: {home['inverse_mm']:.1f} mm ({home['inverse']:.2f} of a link) away")
+        lines.append(
+            f"  inverse singularity: {home['edge_mm']:.1f} mm away sideways; margin {home['inverse']:.2f} (0: singular)"
+        )
         lines.append(
             f"  direct singularity: margin {home['direct']:.2f}; constraint: {home['constraint']:.2f} (0: singular)"
         )

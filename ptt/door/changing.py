@@ -6,7 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ptt.diagnosis.telling.words import sentences
+from ptt.diagnosis.telling.words import SET_RIGHT, sentences
 from ptt.door.handed import RowsLike
 from ptt.door.model import EffectLike, Model, as_model, model_of
 from ptt.door.opened import Opened, open_checked
@@ -29,6 +29,11 @@ if TYPE_CHECKING:
 
 Verb = Literal["add", "remove", "fit"]
 STALE = "the RBF of the compensator is dropped: it had learned what the old model left over; train it again"
+
+EITHER = (
+    "Set it right, or let the commands of `ptt predict` correct it, not both: measure a mended machine again before "
+    "commands are sent."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,6 +79,8 @@ class Changed(Result):
         told = sentences(last.model.terms, self.opened.problem, last.noise, last.scatter**0.5, last.unnamed_covariance)
         if self.elsewhere and (far := self.elsewhere.words(self.ladder.steps[-1].rms_um["total"])):
             told.append(far)
+        if any(SET_RIGHT in line for line in told):
+            told.append(EITHER)
         words = "".join(f"{line}\n" for line in told) + "\n" if told else ""
         return f"{format_ladder(self.ladder)}\n\n{words}{format_fit(self.ladder.report)}"
 

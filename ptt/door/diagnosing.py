@@ -44,7 +44,7 @@ TO_ADD = "+ marks the effects to add; each of the others explains part of the sa
 NONE_TO_ADD = "Each of these effects explains part of the error by itself, on the model as given; none is to be added."
 HELD_OUT = (
     "Held out: each block of travel predicted from a fit without it, linearised at the final model. `ptt add` refits",
-    "at each step, so its held-out figures differ slightly.",
+    "at each step, so its held-out figures differ: slightly for effects to add, more for the others.",
 )
 
 

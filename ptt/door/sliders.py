@@ -13,6 +13,8 @@ from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame
 from ptt.run.written import columns_of
 
+SEEN_UM = 0.1  # difference of the two forms of a command that is worth a word; no tracker sees less
+
 
 def sliders_columns(table: Table, commands: Commands, *, sent: bool | None = None) -> dict[str, np.ndarray]:
     """Columns of the input, then what to send.
@@ -88,8 +90,9 @@ def text_of_figures(data: dict[str, Any]) -> str:
         unsure = "" if sigma is None else f", uncertain by {sigma:.1f} um at most"
         lines.append(f"  largest static correction {shift:.1f} um{unsure}")
     if gap is not None:  # where no joint moves the tool one way there is no such form
-        form = "the first-order form f(p) - J_a dp (eq. 13, J_a at p - dp/2)"
-        lines.append(f"  sent: {data['form']}; {form} would put the tool at most {gap:.3f} um elsewhere")
+        form = "the first-order form f(p) - J_a dp (J_a at p - dp/2) would put the tool at most"
+        apart = f"; {form} {gap:.2g} um elsewhere" if gap >= SEEN_UM else ""
+        lines.append(f"  sent: {data['form']}{apart}")
     if reversal := reversal_of(data):
         lines.append(f"  reversal: {data['reversal']} (largest part {reversal})")
         lines.append("  start: each joint is taken to reach the first target in the direction of its next move")

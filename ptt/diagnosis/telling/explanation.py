@@ -8,6 +8,7 @@ import numpy as np
 from ptt.diagnosis.evidence.atoms import Atom, is_effect
 from ptt.diagnosis.evidence.candidates import first_of
 from ptt.diagnosis.evidence.held_out import held_out_rms
+from ptt.diagnosis.evidence.possible import beyond_machines
 from ptt.diagnosis.evidence.probability import Probability
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import own_drift, unwitnessed
@@ -137,7 +138,9 @@ def candidates_of_steps(
 
 
 def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability, problem: Problem) -> list[Candidate]:
-    """Other effects that would improve the model as given, each by itself.
+    """Other effects that would improve the model as given, each by itself, on held-out readings too.
+
+    An effect that would need values that no machine has is left out: its columns hold only near the fitted model.
 
     Args:
         found: the best explanation.
@@ -161,8 +164,10 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
         if first_of(atom.name, {atom.name, *(atoms[given].name for given in scorer.given)}) != atom.name:
             continue  # on the model as given a second knock is the same as the first
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.variances})
-        parameters = _told(state, atom, found.system.scale, problem)
         after = held_out_rms(scorer, (gain.key,)) * 1e3
+        if not after < before or beyond_machines(state, atoms, found.system.scale):
+            continue
+        parameters = _told(state, atom, found.system.scale, problem)
         chance = min(chances.effects.get(atom.name, 0.0), MOST_UNNAMED if atom.name in unnamed else 1.0)
         share = share_of(scorer, gain.key)
         result.append(

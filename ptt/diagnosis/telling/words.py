@@ -18,6 +18,7 @@ from ptt.run.view import View
 DOUBT_SHARE = 0.5  # share of the held-out error from which the doubt that no reading shows is worth a clause
 # Times what an effect can reduce the error by, from which others cancel it partly, mostly
 PARTLY_BACK, MOSTLY_BACK = 1.5, 3.0
+SET_RIGHT = "To set right"
 
 
 def sentence(told: GaugedTerm, view: View) -> str:
@@ -70,7 +71,7 @@ def sentences(
     for term, free in zip(known, sparsest(known, problem, noise, widen, extra=extra), strict=True):
         told = _held(free, term)
         set_right = remedy(told, problem.view)
-        words.append(f"{capital(sentence(told, problem.view))}.{f' To set right: {set_right}.' if set_right else ''}")
+        words.append(f"{capital(sentence(told, problem.view))}.{f' {SET_RIGHT}: {set_right}.' if set_right else ''}")
     return words
 
 

@@ -112,8 +112,9 @@ def _plain(value: float) -> str:
 def _spoken(key: str) -> str:
     known = {
         "condition": "condition number at home", "manipulability": "manipulability at home",
-        "determinant": "determinant of the Jacobian at home", "inverse_mm": "way to the inverse singularity",
-        "edge_mm": "way to the edge of the workspace", "inverse": "margin of the inverse singularity (0 is at it)",
+        "determinant": "determinant of the Jacobian at home", "inverse_mm": "least reach of a link along its rail",
+        "edge_mm": "way sideways to the inverse singularity",
+        "inverse": "margin of the inverse singularity (0 is at it)",
         "direct": "margin of the direct singularity", "constraint": "margin of the constraint singularity",
     }  # fmt: skip
     return known.get(key, key.replace("_", " "))
