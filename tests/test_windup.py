@@ -112,6 +112,14 @@ def test_the_cause_is_said_whatever_the_heights(heights):
     assert library()["windup"]().cause(theta, sample_view("three-ptt")).startswith("wind-up, over 1 to ")
 
 
+def test_a_travel_that_no_reading_tells_is_not_said():
+    theta = torch.tensor([0.01, 0.02, 0.01, 1.0, 2.0, 3.0], dtype=torch.float64)
+    some, none = torch.tensor([True, True, True, False, True, False]), torch.tensor([True] * 3 + [False] * 3)
+    say = library()["windup"]().cause
+    assert say(theta, sample_view("three-ptt"), some) == "wind-up, over 2 mm of travel"
+    assert say(theta, sample_view("three-ptt"), none) == "wind-up, over travel that this run does not tell"
+
+
 def test_what_an_older_file_keeps_of_one_length_is_that_of_each(measured):
     """Older files keep one length of all joints, and a digest of their form."""
     fitted = fit(Model(measured.file) + library()["windup"](), measured)

@@ -292,12 +292,13 @@ class Effect:
             start += size
         return tuple(parts)
 
-    def cause(self, theta: Tensor, view: View) -> str:
+    def cause(self, theta: Tensor, view: View, measured: Tensor | None = None) -> str:
         """The cause in a few words, with its shape parameters where they matter.
 
         Args:
             theta: all parameters, flat.
             view: n rows of the machine.
+            measured: of each parameter, whether readings tell it; None for all.
 
         Returns:
             For example 'wind-up, over 2.1 mm of travel'.

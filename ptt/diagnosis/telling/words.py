@@ -36,7 +36,8 @@ def sentence(told: GaugedTerm, view: View) -> str:
     body = compose(parts, noun)
     if not body:
         return f"{told.term.effect.key} explains a part"
-    return f"{body}: {told.term.effect.cause(told.term.theta, view)}{_gauge(told, noun)}{far_off(parts)}"
+    cause = told.term.effect.cause(told.term.theta, view, told.term.measured)
+    return f"{body}: {cause}{_gauge(told, noun)}{far_off(parts)}"
 
 
 def _gauge(told: GaugedTerm, noun: str) -> str:
