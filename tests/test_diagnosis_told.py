@@ -39,6 +39,11 @@ def test_json_holds_what_is_documented(tmp_path):
     for key in ("not_testable", "depends_on", "measure_next", "noise_um", "rows"):
         assert key in data
     assert "backlash" in data["words"]
+    chances = data["verdict_probability"]
+    assert sum(chances.values()) == pytest.approx(1.0) and min(chances.values()) > 0.003
+    for other in data["candidates"]:  # none is listed that helps no held-out reading; none is ruled out for certain
+        assert other["heldout_rms_um"]["after"] < other["heldout_rms_um"]["before"]
+        assert 0.001 < other["probability"] < 0.999
 
 
 def test_what_the_data_cannot_test_is_listed_with_its_need(tmp_path):

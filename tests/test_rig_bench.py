@@ -14,7 +14,7 @@ from ptt.errors import WorkspaceError
 from ptt.rig import Rig, parse_rig, simulate
 from ptt.rig.nominal import ideal_machine, nominal_sliders
 
-SHARED = Path(__file__).resolve().parents[1].parent / "shared"
+GOLDEN = Path(__file__).parent / "golden" / "linear_delta.csv"
 TARGET = ["x_cmd", "y_cmd", "z_cmd"]
 COMMAND = ["b1_cmd", "b2_cmd", "b3_cmd"]
 MEASURED = ["x_meas", "y_meas", "z_meas"]
@@ -121,9 +121,8 @@ def test_inverse_is_the_textbook_formula() -> None:
     np.testing.assert_allclose(got, poses[:, 2:] + 12.0 - w, atol=1e-10)
 
 
-@pytest.mark.skipif(not SHARED.is_dir(), reason="the shared golden values are not here")
 def test_unequal_legs_agree_with_golden_values() -> None:
-    with (SHARED / "golden" / "linear_delta.csv").open(encoding="utf-8") as file:
+    with GOLDEN.open(encoding="utf-8") as file:
         rows = [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
     assert len(rows) > 50
     for row in rows:

@@ -9,7 +9,7 @@ from ptt.diagnosis.evidence.atoms import Atom, is_effect
 from ptt.diagnosis.evidence.candidates import first_of
 from ptt.diagnosis.evidence.held_out import held_out_rms
 from ptt.diagnosis.evidence.possible import beyond_machines
-from ptt.diagnosis.evidence.probability import Probability
+from ptt.diagnosis.evidence.probability import Probability, with_lapse
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import own_drift, unwitnessed
 from ptt.diagnosis.search.fits import without_carried
@@ -123,7 +123,7 @@ def candidates_of_steps(
         result.append(
             Candidate(
                 name,
-                min(chances.effects.get(name, 0.0), step.sure),
+                with_lapse(min(chances.effects.get(name, 0.0), step.sure)),
                 float(np.exp(-max(step.nats, 0.0))),
                 step.share,
                 *errors,
@@ -171,7 +171,9 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
         chance = min(chances.effects.get(atom.name, 0.0), MOST_UNNAMED if atom.name in unnamed else 1.0)
         share = share_of(scorer, gain.key)
         result.append(
-            Candidate(atom.name, chance, float(np.exp(-gain.nats)), share, before, after, parameters, (), (), "")
+            Candidate(
+                atom.name, with_lapse(chance), float(np.exp(-gain.nats)), share, before, after, parameters, (), (), ""
+            )
         )
     return result
 

@@ -9,7 +9,7 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.diagnosis.evidence.noise_level import noise_after, stated_noise, visit_left, wanders_beyond
-from ptt.diagnosis.evidence.probability import VERDICTS, Probability, weigh_sets
+from ptt.diagnosis.evidence.probability import VERDICTS, Probability, weigh_sets, with_lapse
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.memory import WHITE
@@ -188,7 +188,7 @@ def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
 
 def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]:
     """Probabilities from the scored sets; 0.5 for a verdict that is not the likeliest of them but was forced."""
-    found = dict(chances.verdict)
+    found = {name: with_lapse(chance, len(VERDICTS)) for name, chance in chances.verdict.items()}
     if max(found, key=lambda name: found[name]) != verdict:
         share = 0.5 / max(1.0 - found[verdict], 1e-12)
         found = {name: 0.5 if name == verdict else found[name] * share for name in VERDICTS}
