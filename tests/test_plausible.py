@@ -124,3 +124,18 @@ def test_a_screw_that_grows_away_from_its_bearing_is_named(bearing: float) -> No
     found = told_of(stated(), target, error, growth, temp_c=warm, time_s=5.0 * np.arange(200))
     assert found.verdict == "missing"
     assert [names[0] for names in found.suggested] == ["screw-growth"]
+
+
+def test_a_screw_that_would_grow_more_than_any_material_is_asked_about_beside_the_unknown() -> None:
+    random = np.random.default_rng(7)
+    target = random.uniform((-60.0, -60.0, -50.0), (60.0, 60.0, 50.0), (200, 3))
+    joints = build_mechanism(stated().machine).inverse(torch.as_tensor(target)).numpy()
+    warm = np.linspace(20.0, 25.0, 200) + random.normal(0.0, 0.3, 200)
+    growth = np.zeros((200, 3))
+    growth[:, 0] = 8e-4 * (warm - 20.0) * (joints[:, 0] - 290.0)  # 70 times as steel
+    error = random.normal(0.0, NOISE, (200, 3))
+    found = told_of(stated(), target, error, growth, temp_c=warm, time_s=5.0 * np.arange(200))
+    assert found.verdict == "unknown" and not found.suggested
+    assert found.oversized == ("screw-growth",) and "screw-growth" in found.perhaps
+    assert "could be screw-growth, at a size" in found.words
+    assert found.candidates[0].effect == "screw-growth"

@@ -26,7 +26,7 @@ def candidate(**values):
 
 
 def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3,
-              probability=0.9, terms=(), perhaps=(), **on):  # fmt: skip
+              probability=0.9, terms=(), perhaps=(), oversized=(), **on):  # fmt: skip
     found = {"residual": "slider 2", "on": "b2", "share": 0.4, "period_mm": 3.1, "shape": "smooth", "place": None}
     found = SimpleNamespace(
         **{**found, "with_": None, "rivals": (), "acts_on": None, "unit": "mm", "words": "It is large.", **on}
@@ -45,6 +45,7 @@ def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings sc
         wander=wander,
         elsewhere=None,
         perhaps=perhaps,
+        oversized=oversized,
     )
 
 
@@ -194,3 +195,9 @@ def test_an_unknown_that_follows_no_variable_says_so_before_the_little_that_it_f
         first.startswith("Most of the remaining error follows none of this run's variables") and "depends on b2" in rest
     )
     assert "follows none" not in explain_verdict(diagnosis("unknown", depends=1, share=0.4))
+
+
+def test_an_effect_that_would_have_to_be_larger_than_any_is_said_as_a_question():
+    words = explain_verdict(diagnosis("unknown", depends=1, perhaps=("screw-growth",), oversized=("screw-growth",)))
+    assert "could be screw-growth, at a size that its cause has never been seen to reach" in words
+    assert "also suggest" not in words

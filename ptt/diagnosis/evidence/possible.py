@@ -63,7 +63,10 @@ def nats_of_form(state: State, atom: Atom, scale: np.ndarray, *, new: bool) -> f
         new: whether it is not in the model as given.
     """
     nats = _nats_of_product(state, atom)
-    return nats + _nats_beyond_reach(state, atom, scale) + _nats_of_unusual_size(state, atom) if new else nats
+    if not new:
+        return nats
+    unusual = UNUSUAL_NATS if is_oversized(state, atom) else 0.0
+    return nats + _nats_beyond_reach(state, atom, scale) - unusual
 
 
 def _nats_of_product(state: State, atom: Atom) -> float:
@@ -94,12 +97,13 @@ def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
     return nats
 
 
-def _nats_of_unusual_size(state: State, atom: Atom) -> float:
-    """Nats against an effect that is clearly larger than usual for its cause, or than possible in its shape."""
-    beyond = _is_too_large(state, atom)
-    if atom.within is not None:
-        beyond |= bool((_values(state, atom) > atom.within[:, 1] + CLEARLY_BEYOND * _errors(state, atom)).any())
-    return -UNUSUAL_NATS if beyond else 0.0
+def is_oversized(state: State, atom: Atom) -> bool:
+    """Whether a value is clearly larger than its cause has been seen to make, or than it can make in this shape."""
+    if _is_too_large(state, atom):
+        return True
+    if atom.within is None:
+        return False
+    return bool((_values(state, atom) > atom.within[:, 1] + CLEARLY_BEYOND * _errors(state, atom)).any())
 
 
 def _is_too_large(state: State, atom: Atom) -> bool:

@@ -46,6 +46,7 @@ class Diagnosis:
         unexplained: words on columns that disagree beyond any machine's errors, from the set-up check; '' for none.
         perhaps: effects that are not certain enough to be suggested: those of the best set beside an unknown; where
             something is missing, those that are likelier than not.
+        oversized: those of them that would do for the unknown, at a size that their cause has never been seen to reach.
     """
 
     verdict: Verdict
@@ -68,6 +69,7 @@ class Diagnosis:
     opening: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     unexplained: str = ""
     perhaps: tuple[str, ...] = ()
+    oversized: tuple[str, ...] = ()
 
     def with_unexplained(self, words: str) -> "Diagnosis":
         """An `unknown` diagnosis headed by a set-up problem, without suggesting poses; any other one as it is.

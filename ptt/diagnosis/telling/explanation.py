@@ -1,5 +1,6 @@
 """Candidates: one line for each named effect, then for other effects that would improve the model as given."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -137,7 +138,9 @@ def candidates_of_steps(
     return result
 
 
-def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability, problem: Problem) -> list[Candidate]:
+def other_candidates(
+    found: Found, named: tuple[Step, ...], chances: Probability, problem: Problem, oversized: Sequence[str] = ()
+) -> list[Candidate]:
     """Other effects that would improve the model as given, each by itself, on held-out readings too.
 
     An effect that would need values that no machine has is left out: its columns hold only near the fitted model.
@@ -147,6 +150,7 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
         named: its steps.
         chances: probabilities from the scored sets.
         problem: the readings.
+        oversized: names that are listed whatever their values.
 
     Returns:
         At most `MOST_SHOWN`, the best first.
@@ -165,7 +169,8 @@ def other_candidates(found: Found, named: tuple[Step, ...], chances: Probability
             continue  # on the model as given a second knock is the same as the first
         state = scorer.score((gain.key,), nothing.memory, {gain.key: gain.variances})
         after = held_out_rms(scorer, (gain.key,)) * 1e3
-        if not after < before or beyond_machines(state, atoms, found.system.scale):
+        wild = atom.name not in oversized and beyond_machines(state, atoms, found.system.scale)
+        if wild or not after < before:
             continue
         parameters = _told(state, atom, found.system.scale, problem)
         chance = min(chances.effects.get(atom.name, 0.0), MOST_UNNAMED if atom.name in unnamed else 1.0)

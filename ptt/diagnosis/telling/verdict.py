@@ -8,7 +8,9 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
+from ptt.diagnosis.evidence.atoms import is_effect
 from ptt.diagnosis.evidence.noise_level import noise_after, stated_noise, visit_left, wanders_beyond
+from ptt.diagnosis.evidence.possible import UNUSUAL_NATS, is_oversized
 from ptt.diagnosis.evidence.probability import VERDICTS, Probability, weigh_sets, with_lapse
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
@@ -82,7 +84,8 @@ def conclude(
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
-    others = other_candidates(found, named, chances, problem)
+    oversized = _oversized(found, suggested, verdict)
+    others = other_candidates(found, named, chances, problem, oversized)
     result = Diagnosis(
         verdict=verdict,
         verdict_probability=_verdict_probability(chances, verdict),
@@ -104,7 +107,8 @@ def conclude(
         fitted=found.fitted,
         words="",
         elsewhere=elsewhere(found.fitted, problem) if named else None,
-        perhaps=_perhaps(found, suggested, others, verdict),
+        perhaps=tuple(dict.fromkeys([*_perhaps(found, suggested, others, verdict), *oversized])),
+        oversized=oversized,
     )
     return replace(result, words=explain_verdict(result, steps))
 
@@ -124,6 +128,22 @@ def _perhaps(
     else:
         names = []
     return tuple(dict.fromkeys(name for name in names if name not in said))
+
+
+def _oversized(found: Found, suggested: Sequence[tuple[str, ...]], verdict: str) -> tuple[str, ...]:
+    """Effects that would do as well as the unknown terms, were it not for values that their cause has never reached."""
+    if verdict != "unknown":
+        return ()
+    scorer, state, atoms = found.scorer, found.state, found.system.atoms
+    said, kept = {name for step in suggested for name in step}, tuple(k for k in state.keys if is_effect(atoms[k]))
+    names = []
+    for key, atom in atoms.items():
+        limited = is_effect(atom) and not (atom.within is None and atom.largest is None)
+        if limited and key not in kept and atom.name not in said:
+            other = scorer.score((*kept, key), state.memory)
+            if other.total + UNUSUAL_NATS > state.total and is_oversized(other, atom):
+                names.append(atom.name)
+    return tuple(dict.fromkeys(names))
 
 
 def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error: float) -> Rest:

@@ -52,7 +52,8 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
         lines = _unknown(result, told, cut_short=steps == len(told))
         named = "the named effect" if len(told) == 1 else "the named effects"
         fall = f"With {named} {_fall(before, after)}" if told else f"The error is {after:.1f} um"
-        lines += [f"{fall}; {floor}.{_suggested_too(result.perhaps)}"]
+        too = _suggested_too([name for name in result.perhaps if name not in result.oversized])
+        lines += [f"{fall}; {floor}.{too}{_oversized_too(result.oversized)}"]
     if result.elsewhere is not None and (far := result.elsewhere.words(after)):
         lines.append(far)
     return "\n".join(lines)
@@ -72,6 +73,14 @@ def _suggested_too(names: Sequence[str]) -> str:
     are = "is" if len(names) == 1 else "are"
     hardly = f"which can hardly be separated from the unknown part and {are} therefore not named"
     return f" The readings also suggest {listed(list(names))}, {hardly}."
+
+
+def _oversized_too(names: Sequence[str]) -> str:
+    """A sentence on effects that would explain the unknown, but at a size beyond any seen; '' for none."""
+    if not names:
+        return ""
+    size = "at a size that its cause has never been seen to reach: is the drawing right?"
+    return f" By its form the unknown part could be {listed(list(names), ' or ')}, {size}"
 
 
 def _likely_too(names: Sequence[str]) -> str:
