@@ -26,7 +26,8 @@ from ptt.plan.first_run import plan_first_run, repeats_in
 from ptt.plan.forecast import beside, columns_of, see_plan
 from ptt.plan.space import build_space, draw_poses
 from ptt.plan.visits import singles, table_of
-from ptt.rig.rig import Rig, parse_rig
+from ptt.rig.rig import Rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table

@@ -12,7 +12,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.effects import library
 from ptt.machine import format_machine
 from ptt.model.chain import predict
-from ptt.rig.rig import parse_rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table

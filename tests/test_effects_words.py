@@ -21,7 +21,7 @@ from ptt.machine import format_machine, load_machine
 from ptt.mechanisms.serial import Serial
 from ptt.model.model import Model, Term
 from ptt.rig.draw_arm import unweighed
-from ptt.rig.rig import parse_rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.serial_arm import ArmFaults, ArmRig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.noise import Noise

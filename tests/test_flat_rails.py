@@ -22,7 +22,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model
 from ptt.rig.nominal import ideal_machine, nominal_sliders
-from ptt.rig.rig import parse_rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table

@@ -22,7 +22,7 @@ from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model
-from ptt.rig.rig import parse_rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table

@@ -1,20 +1,17 @@
 """What a rig needs beyond the bounds of its single keys."""
 
 import re
-from typing import TYPE_CHECKING
 
 from ptt.errors import InputError, shown
 from ptt.rig import schema
 from ptt.rig.arm_odd_schema import ArmLaw, OfArm
-
-if TYPE_CHECKING:
-    from ptt.rig.rig import Rig
+from ptt.rig.rig import Rig
 
 SLIDERS_ONLY = ("controller", "drive", "thermal", "geometry", "structure")
 _ARM_VARIABLE = re.compile(r"(q|direction)[1-7]|[xyz]|payload|temperature|memory|time")
 
 
-def check_rig(rig: "Rig") -> None:
+def check_rig(rig: Rig) -> None:
     """Refuse what no single key can show to be wrong.
 
     Args:
@@ -58,7 +55,7 @@ def _check_moment(section: schema.Section, what: str, sizes: tuple[str, ...], so
             raise InputError(f"{key} without a moment never happens", where=place, fix=f"give {' or '.join(moments)}")
 
 
-def _check_kind(rig: "Rig") -> None:
+def _check_kind(rig: Rig) -> None:
     """Refuse faults of the other mechanism, and lists that do not fit the arm."""
     foreign = ("arm",) if rig.serial is None else SLIDERS_ONLY
     for name in foreign:
@@ -105,7 +102,7 @@ def _check_kind(rig: "Rig") -> None:
         )
 
 
-def _check_odd(rig: "Rig") -> None:
+def _check_odd(rig: Rig) -> None:
     """Refuse kinds of the other mechanism, and joints that an arm has not."""
     joints = 0 if rig.serial is None else rig.serial.joints
     for number, fault in enumerate(rig.odd, 1):

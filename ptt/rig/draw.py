@@ -12,7 +12,8 @@ from ptt.machine import MachineFile
 from ptt.rig.draw_faults import KNOWN, Fault, Scene
 from ptt.rig.draw_odd import UNKNOWN
 from ptt.rig.nominal import Array, Drawing, can_reach, ideal_machine
-from ptt.rig.rig import SECTIONS, Rig, parse_rig
+from ptt.rig.rig import Rig
+from ptt.rig.rig_file import SECTIONS, parse_rig
 from ptt.rig.schedule import TARGET
 from ptt.rig.schema import Section
 from ptt.rig.targets import HALF_SIZE, as_targets, make_helix, make_loop, make_volume, there_and_back

@@ -13,7 +13,7 @@ from ptt.rig.draw_machine import Foreign, draw_machine_file
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
 from ptt.rig.nominal import Array, ideal_machine
 from ptt.rig.paths import PER_TURN, SMOOTH, draw_plan
-from ptt.rig.rig import parse_rig
+from ptt.rig.rig_file import parse_rig
 
 Random = np.random.Generator
 ROWS = (24, 600)

@@ -13,7 +13,7 @@ from ptt.rig.draw_arm_machine import ForeignArm, draw_arm_file
 from ptt.rig.draw_arm_paths import draw_arm_plan
 from ptt.rig.draw_foreign import STATIC, state_noise
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
-from ptt.rig.rig import parse_rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.schedule import TARGET
 
 Random = np.random.Generator

@@ -12,7 +12,7 @@ from ptt.rig.arm_faults import arm_values, tool_on_drawing
 from ptt.rig.draw import DrawnRig, Level
 from ptt.rig.draw_arm import ARM_FAULTS, NAMES, SECONDS_A_ROW, ArmFault, draw_faults, draw_masses, joint_ranges
 from ptt.rig.nominal import Array
-from ptt.rig.rig import parse_rig
+from ptt.rig.rig_file import parse_rig
 
 SIGMA_MM = 0.01  # of one coordinate: a laser tracker at the reach of an arm, where the machine file states nothing
 NUDGE = 1e-4  # rad, step of the numerical derivative of the tool's place
