@@ -23,7 +23,8 @@ from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.rig.nominal import ideal_machine
-from ptt.rig.rig import Rig, parse_rig
+from ptt.rig.rig import Rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import make_volume
 from ptt.run.frames import align

@@ -21,7 +21,8 @@ from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.plan.separation import Separation, plan_separation
-from ptt.rig.rig import Rig, parse_rig
+from ptt.rig.rig import Rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.simulate import simulate
 from ptt.rig.targets import as_targets, make_helix, there_and_back
 from ptt.run.problem import Problem, build_problem

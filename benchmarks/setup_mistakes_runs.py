@@ -11,7 +11,8 @@ from ptt.rig.draw_faults import KNOWN, Scene
 from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.draw_odd import UNKNOWN
 from ptt.rig.nominal import ideal_machine
-from ptt.rig.rig import Rig, parse_rig
+from ptt.rig.rig import Rig
+from ptt.rig.rig_file import parse_rig
 from ptt.rig.schema import Section
 from ptt.rig.simulate import simulate
 from ptt.run.table import Table, make_table
