@@ -14,7 +14,8 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 MOST_FIRST = 0.1  # share of the rows that may open a run and be left out for it: of short runs one row in ten
-MOST_REMEMBERING = 0.4  # the same where it is known what remembers: beyond, too few rows would be left to show it
+MOST_REMEMBERING = 0.25  # the same where it is known what remembers: beyond, hardly a row would be left to show it
+MOST_IN_TURN = 0.4  # the same where joints are moved one after another, and each but the first waits for its turn
 MOST_UNDECIDED = 0.25  # the same where errors of the drawing decide
 MOST_ENTERING = 0.5  # the same of a first fit, which has only to tell which rows remember
 MATTERS_SIGMA = 1.0  # standard deviations of a reading from which it matters how a run was entered
@@ -53,15 +54,27 @@ def entering_rows(problem: Problem) -> np.ndarray:
         (n,) bool, the rows before a run first moves included; none where every joint moves at once, or where more than
         half of the rows would go.
     """
+    some = problem.used & _waiting(problem).any(axis=1)
+    few = some.sum() < MOST_ENTERING * problem.used.sum()
+    return some if few and _in_turn(problem) else np.zeros_like(some)
+
+
+def _waiting(problem: Problem) -> np.ndarray:
+    """Which joints have not moved yet in a run and will, (n, k) bool."""
     view = problem.view
     starts, q = view.starts.numpy(), view.q.numpy()
     moves = (np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL) & ~starts[:, None]
     waiting = np.zeros_like(moves)
     for rows in np.split(np.arange(len(q)), np.flatnonzero(starts)[1:]):
         waiting[rows] = ~np.logical_or.accumulate(moves[rows]) & moves[rows].any(axis=0)
-    some, every = problem.used & waiting.any(axis=1), (waiting == moves.any(axis=0)).all(axis=1)
-    few = some.sum() < MOST_ENTERING * problem.used.sum()
-    return some if few and (some & ~every).any() else np.zeros_like(some)
+    return waiting
+
+
+def _in_turn(problem: Problem) -> bool:
+    """Whether joints of a run begin to move one after another."""
+    waiting = _waiting(problem)[problem.used]
+    moving = waiting.any(axis=0)
+    return bool((waiting.any(axis=1) & (waiting != moving).any(axis=1)).any())
 
 
 def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:
@@ -92,7 +105,7 @@ def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> n
         there = (predict(elsewhere, view).reading - predict(elsewhere, other).reading).numpy()
         square += np.square(there @ noise.whitener.T).sum(axis=1)
     told = problem.used & (square > MATTERS_SIGMA**2)
-    few = told.sum() < MOST_REMEMBERING * problem.used.sum()
+    few = told.sum() < (MOST_IN_TURN if _in_turn(problem) else MOST_REMEMBERING) * problem.used.sum()
     return told if few and 0.5 * square[told].sum() > AT_STAKE_NATS else none
 
 
