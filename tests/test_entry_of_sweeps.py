@@ -76,3 +76,14 @@ def test_rows_of_a_first_fit_are_those_where_some_joints_have_moved_and_others_w
     together = np.random.default_rng(1).uniform(-0.5, 0.5, (60, 7))
     assert not entering_rows(build_problem(file, made(file, together))).any()
     assert not entering_rows(build_problem(file, made(file, sweeps(1)))).any()  # most of the run
+
+
+def test_joints_that_differ_between_runs_or_stand_for_one_move_are_not_moved_in_turn():
+    file, random = load_machine(IIWA), np.random.default_rng(4)
+    whole, three = random.uniform(-0.5, 0.5, (40, 7)), np.tile(random.uniform(-0.5, 0.5, 7), (40, 1))
+    three[:, :3] += random.uniform(-0.3, 0.3, (40, 3))
+    both = make_table(None, np.concatenate([whole, three]), made(file, np.concatenate([whole, three])).measured,
+                      joint_prefix="q", run=np.repeat([0, 1], 40))  # fmt: skip
+    assert not entering_rows(build_problem(file, both)).any()
+    whole[1, 6] = whole[0, 6]
+    assert not entering_rows(build_problem(file, made(file, whole))).any()

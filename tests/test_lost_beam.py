@@ -71,3 +71,18 @@ def test_an_arm_that_is_told_by_its_joints_alone_has_frozen_readings_too():
     measured[3:6] = measured[3]
     table = without_lost(make_table(None, joints, measured, joint_prefix="q"))
     assert np.flatnonzero(np.isnan(table.measured).all(axis=1)).tolist() == [3, 4, 5]
+
+
+def test_a_reflector_on_the_axis_of_a_joint_that_turns_alone_stays_where_it_is():
+    joints = np.tile([0.2, 0.4, -0.3, 0.1, 0.5, 0.0], (30, 1))
+    joints[5:25, 5] = np.linspace(0.0, 0.6, 20)
+    joints[25:] += np.linspace(0.1, 0.5, 5)[:, None]
+    measured = np.random.default_rng(1).normal(size=(30, 3))
+    measured[5:25] = measured[5]
+    assert not np.isnan(without_lost(make_table(None, joints, measured, joint_prefix="q")).measured).any()
+
+
+def test_the_last_digit_of_inches_is_one_too():
+    target = 100.0 + np.column_stack([np.arange(60) * 0.06, np.zeros(60), np.zeros(60)])
+    inches = np.round((target + np.random.default_rng(3).normal(0.0, 0.02, target.shape)) / 25.4, 2)
+    assert not np.isnan(without_lost(make_table(target, measured=25.4 * inches)).measured).any()

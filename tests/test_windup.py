@@ -115,7 +115,7 @@ def test_the_cause_is_said_whatever_the_heights(heights):
 def test_a_travel_that_no_reading_tells_is_not_said():
     theta = torch.tensor([0.01, 0.02, 0.01, 1.0, 2.0, 3.0], dtype=torch.float64)
     some, none = torch.tensor([True, True, True, False, True, False]), torch.tensor([True] * 3 + [False] * 3)
-    say = library()["windup"]().cause
+    say = library()["windup"]().cause_measured
     assert say(theta, sample_view("three-ptt"), some) == "wind-up, over 2 mm of travel"
     assert say(theta, sample_view("three-ptt"), none) == "wind-up, over travel that this run does not tell"
 

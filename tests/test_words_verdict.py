@@ -189,12 +189,17 @@ def test_what_is_likely_and_small_is_said_beside_what_is_named() -> None:
 
 
 def test_an_unknown_that_follows_no_variable_says_so_before_the_little_that_it_follows():
-    words = explain_verdict(diagnosis("unknown", depends=1, share=0.004))
+    words = explain_verdict(diagnosis("unknown", depends=1, share=0.004, after=90.0))
     first, rest = words.split("\n")[1].split(". ", 1)
     assert (
         first.startswith("Most of the remaining error follows none of this run's variables") and "depends on b2" in rest
     )
-    assert "follows none" not in explain_verdict(diagnosis("unknown", depends=1, share=0.4))
+    assert "follows none" not in explain_verdict(diagnosis("unknown", depends=1, share=0.4, after=90.0))
+
+
+def test_a_small_share_of_what_noise_leaves_is_the_unknown_and_no_small_part_of_it():
+    """Of thousands of readings half a micrometre is sure, and 3 % of what is left, of which noise is the rest."""
+    assert "follows none" not in explain_verdict(diagnosis("unknown", depends=1, share=0.03))
 
 
 def test_an_effect_that_would_have_to_be_larger_than_any_is_said_as_a_question():

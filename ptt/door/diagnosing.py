@@ -10,7 +10,7 @@ from ptt.diagnosis.diagnose import diagnose_run
 from ptt.diagnosis.long import chunk_size
 from ptt.diagnosis.search.find import MOST_ADDED
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict_words import is_minor
+from ptt.diagnosis.telling.verdict_words import mostly_untold
 from ptt.diagnosis.telling.words import doubt_in_words
 from ptt.door.given import require_number
 from ptt.door.handed import RowsLike
@@ -227,7 +227,7 @@ def _next(result: Diagnosis) -> list[str]:
         more = "a longer run, or another one," if first.on == "time" else poses
         where = (first.acts_on or first.residual).replace("set-up", "the set-up")
         show = f"look for the cause in {where}; {more} would show it better"
-        lines.append("measure more poses, spread over the workspace" if is_minor(first) else show)
+        lines.append("measure more poses, spread over the workspace" if mostly_untold(result) else show)
         if any(is_variable(each.on) for each in result.depends_on):
             lines.append(
                 "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"

@@ -91,7 +91,7 @@ def text_of_figures(data: dict[str, Any]) -> str:
         lines.append(f"  largest static correction {shift:.1f} um{unsure}")
     if gap is not None:  # where no joint moves the tool one way there is no such form
         form = "the first-order form f(p) - J_a dp (J_a at p - dp/2) would put the tool at most"
-        apart = f"; {form} {gap:.2g} um elsewhere" if gap >= SEEN_UM else ""
+        apart = f"; {form} {gap:.1f} um elsewhere" if gap >= SEEN_UM else ""
         lines.append(f"  sent: {data['form']}{apart}")
     if reversal := reversal_of(data):
         lines.append(f"  reversal: {data['reversal']} (largest part {reversal})")

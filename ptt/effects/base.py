@@ -292,15 +292,24 @@ class Effect:
             start += size
         return tuple(parts)
 
-    def cause(self, theta: Tensor, view: View, measured: Tensor | None = None) -> str:
+    def cause(self, theta: Tensor, view: View) -> str:
         """The cause in a few words, with its shape parameters where they matter.
 
         Args:
             theta: all parameters, flat.
             view: n rows of the machine.
-            measured: of each parameter, whether readings tell it; None for all.
 
         Returns:
             For example 'wind-up, over 2.1 mm of travel'.
         """
         return (self.arm_called if family(view) == "serial" else "") or self.called or self.key
+
+    def cause_measured(self, theta: Tensor, view: View, measured: Tensor) -> str:
+        """The cause without shape parameters that no reading tells.
+
+        Args:
+            theta: all parameters, flat, (P,).
+            view: n rows of the machine.
+            measured: (P,) bool, whether readings tell each of them.
+        """
+        return self.cause(theta, view)

@@ -159,7 +159,7 @@ class TrackerDrift(MetrologyEffect):
         telling="time",
     )
 
-    def cause(self, theta: Tensor, view: View, measured: Tensor | None = None) -> str:
+    def cause(self, theta: Tensor, view: View) -> str:
         """With its time constant."""
         settling, duration = float(theta[-2]), float(theta[-1])
         pace = "at an even pace" if settling > 10.0 * duration else f"settling with a time constant of {settling:.0f} s"

@@ -136,7 +136,7 @@ class Backlash(Effect):
         by_gap = per_joint(torch.where(gap > 0.0, play_slope(view, gap.clamp(min=0.0)), once) if waits else once)
         return torch.cat([by_gap, torch.zeros_like(by_gap[..., :1])], dim=-1)
 
-    def cause(self, theta: Tensor, view: View, measured: Tensor | None = None) -> str:
+    def cause(self, theta: Tensor, view: View) -> str:
         """With the remark that a positive gap is not waited for, where that is so."""
         gap, waits = gap_of(theta)
         at_once = not waits and bool((gap > 0.0).any())
@@ -202,14 +202,16 @@ class Windup(Effect):
         shade="direction",
     )
 
-    def cause(self, theta: Tensor, view: View, measured: Tensor | None = None) -> str:
+    def cause(self, theta: Tensor, view: View) -> str:
+        """With the travel that it takes."""
+        return self.cause_measured(theta, view, torch.ones_like(theta, dtype=torch.bool))
+
+    def cause_measured(self, theta: Tensor, view: View, measured: Tensor) -> str:
         """With the travel that it takes, of the joints that wind up notably and whose travel readings tell."""
         unit = "rad" if isinstance(view.mechanism, Serial) else "mm"
         heights, lengths = theta.view(2, -1)
         size = heights.abs()
-        told = size >= SMALL * size.max()
-        if measured is not None:
-            told = told & measured.view(2, -1)[1]
+        told = (size >= SMALL * size.max()) & measured.view(2, -1)[1]
         if not told.any():
             return "wind-up, over travel that this run does not tell"
         low, high = (f"{float(each):.2g}" for each in torch.aminmax(lengths[told]))

@@ -66,7 +66,7 @@ class Sudden(Effect):
         """1 in rows after the moment, 0 up to it, (n,)."""
         return (view.clock > shape["after"]).to(view.q.dtype)
 
-    def cause(self, theta: Tensor, view: View, measured: Tensor | None = None) -> str:
+    def cause(self, theta: Tensor, view: View) -> str:
         """With the moment: seconds by the table's own clock, or the number of the row."""
         after = float(theta[-1])
         moment = f"{after + view.began:.0f} s" if "time" in view.varies else f"row {after + 1.0:.0f}"

@@ -13,11 +13,13 @@ from ptt.run.direction import STANDSTILL
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-MOST_FIRST = 0.1  # share of the rows that may open a run and be left out for it: of short runs one row in ten
-MOST_REMEMBERING = 0.25  # the same where it is known what remembers: beyond, hardly a row would be left to show it
-MOST_IN_TURN = 0.4  # the same where joints are moved one after another, and each but the first waits for its turn
-MOST_UNDECIDED = 0.25  # the same where errors of the drawing decide
-MOST_ENTERING = 0.5  # the same of a first fit, which has only to tell which rows remember
+MOST_FIRST = 0.1  # greatest share of the rows that may open a run and be left out for it: of short runs one in ten
+# Greatest share that may be left out where it is known what remembers: beyond, hardly a row would be left to show it
+MOST_REMEMBERING = 0.25
+MOST_IN_TURN = 0.4  # that share where joints are moved one after another, and each but the first waits for its turn
+LEAST_IN_TURN = 0.1  # share of rows in which some joints have moved and others not, from which they are
+MOST_UNDECIDED = 0.25  # greatest share at which errors of the drawing may decide on which side a pin lies
+MOST_ENTERING = 0.5  # greatest share that a first fit leaves out: it has only to tell which rows remember
 MATTERS_SIGMA = 1.0  # standard deviations of a reading from which it matters how a run was entered
 # nats that a wrong guess of it may give to whatever else begins early in a run: about the price of a name
 AT_STAKE_NATS = 10.0
@@ -54,27 +56,28 @@ def entering_rows(problem: Problem) -> np.ndarray:
         (n,) bool, the rows before a run first moves included; none where every joint moves at once, or where more than
         half of the rows would go.
     """
-    some = problem.used & _waiting(problem).any(axis=1)
+    some = _waiting(problem)[0]
     few = some.sum() < MOST_ENTERING * problem.used.sum()
     return some if few and _in_turn(problem) else np.zeros_like(some)
 
 
-def _waiting(problem: Problem) -> np.ndarray:
-    """Which joints have not moved yet in a run and will, (n, k) bool."""
+def _waiting(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Rows in which a joint that will move in its run has not yet, and those in which another has, (n,) bool each."""
     view = problem.view
     starts, q = view.starts.numpy(), view.q.numpy()
     moves = (np.abs(np.diff(q, axis=0, prepend=q[:1])) > STANDSTILL) & ~starts[:, None]
-    waiting = np.zeros_like(moves)
+    some, partly = np.zeros(len(q), dtype=bool), np.zeros(len(q), dtype=bool)
     for rows in np.split(np.arange(len(q)), np.flatnonzero(starts)[1:]):
-        waiting[rows] = ~np.logical_or.accumulate(moves[rows]) & moves[rows].any(axis=0)
-    return waiting
+        will = moves[rows].any(axis=0)
+        waiting = ~np.logical_or.accumulate(moves[rows]) & will
+        some[rows] = waiting.any(axis=1)
+        partly[rows] = waiting.any(axis=1) & (waiting != will).any(axis=1)
+    return some & problem.used, partly & problem.used
 
 
 def _in_turn(problem: Problem) -> bool:
-    """Whether joints of a run begin to move one after another."""
-    waiting = _waiting(problem)[problem.used]
-    moving = waiting.any(axis=0)
-    return bool((waiting.any(axis=1) & (waiting != moving).any(axis=1)).any())
+    """Whether joints begin to move one after another, over so many rows that they matter."""
+    return bool(_waiting(problem)[1].sum() > LEAST_IN_TURN * problem.used.sum())
 
 
 def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:

@@ -144,8 +144,7 @@ def unweighed(spec: SerialSpec) -> SerialSpec:
 def joint_ranges(spec: SerialSpec) -> tuple[Array, Array]:
     """Least and greatest value of each joint in a drawn run, (k,) rad each: within four fifths of limits and WIDE_RAD.
 
-    Four fifths of a limit lie beyond it where both limits are on one side of zero: it ends the range itself there, and
-    limits beyond WIDE_RAD are the range.
+    Where that leaves nothing, as between limits of 4 and 6 rad, the range is that of the limits.
     """
     limits = joint_limits(spec)
     low, high = np.clip(np.clip(0.8 * limits, -0.8 * WIDE_RAD, 0.8 * WIDE_RAD), *limits)

@@ -58,8 +58,9 @@ def load_platform(
     """Solve the platform without load, let drives, links and joints yield to the load, and solve it again.
 
     Source: static balance of the link forces under the weight of payload and platform, gravity along -z, and the pull
-    of hoses. A slider yields by compliance times the force along its rail, a link lengthens by compliance times its
-    tension, and by half its joints' clearance where it is pulled (shortens where it is pushed).
+    of hoses. A slider yields by its compliance times the force of the weight along its rail, and to a hose by that of
+    the hose; a link lengthens by compliance times its tension, and by half its joints' clearance where it is pulled
+    (shortens where it is pushed).
 
     Args:
         rig: faults of geometry and structure.

@@ -13,7 +13,8 @@ SEVERAL = 3  # rows with one reading from which it is taken for a lost beam; few
 # machine that hangs in its play read the same for a while, yet play is no hundred steps of a tracker that coarse.
 APART_STEPS = 100.0
 APART_MM = 0.1, 5.0  # least, whatever the digits; and most, larger than any machine's error
-LEVER = 100.0  # mm from a joint of an arm to its tool, or more
+LEVER = 100.0  # mm from a joint of an arm to its tool, as a rule
+INCH = 25.4  # mm
 
 
 def without_lost(table: Table) -> Table:
@@ -51,18 +52,24 @@ def _lost(table: Table) -> np.ndarray:
     lost = np.zeros(table.rows, dtype=bool)
     if not len(rows):
         return lost
-    apart_mm = float(np.clip(APART_STEPS * step_of(table.measured[read]), *APART_MM))
+    step = max(step_of(table.measured[read]), INCH * step_of(table.measured[read] / INCH))
+    apart_mm = float(np.clip(APART_STEPS * step, *APART_MM))
     alike = own.iloc[rows].groupby(["run", "x", "y", "z"]).ngroup().to_numpy()
     many = np.bincount(alike)[alike] >= SEVERAL
     apart, wanted = _reach(table.target[rows], alike) > apart_mm, np.isfinite(table.target[rows]).all(axis=1)
     if table.command is not None:  # an arm may go elsewhere with its joints alone
-        most = apart_mm / LEVER if table.joint_prefix == "q" else apart_mm
-        apart = np.where(wanted, apart, _reach(table.command[rows], alike) > most)
+        arm = table.joint_prefix == "q"
+        told = _reach(table.command[rows], alike, without_widest=arm) > (apart_mm / LEVER if arm else apart_mm)
+        apart = np.where(wanted, apart, told)
     lost[rows] = many & apart
     return lost
 
 
-def _reach(places: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Diagonal (n,) of the bounding box of the places (n, k) of each row's group, zero where none is known."""
+def _reach(places: np.ndarray, group: np.ndarray, *, without_widest: bool = False) -> np.ndarray:
+    """Diagonal (n,) of the bounding box of the places (n, k) of each row's group, zero where none is known.
+
+    A joint that turns alone may have the reflector on its axis: `without_widest` leaves out the widest side.
+    """
     together = pd.DataFrame(places).groupby(group)
-    return np.asarray(np.linalg.norm((together.transform("max") - together.transform("min")).fillna(0.0), axis=1))
+    sides = (together.transform("max") - together.transform("min")).fillna(0.0).to_numpy()
+    return np.asarray(np.linalg.norm(np.sort(sides, axis=1)[:, : -1 if without_widest else None], axis=1))

@@ -44,8 +44,8 @@ class Diagnosis:
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
         unexplained: words on columns that disagree beyond any machine's errors, from the set-up check; '' for none.
-        perhaps: effects that are not certain enough to be suggested: those of the best set beside an unknown; where
-            something is missing, those that are likelier than not.
+        perhaps: effects that are not certain enough to be suggested, or too large to be true: those of the best set
+            beside an unknown; where something is missing, those that are likelier than not.
         oversized: those of them that would do for the unknown, at a size that their cause has never been seen to reach.
     """
 
@@ -113,5 +113,6 @@ class Diagnosis:
             "rest": {"significant": self.rest.significant, "reasons": list(self.rest.reasons)},
             "words": self.words,
             "perhaps": list(self.perhaps),
+            "oversized": list(self.oversized),
             "unexplained": self.unexplained or None,
         }

@@ -136,10 +136,10 @@ def _oversized(found: Found, suggested: Sequence[tuple[str, ...]], verdict: str)
         return ()
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     said, kept = {name for step in suggested for name in step}, tuple(k for k in state.keys if is_effect(atoms[k]))
-    names = []
-    for key, atom in atoms.items():
+    names, opens = [], scorer.opens(kept)
+    for key, atom in atoms.items() if len(kept) < len(state.keys) else ():  # else there is no term to stand for
         limited = is_effect(atom) and not (atom.within is None and atom.largest is None)
-        if limited and key not in kept and atom.name not in said:
+        if limited and atom.name not in said and opens(atom):
             other = scorer.score((*kept, key), state.memory)
             if other.total + UNUSUAL_NATS > state.total and is_oversized(other, atom):
                 names.append(atom.name)

@@ -122,7 +122,8 @@ def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
     what = "More is missing, but no more steps were allowed" if cut_short else MISSING
     reasons = result.rest.reasons
     lines = [f"{what}: {reasons[0]}." if reasons and (overruled or not strongest) else f"{what}."]
-    lines += [f"{depends(strongest)}{_bent(result, strongest.on)}"] if strongest else []
+    most = f"{MOSTLY_UNTOLD}. " if strongest and mostly_untold(result) else ""
+    lines += [f"{most}{depends(strongest)}{_bent(result, strongest.on)}"] if strongest else []
     if 0 < len(told) <= MOST_UNKNOWN_LINES - 1 - len(lines):
         lines += [f"Also identified: {step}" for step in told]
     elif told:
@@ -182,15 +183,8 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
         name_of: how a variable is called in a sentence.
 
     Returns:
-        One to three sentences.
+        One or two sentences.
     """
-    if is_minor(strongest):
-        return f"{MOSTLY_UNTOLD}. {_followed(strongest, name_of)}"
-    return _followed(strongest, name_of)
-
-
-def _followed(strongest: Dependence, name_of: Callable[[str], str]) -> str:
-    """The sentences on the variable, the size and the direction."""
     period = f" with a period of {strongest.period_mm:.4g} {strongest.unit}".rstrip() if strongest.period_mm else ""
     share = f"({100.0 * strongest.share:.0f} % of its variance){acting(strongest.acts_on, strongest.residual)}"
     size = f" {strongest.words}" if strongest.words else ""
@@ -209,9 +203,16 @@ def _followed(strongest: Dependence, name_of: Callable[[str], str]) -> str:
     return f"{rest} depends on {on}{period}{place} {share}.{size}{alike}"
 
 
-def is_minor(strongest: Dependence) -> bool:
-    """Whether what an unknown depends on most explains next to nothing of it, as on a run of a few poses."""
-    return strongest.share < MINOR_SHARE
+def mostly_untold(result: Any) -> bool:
+    """Whether what an unknown depends on most explains next to nothing of an error that exceeds the noise.
+
+    So it is on a run of a few poses. Where the noise is most of what is left, a small share may be the whole unknown.
+
+    Args:
+        result: a diagnosis.
+    """
+    left = result.rms_um["after"]["total"] > NOTED_EXCESS * result.noise.total * 1e3
+    return bool(result.depends_on) and left and result.depends_on[0].share < MINOR_SHARE
 
 
 def acting(place: str | None, residual: str) -> str:

@@ -36,7 +36,8 @@ def sentence(told: GaugedTerm, view: View) -> str:
     body = compose(parts, noun)
     if not body:
         return f"{told.term.effect.key} explains a part"
-    cause = told.term.effect.cause(told.term.theta, view, told.term.measured)
+    effect, theta, measured = told.term.effect, told.term.theta, told.term.measured
+    cause = effect.cause(theta, view) if measured is None else effect.cause_measured(theta, view, measured)
     return f"{body}: {cause}{_gauge(told, noun)}{far_off(parts)}"
 
 

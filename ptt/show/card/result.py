@@ -7,7 +7,7 @@ import torch
 
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.explanation import Candidate
-from ptt.diagnosis.telling.verdict_words import MISSING, depends, doubted
+from ptt.diagnosis.telling.verdict_words import MISSING, MOSTLY_UNTOLD, depends, doubted, mostly_untold
 from ptt.diagnosis.telling.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.cards import card_of
 from ptt.effects.layout import family
@@ -160,7 +160,8 @@ def _words(found: Diagnosis, problem: Problem) -> str:
         return " ".join([f"With {them} {fall}; the readings scatter by {length(noise)}.", *doubted(found)])
     if found.depends_on:
         serial = family(problem.view) == "serial"
-        return depends(found.depends_on[0], lambda on: in_prose(on, serial))
+        most = f"{MOSTLY_UNTOLD}. " if mostly_untold(found) else ""
+        return most + depends(found.depends_on[0], lambda on: in_prose(on, serial))
     reasons = found.rest.reasons
     return f"{capital(reasons[0])}." if reasons else ""
 
