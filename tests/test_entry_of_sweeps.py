@@ -76,6 +76,11 @@ def test_rows_of_a_first_fit_are_those_where_some_joints_have_moved_and_others_w
     together = np.random.default_rng(1).uniform(-0.5, 0.5, (60, 7))
     assert not entering_rows(build_problem(file, made(file, together))).any()
     assert not entering_rows(build_problem(file, made(file, sweeps(1)))).any()  # most of the run
+    between = np.repeat(np.random.default_rng(1).uniform(-0.5, 0.5, (10, 7)), 22, axis=0)  # all joints, then one again
+    for place in range(10):
+        between[22 * place : 22 * place + 22, place % 7] += np.linspace(0.0, 0.3, 22)
+    found = entering_rows(build_problem(file, made(file, between)))
+    np.testing.assert_array_equal(np.flatnonzero(found), np.arange(22))
 
 
 def test_joints_that_differ_between_runs_or_stand_for_one_move_are_not_moved_in_turn():

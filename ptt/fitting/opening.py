@@ -17,7 +17,7 @@ MOST_FIRST = 0.1  # greatest share of the rows that may open a run and be left o
 # Greatest share that may be left out where it is known what remembers: beyond, hardly a row would be left to show it
 MOST_REMEMBERING = 0.25
 MOST_IN_TURN = 0.4  # that share where joints are moved one after another, and each but the first waits for its turn
-LEAST_IN_TURN = 0.1  # share of rows in which some joints have moved and others not, from which they are
+LEAST_IN_TURN = 0.05  # share of rows in which some joints have moved and others not, from which they are
 MOST_UNDECIDED = 0.25  # greatest share at which errors of the drawing may decide on which side a pin lies
 MOST_ENTERING = 0.5  # greatest share that a first fit leaves out: it has only to tell which rows remember
 MATTERS_SIGMA = 1.0  # standard deviations of a reading from which it matters how a run was entered
