@@ -230,3 +230,35 @@ def test_zeros_that_the_model_moved_to_do_not_come_back_beside_link_geometry() -
         atoms = {first: atom(first, moved_to=True), second: atom(second, moved_to=False)}
         scorer = Scorer(SimpleNamespace(atoms=atoms))
         assert not any(scorer.opens([there])(atoms[other]) for there, other in ((first, second), (second, first)))
+
+
+def test_joints_that_yield_to_the_stated_weight_of_the_links_are_tied_with_sag() -> None:
+    """Without payloads the two are one cause; a payload moves the joints of the first alone, and is asked for."""
+    file, random = arm("ur10"), np.random.default_rng(3)
+    masses = (7.1, 12.7, 4.3, 2.0, 2.0, 0.4)
+    links = [
+        link.model_copy(update={"mass_kg": mass, "com_mm": (0.0, 0.0, 0.0)})
+        for link, mass in zip(file.machine.joint, masses, strict=True)
+    ]
+    file = replace(file, machine=file.machine.model_copy(update={"joint": tuple(links)}))
+    low, high = np.clip(build_mechanism(file.machine).limits().numpy(), -2.0, 2.0)
+    q = random.uniform(0.8 * low, 0.8 * high, (ROWS, 6))
+
+    def energy(q: np.ndarray) -> np.ndarray:
+        """Of weights at the origins of the links' frames, N mm."""
+        found = np.zeros(len(q))
+        for number, mass in enumerate(masses, start=1):
+            part = file.machine.model_copy(update={"joint": tuple(links[:number]), "tool_mm": (0.0, 0.0, 0.0)})
+            height = build_mechanism(part).forward(torch.as_tensor(q[:, :number])).numpy()[:, 2]
+            found += mass * 9.80665 * height
+        return found
+
+    step = 1e-5 * np.eye(6)
+    torque = np.stack([energy(q - each) - energy(q + each) for each in step], axis=1) / 2e-5
+    went = q + np.array([0.0, 6e-9, 1e-8, 2e-8, 0.0, 0.0]) * torque
+    readings = build_mechanism(file.machine).forward(torch.as_tensor(went)).numpy()
+    readings += random.normal(0.0, SIGMA, readings.shape)
+    found = look(file, make_table(None, q, measured=readings))
+    assert found.suggested == (("axis-compliance", "self-weight"),), found.words
+    assert "Either axis-compliance or self-weight" in found.words
+    assert any("payloads" in line for line in found.measure_next)

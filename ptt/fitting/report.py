@@ -212,6 +212,7 @@ def _frames(fitted: FitResult) -> dict[str, Motion]:
 
 def _statistics(report: FitReport) -> list[str]:
     noise = report.noise_um
+    seen = [f"    {report.observability.text}"] if report.observability.parameters else []
     return [
         "[[fit]]",
         f"    {report.status} after {report.iterations} evaluations",
@@ -219,7 +220,7 @@ def _statistics(report: FitReport) -> list[str]:
         f"    chi-squared {report.chi2:.1f}, per degree of freedom {report.reduced:.3f} ({report.freedom})",
         f"    noise {noise['total']:.2f} um (x {noise['x']:.2f}, y {noise['y']:.2f}, z {noise['z']:.2f}), from the"
         f" {noise['source']}",
-        f"    {report.observability.text}",
+        *seen,
     ]
 
 

@@ -15,6 +15,7 @@ from ptt.diagnosis.telling.terms import posterior_terms, sent_terms
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 
+YIELDING, SAG = "axis-compliance", "self-weight"  # joints that yield to their load, and to the arm's own weight
 IDLE_CHI2 = 10.0  # chi-squared of all that an effect does, below which it does nothing: half of what a name has to gain
 
 
@@ -50,7 +51,7 @@ def naming_of(found: Found, model: Model, problem: Problem, shown: Problem) -> N
         problem: the readings that count.
         shown: the rows that are used for display and checks: all of them, or the sample of a long run.
     """
-    named, others = name_steps(found.scorer, found.state), exchanges(found, problem)
+    named, others = _with_same_cause(name_steps(found.scorer, found.state), found, problem), exchanges(found, problem)
     keys = tuple(step.key for step in named.steps)
     terms = posterior_terms(found, model, keys, others)
     idle, backward = _idle(found, keys, terms, shown, problem), _backward(found, keys, terms)
@@ -65,6 +66,24 @@ def naming_of(found: Found, model: Model, problem: Problem, shown: Problem) -> N
     given = tuple(term for term in found.fitted.model.terms if term.effect.key in model.keys)
     impossible = tuple(names[key] for key in keys)
     return Naming(replace(named, steps=()), others, given, given, impossible)
+
+
+def _with_same_cause(named: Named, found: Found, problem: Problem) -> Named:
+    """The steps, with self-weight tied to joints that yield to nothing but the stated weights of an arm's links.
+
+    Sag under the arm's own weight is then the same cause, and has more values only because it knows no masses.
+    """
+    atoms, view = found.system.atoms, problem.view
+    known = any(atom.name == SAG for atom in atoms.values())
+    if not known or view.link_load is None or view.torque is not None or "payload" in view.varies:
+        return named
+    steps = (
+        replace(step, others=(*step.others, SAG))
+        if atoms[step.key].name == YIELDING and SAG not in step.others
+        else step
+        for step in named.steps
+    )
+    return replace(named, steps=tuple(steps))
 
 
 def _idle(

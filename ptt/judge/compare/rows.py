@@ -123,7 +123,7 @@ def worst_part(result: Comparison) -> str | None:
         return None
     ends = zip("xyz", region.low, region.high, strict=True)
     spans = ", ".join(f"{axis} {low:.0f} to {high:.0f}" for axis, low, high in ends)
-    size = f"{1e3 * region.mean:.0f} +- {1e3 * region.error:.0f} um"
+    size = f"{1e3 * region.mean:.1f} +- {1e3 * region.error:.1f} um"
     return f"worst part of the workspace: {spans} mm, mean error {size} ({region.rows} readings)"
 
 
