@@ -159,7 +159,8 @@ def test_words_have_prefixes_that_a_person_uses():
         f"falls from 7 to 3{KEPT}\N{MICRO SIGN}m, 2{KEPT}\N{MICRO SIGN}rad/N{KEPT}m; a sum of \N{MICRO SIGN}m/m/K "
         "\N{RIGHTWARDS ARROW} x"
     )
-    assert how_sure(0.999).endswith("(> 99 %)") and how_sure(0.5) == "about even (50 %)"
+    assert how_sure(0.9933) == "almost certain (> 99 %)" and how_sure(0.985) == "very likely (98 %)"
+    assert how_sure(0.5) == "about even (50 %)"
     micro, off = "\N{MICRO SIGN}", "\N{PLUS-MINUS SIGN}"
     assert parameter_in_words("gap_mm 1", 0.040223, 8.1e-5) == ("gap 1", f"40.22{KEPT}{micro}m", f"{off}{KEPT}0.08")
     assert parameter_in_words("link_per_k", 1.1e-5, 2e-7) == ("link", f"11.00{KEPT}{micro}m/m/K", f"{off}{KEPT}0.20")

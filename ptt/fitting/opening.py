@@ -56,9 +56,9 @@ def entering_rows(problem: Problem) -> np.ndarray:
         (n,) bool, the rows before a run first moves included; none where every joint moves at once, or where more than
         half of the rows would go.
     """
-    some = _waiting(problem)[0]
+    some, partly = _waiting(problem)
     few = some.sum() < MOST_ENTERING * problem.used.sum()
-    return some if few and _in_turn(problem) else np.zeros_like(some)
+    return some if few and _in_turn(partly, problem) else np.zeros_like(some)
 
 
 def _waiting(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
@@ -75,9 +75,9 @@ def _waiting(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return some & problem.used, partly & problem.used
 
 
-def _in_turn(problem: Problem) -> bool:
-    """Whether joints begin to move one after another, over so many rows that they matter."""
-    return bool(_waiting(problem)[1].sum() > LEAST_IN_TURN * problem.used.sum())
+def _in_turn(partly: np.ndarray, problem: Problem) -> bool:
+    """Whether joints begin to move one after another, by the second rows of `_waiting`: so many that they matter."""
+    return bool(partly.sum() > LEAST_IN_TURN * problem.used.sum())
 
 
 def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> np.ndarray:
@@ -108,7 +108,8 @@ def remembering_rows(terms: Sequence[Term], problem: Problem, noise: Noise) -> n
         there = (predict(elsewhere, view).reading - predict(elsewhere, other).reading).numpy()
         square += np.square(there @ noise.whitener.T).sum(axis=1)
     told = problem.used & (square > MATTERS_SIGMA**2)
-    few = told.sum() < (MOST_IN_TURN if _in_turn(problem) else MOST_REMEMBERING) * problem.used.sum()
+    most = MOST_IN_TURN if _in_turn(_waiting(problem)[1], problem) else MOST_REMEMBERING
+    few = told.sum() < most * problem.used.sum()
     return told if few and 0.5 * square[told].sum() > AT_STAKE_NATS else none
 
 

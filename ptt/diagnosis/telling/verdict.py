@@ -85,15 +85,13 @@ def conclude(
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
     oversized = _oversized(found, suggested, verdict)
+    steps_told = candidates_of_steps(found, naming.named, naming.terms, naming.others, chances, noise, problem)
     others = other_candidates(found, named, chances, problem, oversized)
     result = Diagnosis(
         verdict=verdict,
         verdict_probability=_verdict_probability(chances, verdict),
         suggested=suggested,
-        candidates=(
-            *candidates_of_steps(found, naming.named, naming.terms, naming.others, chances, noise, problem),
-            *others,
-        ),
+        candidates=(*steps_told, *others),
         not_testable=found.untestable,
         depends_on=depends,
         rest=rest,
@@ -107,15 +105,16 @@ def conclude(
         fitted=found.fitted,
         words="",
         elsewhere=elsewhere(found.fitted, problem) if named else None,
-        perhaps=tuple(dict.fromkeys([*_perhaps(found, suggested, others, verdict), *oversized])),
+        perhaps=_perhaps(found, suggested, others, verdict, oversized),
         oversized=oversized,
     )
     return replace(result, words=explain_verdict(result, steps))
 
 
 def _perhaps(
-    found: Found, suggested: Sequence[tuple[str, ...]], others: Sequence[Candidate], verdict: str
-) -> tuple[str, ...]:
+    found: Found, suggested: Sequence[tuple[str, ...]], others: Sequence[Candidate], verdict: str,
+    oversized: Sequence[str],
+) -> tuple[str, ...]:  # fmt: skip
     """Names that are not suggested: of the best set's effects beside an unknown, else of what is likelier than not.
 
     Without an unknown these are effects that bring too little for one name more.
@@ -123,6 +122,7 @@ def _perhaps(
     atoms, said = found.system.atoms, {name for step in suggested for name in step}
     if verdict == "unknown":
         names = [atoms[key].name for key in droppable(found.scorer, found.state) if atoms[key].effect is not None]
+        names += oversized
     elif verdict == "missing":
         names = [other.effect for other in others if other.probability > LIKELIER_THAN_NOT]
     else:

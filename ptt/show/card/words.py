@@ -127,7 +127,7 @@ def percent(share: float) -> str:
 def how_sure(probability: float) -> str:
     """A probability, 0 to 1, in words and as a percentage, for example 'very likely (97 %)'."""
     words = next(words for least, words in CHANCES if probability >= least)
-    return f"{words} ({'> 99' if probability >= 0.995 else f'{100.0 * probability:.0f}'} %)"
+    return f"{words} ({'> 99' if probability >= CHANCES[0][0] else f'{100.0 * probability:.0f}'} %)"
 
 
 SUFFIXES = (  # ending of a parameter's name, factor from its unit to the one that pages show, and that unit
