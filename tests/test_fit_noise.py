@@ -115,6 +115,19 @@ def test_pairs_are_left_out_beyond_the_same_chance_as_groups_of_many() -> None:
     assert sound is not None and gross is not None and gross.freedom == sound.freedom - 1
 
 
+@pytest.mark.parametrize("way", [[0.0, 0.0, 0.0], [0.03, 0.0, 0.01], [0.01, -0.02, 0.03]])
+def test_repeats_that_drift_together_give_the_noise_that_is_new_with_each_reading(way: list[float]) -> None:
+    """A machine whose poses are visited in turn moves along one direction and back, which pooled repeats call noise."""
+    random = np.random.default_rng(5)
+    place = np.tile(random.uniform(-50.0, 50.0, (8, 3)), (12, 1))
+    slow = np.outer(np.sin(np.linspace(0.0, 9.0, len(place))), way)
+    table = make_table(place, measured=place + slow + random.normal(0.0, 0.003, place.shape))
+    noise = noise_from_repeats(table, table.measured, np.ones((len(place), 3)))
+    assert noise is not None
+    np.testing.assert_allclose(noise.sigma, 0.003, rtol=0.3)
+    assert noise.freedom == pytest.approx(88.0 if not any(way) else 88.0 * 2.0 / 3.0)
+
+
 def test_whitener_makes_noise_white() -> None:
     pooled = noise_from_repeats(repeated(0.006), repeated(0.006).measured, np.ones((120, 3)))
     np.testing.assert_allclose(pooled.whitener @ pooled.covariance @ pooled.whitener.T, np.eye(3), atol=1e-9)

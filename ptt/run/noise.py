@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 NEAR_IN_TIME = 1800.0  # s: between repeats further apart drift and temperature change
 ROUNDS = 6  # of leaving out outliers among repeats
 CHANCE = 1e-3  # that the farthest of all repeats is left out although all are sound
+# Standard errors by which, along one direction, steps from repeat to repeat have to fall short of white noise: white
+# repeats do in one run of a thousand
+SLOW_ERRORS = 4.0
+STEPS_FREEDOM = 2.0 / 3.0  # degrees of freedom of successive differences over those of deviations (von Neumann)
 ENOUGH = 30  # fewest degrees of freedom of repeats that alone give a noise floor
 ROUNDING = 1e-9  # share of the summed variances below which the variance of a direction is rounding
 NOTHING = 1e-18  # mm^2: no reading is better than a nanometre
@@ -158,7 +162,28 @@ def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False
-    return Noise(covariance, REPEATS, float(freedom))
+    return _white_part(Noise(covariance, REPEATS, float(freedom)), deviation[repeated], group[kept][repeated])
+
+
+def _white_part(pooled: Noise, deviation: np.ndarray, group: np.ndarray) -> Noise:
+    """The part of the scatter of repeats that is new with each reading, where they drift together; else all of it.
+
+    What changes slowly moves one repeat as it moves the next, of whatever pose: successive deviations then differ by
+    less than they scatter. J. von Neumann, Ann. Math. Stat. 12 (1941), 367: the mean square successive difference.
+
+    Args:
+        pooled: the scatter of deviations from the means of their poses.
+        deviation: these deviations in the order of reading, (m, 3) mm.
+        group: what each repeats, (m,).
+    """
+    taken = 1.0 / np.bincount(group)[group]  # share of its variance that a reading's own mean takes from it
+    expected = np.where(group[1:] == group[:-1], 2.0, 2.0 - taken[1:] - taken[:-1])
+    steps = np.diff(deviation, axis=0)
+    covariance = steps.T @ steps / expected.sum()
+    ratio = float(np.linalg.eigvalsh(pooled.whitener @ covariance @ pooled.whitener.T)[0])
+    if ratio > 1.0 - SLOW_ERRORS / np.sqrt(pooled.freedom):
+        return pooled
+    return Noise(covariance, REPEATS, STEPS_FREEDOM * pooled.freedom)
 
 
 def at_least(covariance: np.ndarray, variance: float) -> np.ndarray:
