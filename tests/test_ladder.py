@@ -1,6 +1,7 @@
 """Add and watch: errors on training and held-out rows after each step, and plain words where a step did not help."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import torch
 from made_runs import KNOWN, empty_run, hidden_backlash, machine, measure, term
 from test_stand_ins import stated
 
+import ptt
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
@@ -220,3 +222,15 @@ def test_one_more_effect_never_fits_worse() -> None:
         before = fit_rung(model, problem, None, before)
         fits.append(1e3 * float(np.sqrt(np.square(before.residual[problem.used]).sum(axis=1).mean())))
     assert fits[0] > fits[1] > 1.02 * fits[2]
+
+
+def test_what_to_set_right_is_said_once_the_error_is_explained() -> None:
+    """Beside much that is not explained the values make up for a part of it, and are no sizes of a cause."""
+    folder = Path(__file__).parents[1] / "data" / "sealed_three"
+    model = ptt.load(folder / "machine.toml")
+    run = ptt.read(folder / "run.csv", model)
+    amid, done = (
+        str(ptt.add(model, run, *names)) for names in (["backlash"], ["backlash", "axis-compliance", "frame-growth"])
+    )
+    assert "lose" in amid and "To set right" not in amid and "take sizes that `ptt diagnose` states" in amid
+    assert "To set right: raise the reversal compensation of slider 1" in done and "`ptt diagnose` states" not in done

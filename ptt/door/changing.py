@@ -19,7 +19,7 @@ from ptt.fitting.report import format_fit
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb, descend
 from ptt.judge.ladder.ladder import Ladder, LadderStep
-from ptt.judge.ladder.text import format_ladder
+from ptt.judge.ladder.text import format_ladder, left_over
 from ptt.plan.elsewhere import Elsewhere, elsewhere
 from ptt.progress import Progress, unwatched
 
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 Verb = Literal["add", "remove", "fit"]
 STALE = "the RBF of the compensator is dropped: it had learned what the old model left over; train it again"
 
+STAND_IN = (
+    "Commands are best with these values, which also make up for a part of what is not explained yet. To set the machine "
+    "right, take sizes that `ptt diagnose` states: these stand beside the unexplained part."
+)
 EITHER = (
     "Set it right, or let the commands of `ptt predict` correct it, not both: measure a mended machine again before "
     "commands are sent."
@@ -75,8 +79,17 @@ class Changed(Result):
 
     def __str__(self) -> str:
         """The ladder, the effects in words, and the fit."""
-        last = self.ladder.steps[-1].fitted
-        told = sentences(last.model.terms, self.opened.problem, last.noise, last.scatter**0.5, last.unnamed_covariance)
+        last, more = self.ladder.steps[-1].fitted, left_over(self.ladder)
+        told = sentences(
+            last.model.terms,
+            self.opened.problem,
+            last.noise,
+            last.scatter**0.5,
+            last.unnamed_covariance,
+            cured=not more,
+        )
+        if told and more:
+            told.append(STAND_IN)
         if self.elsewhere and (far := self.elsewhere.words(self.ladder.steps[-1].rms_um["total"])):
             told.append(far)
         if any(SET_RIGHT in line for line in told):

@@ -54,8 +54,9 @@ def _gauge(told: GaugedTerm, noun: str) -> str:
 
 
 def sentences(
-    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, extra: ExtraCovariance | None = None
-) -> list[str]:
+    terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, extra: ExtraCovariance | None = None,
+    *, cured: bool = True,
+) -> list[str]:  # fmt: skip
     """One sentence for every fitted effect of a model, all in the gauge with the fewest values off.
 
     Args:
@@ -64,6 +65,7 @@ def sentences(
         noise: the noise floor.
         widen: ratio of what the fit leaves to the noise, where that exceeds one.
         extra: further covariance of values by name, as of `ptt.fitting.gauge.sparsest`.
+        cured: whether to say what to set right on the machine.
 
     Returns:
         One for each term.
@@ -72,7 +74,7 @@ def sentences(
     words = []
     for term, free in zip(known, sparsest(known, problem, noise, widen, extra=extra), strict=True):
         told = _held(free, term)
-        set_right = remedy(told, problem.view)
+        set_right = remedy(told, problem.view) if cured else ""
         words.append(f"{capital(sentence(told, problem.view))}.{f' {SET_RIGHT}: {set_right}.' if set_right else ''}")
     return words
 
