@@ -38,11 +38,13 @@ class Dependence(Record):
         reference_c: temperature at which the drawing holds, C, where the variable or the second one is a temperature;
             else None.
         points: of an unknown, (m, 2) the readings that its curve stands for: the curve's variable, and mm or rad.
+        together: variables that it takes all of to describe an unknown of which this one alone explains less than half.
+        together_share: share of the variance that these explain; None where one variable is enough.
     """
 
     keys: ClassVar[str] = (
-        "residual, on, unit, share, p_value, period_mm, shape, place, with: with_, reference_c, rivals, "
-        "acts_on, size, words, "
+        "residual, on, unit, share, p_value, together, together_share, period_mm, shape, place, with: with_, "
+        "reference_c, rivals, acts_on, size, words, "
         "curve.at: curve.T.0, curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
     )
 
@@ -61,6 +63,8 @@ class Dependence(Record):
     size: Size | None = None
     reference_c: float | None = None
     points: np.ndarray | None = None
+    together: tuple[str, ...] = ()
+    together_share: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Its figures for JSON; the error of a joint that turns is in urad."""

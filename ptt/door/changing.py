@@ -30,9 +30,11 @@ if TYPE_CHECKING:
 Verb = Literal["add", "remove", "fit"]
 STALE = "the RBF of the compensator is dropped: it had learned what the old model left over; train it again"
 
+# Share of the error that is as given, left beyond which values may be more what stands in for the rest than sizes
+MOST_LEFT = 0.5
 STAND_IN = (
-    "Commands are best with these values, which also make up for a part of what is not explained yet. To set the machine "
-    "right, take sizes that `ptt diagnose` states: these stand beside the unexplained part."
+    "Commands are best with these values, which also make up for a part of what is not explained yet. To set the "
+    "machine right, take sizes that `ptt diagnose` states: these stand beside the unexplained part."
 )
 EITHER = (
     "Set it right, or let the commands of `ptt predict` correct it, not both: measure a mended machine again before "
@@ -79,7 +81,8 @@ class Changed(Result):
 
     def __str__(self) -> str:
         """The ladder, the effects in words, and the fit."""
-        last, more = self.ladder.steps[-1].fitted, left_over(self.ladder)
+        last, given = self.ladder.steps[-1].fitted, self.ladder.steps[0].rms_um["total"]
+        more = bool(left_over(self.ladder)) and self.ladder.steps[-1].rms_um["total"] > MOST_LEFT * given
         told = sentences(
             last.model.terms,
             self.opened.problem,

@@ -19,7 +19,7 @@ from ptt.door.opened import Opened, open_checked
 from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
 from ptt.effects.curve import COORDINATES, JOINT
-from ptt.effects.phrases import capital
+from ptt.effects.phrases import capital, listed
 from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError
 from ptt.fitting.opening import told_aside
@@ -222,7 +222,7 @@ def _next(result: Diagnosis) -> list[str]:
     if result.verdict == "unknown" and result.depends_on:
         first = result.depends_on[0]
         sides = ", each approached from both sides," if JOINT.fullmatch(first.on) or first.on in COORDINATES else ""
-        over = "" if first.on.startswith("direction") else f" over the range of {first.on}"
+        over = "" if first.on.startswith("direction") else f" over the range of {listed(first.together or (first.on,))}"
         poses = f"more poses{over}{sides}"
         more = "a longer run, or another one," if first.on == "time" else poses
         where = (first.acts_on or first.residual).replace("set-up", "the set-up")
@@ -276,5 +276,7 @@ def _dependences(result: Diagnosis) -> list[str]:
         place = f", {item.how()}" if item.shape == "gradual" else place
         acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
         share = f"{item.share:.0%} ({by_chance(item.p_value)}{period}{place})"
+        if item.together_share is not None:
+            share += f", {listed(item.together)} together {item.together_share:.0%}"
         lines += [f"  {item.residual} on {item.on}: {share}{acts}", *([f"    {item.words}"] if item.words else [])]
     return lines

@@ -22,6 +22,8 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
 MOST_LINES = 5  # dependences that are listed
+ENOUGH_ALONE = 0.5  # share of an unknown from which one variable describes it
+NO_VARIANCE = 1e-30  # mm^2, against division by zero
 SAME_SHARE = 0.95  # share of what the best variable explains from which another explains as much: bins tell no finer
 # Second variables that a reversal may vary with and a curve can show
 SECOND_VARIABLES = ("temperature", "payload", "time")
@@ -88,7 +90,11 @@ def _dependence(
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
     chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
-    share = min(item.energy, 1.0)
+    whole = min(item.energy, 1.0)
+    alone = (
+        explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE) if _is_field(item.block) else 1.0
+    )
+    share = whole * min(max(alone, 0.0), 1.0)
     if item.block.gradual:
         q = problem.view.q.numpy()[:, item.block.place.joint]
         contexts = contexts | {"reversal": since_reversal(q, problem.view.starts.numpy())}
@@ -108,8 +114,15 @@ def _dependence(
     if period is None and not item.block.reverses:
         beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
+    if alone < ENOUGH_ALONE:  # the shape of a curve that leaves most of the unknown aside says nothing
+        found = replace(found, shape="smooth", place=None, together=item.block.on, together_share=whole)
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
+
+
+def _is_field(block: Block) -> bool:
+    """Whether an unknown is a smooth function of several variables, so that a curve over one may be a small part."""
+    return len(block.on) > 1 and block.period is None and not block.reverses and not block.gradual
 
 
 def _centred_curve(values: np.ndarray, readings: np.ndarray, side: np.ndarray | float = 1.0) -> np.ndarray:
@@ -124,7 +137,7 @@ def _alike(found: Dependence, item: Unknown, contexts: dict[str, np.ndarray]) ->
     if amount is None:
         return ()
     enough = SAME_SHARE * _explained(contexts[found.on], amount)
-    if enough < 0.5 * amount.var():  # it follows no one variable, so none stands for another
+    if enough < ENOUGH_ALONE * amount.var():  # it follows no one variable, so none stands for another
         return ()
     others = (name for name in contexts if name not in (found.on, *item.block.on))
     return tuple(f"{found.residual} on {name}" for name in others if _explained(contexts[name], amount) > enough)

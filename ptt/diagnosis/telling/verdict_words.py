@@ -186,7 +186,7 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
         One or two sentences.
     """
     period = f" with a period of {strongest.period_mm:.4g} {strongest.unit}".rstrip() if strongest.period_mm else ""
-    share = f"({100.0 * strongest.share:.0f} % of its variance){acting(strongest.acts_on, strongest.residual)}"
+    share = f"({_share(strongest, name_of)}){acting(strongest.acts_on, strongest.residual)}"
     size = f" {strongest.words}" if strongest.words else ""
     rest = capital(remaining_error(strongest.residual))
     if strongest.place and strongest.shape == "step" and not strongest.with_:
@@ -196,11 +196,21 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
     place = f", by an amount that varies with {name_of(strongest.with_)}" if strongest.with_ else place
     place = " and turns over gradually after a reversal" if strongest.shape == "gradual" else place
     on = name_of(strongest.on)
+    if strongest.together:
+        on = f"{listed([name_of(name) for name in strongest.together])} together"
     if strongest.on == f"direction{strongest.residual.split()[-1]}":
         on = f"its direction of arrival{f' ({on})' if on == strongest.on else ''}"
     rivals = [name_of(rival.removeprefix(f"{strongest.residual} on ")) for rival in strongest.rivals]
     alike = f" {capital(listed(rivals))} would describe it about as well on this run." if rivals else ""
     return f"{rest} depends on {on}{period}{place} {share}.{size}{alike}"
+
+
+def _share(item: Dependence, name_of: Callable[[str], str]) -> str:
+    """What a variable explains of the variance, or several together and this one alone."""
+    if item.together_share is None:
+        return f"{100.0 * item.share:.0f} % of its variance"
+    most = f"{name_of(item.on)} alone {100.0 * item.share:.0f} %"
+    return f"{100.0 * item.together_share:.0f} % of its variance, {most}"
 
 
 def mostly_untold(result: Any) -> bool:
@@ -212,7 +222,8 @@ def mostly_untold(result: Any) -> bool:
         result: a diagnosis.
     """
     left = result.rms_um["after"]["total"] > NOTED_EXCESS * result.noise.total * 1e3
-    return bool(result.depends_on) and left and result.depends_on[0].share < MINOR_SHARE
+    first = result.depends_on[0] if result.depends_on else None
+    return first is not None and left and (first.together_share or first.share) < MINOR_SHARE
 
 
 def acting(place: str | None, residual: str) -> str:
