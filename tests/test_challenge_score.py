@@ -106,6 +106,15 @@ def test_a_fault_outside_the_library_makes_helping_effects_partial() -> None:
     assert judgement.named["screw-error-map"] in ("partial", "wrong") and not judgement.right
 
 
+def test_zeros_named_for_link_parameters_of_an_arm_are_judged() -> None:
+    """A model has one of the two, but whether zeros do all of the work of link parameters is asked with both."""
+    cases = plan("single", 40, 94900, arm=True, bench=None, rows=60, visible=True)
+    case = next(case for case in cases if case.faults == ("dh-offsets",))
+    _, truth = draw(case)
+    judgement = judge(("homing-offset",), truth)
+    assert judgement.faults == {"dh-offsets": "missed"} and judgement.named == {"homing-offset": "wrong"}
+
+
 # --- reveal -------------------------------------------------------------------------------------------------------
 
 

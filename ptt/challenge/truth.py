@@ -15,7 +15,7 @@ from ptt.effects import Library
 from ptt.effects.registry import make_effect, parse_key
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
-from ptt.model.model import Model
+from ptt.model.model import Model, rival
 from ptt.rig import Rig, simulate
 from ptt.rig.draw import DrawnRig
 from ptt.rig.platform import rotation_matrix
@@ -100,7 +100,9 @@ class Truth:
         if chosen not in self._left:
             model = Model(self.problem.file)
             for key in sorted(chosen):
-                model = model + make_effect(self.known, *parse_key(key))
+                effect = make_effect(self.known, *parse_key(key))
+                # Of an arm's zeros and link parameters the latter, which are first in order, hold the former.
+                model = model if rival(effect, model.keys) else model + effect
             self._left[chosen] = fit(model, self.problem, robust=False, noise=self.noise, lean=True, coarse=True)
         return self._left[chosen]
 
