@@ -127,8 +127,12 @@ def test_a_run_sorted_by_place_is_refused_and_sorted_back_by_the_command(tmp_pat
     frame = pd.read_csv(run)
     frame.sort_values(["z_cmd", "x_cmd"]).to_csv(tmp_path / "run.csv", index=False)
     words = ["compare", str(tmp_path / "run.csv"), "--model", str(machine), "--json"]
-    refused = CliRunner().invoke(app, words)
-    assert refused.exit_code == 2 and "time goes back" in refused.stderr and refused.stdout == ""
+    told = CliRunner().invoke(app, ["diagnose", *words[1:]])
+    assert json.loads(told.stdout)["verdict"] == "setup" and "row-order" in told.stdout
+    out = ["--out", str(tmp_path / "m.toml")]
+    refused = CliRunner().invoke(app, ["add", str(tmp_path / "run.csv"), "backlash", *words[2:4], *out])
+    assert refused.exit_code == 3 and "time goes back" in refused.stderr and refused.stdout == ""
+    assert "the rows are used in their present order" in CliRunner().invoke(app, words).stderr
     sound = CliRunner().invoke(app, ["compare", str(run), "--model", str(machine), "--json"])
     again = CliRunner().invoke(app, [*words, "--set", "order=time"])
     first, second = (json.loads(done.stdout) for done in (sound, again))

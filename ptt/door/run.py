@@ -109,21 +109,23 @@ def read(
 
 
 def read_path(
-    path: str | Path, model: Model, reading: ReadOptions, *, ask: Ask | None = None, note: Note = ignore_note
-) -> Run:
+    path: str | Path, model: Model, reading: ReadOptions, *, ordered: bool = True, ask: Ask | None = None,
+    note: Note = ignore_note,
+) -> Run:  # fmt: skip
     """Read a run as the command line does.
 
     Args:
         path: the file.
         model: the machine.
         reading: how.
+        ordered: whether time stamps that go back are refused unless the order of the rows is stated.
         ask: who answers what the file leaves open; None makes that an error.
         note: told what was understood.
 
     Returns:
         The run.
     """
-    table, blanks = fill_blanks(read_rows(path, model.file, reading, checked=True, ask=ask, note=note))
+    table, blanks = fill_blanks(read_rows(path, model.file, reading, checked=True, ordered=ordered, ask=ask, note=note))
     table, steps = between_steps(table)
     lines = (*blanks, *steps, *beyond_travel(model.file, table))
     for line in lines:
