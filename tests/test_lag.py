@@ -20,7 +20,7 @@ from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
 from ptt.model.model import Model
-from ptt.run.pace import SMOOTH, pace_of
+from ptt.run.pace import EVEN, MEAN, SMOOTH, pace_of
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 from ptt.run.viewing import build_view
@@ -243,3 +243,16 @@ def test_a_lap_that_begins_where_another_ended_is_passed_at_its_own_feed(told: s
     view = build_view(BENCH, table)
     tool = (view.jacobian @ view.velocity[:, :, None])[:, :, 0].numpy()
     np.testing.assert_allclose(tool / feed[:, None], ahead, atol=0.02)
+
+
+def test_a_row_that_repeats_the_end_of_a_line_at_once_has_no_speed_of_the_move_to_it():
+    """Lines read on the move that share the row where the tool turns: on a way through the rows a lap begins there."""
+    line = np.column_stack([np.arange(6.0), np.zeros(6), np.zeros(6)])
+    place = np.concatenate([line, line[::-1], line])
+    lasts = np.concatenate([[0.0], np.linalg.norm(np.diff(place, axis=0), axis=1)]) / 10.0
+    table = make_table(place, feed_mm_s=np.full(18, 10.0), time_s=np.cumsum(lasts))
+    starts = np.arange(18) == 0
+    even, mean = (pace_of(place, starts, table, kind=kind) for kind in (EVEN, MEAN))
+    assert even is not None and mean is not None
+    np.testing.assert_allclose(even.velocity(place)[[5, 6, 7, 12, 13], 0], [10.0, 0.0, -10.0, 0.0, 10.0], atol=1e-9)
+    assert mean.velocity(place)[6, 0] == pytest.approx(-10.0)

@@ -27,7 +27,16 @@ def candidate(**values):
 
 def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings scatter",), wander=None, after=0.3,
               probability=0.9, terms=(), perhaps=(), oversized=(), **on):  # fmt: skip
-    found = {"residual": "slider 2", "on": "b2", "share": 0.4, "period_mm": 3.1, "shape": "smooth", "place": None}
+    found = {
+        "residual": "slider 2",
+        "on": "b2",
+        "share": 0.4,
+        "together": (),
+        "together_share": None,
+        "period_mm": 3.1,
+        "shape": "smooth",
+        "place": None,
+    }
     found = SimpleNamespace(
         **{**found, "with_": None, "rivals": (), "acts_on": None, "unit": "mm", "words": "It is large.", **on}
     )
@@ -206,3 +215,13 @@ def test_an_effect_that_would_have_to_be_larger_than_any_is_said_as_a_question()
     words = explain_verdict(diagnosis("unknown", depends=1, perhaps=("screw-growth",), oversized=("screw-growth",)))
     assert "could be screw-growth, at a size that its cause has never been seen to reach" in words
     assert "also suggest" not in words
+
+
+def test_a_field_is_said_by_all_of_its_variables_and_the_share_of_the_one_that_leads():
+    together = {"residual": "z", "on": "y", "share": 0.06, "period_mm": None, "acts_on": None}
+    field = {**together, "together": ("x", "y", "z"), "together_share": 0.8}
+    words = explain_verdict(diagnosis("unknown", depends=1, **field))
+    assert "error in z depends on x, y and z together (80 % of its variance, y alone 6 %)" in words
+    assert "error in z depends on y (6 % of its variance)" in explain_verdict(
+        diagnosis("unknown", depends=1, **together)
+    )

@@ -180,9 +180,9 @@ def pace_of(
     lasts = np.where(sound, lasts, np.inf)
     before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
     bends, changes = corners_of(moved, length, lasts, sound, smooth=smooth)
-    entered = ~starts & begun_again(length, sound, table)
-    if kind in (SMOOTH, MEAN):
-        entered |= entered_anew(lasts, bends, table)
+    # Of the move to a row that repeats the one before there is no speed; on a way through rows a lap begins there.
+    on_way = kind in (SMOOTH, MEAN)
+    entered = ~starts & (begun_again(length, sound, table) | entered_anew(lasts, bends, table)) & on_way
     if entered.any():
         return pace_of(p, starts | entered, table, ends, kind, lag, smooth=smooth)
     if kind == SMOOTH:  # the feed is along the arc, not along its chord
