@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from told_models import term
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.evidence.witness import DRIFT_OPEN, GROWTH_OPEN
+from ptt.diagnosis.evidence.witness import DRIFT_OPEN, GROWTH_OPEN, own_drift, unwitnessed
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.machine_schema import BasePoint, ThreePttSpec, TrackerSpec
 from ptt.mechanisms import build_mechanism
@@ -17,6 +18,7 @@ from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
+from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 
@@ -85,3 +87,17 @@ def test_a_frame_that_grows_more_than_any_metal_is_named_where_its_form_shows(pe
     assert found.suggested == (("frame-growth",),)
     told = {one.name: one.value for one in found.candidates[0].parameters}
     np.testing.assert_allclose([told["radius_per_k"], told["link_per_k"]], per_k, rtol=0.1)
+
+
+@pytest.mark.parametrize("ramp", [True, False])
+def test_what_a_growth_shifts_alike_may_be_a_drift_where_temperature_went_with_the_clock(ramp: bool) -> None:
+    random, file, rows = np.random.default_rng(4), bench_machine(), 80
+    time = 30.0 * np.arange(rows)
+    warmth = 20.0 + (time / 300.0 if ramp else 4.0 * np.sin(time / 200.0))
+    place = random.uniform(-50.0, 50.0, (rows, 3))
+    table = make_table(place, measured=place, temp_c=warmth, time_s=time)
+    problem, noise = build_problem(file, table), Noise(np.eye(3) * 0.004**2, "machine file")
+    growth = term("screw-growth", [8e-6, 12e-6, 16e-6, 0.002, -0.001, -0.003])
+    said = unwitnessed(growth, problem, noise)
+    assert [line.endswith("temperature went with the clock.") for line in said] == ([True] if ramp else [])
+    assert (own_drift([growth], problem, noise) > 0.002) is ramp

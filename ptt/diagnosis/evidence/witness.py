@@ -20,6 +20,11 @@ MACHINE_CHANCE = 0.5  # probability that it was the machine rather than the trac
 UNREAD = "Base reflectors were not read over at least half of the run, so"
 DRIFT_OPEN = f"{UNREAD} a machine that drifts as a whole would look the same."
 GROWTH_OPEN = f"{UNREAD} a tracker that moves with temperature would look the same."
+PART_OPEN = (
+    f"{UNREAD} the {{part:.0f}} um rms of it that are one shift of all readings may as well be a drift of the tracker: "
+    "temperature went with the clock."
+)
+BY_THE_CLOCK = 0.9  # squared correlation of temperature and time from which a drift looks like a shift with temperature
 CLEAR_GROWTH = 30.0  # chi-squared from which the readings show that a growth is no shift common to all of them
 
 
@@ -36,7 +41,10 @@ def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
     """
     if _is_unwitnessed(term, problem):
         return [DRIFT_OPEN]
-    return [GROWTH_OPEN] if _moves_as_one(term, problem, noise) else []
+    if _moves_as_one(term, problem, noise):
+        return [GROWTH_OPEN]
+    part = _shared_with_drift(term, problem, noise)
+    return [PART_OPEN.format(part=1e3 * part)] if part else []
 
 
 def own_drift(terms: Sequence[Term], problem: Problem, noise: Noise) -> float:
@@ -54,6 +62,8 @@ def own_drift(terms: Sequence[Term], problem: Problem, noise: Noise) -> float:
     for term in terms:
         if _moves_as_one(term, problem, noise):
             square += MACHINE_CHANCE * (1e-3 * at_tool_um(term, problem)) ** 2
+        else:
+            square += MACHINE_CHANCE * _shared_with_drift(term, problem, noise) ** 2
         if _is_unwitnessed(term, problem):
             moved = term.effect.shift(term.theta, problem.view).numpy()[problem.used]
             for frame in np.unique(problem.frame[problem.used]):
@@ -71,9 +81,31 @@ def _is_unwitnessed(term: Term, problem: Problem) -> bool:
     return drifts(term.effect) and not _was_watched(problem)
 
 
+def _grows_unwatched(term: Term, problem: Problem) -> bool:
+    """Whether an effect is a growth of the machine with temperature in a run without visits to base reflectors."""
+    grows = term.effect.stage != "metrology" and "temperature" in term.effect.requires
+    return grows and not _was_watched(problem)
+
+
+def _shared_with_drift(term: Term, problem: Problem, noise: Noise) -> float:
+    """Root mean square, mm, of what a growth shifts all readings by alike where temperature went with the clock.
+
+    Zero where it did not, where base reflectors tell, and where the readings would not show that part.
+    """
+    if not _grows_unwatched(term, problem) or np.ptp(problem.view.time.numpy()[problem.used]) == 0.0:
+        return 0.0
+    clock = np.corrcoef(problem.view.time.numpy()[problem.used], problem.view.warmth.numpy()[problem.used])[0, 1]
+    if clock**2 < BY_THE_CLOCK:
+        return 0.0
+    moved = moved_by(term, problem)
+    shared = moved - _beside_shift(moved, problem)
+    seen = float(np.square(shared @ noise.whitener.T).sum()) >= CLEAR_GROWTH
+    return float(np.sqrt(np.square(shared).sum(axis=1).mean())) if seen else 0.0
+
+
 def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
     """Whether a growth with temperature looks, in these readings, like a common shift with temperature."""
-    if term.effect.stage == "metrology" or "temperature" not in term.effect.requires or _was_watched(problem):
+    if not _grows_unwatched(term, problem):
         return False
     few = sampled_if_long(problem)  # what a sample shows, all rows show
     if few is not problem and _beside_warmth(term, few, noise) >= CLEAR_GROWTH:
@@ -83,10 +115,14 @@ def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
 
 def _beside_warmth(term: Term, problem: Problem, noise: Noise) -> float:
     """Chi-squared of an effect's shifts that no common shift in proportion to temperature explains."""
-    left, warmth = moved_by(term, problem).ravel(), problem.view.warmth.numpy()[:, None]
+    return float(np.square(_beside_shift(moved_by(term, problem), problem) @ noise.whitener.T).sum())
+
+
+def _beside_shift(moved: np.ndarray, problem: Problem) -> np.ndarray:
+    """Motions of the readings that count, (m, 3) mm, less the common shift in proportion to temperature in them."""
+    left, warmth = moved.ravel(), problem.view.warmth.numpy()[:, None]
     warm = np.stack([without_rigid_motion(warmth * axis, problem).ravel() for axis in np.eye(3)], axis=1)
-    rest = (left - warm @ np.linalg.lstsq(warm, left, rcond=None)[0]).reshape(-1, 3)
-    return float(np.square(rest @ noise.whitener.T).sum())
+    return np.asarray((left - warm @ np.linalg.lstsq(warm, left, rcond=None)[0]).reshape(-1, 3))
 
 
 def _was_watched(problem: Problem) -> bool:
