@@ -16,7 +16,7 @@ from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.layout import sizes
 from ptt.fitting.kept import keep_covariance, kept_covariance
-from ptt.fitting.turns import unturned
+from ptt.fitting.turns import like_play, unturned
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
 from ptt.judge.ladder.ladder import Ladder
@@ -28,6 +28,7 @@ from ptt.model.entries import read_model
 from ptt.model.model import Model
 from ptt.rig import parse_rig, simulate
 from ptt.rig.simulate import write_run
+from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 from ptt.run.table import make_table
@@ -182,6 +183,15 @@ def test_a_diagnosis_says_what_play_may_be_as_well(tmp_path) -> None:
         words.append(found.candidates[0].words)
     assert "except wind-up that is complete within 2 mm of a reversal, where no reading was taken" in words[0]
     assert "wind-up" not in words[1]
+
+
+@pytest.mark.parametrize(("places", "said"), [(far, "play of sliders 1, 2 and 3 that is taken up at once"), (near, "")])
+def test_a_wind_up_that_no_reading_shows_on_the_way_may_be_play(places, said: str) -> None:
+    target = places()
+    problem = build_problem(FILE, make_table(target, measured=target))
+    (term,) = wound_up(0.4).terms
+    noise = Noise(np.eye(3) * 0.003**2, "machine file")
+    assert like_play(SimpleNamespace(noise=noise), term, problem) == said
 
 
 def test_a_gap_that_no_move_takes_up_is_known_to_be_no_smaller_and_no_more(tmp_path) -> None:

@@ -135,6 +135,31 @@ def like_windup(fitted: FitResult, term: Term) -> str:
     return f"wind-up that is complete within {_windup(fitted, joints)} of a reversal, where no reading was taken"
 
 
+def like_play(fitted: FitResult, term: Term, problem: Problem) -> str:
+    """Words on play that a wind-up may be instead, of joints that no reading shows on the way; '' where there are none.
+
+    Args:
+        fitted: the fit, for its noise.
+        term: one of its effects.
+        problem: the readings; of a long run stretches stand for all.
+    """
+    if not isinstance(term.effect, Windup):
+        return ""
+    few, sigma = sampled_if_long(problem), fitted.noise.total / np.sqrt(3.0)
+    heights = term.theta.view(2, -1)[0].abs()
+    at_once = torch.cat([term.theta.view(2, -1)[0], torch.full_like(heights, term.effect.parameters[-1].lower)])
+    shift, play = (term.effect.shift(theta, few.view)[few.used].numpy() for theta in (term.theta, at_once))
+    columns, like = few.view.jacobian[few.used].numpy() / sigma, list[str]()  # shape: (n, 3, k)
+    for joint in np.flatnonzero((heights > SMALL_GAP * heights.max()).numpy()):
+        own = columns[:, :, joint]
+        sides = np.stack([(own * play[:, joint, None]).ravel(), own.ravel()], axis=1)  # what its zero takes is no sign
+        moved = (own * shift[:, joint, None]).ravel()
+        left = moved - sides @ np.linalg.lstsq(sides, moved, rcond=None)[0]
+        like += [str(joint + 1)] if left @ left < SEEN_CHI2 else []
+    noun = problem.file.machine.noun
+    return f"play of {noun}{'s' * (len(like) > 1)} {listed(like)} that is taken up at once" if like else ""
+
+
 def _unseen(fitted: FitResult, term: Term) -> list[int]:
     """Numbers, from 1, of joints with play for which no reading tells how it is taken up."""
     if not isinstance(term.effect, Backlash) or not fitted.turns:

@@ -24,7 +24,7 @@ from ptt.effects import Effect
 from ptt.effects.phrases import listed
 from ptt.fitting.linear import tried_sizes
 from ptt.fitting.result import MEASURED_SHARE, FitResult
-from ptt.fitting.turns import like_windup, marked, with_turns
+from ptt.fitting.turns import like_play, like_windup, marked, with_turns
 from ptt.model.model import Term, parameter_names, told_values
 from ptt.record import Record
 from ptt.run.noise import Noise
@@ -116,7 +116,8 @@ def candidates_of_steps(
         own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
         extra = found.fitted.unnamed_covariance
-        alike = [words for words in (like_windup(turned, term), _beside_size(found.fitted, term)) if words]
+        like = like_windup(turned, term), like_play(turned, term, problem), _beside_size(found.fitted, term)
+        alike = [words for words in like if words]
         exceptions = f", except {' and '.join(alike)}" if alike else ""
         words = explain_step(
             term, step.others, together, errors, noise, problem, before, own, beside, extra, exceptions
