@@ -9,12 +9,14 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from told_models import with_effects
 
 from ptt.correct.compensate import compensate
 from ptt.diagnosis.diagnose import diagnose
 from ptt.door.tally import tally
 from ptt.effects import library
 from ptt.effects.layout import sizes
+from ptt.errors import ModelError
 from ptt.fitting.kept import keep_covariance, kept_covariance
 from ptt.fitting.turns import like_play, unturned
 from ptt.judge.history import record
@@ -225,3 +227,9 @@ def test_each_joint_may_have_come_from_the_other_side_by_itself() -> None:
     rms = np.sqrt(np.square(off).mean(axis=0))
     assert rms[1:6].min() > 0.01
     np.testing.assert_allclose(sent.approach[1:6], rms[1:6], rtol=0.1)
+
+
+def test_a_height_below_nothing_is_refused_as_a_length_is() -> None:
+    for height, length in ((-0.03, 1.0), (0.03, 0.0)):
+        with pytest.raises(ModelError, match="is out of its bounds"):
+            with_effects(FILE, windup={"height_mm": (height,) * 3, "length_mm": (length,) * 3})

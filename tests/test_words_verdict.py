@@ -149,7 +149,7 @@ def test_a_jump_is_said_by_its_place_and_a_slow_rest_by_its_wander():
     bump = explain_verdict(diagnosis("unknown", depends=1, period_mm=None, shape="local", place=(41.0, 62.0)))
     assert "depends on b2 near 52 mm (40 %" in bump
     floor = NOISE.total * 1e3
-    for span, unit, lasts in ((900.0, "s", "about 320 s"), (40.0, "readings", "longer than the run")):
+    for span, unit, lasts in ((900.0, "s", "about 320 s"), (40.0, "readings", "longer than the run, as a drift does")):
         wander, r = Slow(Wander(4.0, 317.0), span, unit), 317.0 / span
         within = 2.0 * np.sqrt(1.0 - 2.0 * r + 2.0 * r**2 * (1.0 - np.exp(-1.0 / r)))  # about its mean in the run
         slow = explain_verdict(diagnosis("nothing-missing", after=3.0 * floor, wander=wander))

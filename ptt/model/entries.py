@@ -118,7 +118,7 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
         else:
             values.append(_expanded(given.value if given else parameter.default or 0.0, size, name))
         low, high = parameter.lower, parameter.upper
-        if parameter.role != "linear" and not bool(((values[-1] >= low) & (values[-1] <= high)).all()):
+        if not bool(((values[-1] >= low) & (values[-1] <= high)).all()):
             raise ModelError(f"parameter '{name}' is out of its bounds", fix=f"give {low:g} to {high:g}")
         std = torch.nan if given is None or given.std is None else given.std
         seen = True if given is None or given.measured is None else given.measured

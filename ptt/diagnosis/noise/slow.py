@@ -43,7 +43,7 @@ class Slow:
     def lasts(self) -> str:
         """How long it lasts, in words; a run does not tell a time constant longer than itself."""
         if self.wander.constant > self.span:
-            return "over longer than the run"
+            return "over longer than the run, as a drift does"
         return f"over about {float(f'{self.wander.constant:.2g}'):g} {self.unit}"
 
     def to_dict(self) -> dict[str, float | None]:
