@@ -11,6 +11,7 @@ import pytest
 import torch
 
 import ptt
+from ptt.again.contexts import scatter_notes
 from ptt.again.explanation import find_explanation
 from ptt.again.figures import Moved
 from ptt.again.news import look_for_news
@@ -85,6 +86,16 @@ def test_a_sound_machine_is_the_same_with_another_set_up_path_and_noise(solved: 
     assert max(abs(one.z) for one in found.parameters) < 4.5
     assert found.since == DATE and "15 March 2026" in found.words
     assert any("payload" in note and "3 kg" in note for note in found.notes)
+
+
+def test_readings_that_scatter_far_more_than_the_model_left_are_said(solved: SimpleNamespace) -> None:
+    """A joint that has come loose hides all else: nothing that the run could show has changed."""
+    prior = build_prior(solved.model, run_of(2))
+    assert prior.last is not None
+    left = prior.last.heldout_after_um["total"]
+    assert scatter_notes(prior, 1.5 * left) == ()
+    (said,) = scatter_notes(prior, 10.0 * left)
+    assert f"by {10.0 * left:.1f} um" in said and "come loose" in said
 
 
 def test_only_the_value_that_changed_is_named_with_its_side_unit_and_true_size(solved: SimpleNamespace) -> None:

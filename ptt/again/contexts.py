@@ -4,6 +4,8 @@ from ptt.again.prior import Prior
 from ptt.run.problem import Problem
 from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of, ranges_of_model
 
+LOUDER = 2.0  # ratio of the scatter of one reading to all that the model left, from which something repeats worse
+
 
 def context_notes(prior: Prior, problem: Problem) -> tuple[str, ...]:
     """Contexts to which the model is extrapolated in this run.
@@ -37,3 +39,25 @@ def context_notes(prior: Prior, problem: Problem) -> tuple[str, ...]:
 def _matters(column: str, low: float, high: float, problem: Problem) -> bool:
     usual = problem.file.machine.reference_temp_c if column == "temp_c" else 0.0
     return max(abs(low - usual), abs(high - usual)) > LEAST_BEYOND[column]
+
+
+def scatter_notes(prior: Prior, noise_um: float) -> tuple[str, ...]:
+    """A note where readings scatter far more than they did in the run that the model was fitted to.
+
+    What repeats worse than before hides every change that is smaller, so that nothing seems to have changed.
+
+    Args:
+        prior: the solved model.
+        noise_um: noise floor of the new run, um.
+
+    Returns:
+        One line; none where the model's run left as much, or its history does not tell.
+    """
+    then = 0.0 if prior.last is None else float(prior.last.heldout_after_um["total"])
+    if not 0.0 < LOUDER * then < noise_um:
+        return ()
+    now = f"one reading scatters by {noise_um:.1f} um, where the model's own run was left with {then:.1f} um in all"
+    return (
+        f"{now}: look for what has come loose, in the machine, its tool, or tracker and reflector; changes smaller "
+        "than that do not show",
+    )

@@ -8,7 +8,7 @@ import torch
 
 from ptt.again.artefacts import drop_artefacts
 from ptt.again.changes import CHANGED_PREFIX, Change
-from ptt.again.contexts import context_notes
+from ptt.again.contexts import context_notes, scatter_notes
 from ptt.again.cures import with_cures
 from ptt.again.explanation import Explanation, displacement_of, find_explanation
 from ptt.again.extrapolation import extrapolation_notes
@@ -71,6 +71,7 @@ def recheck(
     }
     cured = {key for key, size in made["now"].items() if size < GONE * made["before"][key]}
     changed = _changed(found, problem, cured)
+    noise = noise_after(problem, found.system, found.state).to_dict()
     verdict: Verdict = "new" if news.diagnosis is not None else "changed" if changed else "same"
     result = Recheck(
         verdict=verdict,
@@ -79,7 +80,7 @@ def recheck(
         parameters=every_value(found),
         error_um=errors_of(found),
         made_um=made,
-        noise_um=noise_after(problem, found.system, found.state).to_dict(),
+        noise_um=noise,
         since=prior.since,
         rows=len(found.system.rows),
         outlier_rows=tuple(int(row) for row in numbers(problem)[found.gross]),
@@ -89,6 +90,7 @@ def recheck(
             *news.notes,
             *_masked_notes(found),
             *_set_up(found),
+            *scatter_notes(prior, noise["total"]),
             *context_notes(prior, problem),
             *extrapolation_notes(prior, problem),
         ),
