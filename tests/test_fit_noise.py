@@ -128,6 +128,16 @@ def test_repeats_that_drift_together_give_the_noise_that_is_new_with_each_readin
     assert noise.freedom == pytest.approx(88.0 if not any(way) else 88.0 * 2.0 / 3.0)
 
 
+def test_repeats_of_which_each_round_leaves_one_more_out_give_a_noise() -> None:
+    """Each gross reading drags the mean so far that only it stands out, in the last round as in the first."""
+    random = np.random.default_rng(1)
+    place = np.tile(random.uniform(-50.0, 50.0, 3), (60, 1))
+    measured = place + random.normal(0.0, 0.003, place.shape)
+    measured[5:40:5, 0] += 10.0 ** np.arange(-1, 6)
+    noise = noise_from_repeats(make_table(place, measured=measured), measured, np.ones((60, 3)))
+    assert noise is not None and np.isfinite(noise.covariance).all()
+
+
 def test_whitener_makes_noise_white() -> None:
     pooled = noise_from_repeats(repeated(0.006), repeated(0.006).measured, np.ones((120, 3)))
     np.testing.assert_allclose(pooled.whitener @ pooled.covariance @ pooled.whitener.T, np.eye(3), atol=1e-9)

@@ -152,17 +152,18 @@ def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     kept = np.ones(len(values), dtype=bool)
     for _ in range(ROUNDS):
-        deviation, freedom = _deviations(values[kept], group[kept])
+        own = group[kept]
+        deviation, freedom = _deviations(values[kept], own)
         if freedom < ENOUGH:
             return None
         covariance = deviation.T @ deviation / freedom
-        unbiased, repeated = _unbiased(deviation, group[kept])
+        unbiased, repeated = _unbiased(deviation, own)
         scale = np.maximum(median_sigma(unbiased[repeated], axis=0), 1e-9)
         far = ((unbiased / scale) ** 2).max(axis=1) > chi2_isf(CHANCE / len(values), 1)
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False
-    return _white_part(Noise(covariance, REPEATS, float(freedom)), deviation[repeated], group[kept][repeated])
+    return _white_part(Noise(covariance, REPEATS, float(freedom)), deviation[repeated], own[repeated])
 
 
 def _white_part(pooled: Noise, deviation: np.ndarray, group: np.ndarray) -> Noise:
