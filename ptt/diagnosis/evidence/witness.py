@@ -25,6 +25,7 @@ PART_OPEN = (
     "temperature went with the clock."
 )
 BY_THE_CLOCK = 0.9  # squared correlation of temperature and time from which a drift looks like a shift with temperature
+NOTED_PART = 1.5  # times the noise of one reading from which that part is worth a word and a doubt
 CLEAR_GROWTH = 30.0  # chi-squared from which the readings show that a growth is no shift common to all of them
 
 
@@ -90,7 +91,7 @@ def _grows_unwatched(term: Term, problem: Problem) -> bool:
 def _shared_with_drift(term: Term, problem: Problem, noise: Noise) -> float:
     """Root mean square, mm, of what a growth shifts all readings by alike where temperature went with the clock.
 
-    Zero where it did not, where base reflectors tell, and where the readings would not show that part.
+    Zero where it did not, where base reflectors tell, and where that part is not much more than the noise.
     """
     if not _grows_unwatched(term, problem) or np.ptp(problem.view.time.numpy()[problem.used]) == 0.0:
         return 0.0
@@ -99,8 +100,8 @@ def _shared_with_drift(term: Term, problem: Problem, noise: Noise) -> float:
         return 0.0
     moved = moved_by(term, problem)
     shared = moved - _beside_shift(moved, problem)
-    seen = float(np.square(shared @ noise.whitener.T).sum()) >= CLEAR_GROWTH
-    return float(np.sqrt(np.square(shared).sum(axis=1).mean())) if seen else 0.0
+    part = float(np.sqrt(np.square(shared).sum(axis=1).mean()))
+    return part if part > NOTED_PART * noise.total else 0.0
 
 
 def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
