@@ -1,8 +1,10 @@
 """Two commands that print two errors of one run say why; what is left out is named by the lines of the file."""
 
 import re
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
@@ -64,6 +66,18 @@ def test_a_frame_that_reflectors_hold_elsewhere_is_said_with_the_error_that_they
 def test_gross_errors_are_named_by_their_lines(found):
     assert re.search(r"run\.csv lines 22 and 43(;|$)", str(found[1]))  # behind them, what else was left aside
     assert "2 left out as gross errors: " in str(found[1])
+
+
+def test_rows_that_are_left_out_one_after_another_are_no_scatter(tmp_path):
+    """Eight readings were paired with the row behind their own."""
+    folder = Path(__file__).parents[1] / "data" / "sealed_one"
+    model, frame = ptt.load(folder / "machine.toml"), pd.read_csv(folder / "run.csv")
+    read = ["x_meas", "y_meas", "z_meas"]
+    frame.loc[100:107, read] = np.roll(frame.loc[100:107, read].to_numpy(), 1, axis=0)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    told = str(ptt.diagnose(model, ptt.read(tmp_path / "run.csv", model)))
+    assert "lines 102 to 109 come one after another" in told
+    assert "one after another" not in str(ptt.diagnose(model, ptt.read(folder / "run.csv", model)))
 
 
 def test_rows_are_named_by_file_and_no_more_than_a_handful():

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ptt.dependence.said import between, by_chance
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.diagnosis.long import chunk_size
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOUBT_SHARE = 0.1  # ratio to the held-out error, below which the doubt adds nothing to the root sum of squares
+STREAK = 5  # rows left out one after another: of readings of which one in twenty is gross, not once in a thousand runs
 LEAST_CHUNK = 1000  # rows: smaller chunks cost more time than they save memory
 USAGE = "diagnose(model, run)"
 # Of the table of candidates.
@@ -200,7 +203,8 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
         lines.append("not testable on this run:")
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
     noise, left = result.noise.to_dict(), int(result.outliers.sum())
-    where = f": {named_rows(problem.table, result.outliers)}" if left and problem is not None else ""
+    where = "" if problem is None or not left else f": {named_rows(problem.table, result.outliers)}"
+    where += "" if problem is None else _streak(result.outliers, problem)
     opens = int(result.opening.sum())
     aside = f"; {told_aside(opens)}" if opens else ""
     lines += [] if problem is None else frames_said(set_up(problem)["frame_taken"])
@@ -209,6 +213,20 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
         f"{left} left out as gross errors{where}{aside}"
     )
     return "\n".join(lines)
+
+
+def _streak(left_out: np.ndarray, problem: Problem) -> str:
+    """A clause on rows that were left out one after another, which is no scatter; '' for fewer than `STREAK`."""
+    read = problem.used | left_out
+    rows = np.flatnonzero(read)
+    ends = np.flatnonzero(np.diff(left_out[read].astype(int), prepend=0, append=0)).reshape(-1, 2)
+    first, behind = max(ends.tolist(), key=lambda pair: pair[1] - pair[0], default=(0, 0))
+    if behind - first < STREAK:
+        return ""
+    begin, end = (problem.table.line[rows[place]] for place in (first, behind - 1))
+    return (
+        f"; those of lines {begin} to {end} come one after another, which is no scatter: look for what happened there"
+    )
 
 
 def _next(result: Diagnosis) -> list[str]:
