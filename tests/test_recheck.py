@@ -11,7 +11,6 @@ import pytest
 import torch
 
 import ptt
-from ptt.again.contexts import scatter_notes
 from ptt.again.explanation import find_explanation
 from ptt.again.figures import Moved
 from ptt.again.news import look_for_news
@@ -90,12 +89,11 @@ def test_a_sound_machine_is_the_same_with_another_set_up_path_and_noise(solved: 
 
 def test_readings_that_scatter_far_more_than_the_model_left_are_said(solved: SimpleNamespace) -> None:
     """A joint that has come loose hides all else: nothing that the run could show has changed."""
-    prior = build_prior(solved.model, run_of(2))
-    assert prior.last is not None
-    left = prior.last.heldout_after_um["total"]
-    assert scatter_notes(prior, 1.5 * left) == ()
-    (said,) = scatter_notes(prior, 10.0 * left)
-    assert f"by {10.0 * left:.1f} um" in said and "come loose" in said
+    loud = replace(run_of(2, rows=160, tracker={"white_mm": 10.0 * SIGMA}), noise=None)
+    found = look(solved, loud)
+    (said,) = (note for note in found.notes if "come loose" in note)
+    assert f"the noise of this run is {found.noise_um['total']:.1f} um" in said
+    assert not any("come loose" in note for note in look(solved, run_of(2)).notes)
 
 
 def test_only_the_value_that_changed_is_named_with_its_side_unit_and_true_size(solved: SimpleNamespace) -> None:

@@ -193,7 +193,8 @@ def test_a_wind_up_that_no_reading_shows_on_the_way_may_be_play(places, said: st
     problem = build_problem(FILE, make_table(target, measured=target))
     (term,) = wound_up(0.4).terms
     noise = Noise(np.eye(3) * 0.003**2, "machine file")
-    assert like_play(SimpleNamespace(noise=noise), term, problem) == said
+    fitted = SimpleNamespace(noise=noise, outliers=~problem.used, model=SimpleNamespace(file=FILE))
+    assert like_play(fitted, term, problem) == said
 
 
 def test_a_gap_that_no_move_takes_up_is_known_to_be_no_smaller_and_no_more(tmp_path) -> None:

@@ -32,7 +32,7 @@ def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings sc
         "on": "b2",
         "share": 0.4,
         "together": (),
-        "together_share": None,
+        "alone_share": None,
         "period_mm": 3.1,
         "shape": "smooth",
         "place": None,
@@ -218,10 +218,10 @@ def test_an_effect_that_would_have_to_be_larger_than_any_is_said_as_a_question()
 
 
 def test_a_field_is_said_by_all_of_its_variables_and_the_share_of_the_one_that_leads():
-    together = {"residual": "z", "on": "y", "share": 0.06, "period_mm": None, "acts_on": None}
-    field = {**together, "together": ("x", "y", "z"), "together_share": 0.8}
+    together = {"residual": "z", "on": "y", "share": 0.8, "period_mm": None, "acts_on": None}
+    field = {**together, "together": ("x", "y", "z"), "alone_share": 0.06}
     words = explain_verdict(diagnosis("unknown", depends=1, **field))
     assert "error in z depends on x, y and z together (80 % of its variance, y alone 6 %)" in words
-    assert "error in z depends on y (6 % of its variance)" in explain_verdict(
+    assert "error in z depends on y (80 % of its variance)" in explain_verdict(
         diagnosis("unknown", depends=1, **together)
     )

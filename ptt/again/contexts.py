@@ -4,7 +4,9 @@ from ptt.again.prior import Prior
 from ptt.run.problem import Problem
 from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of, ranges_of_model
 
-LOUDER = 2.0  # ratio of the scatter of one reading to all that the model left, from which something repeats worse
+# Ratio of the scatter of one reading to all that the model left of its own run, from which something repeats worse: two
+# estimates of one noise differ by a fifth at the most
+LOUDER = 2.0
 
 
 def context_notes(prior: Prior, problem: Problem) -> tuple[str, ...]:
@@ -56,8 +58,8 @@ def scatter_notes(prior: Prior, noise_um: float) -> tuple[str, ...]:
     then = 0.0 if prior.last is None else float(prior.last.heldout_after_um["total"])
     if not 0.0 < LOUDER * then < noise_um:
         return ()
-    now = f"one reading scatters by {noise_um:.1f} um, where the model's own run was left with {then:.1f} um in all"
+    now = f"the noise of this run is {noise_um:.1f} um, where the model left {then:.1f} um of its own run in all"
     return (
-        f"{now}: look for what has come loose, in the machine, its tool, or tracker and reflector; changes smaller "
-        "than that do not show",
+        f"{now}: look for what has come loose, in the machine, its tool, or tracker and reflector, unless this is "
+        "another tracker; smaller changes do not show",
     )

@@ -82,21 +82,13 @@ def load_both(run: Path, model: Path, reading: ReadOptions) -> "tuple[Model, Row
         Both.
 
     Raises:
-        InputError: whatever cannot be read; time that goes back once, which may be a clock that was set.
+        InputError: whatever cannot be read.
     """
     from ptt.door.model import load
-    from ptt.door.opened import find_mistakes
     from ptt.door.run import read_path
-    from ptt.run.readers.order import OrderError
 
     loaded = load(model, effects=reading.effects or ())
-    try:
-        return loaded, read_path(run, loaded, reading, ask=asker(reading), note=note)
-    except OrderError:
-        rows = read_path(run, loaded, reading, ordered=False, ask=asker(reading), note=note)
-        if any(found.mistake == "row-order" for found in find_mistakes(loaded.file, rows).sure):
-            return loaded, rows  # a mistake in the set-up, which every verb finds for itself
-        raise
+    return loaded, read_path(run, loaded, reading, ask=asker(reading), note=note)
 
 
 def read_rows(

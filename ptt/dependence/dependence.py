@@ -38,12 +38,13 @@ class Dependence(Record):
         reference_c: temperature at which the drawing holds, C, where the variable or the second one is a temperature;
             else None.
         points: of an unknown, (m, 2) the readings that its curve stands for: the curve's variable, and mm or rad.
-        together: variables that it takes all of to describe an unknown of which this one alone explains less than half.
-        together_share: share of the variance that these explain; None where one variable is enough.
+        together: variables that it takes all of to describe an unknown of which this one alone explains less than half;
+            the share is of all of them then.
+        alone_share: share of the variance that this one alone explains then; None where one variable is enough.
     """
 
     keys: ClassVar[str] = (
-        "residual, on, unit, share, p_value, together, together_share, period_mm, shape, place, with: with_, "
+        "residual, on, unit, share, p_value, together, alone_share, period_mm, shape, place, with: with_, "
         "reference_c, rivals, acts_on, size, words, "
         "curve.at: curve.T.0, curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
     )
@@ -64,7 +65,7 @@ class Dependence(Record):
     reference_c: float | None = None
     points: np.ndarray | None = None
     together: tuple[str, ...] = ()
-    together_share: float | None = None
+    alone_share: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Its figures for JSON; the error of a joint that turns is in urad."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Verb = Literal["add", "remove", "fit"]
 STALE = "the RBF of the compensator is dropped: it had learned what the old model left over; train it again"
 
-# Share of the error that is as given, left beyond which values may be more what stands in for the rest than sizes
+# Share of the drawing's error beyond which more of it is unexplained than explained, so that values stand in for it
 MOST_LEFT = 0.5
 STAND_IN = (
     "Commands are best with these values, which also make up for a part of what is not explained yet. To set the "
@@ -81,8 +81,8 @@ class Changed(Result):
 
     def __str__(self) -> str:
         """The ladder, the effects in words, and the fit."""
-        last, given = self.ladder.steps[-1].fitted, self.ladder.steps[0].rms_um["total"]
-        more = bool(left_over(self.ladder)) and self.ladder.steps[-1].rms_um["total"] > MOST_LEFT * given
+        last, drawn = self.ladder.steps[-1].fitted, self.ladder.report.rms_um["aligned"]["total"]
+        more = bool(left_over(self.ladder)) and self.ladder.steps[-1].rms_um["total"] > MOST_LEFT * drawn
         told = sentences(
             last.model.terms,
             self.opened.problem,

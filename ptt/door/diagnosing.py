@@ -294,7 +294,7 @@ def _dependences(result: Diagnosis) -> list[str]:
         place = f", {item.how()}" if item.shape == "gradual" else place
         acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
         share = f"{item.share:.0%} ({by_chance(item.p_value)}{period}{place})"
-        if item.together_share is not None:
-            share += f", {listed(item.together)} together {item.together_share:.0%}"
-        lines += [f"  {item.residual} on {item.on}: {share}{acts}", *([f"    {item.words}"] if item.words else [])]
+        on = f"{listed(item.together)} together" if item.together else item.on
+        share += "" if item.alone_share is None else f", {item.on} alone {item.alone_share:.0%}"
+        lines += [f"  {item.residual} on {on}: {share}{acts}", *([f"    {item.words}"] if item.words else [])]
     return lines

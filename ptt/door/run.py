@@ -8,14 +8,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ptt.door.handed import Handed, RowsLike, answers_of, called_in, file_of, pairs, path_of, positions, titles, worded
 from ptt.door.model import Model, as_model
 from ptt.door.options import ReadOptions
-from ptt.door.reading import beyond_travel, read_rows
+from ptt.door.reading import ask_once, beyond_travel, read_rows
 from ptt.door.result import Note, ignore_note
 from ptt.notebook import InNotebook
 from ptt.run.blanks import fill_between, fill_blanks
 from ptt.run.display import between_steps
 from ptt.run.readers import Ask
+from ptt.run.readers.order import OrderError
 from ptt.run.table import Table
 from ptt.run.written import table_to_frame
+from ptt.setup.order import find_disorder
+from ptt.setup.setup import Setup
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,23 +112,31 @@ def read(
 
 
 def read_path(
-    path: str | Path, model: Model, reading: ReadOptions, *, ordered: bool = True, ask: Ask | None = None,
-    note: Note = ignore_note,
-) -> Run:  # fmt: skip
+    path: str | Path, model: Model, reading: ReadOptions, *, ask: Ask | None = None, note: Note = ignore_note
+) -> Run:
     """Read a run as the command line does.
 
     Args:
         path: the file.
         model: the machine.
         reading: how.
-        ordered: whether time stamps that go back are refused unless the order of the rows is stated.
         ask: who answers what the file leaves open; None makes that an error.
         note: told what was understood.
 
     Returns:
-        The run.
+        The run; where time goes back again and again in it, as it stands, for the check of the set-up to say.
+
+    Raises:
+        InputError: it cannot be read, or time goes back once, which may be a clock that was set.
     """
-    table, blanks = fill_blanks(read_rows(path, model.file, reading, checked=True, ordered=ordered, ask=ask, note=note))
+    ask = ask and ask_once(ask)
+    try:
+        table = read_rows(path, model.file, reading, checked=True, ask=ask, note=note)
+    except OrderError:
+        table = read_rows(path, model.file, reading, checked=True, ordered=False, ask=ask, note=note)
+        if not any(found.sure for found in find_disorder(Setup(model.file, table))[0]):
+            raise
+    table, blanks = fill_blanks(table)
     table, steps = between_steps(table)
     lines = (*blanks, *steps, *beyond_travel(model.file, table))
     for line in lines:

@@ -31,6 +31,7 @@ TRAVEL_SHARES = np.geomspace(1.0, 1e-3, 25)
 LONG_TRAVEL = 0.25  # share of the usual travel from which an open wind-up is worth a word: hardly a command ends nearer
 LARGER_ERRORS = 5.0  # standard errors by which a gap is tried larger; a fifth of it at the least
 SMALL_GAP = 0.2  # share of the largest gap below which a gap is not spoken of
+AT_ONCE = 1e-4  # share of the usual travel of a wind-up over which it is play
 WINDUP_CHANCE = 0.5  # probability that lost motion is wind-up rather than play where no reading tells
 
 
@@ -141,15 +142,15 @@ def like_play(fitted: FitResult, term: Term, problem: Problem) -> str:
     Args:
         fitted: the fit, for its noise.
         term: one of its effects.
-        problem: the readings; of a long run stretches stand for all.
+        problem: the readings that it was fitted to.
     """
     if not isinstance(term.effect, Windup):
         return ""
-    few, sigma = sampled_if_long(problem), fitted.noise.total / np.sqrt(3.0)
-    heights = term.theta.view(2, -1)[0].abs()
-    at_once = torch.cat([term.theta.view(2, -1)[0], torch.full_like(heights, term.effect.parameters[-1].lower)])
-    shift, play = (term.effect.shift(theta, few.view)[few.used].numpy() for theta in (term.theta, at_once))
-    columns, like = few.view.jacobian[few.used].numpy() / sigma, list[str]()  # shape: (n, 3, k)
+    view, used, sigma = problem.view, problem.used & ~fitted.outliers, fitted.noise.total / np.sqrt(3.0)
+    heights, length = term.theta.view(2, -1)[0].abs(), AT_ONCE * _travel(fitted).usual
+    at_once = torch.cat([term.theta.view(2, -1)[0], torch.full_like(heights, length)])
+    shift, play = (term.effect.shift(theta, view)[used].numpy() for theta in (term.theta, at_once))
+    columns, like = view.jacobian[used].numpy() / sigma, list[str]()  # shape: (n, 3, k)
     for joint in np.flatnonzero((heights > SMALL_GAP * heights.max()).numpy()):
         own = columns[:, :, joint]
         sides = np.stack([(own * play[:, joint, None]).ravel(), own.ravel()], axis=1)  # what its zero takes is no sign

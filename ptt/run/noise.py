@@ -140,15 +140,17 @@ def noise_from_repeats(table: "Table", measured: np.ndarray, direction: np.ndarr
     group = repeat_groups(table, direction)
     usable &= first_of_copies(table, group)
     apart = usable & first_rows(visit_groups(table), usable)
-    pooled = _pooled(measured[apart], group[apart]) or _pooled(measured[usable], group[usable])
-    if pooled is None:
-        return None
-    step = step_of(table.measured[usable])
-    return replace(pooled, covariance=at_least(pooled.covariance, step**2 / 12.0))
+    rounded = step_of(table.measured[usable]) ** 2 / 12.0
+    # Readings of one visit have what is slow in common, so how far they step says nothing of the time between visits.
+    pooled = _pooled(measured[apart], group[apart], rounded) or _pooled(measured[usable], group[usable], None)
+    return pooled and replace(pooled, covariance=at_least(pooled.covariance, rounded))
 
 
-def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
-    """Scatter of readings (m, 3) about the means of their groups (m,); None with fewer than `ENOUGH` degrees."""
+def _pooled(values: np.ndarray, group: np.ndarray, rounded: float | None) -> Noise | None:
+    """Scatter of readings (m, 3) about the means of their groups (m,); None with fewer than `ENOUGH` degrees.
+
+    What they drift by together is left out, given the variance (mm^2) of rounding; None leaves it in.
+    """
     group = np.unique(group, return_inverse=True)[1].reshape(-1)
     kept = np.ones(len(values), dtype=bool)
     for _ in range(ROUNDS):
@@ -163,10 +165,11 @@ def _pooled(values: np.ndarray, group: np.ndarray) -> Noise | None:
         if not far.any():
             break
         kept[np.flatnonzero(kept)[far]] = False
-    return _white_part(Noise(covariance, REPEATS, float(freedom)), deviation[repeated], own[repeated])
+    pooled = Noise(covariance, REPEATS, float(freedom))
+    return pooled if rounded is None else _white_part(pooled, deviation[repeated], own[repeated], rounded)
 
 
-def _white_part(pooled: Noise, deviation: np.ndarray, group: np.ndarray) -> Noise:
+def _white_part(pooled: Noise, deviation: np.ndarray, group: np.ndarray, rounded: float) -> Noise:
     """The part of the scatter of repeats that is new with each reading, where they drift together; else all of it.
 
     What changes slowly moves one repeat as it moves the next, of whatever pose: successive deviations then differ by
@@ -176,12 +179,18 @@ def _white_part(pooled: Noise, deviation: np.ndarray, group: np.ndarray) -> Nois
         pooled: the scatter of deviations from the means of their poses.
         deviation: these deviations in the order of reading, (m, 3) mm.
         group: what each repeats, (m,).
+        rounded: variance of rounding, mm^2: a direction that scatters by no more has no steps to tell.
+
+    Returns:
+        The noise; with two thirds of the degrees of freedom where it is that of successive differences.
     """
     taken = 1.0 / np.bincount(group)[group]  # share of its variance that a reading's own mean takes from it
     expected = np.where(group[1:] == group[:-1], 2.0, 2.0 - taken[1:] - taken[:-1])
     steps = np.diff(deviation, axis=0)
     covariance = steps.T @ steps / expected.sum()
-    ratio = float(np.linalg.eigvalsh(pooled.whitener @ covariance @ pooled.whitener.T)[0])
+    floor = max(rounded, ROUNDING * float(np.trace(pooled.covariance)), NOTHING) * np.eye(3)
+    whitener = replace(pooled, covariance=pooled.covariance + floor).whitener
+    ratio = float(np.linalg.eigvalsh(whitener @ (covariance + floor) @ whitener.T)[0])
     if ratio > 1.0 - SLOW_ERRORS / np.sqrt(pooled.freedom):
         return pooled
     return Noise(covariance, REPEATS, STEPS_FREEDOM * pooled.freedom)

@@ -1,9 +1,10 @@
 """Velocity of the joints at each row of a travel: linear in their values once durations and corners are known.
 
 Along smooth stretches it is that of a cubic spline over time. At a corner it is that of the arrival, because an axis
-that lags cannot know where it goes next. The first row of a run has the velocity of the move to the second; so has that
-of a sweep that is entered anew after a pause, and that of a lap that begins where another ended. On a single move
-between corners the velocity is constant, or varies so that the tool runs straight.
+that lags cannot know where it goes next. The first row of a run has the velocity of the move to the second; so have, on
+a way through rows, that of a sweep that is entered anew after a pause and that of a lap that begins where another
+ended. The move to a row that repeats the one before has none. On a single move between corners the velocity is
+constant, or varies so that the tool runs straight.
 """
 
 from dataclasses import dataclass
@@ -181,10 +182,10 @@ def pace_of(
     before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)
     bends, changes = corners_of(moved, length, lasts, sound, smooth=smooth)
     # Of the move to a row that repeats the one before there is no speed; on a way through rows a lap begins there.
-    on_way = kind in (SMOOTH, MEAN)
-    entered = ~starts & (begun_again(length, sound, table) | entered_anew(lasts, bends, table)) & on_way
-    if entered.any():
-        return pace_of(p, starts | entered, table, ends, kind, lag, smooth=smooth)
+    if kind in (SMOOTH, MEAN):
+        entered = (~starts & begun_again(length, sound, table)) | entered_anew(lasts, bends, table)
+        if entered.any():
+            return pace_of(p, starts | entered, table, ends, kind, lag, smooth=smooth)
     if kind == SMOOTH:  # the feed is along the arc, not along its chord
         lasts = np.where(by_clock, lasts, lasts * arcs_of(moved, bends))
         before, after = np.append(np.inf, lasts), np.append(lasts, np.inf)

@@ -21,7 +21,7 @@ UNREAD = "Base reflectors were not read over at least half of the run, so"
 DRIFT_OPEN = f"{UNREAD} a machine that drifts as a whole would look the same."
 GROWTH_OPEN = f"{UNREAD} a tracker that moves with temperature would look the same."
 PART_OPEN = (
-    f"{UNREAD} the {{part:.0f}} um rms of it that are one shift of all readings may as well be a drift of the tracker: "
+    f"{UNREAD} the {{part:g}} um rms of it that are one shift of all readings may as well be a drift of the tracker: "
     "temperature went with the clock."
 )
 BY_THE_CLOCK = 0.9  # squared correlation of temperature and time from which a drift looks like a shift with temperature
@@ -45,7 +45,7 @@ def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
     if _moves_as_one(term, problem, noise):
         return [GROWTH_OPEN]
     part = _shared_with_drift(term, problem, noise)
-    return [PART_OPEN.format(part=1e3 * part)] if part else []
+    return [PART_OPEN.format(part=float(f"{1e3 * part:.2g}"))] if part else []
 
 
 def own_drift(terms: Sequence[Term], problem: Problem, noise: Noise) -> float:
@@ -93,15 +93,24 @@ def _shared_with_drift(term: Term, problem: Problem, noise: Noise) -> float:
 
     Zero where it did not, where base reflectors tell, and where that part is not much more than the noise.
     """
-    if not _grows_unwatched(term, problem) or np.ptp(problem.view.time.numpy()[problem.used]) == 0.0:
+    if not _grows_unwatched(term, problem):
         return 0.0
-    clock = np.corrcoef(problem.view.time.numpy()[problem.used], problem.view.warmth.numpy()[problem.used])[0, 1]
-    if clock**2 < BY_THE_CLOCK:
+    frame = problem.frame[problem.used]
+    time, warmth = (
+        _off_means(values.numpy()[problem.used], frame) for values in (problem.view.time, problem.view.warmth)
+    )
+    if float(time @ warmth) ** 2 <= BY_THE_CLOCK * float(time @ time) * float(warmth @ warmth):
         return 0.0
     moved = moved_by(term, problem)
     shared = moved - _beside_shift(moved, problem)
     part = float(np.sqrt(np.square(shared).sum(axis=1).mean()))
     return part if part > NOTED_PART * noise.total else 0.0
+
+
+def _off_means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Values less the mean of their group, (m,)."""
+    own = np.unique(group, return_inverse=True)[1].reshape(-1)
+    return np.asarray(values - (np.bincount(own, values) / np.bincount(own))[own])
 
 
 def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:

@@ -23,7 +23,7 @@ from ptt.run.problem import Problem
 
 MOST_LINES = 5  # dependences that are listed
 ENOUGH_ALONE = 0.5  # share of an unknown from which one variable describes it
-NO_VARIANCE = 1e-30  # mm^2, against division by zero
+NO_VARIANCE = 1e-30  # mm^2 or rad^2, against division by zero
 SAME_SHARE = 0.95  # share of what the best variable explains from which another explains as much: bins tell no finer
 # Second variables that a reversal may vary with and a curve can show
 SECOND_VARIABLES = ("temperature", "payload", "time")
@@ -90,11 +90,9 @@ def _dependence(
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
     chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
-    whole = min(item.energy, 1.0)
-    alone = (
-        explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE) if _is_field(item.block) else 1.0
-    )
-    share = whole * min(max(alone, 0.0), 1.0)
+    share, alone = min(item.energy, 1.0), 1.0
+    if _is_field(item.block):
+        alone = max(explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE), 0.0)
     if item.block.gradual:
         q = problem.view.q.numpy()[:, item.block.place.joint]
         contexts = contexts | {"reversal": since_reversal(q, problem.view.starts.numpy())}
@@ -115,7 +113,10 @@ def _dependence(
         beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
     if alone < ENOUGH_ALONE:  # the shape of a curve that leaves most of the unknown aside says nothing
-        found = replace(found, shape="smooth", place=None, together=item.block.on, together_share=whole)
+        found = replace(
+            found, shape="smooth", place=None, period_mm=None, with_=None, rivals=(), together=item.block.on,
+            alone_share=alone * share,
+        )  # fmt: skip
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 

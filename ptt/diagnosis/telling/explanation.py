@@ -105,7 +105,8 @@ def candidates_of_steps(
     named = told.steps
     parts = told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)
     doubt = 1e3 * float(np.linalg.norm(parts))
-    turned = found.fitted if found.sample is not None else with_turns(found.fitted, without_carried(problem, found))
+    whole = found.sample is None  # of a long run stretches would have to say what no reading shows
+    turned = with_turns(found.fitted, without_carried(problem, found)) if whole else found.fitted
     terms = tuple(marked(turned, term) for term in terms)
     for index, step in enumerate(named):
         name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
@@ -116,7 +117,8 @@ def candidates_of_steps(
         own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
         extra = found.fitted.unnamed_covariance
-        like = like_windup(turned, term), like_play(turned, term, problem), _beside_size(found.fitted, term)
+        play = like_play(turned, term, without_carried(problem, found)) if whole else ""
+        like = like_windup(turned, term), play, _beside_size(found.fitted, term)
         alike = [words for words in like if words]
         exceptions = f", except {' and '.join(alike)}" if alike else ""
         words = explain_step(

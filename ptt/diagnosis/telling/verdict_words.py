@@ -207,10 +207,8 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
 
 def _share(item: Dependence, name_of: Callable[[str], str]) -> str:
     """What a variable explains of the variance, or several together and this one alone."""
-    if item.together_share is None:
-        return f"{100.0 * item.share:.0f} % of its variance"
-    most = f"{name_of(item.on)} alone {100.0 * item.share:.0f} %"
-    return f"{100.0 * item.together_share:.0f} % of its variance, {most}"
+    alone = "" if item.alone_share is None else f", {name_of(item.on)} alone {100.0 * item.alone_share:.0f} %"
+    return f"{100.0 * item.share:.0f} % of its variance{alone}"
 
 
 def mostly_untold(result: Any) -> bool:
@@ -222,8 +220,7 @@ def mostly_untold(result: Any) -> bool:
         result: a diagnosis.
     """
     left = result.rms_um["after"]["total"] > NOTED_EXCESS * result.noise.total * 1e3
-    first = result.depends_on[0] if result.depends_on else None
-    return first is not None and left and (first.together_share or first.share) < MINOR_SHARE
+    return bool(result.depends_on) and left and result.depends_on[0].share < MINOR_SHARE
 
 
 def acting(place: str | None, residual: str) -> str:

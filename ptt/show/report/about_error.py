@@ -131,7 +131,7 @@ def depends_grid(found: tuple[Dependence, ...], title: str, problem: Problem) ->
     rows = [
         (
             one.residual,
-            variable_label(one.on, problem),
+            ", ".join(variable_label(name, problem) for name in one.together or (one.on,)),
             percent(one.share),
             chance(one.p_value),
             one.how(one.with_ and variable_label(one.with_, problem)),
