@@ -20,6 +20,9 @@ CHANCE = 1e-3  # that the farthest of all repeats is left out although all are s
 # Standard errors by which, along one direction, steps from repeat to repeat have to fall short of white noise: white
 # repeats do in one run of a thousand
 SLOW_ERRORS = 4.0
+# Ratio of the variance of steps to that of white repeats from which they are taken for white: less of a drift changes
+# the noise by less than a third
+MOST_STEPS = 0.5
 STEPS_FREEDOM = 2.0 / 3.0  # degrees of freedom of successive differences over those of deviations (von Neumann)
 ENOUGH = 30  # fewest degrees of freedom of repeats that alone give a noise floor
 ROUNDING = 1e-9  # share of the summed variances below which the variance of a direction is rounding
@@ -170,7 +173,7 @@ def _pooled(values: np.ndarray, group: np.ndarray, rounded: float | None) -> Noi
 
 
 def _white_part(pooled: Noise, deviation: np.ndarray, group: np.ndarray, rounded: float) -> Noise:
-    """The part of the scatter of repeats that is new with each reading, where they drift together; else all of it.
+    """The part of the scatter of repeats that is new with each reading, where most of it is a common drift; else all.
 
     What changes slowly moves one repeat as it moves the next, of whatever pose: successive deviations then differ by
     less than they scatter. J. von Neumann, Ann. Math. Stat. 12 (1941), 367: the mean square successive difference.
@@ -191,7 +194,7 @@ def _white_part(pooled: Noise, deviation: np.ndarray, group: np.ndarray, rounded
     floor = max(rounded, ROUNDING * float(np.trace(pooled.covariance)), NOTHING) * np.eye(3)
     whitener = replace(pooled, covariance=pooled.covariance + floor).whitener
     ratio = float(np.linalg.eigvalsh(whitener @ (covariance + floor) @ whitener.T)[0])
-    if ratio > 1.0 - SLOW_ERRORS / np.sqrt(pooled.freedom):
+    if ratio > min(MOST_STEPS, 1.0 - SLOW_ERRORS / np.sqrt(pooled.freedom)):
         return pooled
     return Noise(covariance, REPEATS, STEPS_FREEDOM * pooled.freedom)
 
