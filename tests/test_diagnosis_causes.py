@@ -25,8 +25,9 @@ from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.base_visits import sound_visits
 from ptt.run.frames import align
-from ptt.run.noise import Noise, noise_from_repeats, step_of
+from ptt.run.noise import Noise, step_of
 from ptt.run.problem import build_problem
+from ptt.run.repeats import noise_from_repeats
 from ptt.run.table import make_table
 
 

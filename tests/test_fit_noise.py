@@ -13,9 +13,10 @@ from test_fit import fitted
 
 from ptt.fitting.outliers import inside
 from ptt.fitting.report import report_fit
+from ptt.run.given_noise import given_noise, noise_from_std
 from ptt.run.holdout import BLOCKS, blocks, folds, pose_groups
-from ptt.run.noise import given_noise, noise_from_repeats, noise_from_std
 from ptt.run.problem import build_problem
+from ptt.run.repeats import noise_from_repeats
 from ptt.run.table import Table, make_table
 
 # --- gross errors

@@ -14,10 +14,10 @@ from ptt.judge.evaluate import evaluate_pair
 from ptt.judge.match import match_rows
 from ptt.machine import load_machine
 from ptt.run.holdout import pose_groups, sharing_groups, visit_groups
-from ptt.run.noise import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
 from ptt.run.pasted import pasted_rows
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
+from ptt.run.repeats import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups
 from ptt.run.same_pose import SAME_POSE, count_places, number_alike, same_places
 from ptt.run.table import make_table
 from ptt.run.written import write_table

@@ -57,7 +57,7 @@ def test_values_of_sets_that_do_as_well_count_by_their_odds(monkeypatch):
 
 def test_a_slip_and_a_knock_that_may_have_changed_places_say_so(monkeypatch):
     """Where both are taken for scatter of the repeats, as here by force, a slip may stand at the time of a knock."""
-    monkeypatch.setattr("ptt.run.noise._white_part", lambda pooled, *_: pooled)
+    monkeypatch.setattr("ptt.run.repeats._white_part", lambda pooled, *_: pooled)
     found, problem, true = found_of("multi", 1010055)  # at each other's moments they leave 1.4 less of 215
     state, scale, key = found.state, found.system.scale, "homing-slip"
     pull = values_of(state, found.system.atoms[key], scale) - np.array(true[key]["slip_mm"])

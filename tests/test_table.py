@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ptt.errors import TableError
-from ptt.run.noise import noise_from_std
+from ptt.run.given_noise import noise_from_std
 from ptt.run.reading import read_table
 from ptt.run.written import table_to_frame
 

@@ -5,7 +5,7 @@ from ptt.run.problem import Problem
 from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of, ranges_of_model
 
 # Ratio of the scatter of one reading to all that the model left of its own run, from which something repeats worse: two
-# estimates of one noise differ by a fifth at the most
+# estimates of one noise from 50 readings each differ by a twelfth, as one standard error
 LOUDER = 2.0
 
 

@@ -7,8 +7,9 @@ import numpy as np
 
 from ptt.record import Record
 from ptt.run.holdout import pose_groups
-from ptt.run.noise import SAME_FEED, SAME_LOAD, Noise
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem
+from ptt.run.repeats import SAME_FEED, SAME_LOAD
 from ptt.run.same_pose import number_alike
 from ptt.run.tails import poisson_sf
 

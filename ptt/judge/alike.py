@@ -5,7 +5,7 @@ import numpy as np
 from ptt.errors import TableError
 from ptt.judge.evaluation import Evaluation
 from ptt.judge.run_errors import errors_of
-from ptt.run.noise import SAME_FEED, SAME_LOAD, SAME_WARMTH
+from ptt.run.repeats import SAME_FEED, SAME_LOAD, SAME_WARMTH
 from ptt.run.same_pose import same_places
 from ptt.run.table import Table
 

@@ -11,8 +11,9 @@ from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
 from ptt.run.direction import travel_direction
 from ptt.run.frames import align
+from ptt.run.given_noise import given_noise
 from ptt.run.mounts import mount_of_rows, mount_slopes, mounts_beside
-from ptt.run.noise import Noise, given_noise
+from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.same_pose import count_places, same_places
 from ptt.run.table import Table

@@ -17,7 +17,8 @@ from ptt.plan.space import Space, build_space, draw_poses
 from ptt.plan.visits import Visit, both_ways, singles, table_of
 from ptt.progress import Progress
 from ptt.record import Record
-from ptt.run.noise import DEFAULT_SIGMA, ENOUGH, repeat_groups
+from ptt.run.noise import DEFAULT_SIGMA
+from ptt.run.repeats import ENOUGH, repeat_groups
 from ptt.run.table import Table
 
 ROWS = 200  # by default

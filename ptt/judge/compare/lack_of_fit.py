@@ -7,8 +7,8 @@ import numpy as np
 
 from ptt.run.axes import AXES
 from ptt.run.holdout import visit_groups
-from ptt.run.noise import ENOUGH, first_of_copies, first_rows, repeat_groups
 from ptt.run.problem import Problem
+from ptt.run.repeats import ENOUGH, first_of_copies, first_rows, repeat_groups
 from ptt.run.tails import f_sf
 
 

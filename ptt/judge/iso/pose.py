@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ptt.errors import TooFewError
 from ptt.judge.iso.pose_figures import Array, DirectionVariation, DistanceFigures, Drift, PoseFigures, PoseReport
-from ptt.run.noise import SAME_LOAD
+from ptt.run.repeats import SAME_LOAD
 from ptt.run.same_pose import SAME_POSE, number_alike, same_places
 
 DRIFT_CYCLES = 10  # cycles in a group for the drift, of ISO 9283

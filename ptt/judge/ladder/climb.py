@@ -24,8 +24,9 @@ from ptt.judge.ladder.ladder import Ladder, LadderStep
 from ptt.judge.ladder.rung import fit_rung, log_density
 from ptt.model.model import Model, Term, require_fits
 from ptt.progress import Progress, unwatched
+from ptt.run.given_noise import given_noise
 from ptt.run.holdout import blocks_beside, folds, pose_groups
-from ptt.run.noise import Noise, given_noise
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.ranges import ranges_of
 from ptt.run.smooth import LIKELIER, SMOOTHLY, smoothly

@@ -6,8 +6,8 @@ import numpy as np
 
 from ptt.record import Record
 from ptt.run.holdout import pose_groups
-from ptt.run.noise import repeat_groups
 from ptt.run.problem import Problem
+from ptt.run.repeats import repeat_groups
 from ptt.run.table import Table
 from ptt.run.written import table_to_frame
 
