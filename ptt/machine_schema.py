@@ -88,7 +88,7 @@ class CovarianceSpec(Frozen):
         of: names of the parameters.
         root: square root of the covariance, packed.
         values: digest of the parameter values that it belongs to.
-        drawing: the same of the drawing; None in older files.
+        drawing: the same of the drawing.
         heldout_mm: error of rows that the fit had not seen.
         helped: whether these were predicted better than by the drawing, beyond chance; None where nobody knows.
         masked: effects that the model does not have, and what its run says of them.
@@ -99,7 +99,7 @@ class CovarianceSpec(Frozen):
     of: tuple[str, ...]
     root: str
     values: str
-    drawing: str | None = None
+    drawing: str
     heldout_mm: float | None = None
     helped: bool | None = None
     masked: MaskedSpec | None = None

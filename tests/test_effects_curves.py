@@ -75,38 +75,10 @@ def test_waves_are_all_that_a_spline_on_dense_knots_can_do_beside_the_curve(benc
     np.testing.assert_allclose(wavy_pieces(*cut[:2], np.zeros(WAVES))[::FINE, 3], plain, rtol=0.0, atol=1e-12)
 
 
-OLD_HEIGHTS = (0.31, 0.05, -0.12, 0.02, 0.01, -0.03)
-OLD_CURVE = f"""
-[[effect]]
-name = "screw-error-map"
-[effect.parameters]
-curve_mm = {{ value = {list(OLD_HEIGHTS) * 3}, std = {[0.001] * 18} }}
-straight_mm = {{ value = [0.001, 0.002, 0.001, 0.002, 0.001, 0.002] }}
-from_mm = {{ value = 250.0 }}
-to_mm = {{ value = 310.0 }}
-"""
-
-
-def test_a_curve_of_an_older_file_is_the_same_curve():
-    model = read_model(parse_machine(f"{BARE}\n{OLD_CURVE}", "old.toml"))
-    view = build_view(model.file, make_table(None, heights(*np.linspace(245.0, 315.0, 41))))
-    knots = np.linspace(-1.0, 1.0, 9)
-    shapes = []
-    for degree in range(2, 8):  # orthogonal to all lower degrees on the knots, one high, as those files state
-        lower = np.polynomial.legendre.legvander(knots, degree)
-        last = lower[:, degree] - lower[:, :degree] @ np.linalg.lstsq(lower[:, :degree], lower[:, degree])[0]
-        shapes.append(last / np.abs(last).max())
-    place = np.clip((view.q[:, 0].numpy() - 280.0) / 30.0, -1.0, 1.0)
-    bow = CubicSpline(knots, np.array(OLD_HEIGHTS) @ np.array(shapes), bc_type="natural")(place)
-    found = model.terms[0].effect.shift(model.terms[0].theta, view)
-    assert_close(found[:, 0], tensor(bow + 0.001 * place + 0.002), atol=1e-12, rtol=0.0)
-    assert_close(found[:, 2], found[:, 0])
-
-
 def test_a_curve_of_no_known_form_is_refused():
-    text = OLD_CURVE.replace(str(list(OLD_HEIGHTS) * 3), str(list(OLD_HEIGHTS))).replace(str([0.001] * 18), "0.001")
-    with pytest.raises(ModelError, match=r"'curve_mm' has 6 values; give one, or 45"):
-        read_model(parse_machine(f"{BARE}\n{text}", "old.toml"))
+    entry = '[[effect]]\nname = "screw-error-map"\n[effect.parameters]\ncurve_mm = { value = [0.3, 0.1, 0.2] }\n'
+    with pytest.raises(ModelError, match=r"'curve_mm' has 3 values; give one, or 45"):
+        read_model(parse_machine(f"{BARE}\n{entry}straight_mm = {{ value = 0.0 }}\n"))
 
 
 class Hurried(Curve):

@@ -224,7 +224,7 @@ def test_a_pace_that_there_is_not_is_refused() -> None:
         read_model(parse_machine(MACHINE + entry + "pace = { value = 7 }"))
 
 
-def test_a_lag_of_an_older_file_means_the_speed_of_a_smooth_way() -> None:
+def test_a_lag_that_names_no_pace_means_the_speed_of_a_smooth_way() -> None:
     entry = '[[effect]]\nname = "following-error"\n[effect.parameters]\nlag_s = { value = [0.02, 0.03, 0.012] }\n'
     (term,) = read_model(parse_machine(MACHINE + entry)).terms
     np.testing.assert_array_equal(term.theta, [*LAG, SMOOTH])

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-import torch
 from typer.testing import CliRunner
 
 from ptt.challenge.challenge import bench
@@ -20,7 +19,6 @@ from ptt.effects import Curve
 from ptt.effects.contract import check_effect
 from ptt.effects.prefilled import is_variable, prefilled
 from ptt.effects.registry import library, make_effect, parse_key
-from ptt.effects.shapes import smooth_shapes, straight_shapes
 from ptt.errors import InputError
 from ptt.judge.ladder.climb import climb
 from ptt.model.chain import differentiate
@@ -256,22 +254,6 @@ def test_a_diagnosis_says_where_the_drawing_holds(on: str, along: str | None, re
     problem = build_problem(file, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     item = Dependence("slider 1", on, 0.9, 1e-9, None, "smooth", np.zeros((2, 3)), with_=along)
     assert of_run(item, problem).to_dict()["reference_c"] == reference
-
-
-def test_a_law_of_an_older_file_is_the_same_curve() -> None:
-    """Six bows, slope and level; two harmonics."""
-    drawn = draw_rig("none", 5, MACHINE, "volume", rows=40)
-    view = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent)).view
-    named = {"name": "own", "on": "x", "acts_on": "y", "between": (-60.0, 60.0)}
-    place, phase = (view.p[:, 0] + 60.0) / 120.0, view.p[:, 0] * (2.0 * torch.pi / 7.0)
-    smooth = torch.cat([smooth_shapes(place)[:, :6], straight_shapes(place)], dim=1)
-    period = torch.stack([wave(k * phase) for k in (1, 2) for wave in (torch.cos, torch.sin)], dim=1)
-    for law, shapes in (("smooth", smooth), ("period", period)):
-        own = type("Own", (Curve,), named | {"shape": law, "period": 7.0})()
-        older = torch.arange(1.0, shapes.shape[1] + 1.0, dtype=torch.float64)
-        renewed = own.renew({"size": older}, 3)["size"]
-        torch.testing.assert_close(own.basis(view, {})[:, 1] @ renewed, shapes @ older)
-        assert own.renew({"size": renewed}, 3)["size"] is renewed
 
 
 def test_what_acts_on_the_tool_may_be_the_trackers(tmp_path: Path) -> None:

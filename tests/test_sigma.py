@@ -170,7 +170,7 @@ def test_what_is_kept_reads_back_and_belongs_to_its_values(tmp_path):
     assert np.isnan(commands.sigma).all() and (commands.status == "ok").all()
 
 
-def test_what_is_kept_belongs_to_its_drawing_and_an_older_file_does_not_say_of_which(tmp_path):
+def test_what_is_kept_belongs_to_its_drawing(tmp_path):
     place = np.random.default_rng(4).uniform(-50, 50, (60, 3)).round(4)
     _, _, _, model = learn(tmp_path, place, DRIVE, EFFECTS)
     spec, file = model.file.machine, model.file
@@ -183,11 +183,6 @@ def test_what_is_kept_belongs_to_its_drawing_and_an_older_file_does_not_say_of_w
     assert np.isnan(compensate(longer, make_table(place)).sigma).all()
     for same in (drawn(name="another"), drawn(slider_travel_mm=((160.0, 400.0),) * 3)):
         assert kept_covariance(same) is not None and why_not_kept(same) == ""
-    older = file.covariance.model_copy(update={"drawing": None})
-    assert "drawing" not in format_machine(replace(file, covariance=older)).partition("[covariance]")[2]
-    for each in (model, longer):
-        old = read_model(replace(each.file, covariance=older))
-        assert kept_covariance(old) is not None and why_not_kept(old) == ""
 
 
 def test_a_network_is_sure_within_its_domain_only():

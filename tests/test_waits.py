@@ -199,7 +199,7 @@ gap_mm = { value = [0.04, 0.05, 0.03], std = [1e-3, 1e-3, 1e-3] }
 """
 
 
-def test_an_older_file_means_what_it_meant_and_is_written_as_it_was() -> None:
+def test_play_that_says_nothing_of_waiting_waits_and_is_written_as_it_was() -> None:
     model = read_model(parse_machine(format_machine(FILE) + OLD, "old.toml"))
     np.testing.assert_allclose(model.terms[0].theta, [0.04, 0.05, 0.03, 1.0])
     assert list(write_model(model).effect[0].parameters) == ["gap_mm"]

@@ -14,10 +14,7 @@ from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.effects.base import Effect
 from ptt.effects.bench import sample_view
-from ptt.fitting import kept as kept_module
-from ptt.fitting.kept import keep, keep_covariance, kept_covariance, why_not_kept
 from ptt.fitting.layout import MOST_LENGTH_RATIO
-from ptt.fitting.packed import pack
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.model.entries import read_model, write_model
@@ -118,34 +115,6 @@ def test_a_travel_that_no_reading_tells_is_not_said():
     say = library()["windup"]().cause_measured
     assert say(theta, sample_view("three-ptt"), some) == "wind-up, over 2 mm of travel"
     assert say(theta, sample_view("three-ptt"), none) == "wind-up, over travel that this run does not tell"
-
-
-def test_what_an_older_file_keeps_of_one_length_is_that_of_each(measured):
-    """Older files keep one length of all joints, and a digest of their form."""
-    fitted = fit(Model(measured.file) + library()["windup"](), measured)
-    (term,) = fitted.model.terms
-    theta = term.theta.clone()
-    theta[3:] = theta[3]
-    alike = replace(fitted.model, terms=(replace(term, theta=theta),))
-    spec = keep_covariance(fitted)
-    assert spec is not None
-    names = [name for name in spec.of if name not in ("windup length_mm 2", "windup length_mm 3")]
-    rows = [spec.of.index(name) for name in names]
-    root = np.tril(keep(fitted).root[np.ix_(rows, rows)])
-    older = spec.model_copy(
-        update={
-            "of": tuple("windup length_mm" if name == "windup length_mm 1" else name for name in names),
-            "root": pack(root), "values": kept_module._digests(alike)[1], "unnamed": None,
-        }
-    )  # fmt: skip
-    model = replace(alike, file=replace(alike.file, covariance=older))
-    kept = kept_covariance(model)
-    assert kept is not None and not why_not_kept(model)
-    lengths = kept.rows([f"windup length_mm {joint}" for joint in (1, 2, 3)])
-    np.testing.assert_array_equal(lengths, np.tile(lengths[0], (3, 1)))
-    assert np.abs(lengths).max() > 0.0
-    edited = replace(model, terms=(replace(term, theta=theta * 1.01),))
-    assert kept_covariance(edited) is None
 
 
 def test_bounds_of_an_arm_are_as_far_from_the_usual_as_those_of_a_slider():

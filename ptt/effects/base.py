@@ -179,18 +179,6 @@ class Effect:
         """
         return ()
 
-    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Bring values of an older machine file into the present form.
-
-        Args:
-            values: stem -> values as the file has them.
-            joints: k.
-
-        Returns:
-            The same object where nothing has changed.
-        """
-        return values
-
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Shift per unit of each linear parameter.
 

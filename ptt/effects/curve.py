@@ -1,7 +1,6 @@
 """A free function of one variable as an effect: what `ptt effects new NAME --like D.json` writes for a dependence."""
 
 import re
-from collections.abc import Mapping
 from itertools import product
 from typing import Any, ClassVar, cast
 
@@ -28,7 +27,6 @@ OTHERS = ("payload", "temperature", "time", "run")
 CURVE_SHAPES = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
 SMOOTH = SHAPES + 2  # bending modes, slope and level of a smooth curve
 HARMONICS = 6  # of a period, the k-th weighed by 1/k: they make a sawtooth but for its edges
-OLDER = {SMOOTH: 8, 2 * HARMONICS: 4}  # basis functions of such curves in older machine files
 HATS = 13  # hat functions of a bump, since local damage has no shape that is known beforehand
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
@@ -118,20 +116,6 @@ class Curve(Effect):
         if found[6]:
             return "axis", COORDINATES.index(found[6])
         return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
-
-    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Laws of older files: smooth ones had six bows, periodic ones two harmonics of the same weight."""
-        size, count = values.get("size"), _size(type(self))[0]
-        older = OLDER.get(count)
-        if size is None or older is None or len(size) * count != self.parameters[0].count * older:
-            return values
-        had = size.reshape(-1, older)
-        none = had.new_zeros(len(had), count - older)
-        if count == SMOOTH:
-            new = torch.cat([had[:, :-2], none, had[:, -2:]], dim=1)
-        else:
-            new = torch.cat([had[:, :2], 2.0 * had[:, 2:], none], dim=1)
-        return {**values, "size": new.flatten()}
 
     def basis(self, view: View, shape: Any) -> Tensor:
         """The basis functions of the variable, each in the outputs that it shifts."""

@@ -1,6 +1,6 @@
-"""Shared by effects with curves along a joint's travel: their range, their extremes in words, older machine files."""
+"""Shared by effects with curves along a joint's travel: their range, their extremes in words."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect
 from ptt.effects.phrases import Phrase, ValuePhrase, said
-from ptt.effects.shapes import COARSE_SHAPES, from_coarse, smooth_shapes, straight_shapes, wave_shapes
+from ptt.effects.shapes import smooth_shapes, straight_shapes, wave_shapes
 from ptt.run.view import View
 
 PLACES = 201  # points of a curve among which its extremes are looked for
@@ -26,29 +26,6 @@ def covered_range(view: View) -> dict[str, Tensor]:
     low, high = view.covered
     still = high - low < 1e-6
     return {"from": low, "to": torch.where(still, low + 1.0, high)}
-
-
-def renew_curves(values: Mapping[str, Tensor], stems: Sequence[str], joints: int) -> Mapping[str, Tensor]:
-    """Coefficients of curves of older machine files, converted to the present shapes.
-
-    Args:
-        values: stem -> values as the file has them.
-        stems: the curves among them; their straight parts lie side by side in 'straight'.
-        joints: k.
-
-    Returns:
-        The same object where they are in the present shapes already.
-    """
-    if not all(stem in values and len(values[stem]) == COARSE_SHAPES * joints for stem in stems):
-        return values
-    smooth, line = (torch.as_tensor(part) for part in from_coarse())
-    curves = {stem: values[stem].reshape(joints, COARSE_SHAPES) for stem in stems}
-    straight = torch.cat([curve @ line.T for curve in curves.values()], dim=1).flatten()
-    return {
-        **values,
-        **{stem: (curve @ smooth.T).flatten() for stem, curve in curves.items()},
-        "straight": straight + values.get("straight", torch.zeros_like(straight)),
-    }
 
 
 def curve_extremes(

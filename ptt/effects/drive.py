@@ -116,7 +116,7 @@ class FollowingError(Effect):
         Parameter(
             "pace", "1", 1.0, "speed that a row means: 0 of a smooth way, at corners of the move there; 1 mean of both "
             "sides; 2 of the move to the row; 3 of that with its tool running straight", lower=min(PACES),
-            upper=max(PACES), role="given",
+            upper=max(PACES), role="given", default=float(SMOOTH),
         ),
     )  # fmt: skip
     requires: ClassVar[tuple[str, ...]] = ("speed",)
@@ -149,10 +149,6 @@ class FollowingError(Effect):
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """Every definition of the speed at a row."""
         return tuple({"pace": torch.tensor([float(way)])} for way in (PACES if view.paces is not None else (SMOOTH,)))
-
-    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Files from before `pace` mean the first of `PACES`."""
-        return values if "pace" in values else {**values, "pace": torch.tensor([float(SMOOTH)], dtype=torch.float64)}
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Velocity of each axis, reversed."""

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
-from ptt.effects.curves import covered_range, curve_extremes, renew_curves
+from ptt.effects.curves import covered_range, curve_extremes
 from ptt.effects.layout import family, per_joint
 from ptt.effects.phrases import Phrase, ValuePhrase, figure, said
 from ptt.effects.shapes import SHAPES, WAVES, smooth_shapes, straight_shapes, wave_shapes
@@ -141,10 +141,6 @@ class ScrewErrorMap(Effect):
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The range that the data cover."""
         return (covered_range(view),)
-
-    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Files with six shapes on nine knots are converted to the present shapes."""
-        return renew_curves(values, ("curve",), joints)
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Bending modes, straight part and finer splines of each axis."""

@@ -14,8 +14,6 @@ KNOTS = 17  # sixteen pieces: a bend within less of the range is local damage, n
 SHAPES = KNOTS - 2  # bending modes
 FINE = 2  # dense pieces for each piece; four name a rough screw in 9 of 12 runs instead of 7, but take twice the time
 WAVES = (KNOTS - 1) * (FINE - 1)  # finer splines, zero at the knots
-COARSE = 9  # knots of older machine files, every second one of these, so that their curves stay within this basis
-COARSE_SHAPES = 6  # bending shapes of older machine files
 
 
 def _bends(values: np.ndarray) -> np.ndarray:
@@ -150,21 +148,3 @@ def curve_pieces(smooth: np.ndarray, straight: np.ndarray) -> np.ndarray:
     pieces[:, 2] += 2.0 * straight[0]
     pieces[:, 3] += straight[0] * (2.0 * np.arange(KNOTS - 1) / (KNOTS - 1) - 1.0) + straight[1]
     return pieces
-
-
-@lru_cache(maxsize=1)
-def from_coarse() -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients of the shapes of older machine files in the present basis, exact.
-
-    Returns:
-        Bending modes (SHAPES, COARSE_SHAPES) and straight part (2, COARSE_SHAPES) of each older shape.
-    """
-    from scipy.interpolate import CubicSpline
-
-    coarse, knots = np.linspace(-1.0, 1.0, COARSE), np.linspace(-1.0, 1.0, KNOTS)
-    orthogonal, triangle = np.linalg.qr(np.vander(coarse, COARSE_SHAPES + 2, increasing=True))
-    shapes = (orthogonal * np.sign(np.diag(triangle)))[:, 2:]
-    old = CubicSpline(coarse, shapes / np.abs(shapes).max(axis=0), bc_type="natural")(knots)
-    new = np.column_stack([_modes()[0], knots, np.ones(KNOTS)])
-    found = np.linalg.solve(new, old)
-    return found[:SHAPES], found[SHAPES:]

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ptt.effects.base import Parameter
 from ptt.effects.card import Card
-from ptt.effects.curves import covered_range, curve_extremes, renew_curves
+from ptt.effects.curves import covered_range, curve_extremes
 from ptt.effects.geometry import (
     CLOSURE,
     ThreePttEffect,
@@ -237,10 +237,6 @@ class GuideStraightness(ThreePttEffect):
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """The range that the data cover."""
         return (covered_range(view),)
-
-    def renew(self, values: Mapping[str, Tensor], joints: int) -> Mapping[str, Tensor]:
-        """Files with six shapes on nine knots are converted to the present shapes."""
-        return renew_curves(values, ("radial", "tangential"), joints)
 
     def differentiable_shift(self, theta: Tensor, view: View) -> Tensor:
         """Shift with each rail's two curves summed to one height each, before they are spread over the slots."""

@@ -73,10 +73,10 @@ def rows_by_name(kept: Sequence[str], names: Sequence[str]) -> np.ndarray:
         names: wanted names, (w,).
 
     Returns:
-        (w,) int, -1 where a name is not kept. Older files have one length for all joints; its row is then returned.
+        (w,) int, -1 where a name is not kept.
     """
     place = {name: number for number, name in enumerate(kept)}
-    return np.array([place.get(name, place.get(name.rpartition(" ")[0], -1)) for name in names], dtype=int)
+    return np.array([place.get(name, -1) for name in names], dtype=int)
 
 
 def keep(fitted: FitResult, heldout: float | None = None, helped: bool | None = None) -> Kept:
@@ -110,7 +110,7 @@ def keep_covariance(
         return None
     kept = keep(fitted, heldout, helped)
     unnamed = kept.unnamed.spec() if kept.unnamed is not None and kept.unnamed.effects else None
-    values, drawing = _digests(fitted.model)[0], _digest_of_drawing(fitted.model)
+    values, drawing = _digest_of_values(fitted.model), _digest_of_drawing(fitted.model)
     return CovarianceSpec(
         of=kept.names, root=pack(kept.root), values=values, drawing=drawing, heldout_mm=heldout, helped=helped,
         unnamed=unnamed, turns=kept.turns,
@@ -164,9 +164,9 @@ def why_not_kept(model: Model) -> str:
 
 def _no_longer_of(spec: CovarianceSpec, model: Model) -> str:
     """In words, whether the covariance belongs to other values or another drawing; '' where it is the model's."""
-    if spec.values not in _digests(model):
+    if spec.values != _digest_of_values(model):
         return "other values than the effects have: was one edited?"
-    if spec.drawing not in (None, _digest_of_drawing(model)):
+    if spec.drawing != _digest_of_drawing(model):
         return "another drawing than [machine] has, and so do the values of the effects: was it edited?"
     return ""
 
@@ -183,21 +183,7 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _digests(model: Model) -> tuple[str, ...]:
-    """Digests of the parameter values that a covariance belongs to, so that an edited value is noticed.
-
-    The second is that of older files, with one length for all joints where each has its own now.
-    """
+def _digest_of_values(model: Model) -> str:
+    """Digest of the parameter values that a covariance belongs to, so that an edited value is noticed."""
     written = [(e.name, e.label, {k: v.value for k, v in e.parameters.items()}) for e in write_model(model).effect]
-    kind = model.file.machine.kind
-    apart = {(t.effect.name, p.on(kind).name) for t in model.terms for p in t.effect.parameters if p.apart}
-    older = [
-        (name, label, {key: _one(value) if (name, key) in apart else value for key, value in values.items()})
-        for name, label, values in written
-    ]
-    return tuple(_digest(repr(each)) for each in (written, older))
-
-
-def _one(value: float | tuple[float, ...]) -> float | tuple[float, ...]:
-    """One value for several equal ones."""
-    return value[0] if isinstance(value, tuple) and len(set(value)) == 1 else value
+    return _digest(repr(written))

@@ -1,13 +1,13 @@
 """Model <-> machine file: its effects as [[effect]] entries, and the check of what a controller compensates."""
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
-from ptt.effects import Effect, Library, Parameter, library
+from ptt.effects import Effect, Library, library
 from ptt.effects.dated import is_dated
 from ptt.effects.layout import sizes, total_size
 from ptt.effects.registry import make_effect, parse_key
@@ -106,17 +106,12 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
     if not entry.parameters:
         return Term(effect, torch.zeros(0, dtype=torch.float64))
     values, stds, measured = [], [], []
-    renewed = _renewed(entry, effect, specs, joints)
     for name, parameter in specs.items():
         size = parameter.size(joints)
         given = entry.parameters.get(name)
-        if given is None and parameter.shapes and parameter.stem not in renewed:
+        if given is None and parameter.shapes:
             raise ModelError(f"parameter '{name}' is missing", fix="add it, or leave all parameters out and fit")
-        if parameter.stem in renewed:
-            values.append(_expanded(renewed[parameter.stem], size, name))
-            given = None  # standard errors were of the older form
-        else:
-            values.append(_expanded(given.value if given else parameter.default or 0.0, size, name))
+        values.append(_expanded(given.value if given else parameter.default or 0.0, size, name))
         low, high = parameter.lower, parameter.upper
         if not bool(((values[-1] >= low) & (values[-1] <= high)).all()):
             raise ModelError(f"parameter '{name}' is out of its bounds", fix=f"give {low:g} to {high:g}")
@@ -134,17 +129,6 @@ def _runs_of(entry: EffectEntry, effect: Effect, model: Model) -> tuple[str, ...
         return entry.runs
     steps = [row for row in model.file.history if effect.key in row.get("added", ())]
     return tuple(item["sha256"] for item in steps[-1].get("files", ())) if steps else ()
-
-
-def _renewed(entry: EffectEntry, effect: Effect, specs: Mapping[str, Parameter], joints: int) -> dict[str, Tensor]:
-    """Values, by stem, that the file has in an older form."""
-    found = {
-        parameter.stem: torch.as_tensor(entry.parameters[name].value, dtype=torch.float64).reshape(-1)
-        for name, parameter in specs.items()
-        if name in entry.parameters
-    }
-    new = effect.renew(found, joints)
-    return {stem: value for stem, value in new.items() if value is not found.get(stem)}
 
 
 def _expanded(value: object, size: int, name: str) -> Tensor:
