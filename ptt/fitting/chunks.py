@@ -6,7 +6,7 @@ needs no parameters), send each with its entry state to a worker, and add the re
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import TypeVar
@@ -17,7 +17,7 @@ import torch
 from ptt.effects.memory import entry_after
 from ptt.run.cores import map_cores
 from ptt.run.problem import Problem
-from ptt.run.table import Table
+from ptt.run.table import take_rows
 from ptt.run.turns import Entry
 from ptt.run.view import View
 
@@ -203,20 +203,13 @@ def take_entered(problem: Problem, kept: Sequence[Stretch], entries: Sequence[En
     rows = np.concatenate([np.arange(first, last) for first, last in kept])
     return replace(
         problem,
-        table=_part_of_table(problem.table, rows),
+        table=take_rows(problem.table, rows),
         view=_part_of_view(problem.view, rows, entries, np.cumsum([0, *(last - first for first, last in kept)])),
         measured=problem.measured[rows],
         used=problem.used[rows],
         frame=problem.frame[rows],
         mount=problem.mount[rows],
     )
-
-
-def _part_of_table(table: Table, rows: np.ndarray) -> Table:
-    own = {
-        item.name: value[rows] for item in fields(table) if isinstance(value := getattr(table, item.name), np.ndarray)
-    }
-    return replace(table, **own, extra={title: table.extra[title][rows] for title in table.watched})
 
 
 def _part_of_view(

@@ -92,32 +92,6 @@ def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarra
     return [np.where((owner == index)[:, None, None], columns, 0.0) for index in range(count)]
 
 
-def rotation_vector(turn: np.ndarray) -> np.ndarray:
-    """Rotation vector of a rotation matrix, by the largest component of its quaternion (stable at every angle).
-
-    Source: S. W. Shepperd, Quaternion from rotation matrix, J. Guidance and Control 1(3), 1978.
-
-    Args:
-        turn: (3, 3).
-
-    Returns:
-        (3,) rad, no longer than pi.
-    """
-    trace = np.trace(turn)
-    squares = np.array([*(1.0 + 2.0 * np.diag(turn) - trace), 1.0 + trace])  # four times those of x, y, z, w
-    largest = int(np.argmax(squares))
-    skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    products = np.zeros((4, 4))  # four times those of the components
-    products[:3, :3], products[:3, 3], products[3, :3] = turn + turn.T, skew, skew
-    np.fill_diagonal(products, squares)
-    axis, cosine = np.split(products[largest] / np.linalg.norm(products[largest]), [3])
-    sine = float(np.linalg.norm(axis))
-    if sine == 0.0:
-        return np.zeros(3)
-    sign = -1.0 if cosine[0] < 0.0 else 1.0
-    return np.asarray(sign * axis * (2.0 * np.arctan2(sine, abs(cosine[0])) / sine))
-
-
 _GENERATORS = torch.tensor(
     [
         [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],

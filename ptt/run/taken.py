@@ -4,8 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import torch
 
-from ptt.run.frames import rotation_vector
+from ptt.mechanisms.rotations import rotation_vector
 from ptt.run.problem import Problem
 from ptt.run.rounded import rounded_to
 from ptt.run.target_frame import in_base
@@ -167,7 +168,7 @@ def _taken(problem: Problem) -> list[dict[str, Any]]:
         runs = np.unique(problem.table.run[here])
         in_base = all(frame.source == "base" for frame in problem.stated_in)
         label = problem.table.run_label[runs[0]] if len(runs) == 1 else SHARED
-        turn = np.degrees(rotation_vector(problem.rotation[index]))
+        turn = np.degrees(rotation_vector(torch.from_numpy(problem.rotation[index])).numpy())
         found.append(
             {
                 "run": label,

@@ -15,8 +15,9 @@ from ptt.errors import TableError
 from ptt.machine import MachineFile
 from ptt.machine_schema import TargetsSpec
 from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.rotations import rotation_vector
 from ptt.record import Record
-from ptt.run.frames import align, rotation_vector
+from ptt.run.frames import align
 from ptt.run.table import Table
 
 LIMIT = 5.0  # mm, median: corrections in commands are far smaller, swapped axes and other machines far larger
@@ -58,7 +59,7 @@ class RunFrame(Record):
     @property
     def turn_deg(self) -> np.ndarray:
         """Rotation vector, (3,) degrees."""
-        return np.degrees(rotation_vector(self.rotation))
+        return np.degrees(rotation_vector(torch.from_numpy(self.rotation)).numpy())
 
     def into_base(self, target: np.ndarray) -> np.ndarray:
         """Targets (n, 3) mm as stated -> in the base frame."""

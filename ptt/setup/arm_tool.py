@@ -8,7 +8,7 @@ from ptt.mechanisms.serial import Serial
 from ptt.setup.arm import BROKEN, LEAST_ROWS, choose_rows
 from ptt.setup.arm_fit import arm_spec, judge_arm, mount_of_rows
 from ptt.setup.columns import said
-from ptt.setup.elsewhere import FREE_FRAME, UNHEARD
+from ptt.setup.elsewhere import FREE_FRAME, UNHEARD, listed
 from ptt.setup.proof import FALL
 from ptt.setup.result import Finding
 from ptt.setup.setup import Setup
@@ -58,11 +58,7 @@ _OF_FRAME = "the tracker standing elsewhere than the trusted frame says"
 
 def _of_tool(setup: Setup, mount: np.ndarray) -> tuple[str, str]:
     """A reflector offset in words, and the fix."""
-    aside, drawn = _listed(mount, 1), np.array(arm_spec(setup).tool_mm)
+    aside, drawn = listed(mount, 1), np.array(arm_spec(setup).tool_mm)
     words = f"the reflector at ({aside}) mm from the tool point, in the tool's own axes"
-    fix = f'write tool = "fitted" under [tracker], or tool_mm = [{_listed(drawn + mount, 2)}] under [machine]'
+    fix = f'write tool = "fitted" under [tracker], or tool_mm = [{listed(drawn + mount, 2)}] under [machine]'
     return words, fix
-
-
-def _listed(values: np.ndarray, digits: int) -> str:
-    return ", ".join(f"{value + 0.0:.{digits}f}" for value in np.round(values, digits))

@@ -78,7 +78,7 @@ def find_aside(setup: Setup) -> tuple[list[Finding], Setup]:
     even = np.linalg.norm(apart - column_medians(apart), axis=1)
     shifted = float(np.median(even)) < max(2.0 * float(np.median(left)), BROKEN)
     motion = RunFrame("commands", np.eye(3), column_medians(apart)) if shifted else RunFrame("commands", turn, shift)
-    how = f"all shifted by ({_listed(motion.origin, 1)}) mm" if shifted else frame_words(turn, shift)
+    how = f"all shifted by ({listed(motion.origin, 1)}) mm" if shifted else frame_words(turn, shift)
     cured = setup.with_rows(target=motion.into_base(setup.table.target))
     of_targets = not pair and (out_of_reach(cured) or 0.0) < HARDLY
     far, left_over = 1e3 * float(before[pair]), 1e3 * float(after[pair])
@@ -91,7 +91,7 @@ def find_aside(setup: Setup) -> tuple[list[Finding], Setup]:
     if of_targets and stated_frame(setup.file.targets).source == "base":
         fix = f"write {_told(motion)} under [targets] if the targets are stated in that frame; if not, {fix}"
     elif shifted:
-        fix += f"; or subtract ({_listed(motion.origin, 3)}) mm from x_meas, y_meas, z_meas"
+        fix += f"; or subtract ({listed(motion.origin, 3)}) mm from x_meas, y_meas, z_meas"
     found = said(setup, "target-frame" if of_targets else "wrong-reflector", words, fix)
     return [replace(found, before_um=far, after_um=left_over)], cured if of_targets else fitted
 
@@ -119,9 +119,10 @@ def _way(frame: RunFrame, target: np.ndarray) -> float:
 def _told(frame: RunFrame) -> str:
     """Lines of the machine file that state a frame."""
     turned = float(np.linalg.norm(frame.turn_deg)) > 1e-4
-    turn = f" and turn_deg = [{_listed(frame.turn_deg, 4)}]" if turned else ""
-    return f"origin_mm = [{_listed(frame.origin, 3)}]{turn}"
+    turn = f" and turn_deg = [{listed(frame.turn_deg, 4)}]" if turned else ""
+    return f"origin_mm = [{listed(frame.origin, 3)}]{turn}"
 
 
-def _listed(values: np.ndarray, digits: int) -> str:
+def listed(values: np.ndarray, digits: int) -> str:
+    """Numbers as a list in a machine file has them, rounded; none is minus zero."""
     return ", ".join(f"{value + 0.0:.{digits}f}" for value in np.round(values, digits))
