@@ -220,14 +220,42 @@ def test_a_pause_among_corners_leaves_every_row_passed_as_it_is_reached() -> Non
 
 def test_a_pace_that_there_is_not_is_refused() -> None:
     entry = '[[effect]]\nname = "following-error"\n[effect.parameters]\nlag_s = { value = 0.02 }\n'
-    with pytest.raises(ModelError, match=r"'pace' is out of its bounds.*0 to 3"):
-        read_model(parse_machine(MACHINE + entry + "pace = { value = 7 }"))
+    with pytest.raises(ModelError, match=r"'pace' is out of its bounds.*0 to 7"):
+        read_model(parse_machine(MACHINE + entry + "pace = { value = 8 }"))
 
 
 def test_a_lag_that_names_no_pace_means_the_speed_of_a_smooth_way() -> None:
     entry = '[[effect]]\nname = "following-error"\n[effect.parameters]\nlag_s = { value = [0.02, 0.03, 0.012] }\n'
     (term,) = read_model(parse_machine(MACHINE + entry)).terms
     np.testing.assert_array_equal(term.theta, [*LAG, SMOOTH])
+
+
+@pytest.mark.parametrize("lags", [True, False])
+def test_a_reading_on_arrival_lags_though_the_clock_goes_on_behind_it(lags: bool) -> None:
+    """Each move begins at a standstill, is read in the instant of its last command, and is followed by a pause."""
+    random, rows = np.random.default_rng(5), 90
+    target, feed = random.uniform(-60.0, 60.0, (rows, 3)), random.choice([8.0, 16.0, 30.0], rows)
+    sent = MECHANISM.inverse(torch.as_tensor(target)).numpy()
+    lasts = np.linalg.norm(np.diff(target, axis=0, prepend=target[:1]), axis=1) / feed
+
+    def read_at(q: np.ndarray) -> np.ndarray:
+        share = 1.0 - np.exp(-lasts[1:, None] / LAG)
+        behind = np.diff(q, axis=0) / lasts[1:, None] * LAG * share
+        return MECHANISM.forward(torch.as_tensor(q - lags * np.vstack([0.0 * LAG, behind]))).numpy()
+
+    there = read_at(sent)
+    table = make_table(target, sent, feed_mm_s=feed, time_s=np.cumsum(lasts + 4.0))
+    problem = build_problem(BENCH, replace(table, measured=there + random.normal(0.0, 0.004, target.shape)))
+    assert not problem.view.velocity.any() and "speed" not in problem.view.varies
+    found = diagnose(Model(BENCH), problem)
+    assert found.verdict == ("missing" if lags else "nothing-missing")
+    assert found.suggested == ((("following-error",),) if lags else ())
+    assert ("though by the clock it stood" in found.words) is lags
+    if lags:
+        np.testing.assert_allclose(lags_of(found), LAG, rtol=0.02)
+        commands = compensate(found.model, make_table(target, feed_mm_s=feed)).q
+        before, after = (np.linalg.norm(place - target, axis=1)[1:].mean() for place in (there, read_at(commands)))
+        assert after < 0.02 * before
 
 
 @pytest.mark.parametrize("told", ["feed", "clock"])

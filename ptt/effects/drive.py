@@ -15,6 +15,8 @@ from ptt.effects.sudden import AFTER, Sudden
 from ptt.run.pace import PACES, SMOOTH
 from ptt.run.view import View
 
+BY_FEED = len(PACES)  # added to a pace: speeds by the feed, though by the clock the machine stood
+
 
 @dataclass(frozen=True)
 class HomingOffset(Effect):
@@ -115,8 +117,9 @@ class FollowingError(Effect):
         Parameter("lag", "s", 0.02, "time the axis is late by", True),
         Parameter(
             "pace", "1", 1.0, "speed that a row means: 0 of a smooth way, at corners of the move there; 1 mean of both "
-            "sides; 2 of the move to the row; 3 of that with its tool running straight", lower=min(PACES),
-            upper=max(PACES), role="given", default=float(SMOOTH),
+            "sides; 2 of the move to the row; 3 of that with its tool running straight; 4 to 7 the same by the feed, "
+            "though by the clock the machine stood", lower=min(PACES), upper=max(PACES) + BY_FEED, role="given",
+            default=float(SMOOTH),
         ),
     )  # fmt: skip
     requires: ClassVar[tuple[str, ...]] = ("speed",)
@@ -148,17 +151,32 @@ class FollowingError(Effect):
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """Every definition of the speed at a row."""
-        return tuple({"pace": torch.tensor([float(way)])} for way in (PACES if view.paces is not None else (SMOOTH,)))
+        if view.fed is not None:
+            ways = [way + BY_FEED for way in PACES]
+        else:
+            ways = list(PACES if view.paces is not None else PACES[:1])
+        return tuple({"pace": torch.tensor([float(way)])} for way in ways)
+
+    def needs(self, view: View) -> str | None:
+        """Several speeds; feeds that vary will do."""
+        return None if view.fed is not None else super().needs(view)
+
+    def cause(self, theta: Tensor, view: View) -> str:
+        """With a word where it contradicts the clock."""
+        told = ", of readings on the move though by the clock it stood" if theta[-1] >= BY_FEED else ""
+        return f"{super().cause(theta, view)}{told}"
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Velocity of each axis, reversed."""
         way = pace_number(shape)
+        if shape["pace"] >= BY_FEED and view.fed is not None:
+            return per_joint(-view.fed[..., way])
         return per_joint(-view.velocity if way == SMOOTH or view.paces is None else -view.paces[..., way - 1])
 
 
 def pace_number(shape: Mapping[str, Tensor]) -> int:
     """Definition of speed in the shape of a following error, one of `ptt.run.pace.PACES`."""
-    return int(shape["pace"])
+    return int(shape["pace"]) % BY_FEED
 
 
 @dataclass(frozen=True)

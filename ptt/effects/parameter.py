@@ -62,11 +62,6 @@ class Parameter:
     default: float | None = None
 
     @property
-    def shapes(self) -> bool:
-        """Whether a search has to choose its value before the effect has a shape at all."""
-        return self.role != "linear" and self.default is None
-
-    @property
     def apart(self) -> bool:
         """Whether it has a value for each joint; a search starts all of them from one common value."""
         return self.role == "searched" and self.per_joint

@@ -105,8 +105,15 @@ def _candidates(fitted: FitResult, problem: Problem) -> list[Effect]:
             or size > MOST_VALUES
         ):
             continue
-        if any(parameter.shapes for parameter in effect.parameters) or rival(effect, keys):
+        if _has_to_be_shaped(effect) or rival(effect, keys):
             continue
         if not effect.needs(problem.view):
             found.append(effect)
     return found
+
+
+def _has_to_be_shaped(effect: Effect) -> bool:
+    """Whether its columns depend on a shape; a nonlinear effect's are its tangent at zero, without usual shapes."""
+    shapes = [parameter for parameter in effect.parameters if parameter.role != "linear"]
+    linear = type(effect).shift is Effect.shift
+    return any(linear or parameter.default is None for parameter in shapes)

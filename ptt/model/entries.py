@@ -109,7 +109,7 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
     for name, parameter in specs.items():
         size = parameter.size(joints)
         given = entry.parameters.get(name)
-        if given is None and parameter.shapes:
+        if given is None and parameter.role != "linear" and parameter.default is None:
             raise ModelError(f"parameter '{name}' is missing", fix="add it, or leave all parameters out and fit")
         values.append(_expanded(given.value if given else parameter.default or 0.0, size, name))
         low, high = parameter.lower, parameter.upper

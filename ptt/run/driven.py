@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
+import torch
 
 from ptt.run.corners import TURN
 from ptt.run.direction import STANDSTILL
@@ -22,6 +23,8 @@ def as_driven(view: View, table: "Table") -> View:
 
     A feed column states how fast the machine came, not whether it still moved: rows that take longer than their
     distance over the feed were read at a standstill, where nothing lags. Without the column the clock gives the feed.
+    But a clock may go on behind a reading on arrival, or be of another device, so that the speeds by varying feeds are
+    kept: an error that follows them shows that the machine still moved.
 
     Args:
         view: of the rows.
@@ -41,7 +44,11 @@ def as_driven(view: View, table: "Table") -> View:
         feed = table.feed_mm_s[1:][steps]
         came = feed > 0.0
         stood = bool(came.any()) and float(np.median((took[steps] * feed / way[steps])[came])) >= STOPPED
-    return view.standing() if stood else view
+    if not stood:
+        return view
+    if table.feed_mm_s is None or view.paces is None or "speed" not in view.varies:
+        return view.standing()
+    return view.standing(torch.cat([view.velocity[..., None], view.paces], dim=-1))
 
 
 def _turns_sharply(moved: np.ndarray, steps: np.ndarray) -> bool:

@@ -12,7 +12,7 @@ from ptt.run.turns import Entry
 
 PER_ROW = (  # fields of a view with one entry for each row, except `number`
     "q", "p", "jacobian", "direction", "turning_point", "velocity", "starts", "run", "payload", "warmth", "time",
-    "torque", "mount", "link_load", "read", "paces",
+    "torque", "mount", "link_load", "read", "paces", "fed",
 )  # fmt: skip
 
 
@@ -50,6 +50,8 @@ class View:
         read: rows with a reading, (n,) bool; None where all have one, or none.
         paces: joint velocity by the definitions of `ptt.run.pace.PACES` but the first, (n, k, 3); None where it is
             zero or these are not needed.
+        fed: joint velocity that the feeds make by each of `PACES`, (n, k, 4), where the clock shows that the machine
+            stood at its rows (`ptt.run.driven`); None elsewhere and for feeds that do not vary.
         number: index of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
         entries: for each row before which rows are left out, what the joints remember of those.
         began: time of the first row by the table's own clock, s.
@@ -82,6 +84,7 @@ class View:
     varies: frozenset[str] = field(default_factory=frozenset)
     read: Tensor | None = None
     paces: Tensor | None = None
+    fed: Tensor | None = None
     number: Tensor | None = None
     entries: tuple[Entry, ...] = ()
     began: float = 0.0
@@ -124,9 +127,14 @@ class View:
         """
         return replace(self, q=self.q if q is None else q, p=self.p if p is None else p)
 
-    def standing(self) -> "View":
-        """The same rows read at a standstill."""
-        return replace(self, velocity=torch.zeros_like(self.velocity), paces=None, varies=self.varies - {"speed"})
+    def standing(self, fed: Tensor | None = None) -> "View":
+        """The same rows read at a standstill.
+
+        Args:
+            fed: as of the class.
+        """
+        still = torch.zeros_like(self.velocity)
+        return replace(self, velocity=still, paces=None, fed=fed, varies=self.varies - {"speed"})
 
     def of_rows(self, rows: Tensor) -> "View":
         """Some of the rows, each with its index in the whole.
