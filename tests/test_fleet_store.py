@@ -18,9 +18,10 @@ from ptt.commands.main import run
 from ptt.errors import InputError
 from ptt.files import sha256
 from ptt.fleet.database import rows, transaction
-from ptt.fleet.readings import columns_to_table, read_columns, write_readings
+from ptt.fleet.readings import read_columns, write_readings
 from ptt.fleet.run import run_all
 from ptt.fleet.store import add_machine, add_run, create_store, date_of, open_store, read_date
+from ptt.run.from_columns import columns_to_table
 from ptt.run.reading import read_table
 from ptt.run.table import make_table
 from ptt.run.written import table_to_frame, write_table

@@ -1,6 +1,5 @@
 """The truth of a rig: the share of each hidden fault in the readings, and the residual of any choice of effects."""
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,22 +20,17 @@ from ptt.rig.draw import DrawnRig
 from ptt.rig.platform import rotation_matrix
 from ptt.rig.schedule import TARGET
 from ptt.run.frames import rigid_columns
+from ptt.run.from_columns import columns_to_table
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
-from ptt.run.table import Table, make_table
+from ptt.run.table import Table
 
 COUNTED_SIZE = 2.0  # times the noise of one reading: smaller faults need not be found
 UNDETECTABLE = 25.0  # difference of chi-squared over a whole run, five sigma, below which two models are told by none
 UM_PER_MM = 1e3
 MRAD_PER_RAD = 1e3
 READINGS = ["x_meas", "y_meas", "z_meas"]
-CONTEXT = ("time_s", "payload_kg", "temp_c", "feed_mm_s", "repeat")
-JOINT = re.compile(r"b\d+_cmd|q\d+_cmd_rad")
-GROUPS = {
-    "std": ["x_std", "y_std", "z_std"],
-    "direction": ["dir1", "dir2", "dir3"],
-    "torque": ["tau1", "tau2", "tau3"],
-}
+TEXTS = ("name", "role", "run")
 
 
 @dataclass(frozen=True)
@@ -181,23 +175,10 @@ def table_of(frame: pd.DataFrame, absent: Iterable[str] = ()) -> Table:
     Returns:
         The table.
     """
-    codes, labels = pd.factorize(frame["run"])
-    context = {name: _numbers(frame, name) for name in CONTEXT if name not in {*absent}}
-    groups = {key: names for key, names in GROUPS.items() if names[0] in frame}
-    context |= {key: _numbers(frame, names) for key, names in groups.items()}
-    joints = [str(title) for title in frame if JOINT.fullmatch(str(title))]
-    target = None if {*TARGET} & {*absent} else _numbers(frame, TARGET)
-    table = make_table(
-        target,
-        _numbers(frame, joints),
-        _numbers(frame, READINGS),
-        name=frame["name"].to_numpy(str),
-        role=frame["role"].to_numpy(str),
-        run=codes,
-        joint_prefix=joints[0][0],
-        **context,
-    )
-    return table.replace(run_label=tuple(str(label) for label in labels))
+    titles = [str(title) for title in frame if title not in {*absent}]
+    # copies: pandas hands out arrays that cannot be written
+    columns = {title: np.array(frame[title], dtype=str if title in TEXTS else float) for title in titles}
+    return columns_to_table(columns, "table", "").replace(run_sha256=())
 
 
 def without_rigid_motion(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -305,7 +286,3 @@ def _by_run(columns: np.ndarray, run: np.ndarray, policy: str) -> np.ndarray:
     if policy != "fitted-per-run":
         return columns
     return np.concatenate([np.where((run == label)[:, None, None], columns, 0.0) for label in np.unique(run)], axis=-1)
-
-
-def _numbers(frame: pd.DataFrame, columns: str | list[str]) -> np.ndarray:
-    return np.array(frame[columns], dtype=float)  # a copy: pandas hands out arrays that cannot be written

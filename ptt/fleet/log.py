@@ -17,9 +17,10 @@ from ptt.effects.memory import entry_after, keep_direction
 from ptt.errors import InputError
 from ptt.fitting.chunks import CHUNK, NEIGHBOUR_ROWS, stretches, take_entered
 from ptt.fleet.database import duckdb, in_memory
-from ptt.fleet.readings import columns_to_table, plain_columns
+from ptt.fleet.readings import plain_columns
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
+from ptt.run.from_columns import columns_to_table
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.ranges import ranges_of

@@ -1,4 +1,4 @@
-"""A run's table written as columns of a Parquet file, and read back bit for bit."""
+"""A run's table written as columns of a Parquet file, and these read back bit for bit."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,14 +8,10 @@ import numpy as np
 
 from ptt.errors import InputError
 from ptt.fleet.database import duckdb, in_memory
-from ptt.run.axes import AXES
-from ptt.run.table import Table, make_table
-from ptt.run.written import QUATERNION, table_to_frame
+from ptt.run.table import Table
+from ptt.run.written import table_to_frame
 
-Columns = Mapping[str, np.ndarray]
 OWN = ("machine", "run_sha256", "line")  # columns that the file has beside those of a tracker CSV
-PLAIN = ("repeat", "time_s", "payload_kg", "temp_c", "feed_mm_s")  # columns that are fields of a table as they stand
-MOST_JOINTS = 32  # columns of joints are looked for up to, and without, this number
 
 
 def write_readings(table: Table, machine: str, run: str, path: Path) -> None:
@@ -66,65 +62,8 @@ def plain_columns(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
     return {name: _plain(values) for name, values in columns.items()}
 
 
-def columns_to_table(columns: Columns, file: str, run: str) -> Table:
-    """The table of a run from its columns: the inverse of `write_readings`.
-
-    Args:
-        columns: from `read_columns`.
-        file: name of the run's file, for messages.
-        run: SHA-256 of that file.
-
-    Returns:
-        The table, without columns that have no meaning for the program.
-    """
-    prefix = "q" if "q1_cmd_rad" in columns else "b"
-    angle = "_rad" if prefix == "q" else ""
-    joints = range(1, MOST_JOINTS)
-    rows = len(columns["line"])
-    labels, codes = _runs(columns.get("run"), rows)
-    target = _stack(columns, [f"{axis}_cmd" for axis in AXES])
-    fields: dict[str, Any] = {
-        "run": codes,
-        "run_label": labels,
-        "run_sha256": (run,) * len(labels),
-        "direction": _stack(columns, [name for i in joints if (name := f"dir{i}") in columns]),
-        "torque": _stack(columns, [name for i in joints if (name := f"tau{i}") in columns]),
-        "std": _stack(columns, [f"{axis}_std" for axis in AXES]),
-        "orientation_measured": _stack(columns, [f"{axis}_meas" for axis in QUATERNION]),
-        "orientation_command": _stack(columns, [f"{axis}_cmd" for axis in QUATERNION]),
-        "line": columns["line"],
-        "source": file,
-        "joint_prefix": prefix,
-        **{name: columns[name] for name in (*PLAIN, "name", "role") if name in columns},
-    }
-    return make_table(
-        np.full((rows, 3), np.nan) if target is None else target,
-        _stack(columns, [name for i in joints if (name := f"{prefix}{i}_cmd{angle}") in columns]),
-        _stack(columns, [f"{axis}_meas" for axis in AXES]),
-        **fields,
-    )
-
-
 def _plain(values: Any) -> np.ndarray:
     texts = values.dtype == object
     if isinstance(values, np.ma.MaskedArray):
         values = values.filled("" if texts else np.nan)
     return np.asarray(values, dtype=str) if texts else np.asarray(values)
-
-
-def _stack(columns: Columns, names: list[str]) -> np.ndarray | None:
-    """Columns side by side, (n, k), NaN for those that are missing; None where all are."""
-    there = [name for name in names if name in columns]
-    if not there:
-        return None
-    empty = np.full(len(columns["line"]), np.nan)
-    return np.stack([columns.get(name, empty) for name in names], axis=1)
-
-
-def _runs(names: np.ndarray | None, rows: int) -> tuple[tuple[str, ...], np.ndarray]:
-    """Labels in order of appearance, and the code of each row."""
-    if names is None:
-        return ("",), np.zeros(rows, dtype=np.int64)
-    labels, first, codes = np.unique(names, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    return tuple(str(label) for label in labels[order]), np.argsort(order)[codes.reshape(-1)]

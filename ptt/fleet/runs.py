@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.effects import Library, library
-from ptt.fleet.readings import columns_to_table
 from ptt.fleet.task import Task
 from ptt.machine import parse_machine
 from ptt.model.entries import read_model
 from ptt.model.model import Model
 from ptt.model.of_run import for_runs
+from ptt.run.from_columns import columns_to_table
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
 from ptt.run.target_frame import kept_frame
