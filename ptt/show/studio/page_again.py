@@ -17,6 +17,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.figures_again import WHEN, error_figure, pair_figure, value_figure
 from ptt.show.studio.later import date_in, later_source
 from ptt.show.studio.page_later import LaterRuns
+from ptt.show.studio.parts import box, column, heading, note, table, tools, warning
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.tables import table_html
 
@@ -45,19 +46,19 @@ class AgainView:
         self.studio = studio
         self.shown = ""
         with ui.element("div").classes("st-two st-wide-right"):
-            with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
-                with ui.element("div").classes("st-box"):
+            with column():
+                with box():
                     self._build_runs()
-                self.changed = ui.element("div").classes("st-box").mark("changed")
-            self.right = ui.element("div").classes("st-col st-scroll").props("tabindex=0")
+                self.changed = box().mark("changed")
+            self.right = column()
         studio.when("Again", "session", self.show)
         studio.on("busy", self._enable)
         self.show()
 
     def _build_runs(self) -> None:
-        ui.html("Measured again", sanitize=False, tag="h2").classes("st-head")
+        heading("Measured again")
         self.runs = LaterRuns(self.studio)
-        with ui.element("div").classes("st-tools").style("margin-top: 6px"):
+        with tools().style("margin-top: 6px"):
             self.hold = ui.button("Compare the runs", icon="compare", on_click=self._work)
             self.hold.props("no-caps unelevated")
 
@@ -111,7 +112,7 @@ class AgainView:
             self.runs.tell(found.get("left", ()))
         with self.right:
             if found is None:
-                with ui.element("div").classes("st-box"), ui.element("div").classes("st-empty"):
+                with box(), ui.element("div").classes("st-empty"):
                     ui.icon("compare", size="42px")
                     ui.label(EMPTY)
                 return
@@ -127,10 +128,9 @@ def change(fall: float) -> str:
 
 
 def _show_pair(pair: Mapping[str, Any]) -> None:
-    with ui.element("div").classes("st-box"):
-        ui.html("Before and after", sanitize=False, tag="h2").classes("st-head")
+    with box("Before and after"):
         if "why" in pair:
-            ui.label(pretty(pair["why"])).classes("st-note")
+            note(pretty(pair["why"]))
             return
         fall = pair["reduction_percent"]
         rows = [
@@ -143,23 +143,23 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
             table_html(("tool against its targets, rms", *AXES_TOTAL), rows, caption=caption), sanitize=False
         ).classes("w-full")
         times = pair["arrows"]["times"]
-        note = f"From above; errors {times:,.0f} times enlarged, one scale for both; {pretty(pair['frame'])}."
+        told = f"From above; errors {times:,.0f} times enlarged, one scale for both; {pretty(pair['frame'])}."
         if pair["shared_poses"]:
             share = f"{percent(pair['nearer_share'])} of {pair['shared_poses']} poses measured in both"
-            note += f" {share} are nearer to their targets."
-        ui.label(note).classes("st-note")
+            told += f" {share} are nearer to their targets."
+        note(told)
         with ui.element("div").style("display: flex; flex-wrap: wrap; gap: 8px; width: 100%"):
             for when, run in zip(WHEN, pair["runs"], strict=True):
                 with ui.element("div").style("flex: 1 1 280px; min-width: 0"):
                     ui.label(f"{when}: {run}, {pair[when]['rows']} readings").classes("font-medium")
-                    plot = Picture(pair_figure(pair, when)).classes("w-full").style("height: 290px")
-                    plot.props("role=img").props["aria-label"] = f"errors {when}, from above"
+                    plot = Picture(f"errors {when}, from above", pair_figure(pair, when))
+                    plot.classes("w-full").style("height: 290px")
 
 
 def _show_changed(recheck: Mapping[str, Any]) -> None:
-    ui.html("Has the machine changed?", sanitize=False, tag="h2").classes("st-head")
+    heading("Has the machine changed?")
     if "why" in recheck:
-        ui.label(pretty(recheck["why"])).classes("st-note")
+        note(pretty(recheck["why"]))
         return
     ui.label(VERDICTS.get(recheck["verdict"], recheck["verdict"])).classes("font-medium")
     for line in recheck["words"].splitlines():  # as `ptt recheck` prints it
@@ -167,8 +167,7 @@ def _show_changed(recheck: Mapping[str, Any]) -> None:
     if recheck["changed"]:
         rows = [_changed(one) for one in recheck["changed"]]
         head = ("value", "before", "now", "")
-        with ui.element("div").classes("st-grid").props("tabindex=0"):
-            ui.html(table_html(head, rows, caption="values that have changed"), sanitize=False).classes("w-full")
+        table(table_html(head, rows, caption="values that have changed"))
 
 
 def _changed(one: Mapping[str, Any]) -> tuple[str, ...]:
@@ -178,21 +177,19 @@ def _changed(one: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _show_months(months: Mapping[str, Any]) -> None:
-    with ui.element("div").classes("st-box").mark("months"):
-        ui.html("By date", sanitize=False, tag="h2").classes("st-head")
+    with box("By date").mark("months"):
         if "why" in months:
-            ui.label(pretty(months["why"])).classes("st-note")
+            note(pretty(months["why"]))
             return
         for words in months.get("refused", ()):
-            ui.label(pretty(f"Left out: {words}")).classes("st-tie").style("margin: 4px 0")
+            warning(pretty(f"Left out: {words}")).style("margin: 4px 0")
         for words in dict.fromkeys(alarm["words"] for alarm in months["alarms"]):  # alarms may share words
-            ui.label(pretty(words)).classes("st-tie").style("margin: 4px 0")
-        plot = Picture(error_figure(months["history"])).classes("w-full").style("height: 210px")
-        plot.props('role=img aria-label="error with the model by date"')
+            warning(pretty(words)).style("margin: 4px 0")
+        plot = Picture("error with the model by date", error_figure(months["history"]))
+        plot.classes("w-full").style("height: 210px")
         for value in months["values"]:
             ui.label(f"{value['label']}{', moves' if value['moves'] else ''}").classes("font-medium")
-            plot = Picture(value_figure(value)).classes("w-full").style("height: 150px")
-            plot.props("role=img").props["aria-label"] = f"{value['label']} by date"
+            plot = Picture(f"{value['label']} by date", value_figure(value)).classes("w-full").style("height: 150px")
         rows = [
             (
                 str(run["date"])[:10],
@@ -203,5 +200,4 @@ def _show_months(months: Mapping[str, Any]) -> None:
             for run in months["history"]
         ]
         head = ("date", "run", "verdict", "error with the model")
-        with ui.element("div").classes("st-grid").props("tabindex=0"):
-            ui.html(table_html(head, rows, words=3, caption="runs by date"), sanitize=False).classes("w-full")
+        table(table_html(head, rows, words=3, caption="runs by date"))

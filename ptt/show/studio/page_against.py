@@ -6,6 +6,7 @@ from nicegui import ui
 
 from ptt.show.studio.figures import against_figure, label_of
 from ptt.show.studio.looks import Look
+from ptt.show.studio.parts import heading
 from ptt.show.studio.picture import Picture
 
 NOTHING = "nothing"
@@ -24,15 +25,14 @@ class AgainstPicture:
         """
         with ui.element("div").classes("st-tools st-line"):
             if title:
-                ui.html(title, sanitize=False, tag="h2").classes("st-head")
+                heading(title)
             self.view = ui.select(["x"], value="x", label="residual in", on_change=redraw)
             self.context = ui.select(["time"], value="time", label="against", on_change=redraw)
             self.beside = ui.select([NOTHING], value=NOTHING, label="beside it", on_change=redraw)
             for select in (self.view, self.context, self.beside):
                 select.props("dense outlined options-dense")
             self.context.classes("st-longer")
-        self.plot = Picture().classes("st-plot")
-        self.plot.props("role=img").props["aria-label"] = label
+        self.plot = Picture(label).classes("st-plot")
 
     @property
     def chosen(self) -> tuple[str, str]:

@@ -11,6 +11,7 @@ from ptt.run.readers.titles import stated_unit
 from ptt.show.studio.column_rows import BETWEEN
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.page_question import show_question
+from ptt.show.studio.parts import box, grid, note, tools
 from ptt.show.studio.results import ORDER
 from ptt.show.studio.units import unit_in_words
 
@@ -54,16 +55,16 @@ class ColumnsView:
         self.studio = studio
         self.quantity: dict[str, ui.select] = {}
         self.unit: dict[str, ui.toggle] = {}
-        self.asked = ui.element("div").classes("st-box").mark("question")
-        with ui.element("div").classes("st-box").mark("columns") as self.box:
+        self.asked = box().mark("question")
+        with box().mark("columns") as self.box:
             ui.html("What the columns hold", sanitize=False, tag="h2").classes("st-title")
-            self.note = ui.label().classes("st-note")
-            self.grid = ui.element("div").classes("st-grid").props("tabindex=0")
-            with ui.element("div").classes("st-tools").style("margin-top: 8px"):
+            self.note = note()
+            self.grid = grid()
+            with tools().style("margin-top: 8px"):
                 ui.button("Read it so", icon="check", on_click=self._save).props("no-caps unelevated")
                 ui.button("Close", on_click=lambda: self.box.set_visibility(False)).props("no-caps flat")
-            ui.label("The answers are kept as columns.toml; the command line reads them with --map.").classes("st-note")
-        with ui.element("div").classes("st-box") as self.offer:
+            note("The answers are kept as columns.toml; the command line reads them with --map.")
+        with box() as self.offer:
             ui.button("Check the columns", icon="view_column", on_click=self._fill).props("no-caps flat dense")
         self.box.set_visibility(False)
         self.asked.set_visibility(False)
@@ -118,7 +119,7 @@ class ColumnsView:
             with ui.element("td").classes("w"):
                 ui.label(title).classes("font-medium")
             with ui.element("td").classes("w"):
-                ui.label(BETWEEN.join(cell[:10] for cell in column["cells"][:3])).classes("st-note")
+                note(BETWEEN.join(cell[:10] for cell in column["cells"][:3]))
             with ui.element("td").classes("w"):
                 pick = ui.select(choices, value=value, on_change=lambda _, t=title: self._units(t, stated_unit(t)))
                 pick.props("dense outlined options-dense").props["aria-label"] = f"what {title} holds"

@@ -11,6 +11,7 @@ from ptt.show.card.words import how_sure, pretty, value_in_words
 from ptt.show.studio.card_figures import fit_figure, ruler_html, sign_figure
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.draw_queue import BEHIND
+from ptt.show.studio.parts import note, tools, warning
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Diagnosed
 
@@ -84,7 +85,7 @@ class EffectCards:
             dialog.props["data-card"] = dialog.props["aria-label"] = key
             dialog.on("click", js_handler="e => { if (e.target === e.currentTarget) e.target.close(); }")
             with ui.element("div").classes("st-inner"):
-                with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
+                with tools().style("flex-wrap: nowrap"):
                     ui.html(key.replace("-", " "), sanitize=False, tag="h2").classes("st-title")
                     ui.space()
                     close = ui.button(icon="close").props('flat round dense aria-label="close"')
@@ -118,32 +119,29 @@ def _show_finding(finding: Mapping[str, Any], fit: Mapping[str, Any] | None, *, 
     if finding["tie"]:
         ui.label(finding["tie"]).classes("st-tie font-medium")
     ui.label(finding["words"]).style("font-size: 15px")
-    ui.label(f"{how_sure(finding['probability'])} that it is part of what is missing").classes("st-note")
+    note(f"{how_sure(finding['probability'])} that it is part of what is missing")
     if fit is not None:
-        plot = Picture(fit_figure(fit, serial)).style("width: 100%; height: 280px")
-        plot.props("role=img").props["aria-label"] = f"readings and the fit of {finding['effect']}"
-        ui.label(
-            "This run, everything else taken out: pale what is left without the effect, orange what it explains."
-        ).classes("st-note")
+        plot = Picture(f"readings and the fit of {finding['effect']}", fit_figure(fit, serial))
+        plot.style("width: 100%; height: 280px")
+        note("This run, everything else taken out: pale what is left without the effect, orange what it explains.")
     for value in finding["values"]:
         with ui.element("div").classes("st-value"):
             ui.label(f"{value['who']} {value['text']} ({value_in_words(value)})").style("font-size: 14px")
             ui.html(ruler_html(value), sanitize=False)
             if value["worth"] > 10.0:
-                ui.label("off the usual scale").classes("st-tie")
+                warning("off the usual scale")
 
 
 def _show_card(card: Mapping[str, Any], own: bool) -> None:
     if not own:
-        plot = Picture(sign_figure(card["sign"])).style("width: 100%; height: 250px")
-        plot.props("role=img").props["aria-label"] = f"signature of {card['effect']}"
-        words = "Its signature at usual size on the sample machine, without noise: the run was not fitted with it."
-        ui.label(words).classes("st-note")
+        plot = Picture(f"signature of {card['effect']}", sign_figure(card["sign"]))
+        plot.style("width: 100%; height: 250px")
+        note("Its signature at usual size on the sample machine, without noise: the run was not fitted with it.")
     for title, key in PARTS:
         if card[key] not in ("-", ""):
             ui.label(title).classes("font-medium").style("font-size: 13px; margin-top: 4px")
-            ui.label(pretty(card[key])).classes("st-note")
+            note(pretty(card[key]))
     if card["confused_with"]:
         ui.label("Confused with").classes("font-medium").style("font-size: 13px; margin-top: 4px")
         for other, test in card["confused_with"]:
-            ui.label(f"{other}: {test}").classes("st-note")
+            note(f"{other}: {test}")

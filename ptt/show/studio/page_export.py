@@ -8,6 +8,7 @@ from nicegui import ui
 from ptt.correct.exports.format import ErrorLeft, said_held
 from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.parts import box, note, tools, warning
 
 BARS = (  # key of 'error_um', words, colour
     ("drawing", "by the drawing", "#d55e00"),
@@ -27,9 +28,8 @@ class ExportView:
         """
         self.studio = studio
         self.asked = ""
-        with ui.element("div").classes("st-box").mark("export"):
-            ui.html("For the controller", sanitize=False, tag="h2").classes("st-head")
-            with ui.element("div").classes("st-tools"):
+        with box("For the controller").mark("export"):
+            with tools():
                 self.which = (
                     ui.select({}, label="controller or format")
                     .props("dense outlined options-dense")
@@ -77,8 +77,8 @@ class ExportView:
         most = max((value for value in error.values() if value), default=1.0)
         for key, words, colour in BARS:
             value = error.get(key)
-            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; gap: 8px"):
-                ui.label(words).classes("st-note").style("width: 140px; flex: none")
+            with tools().style("flex-wrap: nowrap; gap: 8px"):
+                note(words).style("width: 140px; flex: none")
                 ui.element("div").style(
                     f"width: {55.0 * (value or 0.0) / most:.1f}%; min-width: 2px; height: 12px; border-radius: 3px; "
                     f"background: {colour}"
@@ -86,10 +86,10 @@ class ExportView:
                 ui.label(length(value) if value is not None else "\N{EN DASH}").style("white-space: nowrap")
         cannot = [item["effect"] for item in found["cannot_hold"]]
         holds = said_held(found["holds"], cannot, ErrorLeft.told(error), network=found["network"])
-        ui.label(f"Holds: {holds}.").classes("st-note")
+        note(f"Holds: {holds}.")
         for item in found["cannot_hold"]:
-            ui.label(f"Cannot hold {item['effect']}: {pretty(item['why'])}.").classes("st-tie").style("margin-top: 3px")
+            warning(f"Cannot hold {item['effect']}: {pretty(item['why'])}.").style("margin-top: 3px")
         for line in found.get("notes", ()):
-            ui.label(pretty(line)).classes("st-note")
+            note(pretty(line))
         give = ui.button(f"Download {found['name']}", icon="download")
         give.on_click(lambda: ui.download.content(found["content"], found["name"])).props("no-caps unelevated")

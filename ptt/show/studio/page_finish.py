@@ -11,6 +11,7 @@ from ptt.show.studio.ladder_figures import before_after_figure
 from ptt.show.studio.page_export import ExportView
 from ptt.show.studio.page_tools import build_tools
 from ptt.show.studio.page_upload import upload_box
+from ptt.show.studio.parts import box, column, grid, heading, note, tools
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import SEAL
 from ptt.show.studio.seal_table import seal_html
@@ -34,12 +35,12 @@ class FinishView:
         """
         self.studio = studio
         with ui.element("div").classes("st-two"):
-            with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
+            with column():
                 self._build_downloads()
                 ExportView(studio)
                 self._build_commands()
-            with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
-                with ui.element("div").classes("st-box"):
+            with column():
+                with box():
                     self._build_train()
                 build_tools(studio)
         studio.when("Finish", "session", self.show)
@@ -47,36 +48,33 @@ class FinishView:
         self.show()
 
     def _build_train(self) -> None:
-        with ui.element("div").classes("st-tools"):
-            ui.html("Let a network learn the rest", sanitize=False, tag="h2").classes("st-head")
+        with tools():
+            heading("Let a network learn the rest")
             ui.space()
             self.train = ui.button("Train", icon="model_training", on_click=self.studio.train).props("no-caps outline")
-        self.told = ui.label().classes("st-note").mark("trained")
-        self.plot = Picture().classes("w-full").style("height: 300px")
-        self.plot.props('role=img aria-label="errors before and after"')
+        self.told = note().mark("trained")
+        self.plot = Picture("errors before and after").classes("w-full").style("height: 300px")
 
     def _build_downloads(self) -> None:
-        with ui.element("div").classes("st-box"):
-            ui.html("Take along", sanitize=False, tag="h2").classes("st-head")
-            with ui.element("div").classes("st-tools").style("margin-top: 6px"):
+        with box("Take along"):
+            with tools().style("margin-top: 6px"):
                 self.model = self._button("Model (machine.toml)", self._give_model)
                 self.compensator = self._button("Compensator (zip)", self._give_compensator)
                 self.report = self._button("Report (HTML)", self._give_report)
-            ui.label(
+            note(
                 "Corrected commands for a list of targets, by the compensator where one is trained, else by the model."
-            ).classes("st-note").style("margin-top: 8px")
-            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 4px"):
+            ).style("margin-top: 8px")
+            with tools().style("flex-wrap: nowrap; margin-top: 4px"):
                 label = "Targets (CSV): drop here"
                 upload_box(self.studio, label, "predict", self._predict, choose="choose targets")
-            self.predicted = ui.label().classes("st-note").mark("predicted")
-            with ui.element("div").classes("st-tools").style("margin-top: 8px"):
+            self.predicted = note().mark("predicted")
+            with tools().style("margin-top: 8px"):
                 self.seal = ui.button("Open the seal", icon="lock_open", on_click=self._reveal).props("no-caps outline")
-            with ui.element("div").classes("st-grid").props("tabindex=0") as self.opened:
+            with grid() as self.opened:
                 self.revealed = ui.html("", sanitize=False).classes("w-full").mark("revealed")
 
     def _build_commands(self) -> None:
-        with ui.element("div").classes("st-box"):
-            ui.html("The same from the command line", sanitize=False, tag="h2").classes("st-head")
+        with box("The same from the command line"):
             self.commands = ui.label().classes("st-mono st-pre").props("tabindex=0").mark("commands")
 
     def _button(self, words: str, act: Callable[[], object]) -> ui.button:

@@ -12,6 +12,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.later import DATE, before_first, date_in, date_origin, later_source
 from ptt.show.studio.page_question import show_question
 from ptt.show.studio.page_upload import upload_box
+from ptt.show.studio.parts import note, tools, warning
 from ptt.show.studio.uploads import keep_upload
 
 
@@ -27,7 +28,7 @@ class LaterRuns:
         self.studio = studio
         self.troubles: dict[str, Mapping[str, Any]] = {}  # file -> obstacle, as the job `vet` returns it
         self.listed: object = None  # the state that is shown
-        with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 6px"):
+        with tools().style("flex-wrap: nowrap; margin-top: 6px"):
             label = "Later run (CSV, TXT): drop here"
             self.drop = upload_box(studio, label, "later", self._take, choose="choose later runs", multiple=True)
         self.runs = ui.element("div").classes("w-full").style("margin-top: 6px").mark("later")
@@ -55,18 +56,18 @@ class LaterRuns:
     def _list(self) -> None:
         session = self.studio.session
         if session.source is None:
-            ui.label("Load a run and its machine first.").classes("st-note")
+            note("Load a run and its machine first.")
             return
         first = session.source.run, session.first or date_in(session.source.run)
         if words := before_first(first, session.later):
-            ui.label(words).classes("st-tie").style("margin: 4px 0").props("role=alert").mark("early")
+            warning(words).style("margin: 4px 0").props("role=alert").mark("early")
         said = {run for run, about, _, _ in session.said if about == DATE}
         for number, (run, when) in enumerate([first, *session.later]):
-            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; margin-top: 3px"):
+            with tools().style("flex-wrap: nowrap; margin-top: 3px"):
                 with ui.element("div").style("flex: 1 1 0; min-width: 0; overflow-wrap: anywhere"):
                     ui.label(run)
                     own = bool(session.first) if number == 0 else run in said
-                    ui.label(date_origin(run, when, own)).classes("st-note")
+                    note(date_origin(run, when, own))
                 day = ui.input(value=when, on_change=lambda event, at=number: self._date(at, str(event.value)))
                 day.props("type=date dense outlined").props["aria-label"] = f"date of {run}"
                 drop = ui.button(icon="close", on_click=lambda at=number: self._drop(at)).props("flat round dense")
@@ -79,7 +80,7 @@ class LaterRuns:
     def _trouble(self, trouble: Mapping[str, Any]) -> None:
         """Show why a run is left out, or the question that has to be answered before it can be read."""
         if not trouble["question"]:
-            ui.label(f"Left out. {trouble['why']}").classes("st-tie").props("role=alert")
+            warning(f"Left out. {trouble['why']}").props("role=alert")
             return
 
         async def answer(choice: str) -> None:

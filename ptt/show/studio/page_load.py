@@ -17,6 +17,7 @@ from ptt.show.studio.page_recent import build_recent
 from ptt.show.studio.page_setup import build_setup
 from ptt.show.studio.page_understood import build_understood
 from ptt.show.studio.page_upload import upload_box
+from ptt.show.studio.parts import box, column, heading, note, tools
 from ptt.show.studio.results import SEAL, Source
 from ptt.show.studio.samples import ARM, FIRST, LEVELS, SAMPLES, sample_files
 from ptt.show.studio.uploads import keep_upload
@@ -37,7 +38,7 @@ def build_load(studio: Studio) -> None:
             _build_hero(studio)
             _build_files(studio)
             _build_more(studio)
-        with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
+        with column():
             build_setup(studio)
             ColumnsView(studio)
             build_understood(studio)
@@ -45,10 +46,10 @@ def build_load(studio: Studio) -> None:
 
 def _build_hero(studio: Studio) -> None:
     """Build the box with purpose, picture and samples, which is shown until something is open."""
-    with ui.element("div").classes("st-box") as box:
+    with box() as hero:
         ui.html(PURPOSE, sanitize=False, tag="h2").classes("st-hero")
         ui.html(LOOP, sanitize=False).classes("w-full").style("margin: 8px 0")
-        with ui.element("div").classes("st-tools"):
+        with tools():
             for name, words, look in ((FIRST, "Try a sample", "unelevated"), (ARM, "Try an arm", "outline")):
                 if name in _samples():
                     sample = ui.button(words, icon="play_arrow", on_click=partial(_take_sample, studio, name))
@@ -63,10 +64,10 @@ def _build_hero(studio: Studio) -> None:
                 "click",
                 js_handler="() => document.querySelector('.st-drop-run')?.closest('.st-box').scrollIntoView()",
             )
-        ui.label("Nothing leaves this computer.").classes("st-note")
+        note("Nothing leaves this computer.")
 
     def update() -> None:
-        box.set_visibility(not studio.session.ready)
+        hero.set_visibility(not studio.session.ready)
 
     studio.on("session", update)
     update()
@@ -74,15 +75,15 @@ def _build_hero(studio: Studio) -> None:
 
 def _build_files(studio: Studio) -> None:
     with ui.element("div").classes("st-box st-col").style("height: auto"):
-        ui.html("Your own files", sanitize=False, tag="h2").classes("st-head")
+        heading("Your own files")
         run = _drop(studio, RUN, "run", lambda name, data: _take_run(studio, name, data))
         machine = _drop(studio, MACHINE, "machine", lambda name, data: _take_machine(studio, name, data))
-        with ui.element("div").classes("st-tools"):
+        with tools():
             opening = ui.button("Open", icon="play_arrow", on_click=lambda: _open(studio)).props("no-caps unelevated")
             opening.props('aria-label="open the files"')
             form = ui.button("Describe the machine here", icon="straighten", on_click=lambda: open_machine_form(studio))
             form.props("no-caps flat dense")
-        waiting = ui.label().classes("st-note").mark("waiting")
+        waiting = note().mark("waiting")
         with ui.expansion("A further run, or targets of an export").classes("w-full").props("dense"):
             also, targets = "Further run, read together with the first", "Targets of an export that holds readings only"
             _drop(studio, also, "also", lambda name, data: _take_also(studio, name, data))
@@ -132,14 +133,14 @@ def _waiting(source: Source | None, machine: str, staged: str, ready: bool) -> s
 
 def _build_more(studio: Studio) -> None:
     with ui.element("div").classes("st-box st-col").style("height: auto"):
-        ui.html("Or try it", sanitize=False, tag="h2").classes("st-head")
+        heading("Or try it")
         found = _samples()
         if found:
-            with ui.element("div").classes("st-tools"):
+            with tools():
                 names = {name: SAMPLES[name] for name in found}
                 which = ui.select(names, value=found[0], label="Sample").props("dense outlined").classes("w-72")
                 ui.button("Load sample", on_click=lambda: _take_sample(studio, which.value)).props("no-caps outline")
-        with ui.element("div").classes("st-tools"):
+        with tools():
             level = ui.select(LEVELS, value="single", label="Challenge").props("dense outlined").classes("w-72")
             arm = sample_files(ARM)
             kinds = {"": "of a 3-PTT", **({} if arm is None else {str(arm[1]): "of a serial arm"})}
@@ -148,7 +149,7 @@ def _build_more(studio: Studio) -> None:
                 "Draw a fresh challenge",
                 on_click=lambda: _take_challenge(studio, level.value, kind.value or None),
             ).props("no-caps outline")
-        ui.label("A challenge is a machine with sealed faults. Finish opens the seal.").classes("st-note")
+        note("A challenge is a machine with sealed faults. Finish opens the seal.")
     build_recent(studio)
 
 
@@ -169,7 +170,7 @@ def dropped(label: str, there: str = "", used: str = "") -> str:
 
 
 def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awaitable[None]]) -> ui.upload:
-    with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
+    with tools().style("flex-wrap: nowrap"):
         return upload_box(studio, dropped(label), key, take, choose=f"choose {label}")
 
 

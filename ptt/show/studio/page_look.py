@@ -14,6 +14,7 @@ from ptt.show.studio.figures import against_figure, unit_of
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import empty_space, machine_figure
 from ptt.show.studio.page_against import AgainstPicture
+from ptt.show.studio.parts import note, tools, warning
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
 from ptt.show.studio.tables import table_html
@@ -56,15 +57,14 @@ class LookView:
         self.show()
 
     def _build_field(self) -> None:
-        with ui.element("div").classes("st-tools"):
+        with tools():
             self.scale = ui.number("arrows enlarged, times", value=100.0, min=1.0, on_change=self.redraw_field)
             self.scale.props("dense outlined debounce=400").classes("w-40")
             self.machine = ui.switch("machine", value=True, on_change=self.redraw_field)
             self.near = ui.switch("close up", value=True, on_change=self.redraw_field)
             self.pick = ui.select(PICKS, value=0.0, label="a click picks").props("dense outlined").classes("w-44")
-        self.field_note = ui.label().classes("st-note").mark("field-note")
-        self.field = Picture(empty_space()).classes("st-plot st-field")
-        self.field.props('role=img aria-label="error field in space"')
+        self.field_note = note().mark("field-note")
+        self.field = Picture("error field in space", empty_space()).classes("st-plot st-field")
         # Plotly emits no click in space where frames are slow: so the point under the pointer at a click is taken.
         self.field.on("plotly_hover", js_handler=POINTED.replace("ID", str(self.field.id)))
         self.field.on("plotly_unhover", js_handler=LEFT.replace("ID", str(self.field.id)))
@@ -73,20 +73,19 @@ class LookView:
 
     def _build_against(self) -> None:
         self.against = AgainstPicture(self.redraw_against, "residual against a variable")
-        self.time = Picture().classes("st-plot")
-        self.time.props('role=img aria-label="residual over time"')
+        self.time = Picture("residual over time").classes("st-plot")
         for plot in (self.against.plot, self.time):
             plot.on("plotly_click", self._clicked, js_handler=ROWS)
             plot.on("plotly_selected", self._selected, js_handler=ROWS)
 
     def _build_table(self) -> None:
-        with ui.element("div").classes("st-tools"):
+        with tools():
             self.table_note = ui.label().classes("st-head")
             ui.space()
             self.line = ui.number("go to line", min=1, precision=0, on_change=self._typed)
             self.line.props("dense outlined debounce=500").classes("w-28")
             ui.button("Clear", on_click=lambda: self.studio.pick([])).props("no-caps flat dense")
-        self.nowhere = ui.label().classes("st-tie").props("role=status").mark("nowhere")
+        self.nowhere = warning().props("role=status").mark("nowhere")
         self.nowhere.set_visibility(False)
         with ui.element("div").classes("st-scroll w-full").style("flex: 1 1 0; min-height: 0").props("tabindex=0"):
             self.table = ui.html("", sanitize=False).classes("w-full").mark("readings")

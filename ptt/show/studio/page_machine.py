@@ -10,6 +10,7 @@ from ptt.errors import PttError
 from ptt.machine import parse_machine
 from ptt.show.card.words import pretty
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.parts import box, note, tools
 from ptt.show.studio.picture import Picture
 
 NUMBERS = {  # key of the machine file ('least' and 'most': ends of travel) -> label and default
@@ -126,25 +127,24 @@ class MachineForm:
         self.studio, self.dialog = studio, dialog
         self.numbers: dict[str, ui.number] = {}
         self.joints: list[dict[str, float]] = _rows("UR10")
-        with ui.element("div").classes("st-tools"):
+        with tools():
             ui.html("The machine", sanitize=False, tag="h2").classes("st-title")
             ui.space()
             ui.button("Use this machine", icon="check", on_click=self._use).props("no-caps unelevated")
             ui.button("Close", on_click=dialog.close).props("no-caps flat")
         with ui.element("div").classes("st-two st-wide-right"):
-            with ui.element("div").classes("st-box"):
+            with box():
                 self._build_numbers()
-            with ui.element("div").classes("st-box"):
-                self.said = ui.label().classes("st-note").style("white-space: pre-wrap").mark("machine-said")
+            with box():
+                self.said = note().style("white-space: pre-wrap").mark("machine-said")
                 self.drawn = (
                     ui.html("", sanitize=False).classes("st-svg w-full").props("tabindex=0").mark("machine-drawing")
                 )
-                self.arm = Picture().classes("w-full").style("height: 60vh")
-                self.arm.props('role=img aria-label="the arm with all joints at zero"')
+                self.arm = Picture("the arm with all joints at zero").classes("w-full").style("height: 60vh")
         ui.timer(0.01, self._kind, once=True)
 
     def _build_numbers(self) -> None:
-        with ui.element("div").classes("st-tools"):
+        with tools():
             self.kind = ui.toggle(
                 {"three-ptt": "3-PTT", "serial": "Serial arm"}, value="three-ptt", on_change=self._kind
             )
@@ -162,7 +162,7 @@ class MachineForm:
                     field = ui.number(words, value=value, on_change=self._draw).props("dense outlined debounce=400")
                     self.numbers[key] = field
         with ui.element("div").classes("w-full") as self.of_arm:
-            with ui.element("div").classes("st-tools").style("margin: 8px 0"):
+            with tools().style("margin: 8px 0"):
                 preset = ui.select(
                     list(PRESETS), value="UR10", label="preset", on_change=lambda event: self._preset(event.value)
                 )
@@ -194,7 +194,7 @@ class MachineForm:
                                     value=row[key], on_change=lambda event, r=row, k=key: self._set(r, k, event.value)
                                 )
                                 cell.props("dense debounce=400").props["aria-label"] = f"{key} of joint {number}"
-        with self.table, ui.element("div").classes("st-tools"):
+        with self.table, tools():
             ui.button("Joint", icon="add", on_click=lambda: self._more(1)).props("no-caps dense flat")
             ui.button("Joint", icon="remove", on_click=lambda: self._more(-1)).props("no-caps dense flat")
 

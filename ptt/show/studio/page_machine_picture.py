@@ -12,6 +12,7 @@ from ptt.show.studio.arrow_figure import usual_scale
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import empty_space, machine_figure
+from ptt.show.studio.parts import heading, note, tools
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Diagnosed
 
@@ -32,16 +33,15 @@ class MachinePicture:
         self.key = ""
         self.look: Look | None = None
         self.drawn: object = None
-        with ui.element("div").classes("st-tools"):
-            ui.html("Where on the machine", sanitize=False, tag="h2").classes("st-head")
+        with tools():
+            heading("Where on the machine")
             ui.space()
             self.near = ui.toggle({False: "machine", True: "readings"}, value=False, on_change=self.draw)
             self.near.props('dense no-caps size=sm aria-label="what fills the picture"')
             self.arrows = ui.switch("errors", value=True, on_change=self.draw).props("dense")
             self.fault = ui.switch("fault", value=True, on_change=self.draw).props("dense")
-        self.note = ui.label().classes("st-note").mark("picture-note")
-        self.plot = Picture(empty_space())
-        self.plot.classes("st-plot st-machine").props('role=img aria-label="the machine, its errors and its fault"')
+        self.note = note().mark("picture-note")
+        self.plot = Picture("the machine, its errors and its fault", empty_space()).classes("st-plot st-machine")
         with ui.element("div").style(
             "display: grid; grid-template-columns: max-content 1fr; gap: 0 12px; width: 100%; align-items: center"
         ):
@@ -50,7 +50,7 @@ class MachinePicture:
             self.pose = self._slider("along the travel", step=1.0)
 
     def _slider(self, words: str, step: float = STEP) -> ui.slider:
-        ui.label(words).classes("st-note")
+        note(words)
         slider = ui.slider(min=0, max=6, step=step, value=0, on_change=self.draw)
         slider.props("dense").props["aria-label"] = words
         slider.on("change", lambda: None, throttle=0.15)

@@ -12,6 +12,7 @@ from ptt.show.studio.figures import empty_figure
 from ptt.show.studio.ladder_figures import ladder_figure
 from ptt.show.studio.page_against import NOTHING, AgainstPicture
 from ptt.show.studio.page_look import first_of
+from ptt.show.studio.parts import box, heading, note, tools
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
 from ptt.show.studio.snapshot import Rung, Snapshot, parameter_rows
@@ -44,20 +45,19 @@ class ModelView:
         self.show()
 
     def _build_ladder(self) -> None:
-        with ui.element("div").classes("st-tools"):
-            ui.html("Error after each step", sanitize=False, tag="h2").classes("st-head")
+        with tools():
+            heading("Error after each step")
             ui.space()
             self.axis = ui.toggle(["total", *AXES], value="total", on_change=self.redraw)
             self.axis.props('dense no-caps aria-label="axis of the ladder"')
-        self.figures = ui.label().classes("st-note").mark("ladder")
-        self.ladder = Picture().classes("st-plot st-ladder")
-        self.ladder.props('role=img aria-label="ladder of errors"')
+        self.figures = note().mark("ladder")
+        self.ladder = Picture("ladder of errors").classes("st-plot st-ladder")
 
     def _build_against(self) -> None:
         self.against = AgainstPicture(self.redraw, "residual with and without", "With and without")
 
     def _build_add(self) -> None:
-        with ui.element("div").classes("st-tools"):
+        with tools():
             self.which = ui.select([], label="effect", with_input=True).props("dense outlined options-dense")
             self.which.classes("w-48")
             self.add = ui.button("Add", icon="add", on_click=self._add).props("no-caps dense")
@@ -101,7 +101,7 @@ class ModelView:
     def _fill_list(self, now: Snapshot) -> None:
         entries = now.file.effect
         if not entries:
-            ui.label("The model has no effects yet: it is the drawing as it is.").classes("st-note")
+            note("The model has no effects yet: it is the drawing as it is.")
         for entry in entries:
             self._effect(entry, entry.key not in now.off)
         if now.fit:
@@ -110,8 +110,8 @@ class ModelView:
 
     def _effect(self, entry: EffectEntry, on: bool) -> None:
         key = entry.key
-        with ui.element("div").classes("st-box").style("margin-top: 6px; padding: 4px 8px").mark(f"effect {key}"):
-            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap"):
+        with box().style("margin-top: 6px; padding: 4px 8px").mark(f"effect {key}"):
+            with tools().style("flex-wrap: nowrap"):
                 ui.switch(key, value=on, on_change=lambda event: self.studio.switch(key, bool(event.value)))
                 ui.space()
                 remove = ui.button("Remove", icon="delete", on_click=lambda: self.studio.change("remove", key))

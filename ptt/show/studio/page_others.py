@@ -10,6 +10,7 @@ from ptt.show.card.words import length, percent, pretty
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.draw_queue import BEHIND
 from ptt.show.studio.page_effect import EffectCards
+from ptt.show.studio.parts import box, grid, heading, note
 from ptt.show.studio.results import Diagnosed, Source
 
 HEADS = ("effect", "takes alone", "held-out error", "likely", "cannot be told from", "")
@@ -31,10 +32,10 @@ class OthersView:
         self.of: Source | None = None
         self.adds: dict[str, ui.button] = {}
         with (
-            ui.element("div").classes("st-box") as self.box,
+            box() as self.box,
             ui.expansion("What else was considered").classes("w-full").props("dense"),
         ):
-            self.body = ui.element("div").classes("st-grid").props("tabindex=0")
+            self.body = grid()
         studio.when(BEHIND, "session", self.show)
         self.show()
 
@@ -64,21 +65,17 @@ class OthersView:
             with ui.element("tbody"):
                 for item in data["candidates"]:
                     self._row(item)
-        ui.label("Takes alone: the share of the squared error that the effect explains by itself.").classes("st-note")
+        note("Takes alone: the share of the squared error that the effect explains by itself.")
         if data["not_testable"]:
-            ui.html("Could not be tested on this run", sanitize=False, tag="h3").classes("st-head").style(
-                "margin-top: 8px"
-            )
+            heading("Could not be tested on this run", "h3").style("margin-top: 8px")
             for item in data["not_testable"]:
-                ui.label(f"{item['effect']} needs {item['needs']}").classes("st-note")
+                note(f"{item['effect']} needs {item['needs']}")
         noise, left = data["noise_um"], len(data["outlier_rows"])
         gross = f", {left} left out as gross errors" if left else ""
         rows = data.get("rows_aside", ())  # missing in diagnoses that older versions saved
         aside = f", {len(rows)} set aside at the beginning of runs" if rows else ""
         source = source_in_words(noise["source"])
-        ui.label(f"Noise {length(noise['total'])} from {source}; {data['rows']} readings{gross}{aside}.").classes(
-            "st-note"
-        )
+        note(f"Noise {length(noise['total'])} from {source}; {data['rows']} readings{gross}{aside}.")
         with ui.expansion("The same as the command line prints it").classes("w-full").props("dense"):
             ui.label(pretty(diagnosis.text)).classes("st-mono")
 
@@ -97,7 +94,7 @@ class OthersView:
             for text in cells:
                 ui.html(text, sanitize=False, tag="td")
             with ui.element("td").classes("w"):
-                ui.label(", ".join(item["indistinguishable_from"]) or "\N{EN DASH}").classes("st-note")
+                note(", ".join(item["indistinguishable_from"]) or "\N{EN DASH}")
             with ui.element("td"):
                 button = ui.button("Add", on_click=lambda: self.add(key)).props("dense no-caps outline size=sm")
                 button.props["aria-label"] = f"add {key} from the list"

@@ -8,6 +8,7 @@ from nicegui import ui
 from ptt.run.readers.order import AS_ROWS, BY_TIME
 from ptt.show.card.words import pretty
 from ptt.show.studio.later import ANYWAY
+from ptt.show.studio.parts import tools
 from ptt.show.studio.results import ORDER
 from ptt.show.studio.units import unit_in_words
 
@@ -29,7 +30,7 @@ def show_question(about: str, question: str, choices: Sequence[str], answer: Cal
     """
     with ui.element("div").classes("st-tie").props("role=alert"):
         ui.label(pretty(question)).classes("st-head")
-        with ui.element("div").classes("st-tools"):
+        with tools():
             for choice in choices:
                 words = WORDS.get((about, choice), unit_in_words(choice))
                 pick = ui.button(words, on_click=partial(answer, choice))

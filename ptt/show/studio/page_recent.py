@@ -3,6 +3,7 @@
 from nicegui import ui
 
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.parts import box, heading, note, tools
 from ptt.show.studio.store import SessionStore
 
 
@@ -16,12 +17,12 @@ def build_recent(studio: Studio) -> None:
     earlier = [each for each in store.recent(studio.place.owner) if each.key != studio.place.key]
     if not earlier:
         return
-    with ui.element("div").classes("st-box").style("height: auto"):
-        ui.html("Earlier sessions", sanitize=False, tag="h2").classes("st-head")
+    with box().style("height: auto"):
+        heading("Earlier sessions")
         for each in earlier:
-            with ui.element("div").classes("st-tools").style("flex-wrap: nowrap") as row:
+            with tools().style("flex-wrap: nowrap") as row:
                 ui.link(each.words, f"/s/{each.key}/result").style("flex: 1 1 0; min-width: 0; overflow-wrap: anywhere")
-                ui.label(each.changed[:16].replace("T", " ")).classes("st-note").style("white-space: nowrap")
+                note(each.changed[:16].replace("T", " ")).style("white-space: nowrap")
 
                 def remove(key: str = each.key, line: ui.element = row) -> None:
                     found = store.find(key, studio.place.owner)

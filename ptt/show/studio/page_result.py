@@ -14,6 +14,7 @@ from ptt.show.studio.page_effect import EffectCards
 from ptt.show.studio.page_machine_picture import MachinePicture
 from ptt.show.studio.page_others import OthersView
 from ptt.show.studio.page_unknown import UnknownView
+from ptt.show.studio.parts import box, column, note, tools, warning
 from ptt.show.studio.results import Diagnosed
 
 ICONS = {"missing": "lightbulb", "nothing-missing": "check_circle", "unknown": "help"}
@@ -34,11 +35,11 @@ class ResultView:
         self.adds: dict[str, tuple[ui.button, ui.label]] = {}
         self.rows: dict[str, ui.element] = {}
         with ui.element("div").classes("st-two st-wide-right"):
-            with ui.element("div").classes("st-col st-scroll").props("tabindex=0"):
-                with ui.element("div").classes("st-box"):
+            with column():
+                with box():
                     self._build_head()
                     self.card = ui.element("div").classes("w-full").mark("card")
-                    self.next = ui.element("div").classes("st-tools").style("margin-top: 10px")
+                    self.next = tools().style("margin-top: 10px")
                     with self.next:
                         self._build_next()
                 UnknownView(studio)
@@ -139,9 +140,9 @@ class ResultView:
             self.picture.show(diagnosis)
             self.cards.prepare(diagnosis)
         there, left = {entry.key for entry in self.studio.session.effects}, self._left()
-        for key, (button, note) in self.adds.items():
+        for key, (button, chip) in self.adds.items():
             button.set_visibility(key not in there)
-            note.set_visibility(key in there)
+            chip.set_visibility(key in there)
         self.all.set_visibility(len(left) > 1)
         self.whole.set_visibility(bool(left and diagnosis.sizes))
         self.poses.set_visibility(bool(diagnosis.measure_next))
@@ -170,7 +171,7 @@ class ResultView:
             with ui.element("div").classes("st-tie").style("margin-top: 8px"):
                 ui.label("What to measure next").classes("font-medium")
                 for line in card["measure_next"]:
-                    ui.label(line).classes("st-note")
+                    note(line)
 
     def _finding(self, finding: Mapping[str, Any], number: int) -> None:
         key = finding["effect"]
@@ -190,8 +191,8 @@ class ResultView:
                     ui.icon("build", size="17px").props('aria-hidden="true"')
                     ui.label(f"{capital(finding['cure'])}.")
             if finding["off_scale"]:
-                ui.label("Far beyond what is usual: look at the drawing and the units too.").classes("st-tie")
-            with ui.element("div").classes("st-tools").style("margin-top: 4px"):
+                warning("Far beyond what is usual: look at the drawing and the units too.")
+            with tools().style("margin-top: 4px"):
                 ui.label(f"a cause: {how_sure(finding['probability'])}").classes("st-chip")
                 ui.label(
                     f"held-out error {length(finding['before_um'])} \N{RIGHTWARDS ARROW} {length(finding['after_um'])}"

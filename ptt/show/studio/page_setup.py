@@ -8,6 +8,7 @@ from nicegui import ui
 
 from ptt.show.card.words import length, pretty
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.parts import box, note, tools
 
 
 def build_setup(studio: Studio) -> None:
@@ -16,20 +17,18 @@ def build_setup(studio: Studio) -> None:
     Args:
         studio: of this session.
     """
-    with ui.element("div").classes("st-box").mark("setup") as box:
+    with box().mark("setup") as whole:
         ui.html("First the set-up: something looks wrong", sanitize=False, tag="h2").classes("st-title")
         body = ui.element("div").classes("w-full")
-        with ui.element("div").classes("st-tools").style("margin-top: 10px"):
-            mend = ui.button("Correct it and open", icon="build", on_click=lambda: _mend(studio)).props(
-                "no-caps unelevated"
-            )
-            anyway = ui.button("Go on anyway", icon="fast_forward", on_click=lambda: _anyway(studio)).props(
-                "no-caps outline"
-            )
-        ui.label("This writes a corrected copy beside your files, which stay as they are.").classes("st-note")
+        with tools().style("margin-top: 10px"):
+            mend = ui.button("Correct it and open", icon="build", on_click=lambda: _mend(studio))
+            mend.props("no-caps unelevated")
+            anyway = ui.button("Go on anyway", icon="fast_forward", on_click=lambda: _anyway(studio))
+            anyway.props("no-caps outline")
+        note("This writes a corrected copy beside your files, which stay as they are.")
 
     def update() -> None:
-        box.set_visibility(bool(studio.staged.setup))
+        whole.set_visibility(bool(studio.staged.setup))
         body.clear()
         with body:
             for finding in studio.staged.setup:
@@ -57,14 +56,14 @@ def show_finding(finding: Mapping[str, Any]) -> None:
         before, after = (finding["rms_um"][key] for key in ("before", "after"))
         if before and after is not None:
             for words, value in (("as it is", before), ("put right", after)):
-                with ui.element("div").classes("st-tools").style("flex-wrap: nowrap; gap: 8px"):
-                    ui.label(words).classes("st-note").style("width: 64px; flex: none")
+                with tools().style("flex-wrap: nowrap; gap: 8px"):
+                    note(words).style("width: 64px; flex: none")
                     share = max(0.6, 100.0 * value / max(before, after))
                     ui.element("div").style(
                         f"width: {0.7 * share:.1f}%; height: 12px; border-radius: 3px; "
                         f"background: {'#d55e00' if words == 'as it is' else '#009e73'}"
                     )
-                    ui.label(length(value)).classes("st-note").style("white-space: nowrap")
+                    note(length(value)).style("white-space: nowrap")
         ui.label(f"Cure: {pretty(finding['fix'])}").classes("st-cure")
 
 

@@ -14,6 +14,7 @@ from ptt.show.studio.controller import Studio
 from ptt.show.studio.looks import Look
 from ptt.show.studio.on_page import on_page
 from ptt.show.studio.page_setup import show_finding
+from ptt.show.studio.parts import box, heading, note, table, tools, warning
 from ptt.show.studio.tables import table_html
 
 PER_ROW = 0.3e-3  # s per row of a diagnosis, measured with a million rows on two cores
@@ -27,9 +28,9 @@ def build_understood(studio: Studio) -> None:
     Args:
         studio: of this session.
     """
-    with ui.element("div").classes("st-box"):
-        head = ui.html("What was understood", sanitize=False, tag="h2").classes("st-head")
-        before = ui.label().classes("st-tie").style("margin: 4px 0; width: 100%").mark("before")
+    with box():
+        head = heading("What was understood")
+        before = warning().style("margin: 4px 0; width: 100%").mark("before")
         body = ui.element("div").classes("w-full").mark("understood")
 
     shown: list[object] = []
@@ -70,7 +71,7 @@ def build_understood(studio: Studio) -> None:
 def _show(studio: Studio, look: Look) -> None:
     warnings, lines = split_warnings(look.understood)
     for words in warnings:
-        ui.label(words).classes("st-tie").style("margin: 6px 0; width: 100%")
+        warning(words).style("margin: 6px 0; width: 100%")
     for finding in look.setup:
         show_finding(finding)
     if look.rows > LONG:
@@ -79,7 +80,7 @@ def _show(studio: Studio, look: Look) -> None:
                 f"{look.rows:,} rows: a diagnosis takes {_minutes(look.rows)} in the background; it starts only when "
                 "you ask for it."
             )
-    with ui.element("div").classes("st-tools").style("margin: 6px 0"):
+    with tools().style("margin: 6px 0"):
         result = ui.button("See the result", icon="troubleshoot", on_click=lambda: studio.go("Result"))
         result.props("no-caps unelevated")
         readings = ui.button("Look at the readings", icon="visibility", on_click=lambda: studio.go("Look"))
@@ -89,7 +90,7 @@ def _show(studio: Studio, look: Look) -> None:
         _show_columns(look)
     with ui.expansion("How the file was read, in words").classes("w-full").props("dense"):
         for line in lines:
-            ui.label(pretty(line)).classes("st-note")
+            note(pretty(line))
     figures = studio.session.comparison
     if figures is not None:
         with ui.expansion("Compared with the model, in figures", value=False).classes("w-full").props("dense"):
@@ -109,12 +110,10 @@ def _facts(look: Look) -> list[tuple[str, str]]:
 
 
 def _show_columns(look: Look) -> None:
-    ui.html("Columns", sanitize=False, tag="h3").classes("st-head").style("margin-top: 10px")
+    heading("Columns", "h3").style("margin-top: 10px")
     head = ("column", "taken for", "unit", "first rows as in the file", "read as")
-    with ui.element("div").classes("st-grid").props("tabindex=0"):
-        last = len(head) if any(row[-1] for row in look.column_rows) else len(head) - 1  # where units were converted
-        rows = [row[:last] for row in look.column_rows]
-        ui.html(table_html(head[:last], rows, words=5), sanitize=False).classes("w-full")
+    last = len(head) if any(row[-1] for row in look.column_rows) else len(head) - 1  # where units were converted
+    table(table_html(head[:last], [row[:last] for row in look.column_rows], words=5))
 
 
 def _minutes(rows: int) -> str:

@@ -12,6 +12,7 @@ from ptt.diagnosis.search.rest import remaining_error
 from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
 from ptt.show.studio.controller import Studio
+from ptt.show.studio.parts import box, note, tools
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.results import Diagnosed
 
@@ -34,12 +35,10 @@ class UnknownView:
         self.studio = studio
         self.shown: Diagnosed | None = None
         self.file, self.names = "", list[str]()
-        with ui.element("div").classes("st-box").mark("unknown") as self.box:
-            ui.html("The curve that it follows", sanitize=False, tag="h2").classes("st-head")
-            self.plot = Picture().classes("w-full").style("height: 340px")
-            self.plot.props('role=img aria-label="what the unknown follows"')
-            self.how = ui.label().classes("st-note")
-            with ui.element("div").classes("st-tools").style("margin: 8px 0"):
+        with box("The curve that it follows").mark("unknown") as self.box:
+            self.plot = Picture("what the unknown follows").classes("w-full").style("height: 340px")
+            self.how = note()
+            with tools().style("margin: 8px 0"):
                 self.name = ui.input("name of the effect", value="my-effect").props("dense outlined").classes("w-48")
                 ui.button("Write this as an effect", icon="edit_note", on_click=self._write).props("no-caps unelevated")
                 self.add = ui.button("Add it to the model", icon="add", on_click=self._add).props("no-caps outline")
