@@ -38,11 +38,7 @@ class AgainView:
     """The view: list of later runs, before and after, what has changed, values by date."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.shown = ""
         with ui.element("div").classes("st-two st-wide-right"):

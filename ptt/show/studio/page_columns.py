@@ -47,11 +47,7 @@ class ColumnsView:
     """The grid, the question above it, and the button that opens it; it opens by itself for a question on columns."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.quantity: dict[str, ui.select] = {}
         self.unit: dict[str, ui.toggle] = {}

@@ -30,11 +30,7 @@ class EffectCards:
     """
 
     def __init__(self, studio: Studio) -> None:
-        """Build none yet.
-
-        Args:
-            studio: of this session.
-        """
+        """Build none yet."""
         self.studio = studio
         self._dialogs: dict[str, ui.element] = {}
 

@@ -21,11 +21,7 @@ class ExportView:
     """The box that exports the active model, or the compensator where one is trained."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.asked = ""
         with box("For the controller").mark("export"):

@@ -28,11 +28,7 @@ class FinishView:
     """The view of what is taken to the machine."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         with ui.element("div").classes("st-two"):
             with column():

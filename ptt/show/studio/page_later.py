@@ -20,11 +20,7 @@ class LaterRuns:
     """The list of later runs."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.troubles: dict[str, Mapping[str, Any]] = {}  # file -> obstacle, as the job `vet` returns it
         self.listed: object = None  # the state that is shown

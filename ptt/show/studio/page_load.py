@@ -28,11 +28,7 @@ PURPOSE = "Finds out why a robot misses its target, and writes the commands that
 
 
 def build_load(studio: Studio) -> None:
-    """Build the view.
-
-    Args:
-        studio: of this session.
-    """
+    """Build the view."""
     with ui.element("div").classes("st-two"):
         with ui.element("div").classes("st-col st-scroll"):
             _build_hero(studio)

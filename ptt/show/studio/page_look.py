@@ -37,11 +37,7 @@ class LookView:
     """The view's controls, pictures and table."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.drawn: Look | None = None
         self.led: tuple[str, str] | None = None  # component and variable that were chosen by `_lead`

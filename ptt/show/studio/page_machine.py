@@ -104,11 +104,7 @@ def arm_text(name: str, convention: str, joints: list[Mapping[str, float]]) -> s
 
 
 def open_machine_form(studio: Studio) -> None:
-    """Open the form in a dialog; the machine that it describes is staged.
-
-    Args:
-        studio: of this session.
-    """
+    """Open the form in a dialog; the machine that it describes is staged."""
     with ui.dialog().props("maximized") as dialog, ui.card().classes("w-full").style("background: var(--bg)"):
         MachineForm(studio, dialog)
     dialog.open()

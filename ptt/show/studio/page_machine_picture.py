@@ -23,11 +23,7 @@ class MachinePicture:
     """The picture and its controls."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.diagnosis: Diagnosed | None = None
         self.key = ""

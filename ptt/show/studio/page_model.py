@@ -23,11 +23,7 @@ class ModelView:
     """The view of the ladder, the effects and the residual with and without them."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.asked, self.led = "", ("", "")
         self.listed: Snapshot | None = None

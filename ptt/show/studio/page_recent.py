@@ -8,11 +8,7 @@ from ptt.show.studio.store import SessionStore
 
 
 def build_recent(studio: Studio) -> None:
-    """List the sessions of this browser.
-
-    Args:
-        studio: of this session.
-    """
+    """List the sessions of this browser."""
     store = SessionStore(studio.place.root)
     earlier = [each for each in store.recent(studio.place.owner) if each.key != studio.place.key]
     if not earlier:

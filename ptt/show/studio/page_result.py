@@ -24,11 +24,7 @@ class ResultView:
     """The view of a diagnosis: verdict, findings, and the machine."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.cards = EffectCards(studio)
         self.filled: Diagnosed | None = None

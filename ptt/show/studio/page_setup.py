@@ -12,11 +12,7 @@ from ptt.show.studio.parts import box, note, tools
 
 
 def build_setup(studio: Studio) -> None:
-    """Build the box, which is shown only while there are mistakes.
-
-    Args:
-        studio: of this session.
-    """
+    """Build the box, which is shown only while there are mistakes."""
     with box().mark("setup") as whole:
         ui.html("First the set-up: something looks wrong", sanitize=False, tag="h2").classes("st-title")
         body = ui.element("div").classes("w-full")

@@ -15,11 +15,7 @@ from ptt.show.studio.tool_tables import dexterity_html, iso_html, plan_html, pla
 
 
 def build_tools(studio: Studio) -> None:
-    """Build the boxes.
-
-    Args:
-        studio: of this session.
-    """
+    """Build the boxes."""
     with box("Poses to measure"):
         _build_plan(studio)
     with box("Figures of the standard (ISO 9283)"):

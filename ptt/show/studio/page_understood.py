@@ -23,11 +23,7 @@ FIRST = ("warning: ", "not used: ")  # beginnings of lines that are shown first
 
 
 def build_understood(studio: Studio) -> None:
-    """Build the box.
-
-    Args:
-        studio: of this session.
-    """
+    """Build the box."""
     with box():
         head = heading("What was understood")
         before = warning().style("margin: 4px 0; width: 100%").mark("before")

@@ -27,11 +27,7 @@ class UnknownView:
     """The box of an unknown's curve."""
 
     def __init__(self, studio: Studio) -> None:
-        """Build it.
-
-        Args:
-            studio: of this session.
-        """
+        """Build it."""
         self.studio = studio
         self.shown: Diagnosed | None = None
         self.file, self.names = "", list[str]()
