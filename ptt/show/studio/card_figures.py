@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty, spoken
-from ptt.show.studio.figures import ABOVE, BLUE, ORANGE, PALE, Figure, axis_of, sides_axis, whole_figure, whole_layout
+from ptt.show.studio.figures import ABOVE, BLUE, ORANGE, PALE, Figure, axis_of, points, sides_axis, whole_figure
 
 RULER = (-2.0, 2.0)  # ends of a ruler, as powers of ten times the usual size
 
@@ -33,18 +33,17 @@ def fit_figure(fit: Mapping[str, Any], serial: bool) -> Figure:
     elif label.endswith("[s]"):
         scale, time = prefixed(telling.tolist(), "s")
         telling, axis = telling * scale, axis_of(label.replace("[s]", f"[{time}]"))
-    layout = whole_layout(
+    return whole_figure(
+        [
+            points(telling, data, PALE, "readings, everything else taken out"),
+            points(telling, through, ORANGE, "the fit", 6),
+        ],
         xaxis=axis,
         yaxis=axis_of(f"{name}: error [{shown}]", zeroline=True),
         showlegend=True,
         legend=ABOVE,
         margin={"l": 62, "r": 10, "t": 30, "b": 44},
     )
-    points = [
-        _points(telling, data, PALE, "readings, everything else taken out", 5),
-        _points(telling, through, ORANGE, "the fit", 6),
-    ]
-    return whole_figure(points, layout)
 
 
 def ruler_html(value: Mapping[str, Any]) -> str:
@@ -106,36 +105,36 @@ def unknown_figure(unknown: Mapping[str, Any], serial: bool) -> Figure:
     Returns:
         The figure.
     """
-    curve, points = unknown["curve"], unknown["points"]
+    curve, read = unknown["curve"], unknown["points"]
     angle = str(unknown["residual"]).startswith("joint")
-    factor, unit = prefixed([*points["um"], *curve["mean_um"]], "urad" if angle else "um")
+    factor, unit = prefixed([*read["um"], *curve["mean_um"]], "urad" if angle else "um")
     mean, half = factor * np.asarray(curve["mean_um"]), factor * np.asarray(curve["half_width_um"])
-    at, of = np.asarray(curve["at"], dtype=float), points.get("unit", "")
-    scale, of = prefixed(points["at"], "s") if of == "s" else (1.0, of.replace("C", "\N{DEGREE SIGN}C"))
+    at, of = np.asarray(curve["at"], dtype=float), read.get("unit", "")
+    scale, of = prefixed(read["at"], "s") if of == "s" else (1.0, of.replace("C", "\N{DEGREE SIGN}C"))
     order = np.argsort(at)
     at, mean, half = scale * at[order], mean[order], half[order]
     on = unknown["with"] or unknown["on"]
     across = "reading number" if on == "time" and not of else spoken(on, serial)
     across += (" within one period" if unknown["period_mm"] else "") + (f" [{of}]" if of else "")
     up = f"{unknown['residual']}{' times the way it came' if unknown['with'] else ''}: error [{unit}]"
-    axis, place = axis_of(across), scale * np.asarray(points["at"])
+    axis, place = axis_of(across), scale * np.asarray(read["at"])
     sided = str(unknown["on"]).startswith("direction") and not unknown["with"]
     if sided:
         sides, spread = sides_axis(serial, len(place))
         axis, place = axis | sides, place + spread
-    data = [_points(place, factor * np.asarray(points["um"]), PALE, "readings", 5)]
+    data = [points(place, factor * np.asarray(read["um"]), PALE, "readings")]
     if sided:
-        data.append({**_points(at, mean, ORANGE, "mean", 13), "error_y": {"type": "data", "array": half.tolist()}})
+        data.append({**points(at, mean, ORANGE, "mean", 13), "error_y": {"type": "data", "array": half.tolist()}})
     else:
         data += _followed(at, mean, half)
-    layout = whole_layout(
+    return whole_figure(
+        data,
         xaxis=axis,
         yaxis=axis_of(up, zeroline=True),
         showlegend=True,
         legend=ABOVE,
         margin={"l": 66, "r": 12, "t": 30, "b": 48},
     )
-    return whole_figure(data, layout)
 
 
 def _followed(at: np.ndarray, mean: np.ndarray, half: np.ndarray) -> list[Figure]:
@@ -146,7 +145,7 @@ def _followed(at: np.ndarray, mean: np.ndarray, half: np.ndarray) -> list[Figure
         "y": [*(mean + half).tolist(), *(mean - half)[::-1].tolist()], "fill": "toself",
         "fillcolor": "rgba(230,159,0,0.25)", "line": {"width": 0}, "name": "95 % band", "hoverinfo": "skip",
     }  # fmt: skip
-    return [{**_points(at, mean, ORANGE, "what it follows", 5), **line}, band]
+    return [{**points(at, mean, ORANGE, "what it follows"), **line}, band]
 
 
 def sign_figure(sign: Mapping[str, Any]) -> Figure:
@@ -159,37 +158,24 @@ def sign_figure(sign: Mapping[str, Any]) -> Figure:
         The figure.
     """
     shade, (across, up, third) = sign["shade"], sign["labels"]
-    data: list[Figure] = []
+    x, y = (np.asarray(sign[key], dtype=float) for key in ("telling", "residual"))
     levels = [] if shade is None else sorted(set(shade))
     if len(levels) == 2:
-        for level, colour in zip(levels, (BLUE, ORANGE), strict=True):
-            chosen = [i for i, value in enumerate(shade) if value == level]
-            x, y = (np.asarray([sign[key][i] for i in chosen], dtype=float) for key in ("telling", "residual"))
-            data.append(_points(x, y, colour, f"{third} {level:+g}", 6))
+        sides = [(np.asarray(shade) == level, level) for level in levels]
+        data = [
+            points(x[own], y[own], colour, f"{third} {level:+g}", 6)
+            for (own, level), colour in zip(sides, (BLUE, ORANGE), strict=True)
+        ]
     else:
-        data.append(
-            _points(np.asarray(sign["telling"], dtype=float), np.asarray(sign["residual"], dtype=float), BLUE, "", 6)
-        )
+        data = [points(x, y, BLUE, "", 6)]
         if shade is not None:
             bar = {"title": {"text": third, "side": "right"}, "thickness": 12}
             data[0]["marker"] |= {"color": list(shade), "colorscale": "Cividis", "colorbar": bar}
-    layout = whole_layout(
+    return whole_figure(
+        data,
         xaxis=axis_of(across),
         yaxis=axis_of(pretty(up), zeroline=True),
         showlegend=len(levels) == 2,
         legend=ABOVE,
         margin={"l": 62, "r": 10, "t": 28, "b": 44},
     )
-    return whole_figure(data, layout)
-
-
-def _points(x: np.ndarray, y: np.ndarray, colour: str, name: str, size: int) -> Figure:
-    return {
-        "type": "scatter",
-        "mode": "markers",
-        "x": np.asarray(x).tolist(),
-        "y": np.asarray(y).tolist(),
-        "name": name,
-        "marker": {"color": colour, "size": size},
-        "showlegend": bool(name),
-    }

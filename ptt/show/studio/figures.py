@@ -112,13 +112,14 @@ def against_figure(
     data = []
     if beside is not None and view in beside[1].views:
         other = beside[1].views[view][rows] * factor
-        data.append(_points(across[rows], other, rows, PALE, beside[0], symbol="circle-open"))
+        data.append(_rows(across[rows], other, rows, PALE, beside[0], symbol="circle-open"))
     own = f"model with {', '.join(look.effects)}" if look.effects else "model without effects"
-    data.append(_points(across[rows], look.views[view][rows] * factor, rows, BLUE, own))
+    data.append(_rows(across[rows], look.views[view][rows] * factor, rows, BLUE, own))
     if len(picked):
         chosen = np.asarray(list(picked)[:MOST_READINGS], dtype=int)
-        data.append(_points(across[chosen], look.views[view][chosen] * factor, chosen, ORANGE, "picked", size=9))
-    layout = whole_layout(
+        data.append(_rows(across[chosen], look.views[view][chosen] * factor, chosen, ORANGE, "picked", size=9))
+    return whole_figure(
+        data,
         xaxis=axis,
         yaxis=axis_of(f"{view} [{unit}]", zeroline=True),
         margin={"l": 62, "r": 10, "t": 28 if beside else 8, "b": 44},
@@ -128,22 +129,22 @@ def against_figure(
         uirevision=f"{view}{context}",
         selectionrevision=str(hash(tuple(picked))),
     )
-    return whole_figure(data, layout)
 
 
-def _points(
+def _rows(
     x: np.ndarray, y: np.ndarray, rows: np.ndarray, colour: str, name: str, *, symbol: str = "circle", size: int = 5
 ) -> Figure:
+    """Readings that can be picked."""
+    seen = {"marker": {"opacity": 1.0}}  # picked readings have a trace of their own
+    return points(x, y, colour, name, size, symbol) | {"customdata": rows.tolist(), "unselected": seen}
+
+
+def points(x: Any, y: Any, colour: str, name: str, size: int = 5, symbol: str = "circle") -> Figure:
+    """Points as a trace; without a name it is in no legend."""
     return {
-        "type": "scatter",
-        "mode": "markers",
-        "x": x.tolist(),
-        "y": y.tolist(),
-        "marker": {"color": colour, "symbol": symbol, "size": size},
-        "name": name,
-        "customdata": rows.tolist(),
-        "unselected": {"marker": {"opacity": 1.0}},  # picked readings have a trace of their own
-    }
+        "type": "scatter", "mode": "markers", "x": np.asarray(x).tolist(), "y": np.asarray(y).tolist(), "name": name,
+        "marker": {"color": colour, "symbol": symbol, "size": size}, "showlegend": bool(name),
+    }  # fmt: skip
 
 
 def axis_of(title: str, zeroline: bool = False) -> Figure:
@@ -160,12 +161,8 @@ def axis_of(title: str, zeroline: bool = False) -> Figure:
     }
 
 
-def whole_layout(**own: Any) -> Figure:
-    """The layout that all pictures share, with further entries."""
-    return {"font": FONT, "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "autosize": True, **own}
-
-
-def whole_figure(data: list[Figure], layout: Figure) -> Figure:
-    """Traces and layout as one figure, without plotly's tool bar."""
+def whole_figure(data: list[Figure], **layout: Any) -> Figure:
+    """Traces and entries of the layout as one figure, with what all pictures share, without plotly's tool bar."""
+    shared = {"font": FONT, "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "rgba(0,0,0,0)", "autosize": True}
     config = {"displaylogo": False, "displayModeBar": False, "scrollZoom": True, "responsive": True}
-    return {"data": data, "layout": layout, "config": config}
+    return {"data": data, "layout": shared | layout, "config": config}

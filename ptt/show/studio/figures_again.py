@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ptt.show.card.words import length, prefixed
-from ptt.show.studio.figures import ABOVE, BLUE, GREY, ORANGE, Figure, axis_of, whole_figure, whole_layout
+from ptt.show.studio.figures import ABOVE, BLUE, GREY, ORANGE, Figure, axis_of, whole_figure
 
 WHEN = ("before", "after")
 DAYS = 5  # days from the first to the last run up to which each day of a run has its own tick
@@ -43,13 +43,13 @@ def pair_figure(pair: Mapping[str, Any], when: str) -> Figure:
         {"type": "scatter", "mode": "markers", "x": tip[:, 0].tolist(), "y": tip[:, 1].tolist(), "marker": marker,
          "text": [length(size) for size in _size(error)], "hoverinfo": "text"},
     ]  # fmt: skip
-    layout = whole_layout(
+    return whole_figure(
+        data,
         showlegend=False,
         xaxis={**axis_of("x [mm]"), "range": [low[0] - room, high[0] + room]},
         yaxis={**axis_of("y [mm]"), "range": [low[1] - room, high[1] + room], "scaleanchor": "x"},
         margin={"l": 54, "r": 10, "t": 8, "b": 44},
     )
-    return whole_figure(data, layout)
 
 
 def error_figure(history: Sequence[Mapping[str, Any]]) -> Figure:
@@ -69,9 +69,7 @@ def error_figure(history: Sequence[Mapping[str, Any]]) -> Figure:
         {"type": "scatter", "mode": "lines", "name": "noise", "x": [day for day, _ in noisy],
          "y": [factor * noise for _, noise in noisy], "line": {"color": GREY, "dash": "dash"}},
     ]  # fmt: skip
-    return whole_figure(
-        data, _dated(f"error [{unit}]", [str(run["date"])[:10] for run in history], legend=True, zero=True)
-    )
+    return _dated(data, f"error [{unit}]", [str(run["date"])[:10] for run in history], legend=True)
 
 
 def value_figure(value: Mapping[str, Any]) -> Figure:
@@ -88,7 +86,7 @@ def value_figure(value: Mapping[str, Any]) -> Figure:
          "error_y": {"type": "data", "array": [factor * each for each in value["std"]], "color": colour},
          "marker": {"size": 8, "color": colour}, "line": {"color": GREY, "width": 1}},
     ]  # fmt: skip
-    return whole_figure(data, _dated(f"[{unit}]", value["days"]))
+    return _dated(data, f"[{unit}]", value["days"])
 
 
 def _both(pair: Mapping[str, Any], when: str) -> tuple[np.ndarray, np.ndarray]:
@@ -107,11 +105,12 @@ def _parted(start: np.ndarray, end: np.ndarray) -> list[float | None]:
     return [value for pair in zip(start.tolist(), end.tolist(), strict=True) for value in (*pair, None)]
 
 
-def _dated(title: str, days: Sequence[str], legend: bool = False, zero: bool = False) -> Figure:
-    value = axis_of(title) | ({"rangemode": "tozero"} if zero else {})
-    return whole_layout(
+def _dated(data: list[Figure], title: str, days: Sequence[str], legend: bool = False) -> Figure:
+    """Traces by date; those with a legend, which are errors, from zero on."""
+    return whole_figure(
+        data,
         xaxis=axis_of("") | {"type": "date", "hoverformat": "%Y-%m-%d"} | _ticks(sorted(map(date.fromisoformat, days))),
-        yaxis=value,
+        yaxis=axis_of(title) | ({"rangemode": "tozero"} if legend else {}),
         showlegend=legend,
         legend=ABOVE,
         margin={"l": 60, "r": 10, "t": 28 if legend else 10, "b": 32},

@@ -7,18 +7,7 @@ import numpy as np
 
 from ptt.run.axes import AXES_TOTAL
 from ptt.show.card.words import prefixed
-from ptt.show.studio.figures import (
-    ABOVE,
-    BLUE,
-    GREY,
-    ORANGE,
-    PALE,
-    VIOLET,
-    Figure,
-    axis_of,
-    whole_figure,
-    whole_layout,
-)
+from ptt.show.studio.figures import ABOVE, BLUE, GREY, ORANGE, PALE, VIOLET, Figure, axis_of, whole_figure
 from ptt.show.studio.snapshot import Rung
 
 Points = list[tuple[str, float]]  # step and error
@@ -55,14 +44,14 @@ def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str 
     noise = factor * float(noise_um[axis])
     values = [noise, *(value for _, value in (*train, *held, *plain))]
     bounds = [float(np.log10(min(values) / 1.6)), float(np.log10(max(values) * 2.0))]
-    layout = whole_layout(
+    return whole_figure(
+        [_trained(train), _told(held, "held out"), _floor(place, noise), _told(plain, "")],
         xaxis={**axis_of(""), "type": "category", "categoryorder": "array", "categoryarray": place},
         yaxis={**axis_of(f"RMS error, {axis} [{unit}]"), "type": "log", "range": bounds, "tickvals": TICKS},
         showlegend=True,
         legend=ABOVE,
         margin={"l": 62, "r": 14, "t": 30, "b": 28},
     )
-    return whole_figure([_trained(train), _told(held, "held out"), _floor(place, noise), _told(plain, "")], layout)
 
 
 def _trained(points: Points) -> Figure:
@@ -111,7 +100,8 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
         "y": [factor * float(noise_um[axis]) for axis in AXES_TOTAL],
         "marker": {"symbol": "line-ew-open", "size": 44, "color": ORANGE, "line": {"width": 3}},
     }  # fmt: skip
-    layout = whole_layout(
+    return whole_figure(
+        [*bars, floor],
         xaxis=axis_of(""),
         barmode="group",
         showlegend=True,
@@ -119,7 +109,6 @@ def before_after_figure(stages: Mapping[str, Mapping[str, float]], noise_um: Map
         legend=ABOVE | {"y": 1.06},
         margin={"l": 62, "r": 10, "t": 40, "b": 30},
     )
-    return whole_figure([*bars, floor], layout)
 
 
 def _bars(key: str, values: Sequence[float]) -> Figure:

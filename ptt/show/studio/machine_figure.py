@@ -9,7 +9,7 @@ import numpy as np
 from ptt.show.card.scene import GHOST, PART_COLOURS, PoseLines, legs_at_fault, moved, only, parts_of, place_of_part
 from ptt.show.card.words import by_part
 from ptt.show.studio.arrow_figure import arrow_traces, mean_arrows, mesh, xyz
-from ptt.show.studio.figures import MIDDLE, MOST_READINGS, ORANGE, Figure, shown_rows, whole_figure, whole_layout
+from ptt.show.studio.figures import MIDDLE, MOST_READINGS, ORANGE, Figure, shown_rows, whole_figure
 from ptt.show.studio.looks import Look
 
 GRID = "#a9b1b7"  # visible on light and on dark; plotly draws transparent colours in space on white
@@ -60,18 +60,18 @@ def machine_figure(
     if scale:
         data += arrow_traces(look, scale, float(np.linalg.norm(box[1] - box[0])) if near else lines.size)
     if picked:
-        data += _picked(look, picked)
+        data.append(_picked(look, picked))
     held = f"{look.source}{near}"
     labels = [] if ghost is None or there is None else _labels(there, ghost.get("values", ()))
     scene = _scene(box) | {
         "uirevision": held, "annotations": labels, "domain": {"y": [0.13 if scale else 0.0, 1.0]},
     }  # fmt: skip
-    return whole_figure(data, _layout(scene, held))
+    return _in_space(data, scene, held)
 
 
-def _layout(scene: Figure, held: str) -> Figure:
+def _in_space(data: list[Figure], scene: Figure, held: str) -> Figure:
     margin = {"l": 0, "r": 0, "t": 0, "b": 0}
-    return whole_layout(margin=margin, showlegend=False, uirevision=held, scene=scene)
+    return whole_figure(data, margin=margin, showlegend=False, uirevision=held, scene=scene)
 
 
 def _scene(box: np.ndarray) -> Figure:
@@ -129,21 +129,13 @@ def _label(place: np.ndarray, said: Sequence[str], across: float, down: float) -
     }  # fmt: skip
 
 
-def _picked(look: Look, picked: Sequence[int]) -> list[Figure]:
+def _picked(look: Look, picked: Sequence[int]) -> Figure:
     chosen = np.asarray(list(picked)[:MOST_READINGS], dtype=int)
-    return [
-        {
-            "type": "scatter3d",
-            "mode": "markers",
-            "name": "picked",
-            "uid": "picked",
-            "customdata": chosen.tolist(),
-            **xyz(look.target[chosen]),
-            "hoverinfo": "skip",
-            "showlegend": False,
-            "marker": {"size": 9, "symbol": "circle-open", "color": ORANGE, "line": {"width": 3, "color": ORANGE}},
-        }
-    ]
+    return {
+        "type": "scatter3d", "mode": "markers", "name": "picked", "uid": "picked", "customdata": chosen.tolist(),
+        **xyz(look.target[chosen]), "hoverinfo": "skip", "showlegend": False,
+        "marker": {"size": 9, "symbol": "circle-open", "color": ORANGE, "line": {"width": 3, "color": ORANGE}},
+    }  # fmt: skip
 
 
 def _box(look: Look, scale: float) -> np.ndarray:
@@ -199,7 +191,7 @@ def empty_space() -> Figure:
         {"type": "scatter3d", "mode": "markers", **corner, "marker": {"opacity": 0.0}},
     ]
     scene = {f"{axis}axis": {"visible": False} for axis in "xyz"} | {"bgcolor": "rgba(0,0,0,0)", "dragmode": False}
-    return whole_figure(unseen, _layout(scene, ""))
+    return _in_space(unseen, scene, "")
 
 
 def chain_figure(chain: Sequence[Sequence[float]]) -> Figure:
@@ -215,4 +207,4 @@ def chain_figure(chain: Sequence[Sequence[float]]) -> Figure:
     solids = parts_of(lines)
     data = [mesh(solid, name, PART_COLOURS[name]) for name, solid in solids.items()]
     box = _around(np.concatenate([solid.points for solid in solids.values()]), RIM)
-    return whole_figure(data, _layout(_scene(box), "arm"))
+    return _in_space(data, _scene(box), "arm")
