@@ -29,9 +29,8 @@ def run_page(words: list[str]) -> int:
     Returns:
         As a verb does: 0 done, 2 where the page shows why not, in one line on standard error.
     """
-    from ptt.commands.main import run
     from ptt.errors import PttError
-    from ptt.show.studio import jobs, verbs
+    from ptt.show.studio import jobs
     from ptt.show.studio.worker import _answer
 
     job, *given = words
@@ -39,7 +38,6 @@ def run_page(words: list[str]) -> int:
     home = Path("page")
     home.mkdir()
     os.chdir(home)
-    verbs.set_runner(run)
     try:
         arguments = _arguments(job, given, contents)
         kind, *told = _answer(_Nobody(), getattr(jobs, job), arguments)  # type: ignore[arg-type]

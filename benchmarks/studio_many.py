@@ -15,7 +15,6 @@ import time
 from pathlib import Path
 from unittest.mock import MagicMock
 
-from ptt.commands.main import run
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
@@ -35,7 +34,7 @@ def main() -> None:
 
 
 async def _all(folder: Path, clients: int) -> None:
-    store, pool = SessionStore(folder), Pool(verb=run)
+    store, pool = SessionStore(folder), Pool()
     memory: list[tuple[int, int]] = []
     watching = asyncio.create_task(_watch(memory))
     began = time.monotonic()

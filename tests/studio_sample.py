@@ -10,12 +10,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from ptt.commands.main import app, run
+from ptt.commands.main import app
 from ptt.show.studio import jobs
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Source
 from ptt.show.studio.session import Session
-from ptt.show.studio.verbs import set_runner
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "sealed_one"
 MACHINE = (DATA / "machine.toml").read_text(encoding="utf-8")
@@ -51,14 +50,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The same as the working folder, as the worker has it."""
     monkeypatch.chdir(folder)
-    return folder
-
-
-@pytest.fixture(name="here")
-def here_with_verbs(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The same, and the verbs of the command line beside it, as a started studio has them."""
-    monkeypatch.chdir(folder)
-    set_runner(run)
     return folder
 
 

@@ -28,7 +28,8 @@ from ptt.mechanisms.dexterity_report import describe_dexterity
 from ptt.mechanisms.statics import GRAVITY, link_forces, weight
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
-from ptt.show.plots.workspace import plot_workspace_map
+from ptt.show.plots.common import save
+from ptt.show.plots.workspace import draw_dexterity
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SINE = math.sqrt(3.0) / 2.0
@@ -254,7 +255,7 @@ def test_workspace_map_is_the_pointwise_condition():
 def test_workspace_map_picture(tmp_path):
     for name, changes in (("upright", {}), ("leaning", {"slider_lean_deg": (6.0, 6.0, 6.0), "sliders": "below"})):
         spec = drawing(**changes, slider_travel_mm=(-420.0, -150.0) if changes else (150.0, 420.0))
-        plot_workspace_map(ThreePtt.from_spec(spec), spec, tmp_path / f"{name}.png")
+        save(draw_dexterity(spec), tmp_path / f"{name}.png")
         picture = matplotlib.image.imread(tmp_path / f"{name}.png")
         assert picture.shape[1] > 2 * picture.shape[0]
         colour = np.round(255.0 * picture[..., :3]) @ [1e6, 1e3, 1.0]  # one number each: rows sort slowly

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from studio_sample import DATA, MACHINE, RUN, silent
 from studio_sample import folder as folder
-from studio_sample import here_with_verbs as here_with_verbs
+from studio_sample import here as here
 
 from ptt.machine import load_machine
 from ptt.rig.draw_arm import draw_arm

@@ -13,7 +13,7 @@ from studio_sample import here as here
 from typer.testing import CliRunner
 
 import ptt
-from ptt.commands.main import app, run
+from ptt.commands.main import app
 from ptt.errors import InputError, PttError
 from ptt.machine import parse_machine
 from ptt.run.readers import Mapping
@@ -28,7 +28,6 @@ from ptt.show.studio.samples import ARM, sample_files
 from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.server import Opening, keep_opening
 from ptt.show.studio.uploads import RESERVED, keep_upload, safe_name
-from ptt.show.studio.verbs import set_runner
 
 
 def test_uploads_take_the_place_of_nothing(tmp_path: Path):
@@ -49,7 +48,6 @@ def test_uploads_take_the_place_of_nothing(tmp_path: Path):
 
 def test_planned_poses_take_the_place_of_no_upload(here: Path):
     kept = keep_upload(here, "plan.csv", b"mine")
-    set_runner(run)
     with pytest.raises(PttError, match="too few"):
         jobs.plan(MACHINE, 2, "", silent)
     assert (here / kept).read_bytes() == b"mine"

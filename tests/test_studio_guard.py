@@ -11,7 +11,7 @@ import pytest
 from nicegui import Client
 from studio_sample import MACHINE, OWNER, RUN, silent
 from studio_sample import folder as folder
-from studio_sample import here_with_verbs as here_with_verbs
+from studio_sample import here as here
 
 from ptt.show.studio import jobs
 from ptt.show.studio.controller import Studio

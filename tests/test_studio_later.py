@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from studio_sample import DATA, MACHINE, OWNER, RUN, silent
 from studio_sample import folder as folder
-from studio_sample import here_with_verbs as here_with_verbs
+from studio_sample import here as here
 
 from ptt.show.studio import jobs
 from ptt.show.studio.figures_again import value_figure

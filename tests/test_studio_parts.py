@@ -13,7 +13,7 @@ import plotly.graph_objects as go
 import pytest
 from studio_sample import DATA, MACHINE, OWNER, RUN, silent
 from studio_sample import folder as folder
-from studio_sample import here_with_verbs as here_with_verbs
+from studio_sample import here as here
 
 from ptt.challenge.challenge import open_challenge
 from ptt.diagnosis.diagnose import diagnose

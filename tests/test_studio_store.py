@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from studio_sample import MACHINE, OWNER, RUN, silent
 from studio_sample import folder as folder
-from studio_sample import here_with_verbs as here_with_verbs
+from studio_sample import here as here
 
 from ptt.errors import InputError
 from ptt.files import cannot_write

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from studio_sample import MACHINE, RUN, silent
 from studio_sample import folder as folder
-from studio_sample import here_with_verbs as here_with_verbs
+from studio_sample import here as here
 
 from ptt.machine import parse_machine
 from ptt.run.readers import load_mapping

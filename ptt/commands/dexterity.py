@@ -36,22 +36,12 @@ def dexterity(
         for entry, line, name in zip(data["targets"], table.line, table.name, strict=True):
             entry |= {"line": int(line), "name": str(name)}
     if plot is not None:
-        _plot(file, plot)
+        from ptt.show.plots.common import save
+        from ptt.show.plots.workspace import draw_dexterity
+
+        save(draw_dexterity(file.machine), plot)
+        note(f"picture in {plot}")
     show(data, _text(data), json)
-
-
-def _plot(file: Any, path: Path) -> None:
-    from ptt.mechanisms import build_mechanism
-    from ptt.mechanisms.serial import Serial
-    from ptt.show.plots.arm_dexterity import plot_arm_dexterity
-    from ptt.show.plots.workspace import plot_workspace_map
-
-    mechanism = build_mechanism(file.machine)
-    if isinstance(mechanism, Serial):
-        plot_arm_dexterity(mechanism, path)
-    else:
-        plot_workspace_map(mechanism, file.machine, path)
-    note(f"picture in {path}")
 
 
 def _text(data: dict[str, Any]) -> str:

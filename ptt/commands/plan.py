@@ -40,6 +40,7 @@ def plan(
 ) -> None:
     """Plan a first run: volume, both directions of arrival, repeats, datum revisits; and show what it will tell."""
     from ptt.door.model import load
+    from ptt.door.options import parse_numbers
     from ptt.plan.first_run import plan_first_run
     from ptt.run.written import write_table
 
@@ -47,8 +48,8 @@ def plan(
     if candidates is not None:
         _choose(candidates, rows, out, model, ReadOptions(json=json), seed)
         return
-    loads = read_numbers(payloads, "--payloads")
-    half = read_numbers(box, "--box", 3)
+    loads = parse_numbers(payloads, "--payloads")
+    half = parse_numbers(box, "--box", 3)
     size = None if not half else (half[0], half[1], half[2])
     with progress() as tell:
         result = plan_first_run(
@@ -73,34 +74,6 @@ def _choose(candidates: Path, rows: int, out: Path, model: "Model", reading: Rea
     lines += [f"  {name:<12} {found.poses:>5} poses, {found.text}" for name, found in sets.items()]
     data = {name.replace(" ", "_"): found.to_dict() for name, found in sets.items()}
     show({"rows": rows, "out": str(out), "effects": list(chosen.effects), **data}, "\n".join(lines), reading.json)
-
-
-def read_numbers(text: str, where: str, count: int | None = None) -> tuple[float, ...]:
-    """Read positive numbers separated by commas.
-
-    Args:
-        text: as typed; '' for none.
-        where: the option, for messages.
-        count: how many there must be; None for any.
-
-    Returns:
-        The numbers.
-
-    Raises:
-        InputError: not numbers, negative, or not as many.
-    """
-    from math import isfinite
-
-    from ptt.errors import InputError
-
-    fix = "write them as 60,60,50" if count == 3 else "write them as 0,2.5,5"
-    try:
-        values = tuple(float(part) for part in text.split(",")) if text.strip() else ()
-    except ValueError:
-        raise InputError(f"cannot read '{text}'", where=where, fix=fix) from None
-    if any(value < 0 or not isfinite(value) for value in values) or (values and count not in (None, len(values))):
-        raise InputError(f"cannot use '{text}'", where=where, fix=fix)
-    return values
 
 
 def format_plan(result: "FirstRun", out: str) -> str:

@@ -38,7 +38,6 @@ def studio(
 
     if importlib.util.find_spec("nicegui") is None:
         raise InputError("the studio needs nicegui", where="ptt studio", fix="pip install 'ptt[studio]'")
-    from ptt.commands.main import run as run_verb
     from ptt.show.studio.server import serve
 
     opening = read_opening(run, model, also, targets, set_, map_, effects)
@@ -49,7 +48,6 @@ def studio(
         lambda place: typer.echo(f"ptt studio at {place} (Ctrl+C ends it)"),
         lambda words: typer.echo(words, err=True),
         store,
-        run_verb,
     )
 
 

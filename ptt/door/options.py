@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 
 from ptt.errors import InputError
@@ -70,4 +71,28 @@ def parse_settings(pairs: Sequence[str]) -> dict[str, float | str]:
             values[name] = value if name == "order" else float(value)
         except ValueError:
             raise InputError(f"cannot read '{pair}'", where="--set", fix="write it as payload_kg=2") from None
+    return values
+
+
+def parse_numbers(text: str, where: str, count: int | None = None) -> tuple[float, ...]:
+    """Read positive numbers separated by commas.
+
+    Args:
+        text: as typed; '' for none.
+        where: the option, for messages.
+        count: how many there must be; None for any.
+
+    Returns:
+        The numbers.
+
+    Raises:
+        InputError: not numbers, negative, or not as many.
+    """
+    fix = "write them as 60,60,50" if count == 3 else "write them as 0,2.5,5"
+    try:
+        values = tuple(float(part) for part in text.split(",")) if text.strip() else ()
+    except ValueError:
+        raise InputError(f"cannot read '{text}'", where=where, fix=fix) from None
+    if any(value < 0 or not isfinite(value) for value in values) or (values and count not in (None, len(values))):
+        raise InputError(f"cannot use '{text}'", where=where, fix=fix)
     return values

@@ -17,10 +17,12 @@ from ptt.judge.iso.pose import pose_report
 from ptt.judge.iso.pose_figures import PoseReport
 from ptt.judge.run_errors import seats_of
 from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism
 from ptt.record import Record
 from ptt.run.direction import travel_direction
 from ptt.run.frames import align, kabsch
+from ptt.run.problem import Problem
 from ptt.run.readers.columns import UNITS as UNITS_OF
 from ptt.run.readers.plain import numbers_of, read_plain
 from ptt.run.readers.scale import LARGEST_IN_METRES
@@ -220,6 +222,12 @@ def iso_of_poses(
         with suppress(TableError):  # no pose is left that was measured twice
             without = pose_report(target, _aligned(clean, target + seat, set_up) - seat, direction, payload)
     return IsoPoses(before, after, table.source, words, without)
+
+
+def iso_of_problem(problem: Problem) -> IsoPoses:
+    """ISO 9283 figures as from `ptt iso`: missing targets are computed from the joint commands."""
+    table = with_targets(problem.table, build_mechanism(problem.file.machine))
+    return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run", file=problem.file)
 
 
 def _seats(table: Table, file: MachineFile | None, frame: NDArray[np.intp]) -> Array:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,21 +11,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.mechanisms.dexterity_serial import DexterityMap, dexterity_map, joint_map, singular_families
 from ptt.mechanisms.serial import Serial
-from ptt.show.plots.common import save
 
 SAMPLES = 200_000  # random joint values from which the map of the workspace is made
 CELLS = 60  # of that map along each axis
 WORST = 30.0  # condition number at which the colour scale ends
-
-
-def plot_arm_dexterity(arm: Serial, path: str | Path) -> None:
-    """Draw an arm's dexterity and write it as PNG.
-
-    Args:
-        arm: the arm.
-        path: PNG to write.
-    """
-    save(draw_arm_dexterity(arm), path)
 
 
 def draw_arm_dexterity(arm: Serial) -> Figure:

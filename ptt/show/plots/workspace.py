@@ -1,6 +1,4 @@
-"""Picture of the workspace: condition number of the Jacobian over x and y at three heights."""
-
-from pathlib import Path
+"""Picture of a machine's dexterity; of a 3-PTT the condition number of the Jacobian over x and y at three heights."""
 
 import numpy as np
 import torch
@@ -12,10 +10,12 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
-from ptt.machine import ThreePttSpec
+from ptt.machine import MachineSpec, ThreePttSpec
+from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism
+from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.workspace import WorkspaceMap, workspace_map
-from ptt.show.plots.common import save
+from ptt.show.plots.arm_dexterity import draw_arm_dexterity
 
 GRID = 241
 DPI = 150
@@ -24,19 +24,24 @@ COLOUR_MAP = "viridis_r"  # bright is good, as on the maps of arms
 LIMIT_COLOUR = "#d1495b"
 
 
-def plot_workspace_map(mechanism: Mechanism, spec: ThreePttSpec, path: str | Path) -> None:
-    """Draw the condition number of the Jacobian over x and y at three heights, with the ends of travel.
+def draw_dexterity(spec: MachineSpec) -> Figure:
+    """Draw a machine's dexterity: an arm's by `draw_arm_dexterity`.
 
     Args:
-        mechanism: the machine.
-        spec: its drawing, from which title, heights and extent follow.
-        path: PNG to write.
+        spec: the machine.
+
+    Returns:
+        The figure; of a 3-PTT the condition number over x and y at three heights, with the ends of travel.
     """
+    mechanism = build_mechanism(spec)
+    if isinstance(mechanism, Serial):
+        return draw_arm_dexterity(mechanism)
+    assert isinstance(spec, ThreePttSpec)
     heights = torch.tensor(_heights(spec, mechanism), dtype=torch.float64)
     reach = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)  # upper bound of |x| and |y|
     extent = _tighten(workspace_map(mechanism, *_axes(reach), heights), reach)
     result = workspace_map(mechanism, *_axes(extent), heights)
-    save(_draw(result, f"{spec.name}: dexterity over the workspace"), path)
+    return _draw(result, f"{spec.name}: dexterity over the workspace")
 
 
 def _heights(spec: ThreePttSpec, mechanism: Mechanism) -> list[float]:

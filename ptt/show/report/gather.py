@@ -19,10 +19,9 @@ from ptt.judge.before_after import compare_pair
 from ptt.judge.compare.comparison import compare_run
 from ptt.judge.evaluation import Evaluation
 from ptt.judge.history import read_entries, runs_of
-from ptt.judge.iso.figures import IsoPoses, iso_of_poses, with_targets
+from ptt.judge.iso.figures import iso_of_problem
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile
-from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
 from ptt.model.model import Model
 from ptt.progress import Progress, Tell, unwatched
@@ -92,7 +91,7 @@ def gather(
     progress("evaluate", 3, STAGES)
     evaluation = _unless("evaluate", why, lambda: _evaluate(compensator, problem, progress), source) or {}
     progress("iso", 4, STAGES)
-    iso = _unless("iso", why, lambda: _iso(problem), source)
+    iso = _unless("iso", why, lambda: iso_of_problem(problem), source)
     entries = _unless("history", why, lambda: read_entries(model.file), source) or ()
     ladders = tuple(tuple(ladder) for ladder in runs_of(entries))
     progress("write", 5, STAGES)
@@ -176,12 +175,6 @@ def _evaluate(compensator: Compensator, problem: Problem, tell: Progress) -> dic
     return {
         name: evaluate_heldout(compensator, problem, make(problem), progress=tell) for name, make in PROTOCOLS.items()
     }
-
-
-def _iso(problem: Problem) -> IsoPoses:
-    """ISO 9283 figures as from `ptt iso`: missing targets are computed from the joint commands."""
-    table = with_targets(problem.table, build_mechanism(problem.file.machine))
-    return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run", file=problem.file)
 
 
 def _versions() -> tuple[tuple[str, str], ...]:

@@ -4,6 +4,7 @@ import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from ptt.door.opened import Opened
+    from ptt.fleet.store import Store
     from ptt.judge.before_after import BeforeAfter
 
 LATER = "later"  # folder of saved answers on later runs
@@ -46,23 +48,22 @@ def again(
         by date, from a fleet's store of all runs. A part that cannot be computed has 'why' instead. 'left': for each
         run that was left out what `vet` returns.
     """
-    sound, left, opened = list[tuple[Source, str]](), list[dict[str, Any]](), None
+    sound, left, after = list[tuple[Source, str]](), list[dict[str, Any]](), None
     for number, (each, date) in enumerate(later):
         tell(f"reading {each.run}", 0, 3)
         own, read, trouble = _open_later(each, model, number)
         if read is None:
             left.append(trouble)
         else:
-            opened = read
+            after = read
             sound.append((own, date))
-    if opened is None:
+    if after is None:
         nothing = {"why": "no later run can be read as it is: see what stands against each."}
         return {"pair": nothing, "recheck": nothing, "months": nothing, "left": left}
-    last, after = sound[-1][0], opened
     tell("before and after", 0, 3)
-    pair = _or_why(lambda: _pair(source, after, model))
+    pair = _or_why(partial(_pair, source, after, model))
     tell("what has changed", 1, 3)
-    changed = _or_why(lambda: _recheck(last, model))
+    changed = _or_why(partial(_recheck, after))
     tell("values by date", 2, 3)
     months = _or_why(lambda: _months(source, model, [(replace(source, also=()), first), *sound], tell))
     return {"pair": pair, "recheck": changed, "months": months, "left": left}
@@ -148,11 +149,13 @@ def _listed(values: "np.ndarray") -> Any:
     return np.round(values, 6).tolist()
 
 
-def _recheck(last: Source, model: str) -> dict[str, Any]:
+def _recheck(last: "Opened") -> dict[str, Any]:
     """As `ptt recheck`."""
-    from ptt.show.studio.verbs import run_verb_json
+    from ptt.again.recheck import recheck
+    from ptt.door.result import plain
 
-    return run_verb_json(["recheck", last.run, "--model", str(place_of(model)), *last.options])
+    found: dict[str, Any] = plain(recheck(last.model, last.problem, last.library).to_dict() | last.set_up)
+    return found
 
 
 def _months(source: Source, model: str, runs: Sequence[tuple[Source, str]], tell: Progress) -> dict[str, Any]:
@@ -160,26 +163,30 @@ def _months(source: Source, model: str, runs: Sequence[tuple[Source, str]], tell
 
     A later run that the store refuses, such as the same file twice, is left out and listed in 'refused'.
     """
-    from ptt.show.studio.verbs import run_verb
+    from ptt.door.model import load
+    from ptt.door.reading import read_rows
+    from ptt.fleet.run import run_all
+    from ptt.fleet.store import add_machine, add_run, create_store, read_date
 
     shutil.rmtree(MONTHS, ignore_errors=True)
-    run_verb(["fleet", "init", MONTHS])
-    refused = []
+    store, place, refused = create_store(MONTHS), place_of(model), []
+    load(place)  # refused here: an unknown effect would fail in every run
+    file = add_machine(store, MACHINE, place)
     for number, (run, date) in enumerate(runs):
         if number > 0 and run.anyway:  # `ptt fleet` has no option --anyway
             refused.append(f"{run.run}: its set-up was taken all the same; left out here")
             continue
-        place = ["--model", str(place_of(model))] if number == 0 else []
-        options = replace(run, effects=(), anyway=False).options
+        how, path, when = run.reading(), Path(run.run), read_date(date)
         try:
-            run_verb(["fleet", "add", MONTHS, MACHINE, run.run, "--date", date, *place, *options])
+            table = read_rows(path, file, how, checked=True)
+            add_run(store, MACHINE, path, table, when, ordered=how.ordered, units_said=how.states_units)
         except PttError as error:
             if number == 0:
                 raise
             refused.append(on_page(f"{run.run}: {error}"))
     tell("values by date", 2, 3)
-    run_verb(["fleet", "run", MONTHS])
-    return _standing(Path(MONTHS)) | {"refused": refused}
+    run_all(store)
+    return _standing(store) | {"refused": refused}
 
 
 VALUES = """
@@ -187,17 +194,15 @@ SELECT effect, parameter, parameters.label, unit, value, std, usual, strftime(ru
 FROM parameters JOIN runs USING (run) WHERE std > 0 ORDER BY runs.date, runs.place"""
 
 
-def _standing(store: Path) -> dict[str, Any]:
+def _standing(store: "Store") -> dict[str, Any]:
     """Alarms, history, and values by date as fitted to each run: those that move first, then the largest."""
     from ptt.fleet.overview import overview
-    from ptt.fleet.store import open_store
 
-    opened = open_store(store)
-    machine = overview(opened, MACHINE).machines[0]
+    machine = overview(store, MACHINE).machines[0]
     said: dict[str, Any] = json.loads(json.dumps(machine.to_dict(), default=str))
     moving = {(trend["effect"], trend["parameter"]) for trend in machine.trends()}
     values: dict[tuple[str, str], dict[str, Any]] = {}
-    for row in opened.ask(VALUES):
+    for row in store.ask(VALUES):
         key = row["effect"], row["parameter"]
         own = values.setdefault(
             key, {"label": row["label"], "unit": row["unit"], "moves": key in moving, "size": 0.0, "days": [],

@@ -35,14 +35,16 @@ def export(source: Source, model: str | bytes, to: str, tell: Progress) -> Mappi
     Returns:
         Its JSON, with 'name' and 'content' of the file, a zip where there are several.
     """
-    from ptt.show.studio.verbs import run_verb_json
+    from ptt.correct.exports.registry import find_format
+    from ptt.door.exporting import export_as
+    from ptt.door.model import load
 
     tell("writing it", 0, 0)
     shutil.rmtree(FOLDER, ignore_errors=True)
     Path(FOLDER).mkdir()
-    out = Path(FOLDER) / f"ptt-{to}"
-    effects = [word for file in source.effect_files for word in ("--effects", file)]
-    data = run_verb_json(["export", "--model", str(place_of(model)), "--to", to, "--out", str(out), *effects])
+    chosen, place = find_format(to), place_of(model)
+    loaded = load(place, effects=source.effect_files)
+    data = export_as(loaded, chosen, Path(FOLDER) / f"ptt-{to}", place, progress=tell).to_dict()
     files = sorted(path for path in Path(FOLDER).rglob("*") if path.is_file())
     if len(files) == 1:
         return data | {"name": files[0].name, "content": files[0].read_bytes()}

@@ -7,7 +7,7 @@ from typing import Any
 
 from ptt.progress import Progress
 from ptt.show.studio.opening import place_of
-from ptt.show.studio.results import ANSWERS, COLUMNS, CURED, MENDED, Source
+from ptt.show.studio.results import ANSWERS, COLUMNS, MENDED, Source
 
 SAMPLE = 6  # rows of the preview
 
@@ -100,12 +100,17 @@ def mend(source: Source, machine: str, tell: Progress) -> tuple[Source, str]:
     Returns:
         The source of the corrected run, and text of the corrected machine.toml.
     """
-    from ptt.show.studio.verbs import run_verb
+    from ptt.door.checking import check_path
+    from ptt.door.model import load
+    from ptt.errors import InputError
+    from ptt.machine import format_machine
+    from ptt.run.written import write_table
 
     tell("putting it right", 0, 0)
-    for name in (MENDED, CURED):
-        Path(name).unlink(missing_ok=True)
-    kept = replace(source, effects=(), anyway=False).options
-    run_verb(["check", source.run, "--model", str(place_of(machine)), *kept, "--out-run", MENDED, "--out-model", CURED])
-    mended = Source(MENDED, effects=source.effects)
-    return mended, Path(CURED).read_text(encoding="utf-8")
+    if source.also:
+        raise InputError("one file for several runs", where="--out-run", fix="check each run separately")
+    loaded = load(place_of(machine), effects=source.effect_files)
+    found = check_path(loaded, source.run, source.reading())
+    assert found.table is not None
+    write_table(found.table, MENDED, as_read=True)
+    return Source(MENDED, effects=source.effects), format_machine(found.file)

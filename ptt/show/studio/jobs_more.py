@@ -5,44 +5,52 @@ from pathlib import Path
 from typing import Any
 
 from ptt.progress import Progress
-from ptt.show.studio.opening import place_of
-from ptt.show.studio.results import DEXTERITY, PLAN, Source
+from ptt.show.studio.opening import open_both, place_of
+from ptt.show.studio.results import Source
 from ptt.show.studio.uploads import keep_effects
 
 
 def iso(source: Source, model: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt iso`: 'standard' and 'figures' by name."""
-    from dataclasses import replace
-
+    from ptt.door.result import plain
+    from ptt.errors import TableError
+    from ptt.judge.iso.figures import iso_of_problem
     from ptt.judge.iso.pose_figures import named_figures
-    from ptt.show.studio.verbs import run_verb_json
 
     tell("figures of the standard", 0, 0)
-    options = replace(source, effects=(), anyway=False).options
-    found = run_verb_json(["iso", source.run, "--model", str(place_of(model)), *options])
+    try:
+        found = plain(iso_of_problem(open_both(source, model).problem).to_dict())
+    except TableError as error:
+        raise type(error)(error.what, where=error.where or source.run, fix=error.fix) from error
     return {"standard": found["standard"], "figures": named_figures(found)}
 
 
 def dexterity(model: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt dexterity`: 'figures' and the picture, 'png'."""
-    from ptt.show.studio.verbs import run_verb_json
+    from ptt.door.model import load
+    from ptt.door.result import plain
+    from ptt.mechanisms.dexterity_report import describe_dexterity
+    from ptt.show.plots.common import png
+    from ptt.show.plots.workspace import draw_dexterity
 
     tell("condition number over the workspace", 0, 0)
-    picture = Path(DEXTERITY)
-    figures = run_verb_json(["dexterity", str(place_of(model)), "--plot", str(picture)])
-    return {"figures": figures, "png": picture.read_bytes()}
+    file = load(place_of(model)).file
+    return {"figures": plain(describe_dexterity(file)), "png": png(draw_dexterity(file.machine))}
 
 
 def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt plan`: targets of a first run as 'csv', and what they will determine, 'told'."""
-    from ptt.show.studio.verbs import run_verb_json
+    from ptt.door.model import load
+    from ptt.door.options import parse_numbers
+    from ptt.door.result import plain
+    from ptt.plan.first_run import plan_first_run
+    from ptt.run.written import table_to_frame
 
     tell("choosing poses", 0, 0)
-    out = Path(PLAN)
-    out.unlink(missing_ok=True)
-    loads = ["--payloads", payloads] if payloads.strip() else []
-    told = run_verb_json(["plan", str(place_of(model)), "--out", str(out), "--rows", str(rows), *loads])
-    return {"told": told, "csv": out.read_text(encoding="utf-8")}
+    loaded, loads = load(place_of(model)), parse_numbers(payloads, "--payloads")
+    result = plan_first_run(loaded.physics, rows=rows, payloads=loads, known=loaded.library, progress=tell)
+    csv = table_to_frame(result.targets).to_csv(index=False, lineterminator="\n")
+    return {"told": plain(result.to_dict()), "csv": csv}
 
 
 def write_effects(name: str, dependences: Sequence[Mapping[str, Any]], tell: Progress) -> Mapping[str, Any]:

@@ -14,7 +14,6 @@ from typing import Any
 
 from ptt.progress import Progress
 from ptt.show.studio.outcomes import JobFailedError, QuestionError, SetupFoundError
-from ptt.show.studio.verbs import Run
 from ptt.show.studio.worker import serve
 
 POLL = 0.02  # s between two looks at a connection
@@ -29,15 +28,11 @@ KEPT = 1.2 * 2**30  # bytes, twice the usual size: a larger process is ended aft
 class WorkerProcess:
     """One worker process; for each job it changes to the folder of the job's session."""
 
-    def __init__(self, verb: Run | None) -> None:
-        """Start the process, which imports the library before the first job.
-
-        Args:
-            verb: runs verbs of the command line there; None where no job needs them.
-        """
+    def __init__(self) -> None:
+        """Start the process, which imports the library before the first job."""
         context = multiprocessing.get_context("spawn")
         self.connection, other = context.Pipe()
-        self.process: SpawnProcess = context.Process(target=serve, args=(other, verb))
+        self.process: SpawnProcess = context.Process(target=serve, args=(other,))
         self.process.start()
         other.close()
         self.since = time.monotonic()
@@ -91,16 +86,15 @@ class WorkerProcess:
 class Pool:
     """A pool of worker processes, started on demand; further jobs wait for a free one."""
 
-    def __init__(self, most: int | None = None, idle: float = IDLE, verb: Run | None = None) -> None:
+    def __init__(self, most: int | None = None, idle: float = IDLE) -> None:
         """Start nothing yet.
 
         Args:
             most: most processes at once; None for the number of cores, within `LEAST_WORKERS` and `MOST_WORKERS`.
             idle: time without work after which a process is ended, s.
-            verb: runs verbs of the command line; a function that another process can import.
         """
         self.most = most or max(LEAST_WORKERS, min(MOST_WORKERS, os.cpu_count() or LEAST_WORKERS))
-        self.idle, self.verb = idle, verb
+        self.idle = idle
         self._free: list[WorkerProcess] = []
         self._all: set[WorkerProcess] = set()
         self._closed = False
@@ -173,7 +167,7 @@ class Pool:
         self._free.clear()
 
     def _started(self) -> WorkerProcess:
-        worker = WorkerProcess(self.verb)
+        worker = WorkerProcess()
         self._all.add(worker)
         return worker
 

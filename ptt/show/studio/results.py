@@ -15,9 +15,6 @@ if TYPE_CHECKING:
 ANSWERS = "answers.toml"  # answers to questions about columns, as a file for --map
 COLUMNS = "columns.toml"  # the same as entered in the grid of columns
 MENDED = "mended.csv"  # the run with mistakes of its set-up corrected
-CURED = "mended.toml"  # the machine file with these corrected
-PLAN = "plan.csv"  # planned poses
-DEXTERITY = "dexterity.png"
 SEAL = "sealed.json"  # of a challenge
 EFFECTS = "effects"  # uploads never get there, because its files are executed
 ORDER = "order"  # key of --set that says what to do with rows whose time goes back

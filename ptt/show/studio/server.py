@@ -18,7 +18,6 @@ from ptt.show.studio.pool import Pool
 from ptt.show.studio.results import Source
 from ptt.show.studio.store import SessionFolder, SessionStore
 from ptt.show.studio.uploads import keep_effects, keep_upload
-from ptt.show.studio.verbs import Run
 
 HOST = "127.0.0.1"
 STAY = 60.0  # s that a tab may be disconnected (a laptop that sleeps) before its session is closed
@@ -52,7 +51,6 @@ def serve(
     tell: Callable[[str], None],
     warn: Callable[[str], None],
     root: Path | None = None,
-    verb: Run | None = None,
 ) -> None:
     """Serve the page until interrupted.
 
@@ -63,12 +61,11 @@ def serve(
         tell: called with the address of the page.
         warn: called with messages that no page can show any more.
         root: folder of sessions; None for the usual one.
-        verb: runs verbs of the command line.
 
     Raises:
         InputError: the port is in use, or the folder cannot be written.
     """
-    store, pool = SessionStore(root), Pool(verb=verb)
+    store, pool = SessionStore(root), Pool()
     pages = _Pages(store, pool, opening, warn)
     _lay_out(pages)
     app.on_shutdown(pages.close)

@@ -8,27 +8,12 @@ from pathlib import Path
 from ptt.errors import InputError
 from ptt.files import write_bytes
 from ptt.show.studio.guard import LIMIT
-from ptt.show.studio.results import ANSWERS, COLUMNS, CURED, DEXTERITY, EFFECTS, MENDED, PLAN, SEAL
+from ptt.show.studio.results import ANSWERS, COLUMNS, EFFECTS, MENDED, SEAL
 
 RESERVED = (  # names that the studio itself uses in a session's folder
-    "model.toml",
-    ANSWERS,
-    COLUMNS,
-    MENDED,
-    CURED,
-    PLAN,
-    DEXTERITY,
-    "sliders.csv",
-    "report.html",
-    "compensator",
-    "challenge",
-    "export",
-    "months",
-    "later",
-    "again.json",
-    EFFECTS,
-    SEAL,
-)
+    "model.toml", ANSWERS, COLUMNS, MENDED, "sliders.csv", "report.html", "compensator", "challenge", "export",
+    "months", "later", "again.json", EFFECTS, SEAL,
+)  # fmt: skip
 
 
 def keep_upload(folder: Path, name: str, data: bytes) -> str:

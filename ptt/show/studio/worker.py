@@ -12,7 +12,6 @@ from typing import Any
 from ptt.errors import PttError, SetupError
 from ptt.show.studio.on_page import on_page
 from ptt.show.studio.outcomes import QuestionError
-from ptt.show.studio.verbs import Run, set_runner
 from ptt.threads import set_threads
 
 
@@ -20,12 +19,11 @@ class LeaveOffError(BaseException):
     """The job was cancelled; a BaseException, so that no handler of errors in the library catches it."""
 
 
-def serve(connection: Connection, verb: Run | None = None) -> None:
+def serve(connection: Connection) -> None:
     """Run jobs until the server closes the connection.
 
     Args:
         connection: to the server's `ptt.show.studio.pool.WorkerProcess`.
-        verb: runs verbs of the command line.
     """
     if hasattr(os, "setsid"):
         os.setsid()  # makes a process group, so that processes started by a job are killed with this one
@@ -33,7 +31,6 @@ def serve(connection: Connection, verb: Run | None = None) -> None:
     sys.stdin = open(os.devnull)  # noqa: SIM115 - no job may ask on the server's terminal
     from ptt.show.studio import jobs
 
-    set_runner(verb)
     jobs.prepare()
     while True:
         try:
