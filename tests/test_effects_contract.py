@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from ptt.commands.effects import effects as verb
 from ptt.effects import Effect, Parameter, library
 from ptt.effects.bench import sample_view
-from ptt.effects.card import RESIDUALS, TELLING, Card
+from ptt.effects.card import RESIDUALS, Card
 from ptt.effects.cards import card_of
 from ptt.effects.case import make_case
 from ptt.effects.contract import CHECKS, check_effect
@@ -18,6 +18,7 @@ from ptt.effects.phrases import Phrase
 from ptt.effects.template import template
 from ptt.errors import InputError, ModelError
 from ptt.model.chain import differentiate
+from ptt.show.telling import VARIABLES
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
 
@@ -183,8 +184,8 @@ def test_every_effect_has_a_whole_card(name):
     for text in (card.cause, card.equation, card.source, card.size, card.fingerprint, card.remedy, card.needs):
         assert text
     assert card.residual in RESIDUALS
-    assert card.telling in TELLING
-    assert card.shade in ("", *TELLING)
+    assert card.telling in VARIABLES
+    assert card.shade in ("", *VARIABLES)
     assert len(card.confused_with) >= 2
     assert all(len(pair) == 2 and all(pair) for pair in card.confused_with)
     assert name not in [what for what, _ in card.confused_with]

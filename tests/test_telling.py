@@ -8,8 +8,7 @@ import torch
 from ptt.effects.bench import sample_machine, sample_table, sample_view
 from ptt.run.problem import Problem, build_problem
 from ptt.run.view import View
-from ptt.show.card.telling import telling_of
-from ptt.show.telling import travel_since_reversal
+from ptt.show.telling import telling_of, travel_since_reversal
 
 
 def walked(view: View, joint: int) -> list[float]:
@@ -50,13 +49,13 @@ def problem(kind: str) -> Problem:
 
 def test_rows_without_a_clock_are_not_seconds():
     own = problem("three-ptt")
-    assert telling_of("time", 0, own)[1] == "time [s]"
-    silent = replace(own, view=replace(own.view, varies=own.view.varies - {"time"}))
-    values, label = telling_of("time", 0, silent)
+    assert telling_of("time", own.view, 0)[1] == "time [s]"
+    silent = replace(own.view, varies=own.view.varies - {"time"})
+    values, label = telling_of("time", silent, 0)
     assert label == "reading number" and values.tolist() == list(range(own.view.rows))
 
 
 def test_an_arm_has_joints_and_gears_instead_of_screws():
     arm = problem("serial")
-    assert telling_of("phase", 1, arm)[1] == "angle of joint 2 within one gear period [rad]"
-    assert telling_of("load", 1, arm)[1] == "torque on joint 2 [N mm]"
+    assert telling_of("phase", arm.view, 1)[1] == "angle of joint 2 within one gear period [rad]"
+    assert telling_of("load", arm.view, 1)[1] == "torque on joint 2 [N mm]"

@@ -2,23 +2,6 @@
 
 from dataclasses import dataclass, replace
 
-TELLING: dict[str, str] = {
-    "b": "joint command [mm or rad]",
-    "phase": "joint command modulo a turn [turns]",
-    "direction": "direction of arrival",
-    "travel": "travel since reversal [mm or rad]",
-    "speed": "joint velocity [mm/s or rad/s]",
-    "payload": "payload [kg]",
-    "load": "load of the axis [N or N mm]",
-    "link force": "pull in the link [N]",
-    "link angle": "angle of the link to its rail [rad]",
-    "temperature": "temperature above the reference [K]",
-    "time": "time [s]",
-    "radius": "distance of the tool from the middle axis [mm]",
-    "x": "x [mm]",
-    "y": "y [mm]",
-    "z": "z [mm]",
-}
 RESIDUALS = ("joint", "x", "y", "z")
 
 
@@ -37,8 +20,8 @@ class Card:
         needs: what the data must hold for it to be tested; '-' for nothing beyond poses.
         residual: component of the residual that its picture shows, one of `RESIDUALS`; 'joint' is J e, the error in
             joint coordinates.
-        telling: variable that the residual follows, the abscissa of its picture, one of `TELLING`.
-        shade: second variable that matters, the colour of its picture, one of `TELLING`, or ''.
+        telling: variable that the residual follows, the abscissa of its picture, one of `ptt.show.telling.VARIABLES`.
+        shade: second variable that matters, the colour of its picture, one of these, or ''.
         arm_cause: the cause on a serial arm, which has no screws and rails; '' for the same words.
         arm_size: what is usual on an arm.
         arm_fingerprint: what it looks like on an arm.

@@ -14,8 +14,8 @@ from ptt.fitting.solve import residual_of
 from ptt.model.chain import Prediction, predict
 from ptt.model.model import Model
 from ptt.run.problem import Problem
-from ptt.show.card.telling import telling_of
 from ptt.show.sizing import spread
+from ptt.show.telling import telling_of
 
 LEVER = 0.5  # share of a joint's median lever arm below which a pose of an arm says too little of the joint to be shown
 MOST_READINGS = 1200  # shown in a picture
@@ -93,7 +93,7 @@ def _fit(effect: Effect, data: np.ndarray, fit: np.ndarray, problem: Problem, jo
     name, joint = _shown(residual_views(problem, fit), card.residual, joint)
     inner = name not in "xyz"
     of_data, of_fit = (_seen(problem, each, name, joint, serial and inner) for each in (data, fit))
-    variable, label = telling_of(card.telling, joint, problem)
+    variable, label = telling_of(card.telling, problem.view, joint)
     factor, unit = (1e6, "urad") if serial and inner else (1e3, "um")
     rows = np.flatnonzero(np.isfinite(of_data) & np.isfinite(of_fit) & np.isfinite(variable))
     rows = rows[spread(len(rows), MOST_READINGS)]

@@ -8,14 +8,14 @@ from torch import Tensor
 
 from ptt.effects import Effect
 from ptt.effects.bench import sample_machine, sample_view
-from ptt.effects.card import TELLING, Card
+from ptt.effects.card import Card
 from ptt.effects.case import usual_theta
 from ptt.effects.layout import family
 from ptt.model.chain import predict
 from ptt.run.table import make_table
 from ptt.run.view import View
 from ptt.run.viewing import build_view
-from ptt.show.telling import telling_values
+from ptt.show.telling import telling_of
 
 GRID = 121  # points of the field along each axis
 REACH = {"three-ptt": 90.0, "serial": 700.0}  # mm, half width of the field
@@ -117,9 +117,9 @@ def effect_signature(effect: Effect, theta: Tensor, view: View, card: Card) -> S
     else:
         residual, unit = error[:, "xyz".index(card.residual)] * UM, "um"
         name = f"residual in {card.residual}"
-    shade = _variable(card.shade, view).numpy() if card.shade else None
-    labels = (_label(card.telling, view), f"{name} [{unit}]", _label(card.shade, view) if card.shade else "")
-    return Signature(_variable(card.telling, view).numpy(), residual.numpy(), shade, labels)
+    telling, across = telling_of(card.telling, view, 0)
+    shade, third = telling_of(card.shade, view, 0) if card.shade else (None, "")
+    return Signature(telling, residual.numpy(), shade, (across, f"{name} [{unit}]", third))
 
 
 def _steady(sample: View, joints: Tensor, kind: str) -> View:
@@ -137,19 +137,6 @@ def _steady(sample: View, joints: Tensor, kind: str) -> View:
         time=sample.time.max().expand(view.rows),
         varies=sample.varies,
     )
-
-
-def _variable(name: str, view: View) -> Tensor:
-    """Values of a telling variable for joint 1 in the unit of its label, (n,)."""
-    values = telling_values(name, view, 0)
-    return values / (view.lead or 1.0) if name == "phase" else values
-
-
-def _label(name: str, view: View) -> str:
-    mm = family(view) == "three-ptt"
-    text = TELLING[name].replace("mm or rad", "mm" if mm else "rad").replace("mm/s or rad/s", "mm/s" if mm else "rad/s")
-    text = text.replace("N or N mm", "N" if mm else "N mm")
-    return text.replace("joint", "slider 1" if mm else "joint 1").replace("command", "height" if mm else "angle")
 
 
 def _smoothly(effect: Effect, joints: int) -> Tensor:
