@@ -6,15 +6,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, NullLocator
 
 from ptt.effects.phrases import SHOWN_UNITS
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
 from ptt.run.dates import days_of
-from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE, png
+from ptt.show.plots.common import BLUE, DARK, DPI, NUMBERS, ORANGE, PALE, png
 
-NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
 MOST_VALUES = 6  # values drawn of one machine
 WIDE = 5.0  # ratio of largest to least error above which ticks of a log scale are at 1, 2, 5 only, to stay apart
 NAME = 28  # characters of a name that fit beside a picture

@@ -7,10 +7,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.mechanisms.dexterity_serial import DexterityMap, dexterity_map, joint_map, singular_families
 from ptt.mechanisms.serial import Serial
+from ptt.show.plots.common import plain_log
 
 SAMPLES = 200_000  # random joint values from which the map of the workspace is made
 CELLS = 60  # of that map along each axis
@@ -72,9 +72,7 @@ def _draw_space(
     mesh = axis.pcolormesh(space.across, space.up, shown, cmap=colours, norm=norm, rasterized=True)
     bar = figure.colorbar(mesh, ax=axis, extend="max" if norm is not None else "neither")
     if norm is not None:  # plain figures instead of powers of ten
-        bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
-        bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        bar.ax.yaxis.set_minor_formatter(NullFormatter())
+        plain_log(bar.ax.yaxis, (1.0, 2.0, 3.0, 5.0))
     axis.set(title=title, xlabel="distance from axis 1, mm", ylabel="height, mm", aspect="equal")
 
 

@@ -1,15 +1,17 @@
-"""Shared by pictures: colours, thinning of rows, a legend below the panels, writing PNG."""
+"""Shared by pictures: colours, thinning of rows, logarithmic axes, a legend below the panels, writing PNG."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.files import write_bytes
 
@@ -17,6 +19,8 @@ DPI = 120
 MICRO = re.compile(r"(?<![\w-])u(m|rad)(?![A-Za-z])")  # um or urad as a unit
 POINTS = 4000  # readings drawn at most; more are thinned
 BLUE, PALE, DARK, ORANGE = "#31688e", "#8fb4d0", "#440154", "#e69f00"  # distinguishable in all kinds of colour vision
+NOISE = "#6b705c"  # of the noise floor
+NUMBERS = FuncFormatter(lambda value, _: f"{value:g}")  # 40, not 4 x 10^1
 COLOUR_MAP = "viridis"
 MOST_BESIDE = 5  # columns of a legend
 
@@ -44,6 +48,13 @@ def thinned(rows: np.ndarray) -> np.ndarray:
     """Indices of rows chosen by a mask (n,), every so many of them so that at most `POINTS` remain, (m,) int."""
     index = np.flatnonzero(rows)
     return index[:: max(1, -(-len(index) // POINTS))]
+
+
+def plain_log(axis: Axis, steps: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
+    """Label a logarithmic axis with plain numbers, at these multiples of the powers of ten."""
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter(NUMBERS)
+    axis.set_minor_formatter(NullFormatter())
 
 
 def legend_below(figure: Figure, panels: Iterable[Axes]) -> None:

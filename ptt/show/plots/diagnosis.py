@@ -1,10 +1,9 @@
 """Picture of a diagnosis: held-out error before and after each candidate, and the noise floor."""
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.show.plots.common import BLUE, DARK, DPI, ORANGE, PALE
+from ptt.show.plots.common import BLUE, DARK, DPI, NOISE, ORANGE, PALE, plain_log
 
 SHOWN_CANDIDATES = 12  # in a picture
 DECADES = 1000.0  # ratio of the axis' ends above which only powers of ten are labelled
@@ -29,7 +28,7 @@ def draw_candidates(result: Diagnosis) -> Figure:
         panel.plot(ends, [row, row], color=ORANGE if chosen else PALE, linewidth=4, solid_capstyle="butt")
         panel.plot(ends[0], row, "|", color=DARK, markersize=11, label="before" if row == 0 else None)
         panel.plot(ends[1], row, "o", color=BLUE, label="after" if row == 0 else None)
-    panel.axvline(1e3 * result.noise.total, color="#6b705c", linestyle="--", linewidth=1.2, label="noise floor")
+    panel.axvline(1e3 * result.noise.total, color=NOISE, linestyle="--", linewidth=1.2, label="noise floor")
     if not shown:
         panel.plot(result.rms_um["before"]["total"], 0, "o", color=BLUE)
     names = [("+ " if each.effect in steps else "") + each.effect for each in shown] or ["as given"]
@@ -38,9 +37,7 @@ def draw_candidates(result: Diagnosis) -> Figure:
     panel.set(xlabel="held-out error before and after [um]", xscale="log")
     panel.margins(x=0.06)
     low, high = panel.get_xlim()
-    panel.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high / low > DECADES else (1.0, 2.0, 5.0)))
-    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    panel.xaxis.set_minor_formatter(NullFormatter())
+    plain_log(panel.xaxis, (1.0,) if high / low > DECADES else (1.0, 2.0, 5.0))
     panel.invert_yaxis()
     panel.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside lower center", ncols=3, frameon=False)

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ptt.judge.history import HistoryEntry
 from ptt.judge.ladder.ladder import Ladder
 from ptt.run.axes import AXES_TOTAL
+from ptt.show.plots.common import NOISE, plain_log
 
 DPI = 150
-TRAINING, HELD_OUT, NOISE = "#33658a", "#f26419", "#6b705c"
+TRAINING, HELD_OUT = "#33658a", "#f26419"
 SIGNS = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
 
 Rung = tuple[str, dict[str, float], dict[str, float]]  # a step in words, training and held-out errors by axis, um
@@ -79,9 +79,7 @@ def _draw_panel(panel: Axes, axis: str, rungs: Sequence[Rung], noise: float) -> 
     low, high = min(noise, *training, *held_out), max(noise, *training, *held_out)
     panel.set_xlim(low / (high / low) ** 0.1 / 1.2, high * (high / low) ** 0.35 * 1.4)
     decades = high / low > 30.0
-    panel.xaxis.set_major_locator(LogLocator(subs=(1.0,) if decades else (1.0, 2.0, 5.0)))
-    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    panel.xaxis.set_minor_formatter(NullFormatter())
+    plain_log(panel.xaxis, (1.0,) if decades else (1.0, 2.0, 5.0))
     panel.set_title(axis)
     panel.grid(axis="x", which="both", color="0.92")
     panel.spines[["top", "right"]].set_visible(False)

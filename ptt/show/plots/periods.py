@@ -6,13 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from ptt.dependence.periods import Periodogram, periodogram
 from ptt.judge.compare.comparison import Comparison
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
-from ptt.show.plots.common import BLUE, DPI, ORANGE, legend_below, thinned
+from ptt.show.plots.common import BLUE, DPI, ORANGE, legend_below, plain_log, thinned
 
 DEGREE = 3  # of the polynomial in x, y, z that is regressed out before the periodogram
 MANY = 100  # fewer means than this cannot afford its 20 terms: the polynomial is linear
@@ -42,7 +41,9 @@ def draw_periods(result: Comparison, problem: Problem) -> Figure | None:
     for panel, (name, line) in zip(panels.ravel(), lines.items(), strict=False):
         _draw_lines(panel, name, line, problem.view.lead, unit)
     ends = [bound for line in lines.values() for bound in (line.period.min(), line.period.max())]
-    _scale_periods(panels[0, 0], min(ends), max(ends))
+    panels[0, 0].set_xscale("log")
+    panels[0, 0].set_xlim(min(ends), max(ends))
+    plain_log(panels[0, 0].xaxis)
     for panel in panels.ravel()[len(lines) :]:
         panel.set_axis_off()
     for column in range(across):  # in each column the lowest panel that is drawn has the labels
@@ -106,13 +107,3 @@ def _draw_lines(panel: Axes, name: str, line: Periodogram, lead: float | None, u
     panel.set_ylabel(f"{name} [%]")
     found = line.share.max() > line.chance
     panel.set_title(f"highest at {line.best:.4g} {unit}" if found else "none above noise", fontsize=9, loc="right")
-
-
-def _scale_periods(panel: Axes, low: float, high: float) -> None:
-    """Give the shared axis a logarithmic scale with plain numbers."""
-    panel.set_xscale("log")
-    panel.set_xlim(low, high)
-    places = [step * 10.0**power for power in range(-6, 4) for step in (1, 2, 5)]
-    panel.xaxis.set_major_locator(FixedLocator([place for place in places if low <= place <= high]))
-    panel.xaxis.set_minor_locator(NullLocator())
-    panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

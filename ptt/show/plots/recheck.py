@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ptt.again.result import Recheck
-from ptt.show.plots.common import BLUE, DPI, ORANGE, PALE
+from ptt.show.plots.common import BLUE, DPI, NOISE, ORANGE, PALE
 
 SHOWN_VALUES = 16  # in a picture
 
@@ -43,7 +43,7 @@ def draw_moved(result: Recheck) -> Figure:
     names = ("expected", "now", "left")
     right.bar(range(3), [result.error_um[name] for name in names], color=[PALE, ORANGE, BLUE])
     right.set_xticks(range(3), ["expected", "old\nmodel", "with named\nchanges"], fontsize=9)
-    right.axhline(result.noise_um["total"], color="#6b705c", linestyle="--", linewidth=1.2, label="noise floor")
+    right.axhline(result.noise_um["total"], color=NOISE, linestyle="--", linewidth=1.2, label="noise floor")
     right.set_ylabel("error of the run [um]")
     right.margins(y=0.25)
     right.legend(frameon=False, loc="upper left")
