@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ptt.dependence.size import Size
-from ptt.effects.phrases import SIGNIFICANT, capital, figure, scaled
+from ptt.effects.phrases import SIGNIFICANT, capital, figure, places, scaled
 
 NO_CHANCE = 1e-12  # smaller p-values are shown as below this one
 ELSEWHERE = 2.0  # ratio of the rms at the tool to a size along the variable, from which the error mostly lies elsewhere
@@ -173,8 +173,7 @@ def _amount(size: Size, value: float, std: float) -> str:
     shown, error = factor * fine * abs(value), factor * fine * std
     if not error > 0.0:
         return f"{figure(shown)} {unit}"
-    power = int(np.floor(np.log10(error)))
-    digits = int(np.clip((error < 3.0 * 10.0**power) - power, 0, 2 if shown < 10.0 else 1))
+    digits = min(places(error), 2 if shown < 10.0 else 1)
     return f"{shown:.{digits}f} +- {max(error, 10.0**-digits):.{digits}f} {unit}"
 
 

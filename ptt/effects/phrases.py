@@ -255,6 +255,12 @@ def figure(value: float) -> str:
     return f"{value:.{max(0, 1 - int(np.floor(np.log10(abs(value) * (1.0 + 1e-9)))))}f}"
 
 
+def places(error: float) -> int:
+    """Decimal places that leave a standard error one significant digit, two where it begins with 1 or 2."""
+    power = int(np.floor(np.log10(error)))
+    return max(0, int(error < 3.0 * 10.0**power) - power)
+
+
 def capital(text: str) -> str:
     """A text that begins a sentence."""
     return f"{text[:1].upper()}{text[1:]}"

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ptt.dependence.said import MOVES
-from ptt.effects.phrases import UNTOLD, scaled
+from ptt.effects.phrases import UNTOLD, places, scaled
 
 MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
 PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
@@ -160,9 +160,8 @@ def parameter_in_words(name: str, value: float, error: float | None) -> tuple[st
         times, shown = (1e3, "ms") if size < 1.0 else (1.0, "s")
     text = f"{times * value:.4g}"
     if error:
-        error = times * error
-        digits = _digits(error)
-        text, said = f"{times * value:.{digits}f}", f"{error:.{digits}f}"
+        digits = places(times * error)
+        text, said = f"{times * value:.{digits}f}", f"{times * error:.{digits}f}"
     return (
         told,
         together(f"{text} {shown}".strip().replace("-", "\N{MINUS SIGN}")),
@@ -178,7 +177,7 @@ def value_in_words(value: Mapping[str, Any]) -> str:
         return together(f"{_short(size, 2)} {unit}")
     if error > UNTOLD * value["size"]:
         return f"{together(f'{_short(size, 2)} {unit}')}, give or take many times that"
-    digits = _digits(factor * error)
+    digits = places(factor * error)
     return together(f"{size:.{digits}f} \N{PLUS-MINUS SIGN} {factor * error:.{digits}f} {unit}")
 
 
@@ -195,9 +194,3 @@ def by_part(values: Iterable[Mapping[str, Any]]) -> list[tuple[str, list[str]]]:
     for value in values:
         parts.setdefault(value["who"], []).append(f"{value_in_words(value)}\n{value.get('side', '')}".strip())
     return list(parts.items())
-
-
-def _digits(error: float) -> int:
-    """Decimal places that leave a standard error one significant digit, two where it begins with 1 or 2."""
-    power = math.floor(math.log10(error))
-    return max(0, (error < 3.0 * 10.0**power) - power)
