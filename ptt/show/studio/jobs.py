@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from ptt.progress import Progress
 from ptt.show.sizing import spread
-from ptt.show.studio.jobs_again import again, vet
-from ptt.show.studio.jobs_effects import card, names, words_of_effect
-from ptt.show.studio.jobs_export import export, formats
-from ptt.show.studio.jobs_files import columns, describe, mend, peek
-from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effects
+from ptt.show.studio.jobs_again import again, vet  # noqa: F401
+from ptt.show.studio.jobs_effects import card, names, words_of_effect  # noqa: F401
+from ptt.show.studio.jobs_export import export, formats  # noqa: F401
+from ptt.show.studio.jobs_files import columns, describe, mend, peek  # noqa: F401
+from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effects  # noqa: F401
 from ptt.show.studio.looks import Look
 from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
 from ptt.show.studio.results import SEAL, Changed, Compared, Diagnosed, Predicted, Source, Trained
@@ -24,33 +24,6 @@ MOST_READINGS = 1200  # shown in the picture of an unknown
 
 if TYPE_CHECKING:
     from ptt.diagnosis.telling.diagnosis import Diagnosis
-
-__all__ = [
-    "again",
-    "card",
-    "challenge",
-    "change",
-    "columns",
-    "compare",
-    "describe",
-    "dexterity",
-    "diagnose",
-    "export",
-    "formats",
-    "iso",
-    "look",
-    "mend",
-    "names",
-    "peek",
-    "plan",
-    "predict",
-    "prepare",
-    "report",
-    "reveal",
-    "train",
-    "vet",
-    "write_effects",
-]
 
 
 def prepare() -> None:
