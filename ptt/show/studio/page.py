@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from importlib.resources import files
 
 from nicegui import events, ui
 
@@ -14,8 +15,10 @@ from ptt.show.studio.page_look import LookView
 from ptt.show.studio.page_model import ModelView
 from ptt.show.studio.page_result import ResultView
 from ptt.show.studio.panels import SWITCH, Panels
-from ptt.show.studio.style import CSS
 
+CSS = "\n".join(  # of the page and of the result card
+    files(room).joinpath("style.css").read_text(encoding="utf-8") for room in ("ptt.show.card", "ptt.show.studio")
+)
 VIEWS: dict[str, Callable[[Studio], object]] = {
     "Load": build_load, "Result": ResultView, "Look": LookView, "Model": ModelView, "Finish": FinishView,
     "Again": AgainView,
