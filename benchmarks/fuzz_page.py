@@ -67,7 +67,7 @@ def _content(path: Path) -> bytes:
     from ptt.show.studio.opening import zipped
 
     if path.is_dir():
-        return zipped(path)
+        return zipped(path.iterdir(), path.parent)
     return path.read_bytes() if path.is_file() else b""  # a browser hands over nothing but what is in files
 
 

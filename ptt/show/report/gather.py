@@ -78,13 +78,13 @@ def gather(
     model, shown = compensator.model, shown_table(table, source)
     problem = replace(problem or build_problem(model.file, table), table=shown)
     why: dict[str, str] = {}
-    say = partial(_say, progress, "the drawing", 0)
-    drawing = _look(Model(model.file), problem, known, source, found_drawing, unexplained, say)
-    if not model.terms:
-        given = drawing
-    else:
-        say = partial(_say, progress, "the model", 1)
-        given = _look(model, problem, known, source, found_given, unexplained, say)
+    look = partial(_look, problem=problem, known=known, source=source, unexplained=unexplained)
+    drawing = look(
+        Model(model.file), found=found_drawing, tell=lambda what: progress(f"the drawing: {what}", 0, STAGES)
+    )
+    given = drawing
+    if model.terms:
+        given = look(model, found=found_given, tell=lambda what: progress(f"the model: {what}", 1, STAGES))
     progress("fit", 2, STAGES)
     noisy = problem if given.comparison.noise is None else problem.with_noise(given.comparison.noise)
     refit = _unless("fit", why, lambda: climb(model, noisy, [], progress=progress), source)
@@ -136,10 +136,6 @@ def with_network(model: Compensator, trained: Compensator, where: str) -> Compen
         what = f"trained on another model ({theirs}) than the one given ({ours})"
         raise ModelError(what, where=where, fix="train it again on this model, or name it as --model")
     return replace(model, network=trained.network, notes=trained.notes)
-
-
-def _say(tell: Progress, of: str, stage: int, what: str) -> None:
-    tell(f"{of}: {what}", stage, STAGES)
 
 
 def _look(

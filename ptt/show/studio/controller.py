@@ -136,13 +136,19 @@ class Studio(JobRunner):
         self.tell("staged")
         self.tell("busy")
 
-    async def open(self, source: Source, machine: str, then: Callable[[], object] = lambda: None) -> bool:
+    @property
+    def at_hand(self) -> tuple[Source | None, str]:
+        """Run and text of the machine that would be opened: those that are staged, else those of the session."""
+        now = self.session.now
+        return self.staged.source or self.session.source, self.staged.machine or (now.text if now else "")
+
+    async def open(self, source: Source, machine: str, view: str = "") -> bool:
         """Read a run and compare it with a machine, then diagnose it; questions and mistakes keep the old session.
 
         Args:
             source: the files.
             machine: text of the machine.toml.
-            then: called once it is open, before comparison and diagnosis.
+            view: shown once it is open, before comparison and diagnosis; '' for the one that is shown already.
 
         Returns:
             Whether it was opened.
@@ -166,8 +172,9 @@ class Studio(JobRunner):
             self.session = fresh.remembering(look=look)
             self.tell("staged")
             self.tell("session")
-            with self.client:
-                then()
+            if view:
+                with self.client:
+                    self.go(view)
         await self.compare()
         await self.diagnose(unasked=True)
         return True

@@ -171,7 +171,7 @@ def train(source: Source, model: str, tell: Progress) -> Trained:
         "learned": dict(zip("xyz", training.rbf.learned.tolist(), strict=True)),
         "share": training.rbf_share,
     }
-    return Trained(plain(data), zipped(folder))
+    return Trained(plain(data), zipped(folder.iterdir(), folder.parent))
 
 
 def predict(source: Source, model: str | bytes, targets: str, tell: Progress) -> Predicted:

@@ -1,14 +1,12 @@
 """Jobs about exports: the formats for a machine, and writing one of them."""
 
-import io
 import shutil
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ptt.progress import Progress
-from ptt.show.studio.opening import place_of
+from ptt.show.studio.opening import place_of, zipped
 from ptt.show.studio.results import Source
 
 FOLDER = "export"
@@ -48,8 +46,4 @@ def export(source: Source, model: str | bytes, to: str, tell: Progress) -> Mappi
     files = sorted(path for path in Path(FOLDER).rglob("*") if path.is_file())
     if len(files) == 1:
         return data | {"name": files[0].name, "content": files[0].read_bytes()}
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for file in files:
-            archive.write(file, str(file.relative_to(FOLDER)))
-    return data | {"name": f"ptt-{to}.zip", "content": buffer.getvalue()}
+    return data | {"name": f"ptt-{to}.zip", "content": zipped(files, Path(FOLDER))}

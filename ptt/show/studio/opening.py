@@ -2,7 +2,7 @@
 
 import io
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -120,10 +120,10 @@ def place_of(model: str | bytes) -> Path:
     return Path(MODEL)
 
 
-def zipped(folder: Path) -> bytes:
-    """A folder as a zip, with the folder's name in each path."""
+def zipped(files: Iterable[Path], within: Path) -> bytes:
+    """Files as a zip, by their paths within a folder."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-        for file in sorted(folder.iterdir()):
-            archive.write(file, f"{folder.name}/{file.name}")
+        for file in sorted(files):
+            archive.write(file, file.relative_to(within))
     return content.getvalue()

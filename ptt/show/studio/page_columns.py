@@ -5,6 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
+from ptt.machine import parse_machine
 from ptt.run.readers.columns import UNITS, dimension_of
 from ptt.run.readers.mapping import IGNORE
 from ptt.run.readers.titles import stated_unit
@@ -87,7 +88,7 @@ class ColumnsView:
 
     async def _fill(self) -> None:
         """Show the grid for the staged run, else for the open one."""
-        source = self.studio.staged.source or self.studio.session.source
+        source, _ = self.studio.at_hand
         if source is None:
             return
         found = await self.studio.work("looking at the columns", "peek", source, how="aside")
@@ -135,14 +136,12 @@ class ColumnsView:
         self.unit[title].set_visibility(bool(units))
 
     def _machine(self) -> tuple[int, str]:
-        from ptt.machine import parse_machine
-
-        text = self.studio.staged.machine or self.studio.session.text
+        _, text = self.studio.at_hand
         spec = parse_machine(text, "machine.toml").machine if text else None
         return (spec.joints, spec.letter) if spec is not None else (3, "b")
 
     async def _save(self) -> None:
-        source = self.studio.staged.source or self.studio.session.source
+        source, _ = self.studio.at_hand
         if source is None:
             return
         quantities = {title: str(pick.value) for title, pick in self.quantity.items()}
@@ -151,10 +150,9 @@ class ColumnsView:
         made = await self.studio.work("keeping the answers", "columns", source, quantities, units)
         if made is None:
             return
-        now = self.studio.session.now
-        machine = self.studio.staged.machine or (now.text if now else "")
         self.box.set_visibility(False)
+        _, machine = self.studio.at_hand
         if machine:
-            await self.studio.open(made, machine, lambda: self.studio.go("Result"))
+            await self.studio.open(made, machine, "Result")
         else:
             self.studio.stage(source=made)

@@ -87,9 +87,7 @@ def _build_files(studio: Studio) -> None:
 
     def update() -> None:
         staged, session = studio.staged, studio.session
-        source = staged.source
-        with_ = staged.machine or (session.now.text if session.now else "")
-        of = staged.source or session.source
+        source, (of, with_) = staged.source, studio.at_hand
         named = parse_machine(staged.machine, "machine.toml").machine.name or MACHINE if staged.machine else ""
         waiting.set_text(_waiting(source, with_, named, session.ready))
         opening.set_enabled(bool(of and with_ and (source or staged.machine)) and studio.idle)
@@ -172,10 +170,9 @@ def _drop(studio: Studio, label: str, key: str, take: Callable[[str, bytes], Awa
 
 async def _open(studio: Studio) -> None:
     """Open the staged run and machine; where only one is staged, with the other one of the open session."""
-    staged, session = studio.staged, studio.session
-    source, machine = staged.source or session.source, staged.machine or (session.now.text if session.now else "")
+    source, machine = studio.at_hand
     if source is not None and machine:
-        await studio.open(source, machine, lambda: studio.go("Result"))
+        await studio.open(source, machine, "Result")
 
 
 async def _take_run(studio: Studio, name: str, data: bytes) -> None:
@@ -193,7 +190,7 @@ async def _take_machine(studio: Studio, name: str, data: bytes) -> None:
 
 
 async def _take_also(studio: Studio, name: str, data: bytes) -> None:
-    source = studio.staged.source or studio.session.source
+    source, _ = studio.at_hand
     if source is None:
         studio.fail("load the first run, then further ones")
         return
@@ -201,7 +198,7 @@ async def _take_also(studio: Studio, name: str, data: bytes) -> None:
 
 
 async def _take_targets(studio: Studio, name: str, data: bytes) -> None:
-    source = studio.staged.source or studio.session.source
+    source, _ = studio.at_hand
     if source is None:
         studio.fail("load the export first, then its targets")
         return
@@ -219,7 +216,7 @@ async def _take_sample(studio: Studio, name: str) -> None:
     run = _keep(studio, "run.csv", named["run.csv"].read_bytes())
     if SEAL in named:
         write_bytes(studio.folder / SEAL, named[SEAL].read_bytes())
-    await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"), lambda: studio.go("Result"))
+    await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"), "Result")
 
 
 async def _take_challenge(studio: Studio, level: str, arm: str | None = None) -> None:
@@ -227,7 +224,7 @@ async def _take_challenge(studio: Studio, level: str, arm: str | None = None) ->
     if made is not None:
         run, machine = (studio.folder / name for name in made)
         kept = keep_upload(studio.folder, run.name, run.read_bytes())
-        await studio.open(Source(kept), machine.read_text(encoding="utf-8"), lambda: studio.go("Result"))
+        await studio.open(Source(kept), machine.read_text(encoding="utf-8"), "Result")
 
 
 def _keep(studio: Studio, name: str, data: bytes) -> str:

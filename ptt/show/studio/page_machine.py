@@ -26,41 +26,18 @@ JOINT = ("a_mm", "alpha_deg", "d_mm", "theta_offset_deg")
 # Name -> Denavit-Hartenberg convention, and a row for each joint in the order of `JOINT`.
 PRESETS: dict[str, tuple[str, tuple[tuple[float, float, float, float], ...]]] = {
     # Nominal values published by the makers.
-    "UR10": (
-        "standard",
-        (
-            (0, 90, 127.3, 0),
-            (-612, 0, 0, 0),
-            (-572.3, 0, 0, 0),
-            (0, 90, 163.941, 0),
-            (0, -90, 115.7, 0),
-            (0, 0, 92.2, 0),
-        ),
-    ),
-    "UR5": (
-        "standard",
-        (
-            (0, 90, 89.159, 0),
-            (-425, 0, 0, 0),
-            (-392.25, 0, 0, 0),
-            (0, 90, 109.15, 0),
-            (0, -90, 94.65, 0),
-            (0, 0, 82.3, 0),
-        ),
-    ),
-    "KUKA LBR iiwa 14": (
-        "standard",
-        (
-            (0, -90, 360, 0),
-            (0, 90, 0, 0),
-            (0, 90, 420, 0),
-            (0, -90, 0, 0),
-            (0, -90, 400, 0),
-            (0, 90, 0, 0),
-            (0, 0, 126, 0),
-        ),
-    ),
-}
+    "UR10": ("standard", (
+        (0, 90, 127.3, 0), (-612, 0, 0, 0), (-572.3, 0, 0, 0), (0, 90, 163.941, 0), (0, -90, 115.7, 0), (0, 0, 92.2, 0),
+    )),
+    "UR5": ("standard", (
+        (0, 90, 89.159, 0), (-425, 0, 0, 0), (-392.25, 0, 0, 0), (0, 90, 109.15, 0), (0, -90, 94.65, 0),
+        (0, 0, 82.3, 0),
+    )),
+    "KUKA LBR iiwa 14": ("standard", (
+        (0, -90, 360, 0), (0, 90, 0, 0), (0, 90, 420, 0), (0, -90, 0, 0), (0, -90, 400, 0), (0, 90, 0, 0),
+        (0, 0, 126, 0),
+    )),
+}  # fmt: skip
 
 
 def three_ptt_text(name: str, above: bool, values: Mapping[str, float | None]) -> str:

@@ -31,10 +31,7 @@ class OthersView:
         self.shown: Diagnosed | None = None
         self.of: Source | None = None
         self.adds: dict[str, ui.button] = {}
-        with (
-            box() as self.box,
-            ui.expansion("What else was considered").classes("w-full").props("dense"),
-        ):
+        with box() as self.box, ui.expansion("What else was considered").classes("w-full").props("dense"):
             self.body = grid()
         studio.when(BEHIND, "session", self.show)
         self.show()

@@ -70,10 +70,10 @@ async def _mend(studio: Studio) -> None:
     made = await studio.work("putting it right", "mend", staged.source, staged.machine)
     if made is not None:
         source, machine = made
-        await studio.open(source, machine, lambda: studio.go("Result"))
+        await studio.open(source, machine, "Result")
 
 
 async def _anyway(studio: Studio) -> None:
     staged = studio.staged
     if staged.source is not None:
-        await studio.open(replace(staged.source, anyway=True), staged.machine, lambda: studio.go("Result"))
+        await studio.open(replace(staged.source, anyway=True), staged.machine, "Result")

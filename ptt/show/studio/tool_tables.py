@@ -83,12 +83,11 @@ def dexterity_html(figures: Mapping[str, Any]) -> str:
             (f"condition number over {space['poses']} poses, {key}", _plain(space["condition"][key]))
             for key in ("least", "median", "largest")
         ]
-        rows += _of_arm(space) if "singular" in space else _of_ptt(space)
+        if "singular" in space:
+            rows += _of_arm(space)
+        else:
+            rows.append(("poses near a singularity", f"{100.0 * space['near_singular_share']:.1f} %"))
     return table_html((), rows, words=1, caption="dexterity")
-
-
-def _of_ptt(space: Mapping[str, Any]) -> list[tuple[str, str]]:
-    return [("poses near a singularity", f"{100.0 * space['near_singular_share']:.1f} %")]
 
 
 def _of_arm(space: Mapping[str, Any]) -> list[tuple[str, str]]:
