@@ -1,6 +1,5 @@
 """Dexterity of an arm: condition number and manipulability over its workspace, and its singular joint values."""
 
-from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
@@ -82,10 +81,6 @@ def _draw_joints(figure: Figure, axis: Axes, found: DexterityMap, first: int, se
     figure.colorbar(mesh, ax=axis)
     top = float(np.nanmax(found.manipulability))
     if top > 0.0:
-        axis.contour(across, up, found.manipulability, levels=_levels(top), colors="white", linewidths=0.7)
+        axis.contour(across, up, found.manipulability, levels=[0.02 * top, 0.1 * top], colors="white", linewidths=0.7)
     axis.set(title="manipulability, dark is singular; others amid their limits", xlabel=f"joint {first + 1}, deg")
     axis.set_ylabel(f"joint {second + 1}, deg")
-
-
-def _levels(top: float) -> Sequence[float]:
-    return [0.02 * top, 0.1 * top]

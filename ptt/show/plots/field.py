@@ -16,7 +16,7 @@ from ptt.show.plots.common import COLOUR_MAP, DPI
 from ptt.show.sizing import round_down, spread
 
 MOST_ARROWS = 300
-REACH = 0.18  # of the workspace's size: drawn length of the arrow at the 95 % quantile of sizes
+REACH, QUANTILE = 0.18, 0.95  # drawn length of the arrow at this quantile of sizes, as a share of the workspace's size
 ZOOM, TALL = 1.1, 0.6  # zoom of the box in space, and its limit as a multiple of diagonal over height
 NARROW = 0.5  # every side of the box is given at least this share of the longest
 TICKS = 5  # few enough for long labels, as of a telescope's workspace of a kilometre
@@ -35,8 +35,7 @@ def draw_field(result: Comparison, problem: Problem) -> Figure:
     """
     place, error, poses = field_of(result, problem)
     size = 1e3 * np.linalg.norm(error, axis=1)
-    span = max(float(np.ptp(place, axis=0).max()), 1e-3)
-    factor = enlargement(span, 1e-3 * float(np.quantile(size, 0.95)))
+    factor, key = enlargement(place, error)
     norm = Normalize(0.0, max(float(size.max()), 1e-3))
     figure = Figure(figsize=(12.4, 6.0), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, wspace=0.16))
     grid = figure.add_gridspec(1, 2, width_ratios=(1.15, 1.0))
@@ -45,7 +44,7 @@ def draw_field(result: Comparison, problem: Problem) -> Figure:
     above = figure.add_subplot(grid[1])
     arrows = _draw_above(above, place, error * factor, size, norm)
     figure.colorbar(arrows, ax=above, label="size of the error [um]", shrink=0.85)
-    _draw_key(above, span, factor)
+    _draw_key(above, key, factor)
     shown = f"{len(place)} of {poses} poses" if len(place) < poses else f"{poses} poses"
     figure.suptitle(f"error after frame alignment, mean of each pose; {shown}; arrows {factor:g} times enlarged")
     return figure
@@ -62,8 +61,7 @@ def draw_pair(pair: BeforeAfter) -> Figure:
     """
     sides = [_thinned(side) for side in (pair.before, pair.after)]
     size = [1e3 * np.linalg.norm(error, axis=1) for _, error in sides]
-    span = max(float(np.ptp(np.concatenate([place for place, _ in sides]), axis=0).max()), 1e-3)
-    factor = enlargement(span, 1e-3 * float(np.quantile(size[0], 0.95)))
+    factor, key = enlargement(np.concatenate([place for place, _ in sides]), sides[0][1])
     norm = Normalize(0.0, max(float(np.concatenate(size).max()), 1e-3))
     figure = Figure(figsize=(12.4, 6.4), dpi=DPI, layout="constrained")
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
@@ -73,7 +71,7 @@ def draw_pair(pair: BeforeAfter) -> Figure:
         arrows = _draw_above(panel, place, error * factor, length, norm)
         total = 1e3 * float(np.sqrt(np.mean((side.error**2).sum(axis=1))))
         panel.set_title(f"{words}: {total:.3g} um rms, {len(side.error)} readings", fontsize=11)
-    _draw_key(panels[0], span, factor)
+    _draw_key(panels[0], key, factor)
     figure.colorbar(arrows, ax=panels, label="size of the error [um]", shrink=0.85)
     figure.suptitle(f"tool against its targets, frames taken out; horizontal part, {factor:g} times enlarged")
     return figure
@@ -105,17 +103,19 @@ def field_of(result: Comparison, problem: Problem) -> tuple[np.ndarray, np.ndarr
     return place[chosen], error[chosen], len(count)
 
 
-def enlargement(span: float, size: float) -> float:
-    """Round factor of enlargement at which an arrow of some size is well seen.
+def enlargement(place: np.ndarray, error: np.ndarray) -> tuple[float, float]:
+    """Round factor of enlargement at which errors are well seen as arrows.
 
     Args:
-        span: size of the workspace, mm.
-        size: of the arrow, mm.
+        place: where they are, or other places too, (m, 3) mm.
+        error: (n, 3) mm.
 
     Returns:
-        1, 2 or 5 times a power of ten.
+        1, 2 or 5 times a power of ten, and a round size of an error whose arrow is then well seen, um.
     """
-    return round_down(REACH * span / max(size, 1e-9))
+    long = REACH * max(float(np.ptp(place, axis=0).max()), 1e-3)
+    factor = round_down(long / max(float(np.quantile(np.linalg.norm(error, axis=1), QUANTILE)), 1e-9))
+    return factor, round_down(1e3 * long / factor)
 
 
 def _draw_space(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndarray, norm: Normalize) -> None:
@@ -161,9 +161,8 @@ def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
     return drawn
 
 
-def _draw_key(panel: Axes, span: float, factor: float) -> None:
-    """Draw a scale bar below the arrows: the drawn length of an error of round size."""
-    size = round_down(1e3 * REACH * span / factor)
+def _draw_key(panel: Axes, size: float, factor: float) -> None:
+    """Draw a scale bar below the arrows: the drawn length of an error of some size, um."""
     left, right = panel.get_xlim()
     start, height = left + 0.04 * (right - left), panel.get_ylim()[0] + 0.2 * KEY * (right - left)
     end = start + 1e-3 * size * factor

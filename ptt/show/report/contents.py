@@ -93,7 +93,7 @@ class Contents:
     def to_dict(self) -> dict[str, Any]:
         """For JSON; results of other verbs have their keys."""
         looks = {"drawing": self.drawing, "model": self.given}
-        beside = {name: set_up(self.problem) | _aside(look) for name, look in looks.items()}
+        fit, beside = self.refit, {name: set_up(self.problem) | _aside(look) for name, look in looks.items()}
         return {
             "date": self.date,
             "files": [file.to_dict() for file in self.source.files],
@@ -103,7 +103,7 @@ class Contents:
                 name: look.diagnosis and look.diagnosis.to_dict() | beside[name] for name, look in looks.items()
             },
             "history": [[dict(vars(entry)) for entry in ladder] for ladder in self.ladders],
-            "fit": None if self.refit is None else self._figures_of(self.refit) | beside["model"],
+            "fit": fit and fit.to_dict() | elsewhere_um(fit.steps[-1].fitted, self.problem) | beside["model"],
             "evaluate": {name: result.to_dict() for name, result in self.evaluation.items()},
             "network": None if self.network is None else self.network.to_dict(),
             "iso": None if self.iso is None else self.iso.to_dict(),
@@ -112,9 +112,6 @@ class Contents:
             "commands": [command.line for command in self.commands],
             **({} if self.pair is None else {"before_after": self.pair.to_dict()}),
         }
-
-    def _figures_of(self, refit: Ladder) -> dict[str, Any]:
-        return refit.to_dict() | elsewhere_um(refit.steps[-1].fitted, self.problem)
 
 
 def _aside(look: ModelLook) -> dict[str, list[str]]:

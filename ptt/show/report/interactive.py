@@ -16,7 +16,6 @@ from ptt.show.report.contents import Contents
 
 HIGH = 560  # px, height of a picture
 MARGIN = {"l": 70, "r": 20, "t": 70, "b": 60}  # px
-REACH_SHARE = 0.95  # quantile of sizes that sets the length of arrows
 COLOURS = ("#440154", "#21918c", "#e69f00")  # x, y, z: distinguishable in all kinds of colour vision
 
 
@@ -52,8 +51,7 @@ def _field(graph: Any, result: Comparison, problem: Problem) -> Any:
     """Errors as lines in space, coloured by size, with a dot at each target."""
     place, error, _ = field_of(result, problem)
     size = 1e3 * np.linalg.norm(error, axis=1)
-    span = max(float(np.ptp(place, axis=0).max()), 1e-3)
-    factor = enlargement(span, 1e-3 * float(np.quantile(size, REACH_SHARE)))
+    factor, _ = enlargement(place, error)
     tips = place + factor * error
     gap = np.full_like(place, np.nan)
     line = np.stack([place, tips, gap], axis=1).reshape(-1, 3)

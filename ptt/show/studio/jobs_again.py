@@ -133,10 +133,8 @@ def _arrows(pair: "BeforeAfter") -> dict[str, Any]:
 
     from ptt.show.plots.field import enlargement
 
-    sides = (pair.before, pair.after)
-    span = max(float(np.ptp(np.concatenate([side.place for side in sides]), axis=0).max()), 1e-3)
-    size = float(np.quantile(np.linalg.norm(pair.before.error, axis=1), 0.95))
-    drawn: dict[str, Any] = {"times": enlargement(span, size)}
+    factor, _ = enlargement(np.concatenate([pair.before.place, pair.after.place]), pair.before.error)
+    drawn: dict[str, Any] = {"times": factor}
     for words, side in (("before", pair.before), ("after", pair.after)):
         rows = spread(len(side.place), ARROWS)
         drawn[words] = {"place": _listed(side.place[rows]), "error": _listed(side.error[rows])}
