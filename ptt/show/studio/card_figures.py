@@ -8,7 +8,7 @@ import numpy as np
 
 from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty, spoken
-from ptt.show.studio.figures import ABOVE, BLUE, ORANGE, PALE, Figure, axis_of, points, sides_axis, whole_figure
+from ptt.show.studio.figures import ABOVE, BLUE, ORANGE, PALE, Figure, across_axis, axis_of, points, whole_figure
 
 RULER = (-2.0, 2.0)  # ends of a ruler, as powers of ten times the usual size
 
@@ -26,13 +26,7 @@ def fit_figure(fit: Mapping[str, Any], serial: bool) -> Figure:
     telling, (label, name, unit) = np.asarray(fit["telling"], dtype=float), fit["labels"]
     factor, shown = prefixed([*fit["data_um"], *fit["fit_um"]], unit)
     data, through = (factor * np.asarray(fit[key], dtype=float) for key in ("data_um", "fit_um"))
-    axis = axis_of(label)
-    if fit.get("steps"):
-        sides, spread = sides_axis(serial, len(telling))
-        telling, axis = telling + spread, axis | sides
-    elif label.endswith("[s]"):
-        scale, time = prefixed(telling.tolist(), "s")
-        telling, axis = telling * scale, axis_of(label.replace("[s]", f"[{time}]"))
+    axis, telling = across_axis(label, telling, serial, bool(fit.get("steps")))
     return whole_figure(
         [
             points(telling, data, PALE, "readings, everything else taken out"),
@@ -117,11 +111,8 @@ def unknown_figure(unknown: Mapping[str, Any], serial: bool) -> Figure:
     across = "reading number" if on == "time" and not of else spoken(on, serial)
     across += (" within one period" if unknown["period_mm"] else "") + (f" [{of}]" if of else "")
     up = f"{unknown['residual']}{' times the way it came' if unknown['with'] else ''}: error [{unit}]"
-    axis, place = axis_of(across), scale * np.asarray(read["at"])
     sided = str(unknown["on"]).startswith("direction") and not unknown["with"]
-    if sided:
-        sides, spread = sides_axis(serial, len(place))
-        axis, place = axis | sides, place + spread
+    axis, place = across_axis(across, scale * np.asarray(read["at"]), serial, sided)
     data = [points(place, factor * np.asarray(read["um"]), PALE, "readings")]
     if sided:
         data.append({**points(at, mean, ORANGE, "mean", 13), "error_y": {"type": "data", "array": half.tolist()}})

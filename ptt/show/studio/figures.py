@@ -28,19 +28,26 @@ def empty_figure() -> Figure:
     return {"data": [], "layout": {"xaxis": {"visible": False}, "yaxis": {"visible": False}}}
 
 
-def sides_axis(serial: bool, count: int) -> tuple[Figure, np.ndarray]:
-    """An axis of the two directions of arrival, and random offsets so that points on it do not hide each other.
+def across_axis(label: str, values: np.ndarray, serial: bool, sided: bool) -> tuple[Figure, np.ndarray]:
+    """The axis of a variable, and its values along that.
 
     Args:
+        label: of the axis, with the unit of the values.
+        values: (n,).
         serial: whether the machine is an arm.
-        count: number of points.
+        sided: whether the variable is a direction of arrival; offsets then keep points from hiding each other.
 
     Returns:
-        Entries of the axis besides its title, and the offsets, (count,).
+        The axis, and the values, (n,), times in s in the unit that suits them.
     """
-    words = ("back", "forward") if serial else ("down", "up")
-    axis = {"tickvals": [-1, 1], "ticktext": [f"arriving {word}" for word in words], "range": [-1.6, 1.6]}
-    return axis, np.random.default_rng(0).uniform(-0.15, 0.15, count)
+    if sided:
+        words = ("back", "forward") if serial else ("down", "up")
+        sides = {"tickvals": [-1, 1], "ticktext": [f"arriving {word}" for word in words], "range": [-1.6, 1.6]}
+        return axis_of(label) | sides, values + np.random.default_rng(0).uniform(-0.15, 0.15, len(values))
+    if label.endswith("[s]"):
+        scale, unit = prefixed(values.tolist(), "s")
+        return axis_of(label.replace("[s]", f"[{unit}]")), scale * values
+    return axis_of(label), values
 
 
 def label_of(context: str, look: Look) -> str:
@@ -101,14 +108,8 @@ def against_figure(
         The figure; dragging a box picks readings.
     """
     rows, (unit, factor) = shown_rows(look, picked), unit_of(view, look.views[view])
-    across, label = look.contexts[context], label_of(context, look)
-    if label == "time [s]":
-        scale, clock = prefixed(across[rows].tolist(), "s")
-        across, label = scale * across, f"time [{clock}]"
-    axis = axis_of(label)
-    if context.startswith("direction"):
-        sides, spread = sides_axis(look.serial, look.rows)
-        axis, across = axis | sides, across + spread
+    sided = context.startswith("direction")
+    axis, across = across_axis(label_of(context, look), look.contexts[context], look.serial, sided)
     data = []
     if beside is not None and view in beside[1].views:
         other = beside[1].views[view][rows] * factor
