@@ -46,13 +46,6 @@ def test_uploads_take_the_place_of_nothing(tmp_path: Path):
         keep_upload(tmp_path, "large.csv", bytes(LIMIT + 1))
 
 
-def test_planned_poses_take_the_place_of_no_upload(here: Path):
-    kept = keep_upload(here, "plan.csv", b"mine")
-    with pytest.raises(PttError, match="too few"):
-        jobs.plan(MACHINE, 2, "", silent)
-    assert (here / kept).read_bytes() == b"mine"
-
-
 def test_files_of_effects_lie_where_no_upload_gets(tmp_path: Path):
     given = Source("run.csv", map_="answers.toml", effects=("own.py",))
     files = {"run.csv": b"run", "answers.toml": b"", "own.py": b"own = 1"}

@@ -23,6 +23,7 @@ from ptt.diagnosis.long import MOST_WHOLE_ROWS, chunk_size
 from ptt.door.opened import Opened
 from ptt.errors import InputError
 from ptt.fitting.chunks import CHUNK
+from ptt.judge.iso.pose_figures import named_figures
 from ptt.machine import parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.show.report.gather import gather
@@ -94,6 +95,32 @@ def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, a
     verb("predict", "targets.csv", "--model", "unpacked/compensator", "--out", "theirs.csv")
     assert mine.content == (here / "theirs.csv").read_bytes()
     assert mine.data["rows"] == 296 and mine.data["network"]
+
+
+def test_the_tools_give_what_the_verbs_print(here: Path, added: Changed):
+    Path("solved.toml").write_text(added.model)
+    model = ("--model", "solved.toml")
+    poses = jobs.plan(MACHINE, 130, "0,2", silent)
+    theirs = verb("plan", "machine.toml", "--rows", 130, "--payloads", "0,2", "--out", "poses.csv")
+    assert poses["told"] | {"out": "poses.csv"} == theirs and poses["csv"] == Path("poses.csv").read_text()
+    assert jobs.dexterity(MACHINE, silent)["figures"] == verb("dexterity", "machine.toml")
+    table, theirs = (
+        jobs.export(RUN, added.model, "table", silent),
+        verb("export", *model, "--to", "table", "--out", "t"),
+    )
+    assert all(table[key] == theirs[key] for key in ("holds", "cannot_hold", "error_um", "notes"))
+    figures, theirs = jobs.iso(RUN, added.model, silent), verb("iso", "run.csv", *model)
+    assert figures == {"standard": theirs["standard"], "figures": named_figures(theirs)}
+    found = jobs.again(RUN, added.model, "2026-01-10", [(RUN, "2026-02-10")], silent)
+    assert found["recheck"] == verb("recheck", "run.csv", *model)
+    verb("fleet", "init", "store")
+    verb("fleet", "add", "store", "machine", "run.csv", *model, "--date", "2026-01-10")
+    verb("fleet", "run", "store")
+    shown = verb("fleet", "show", "store", "machine")["machines"][0]["history"][0]
+    mine = found["months"]["history"][0]
+    assert {key: mine[key] for key in ("error_um", "noise_um", "verdict", "date")} == {
+        key: shown[key] for key in ("error_um", "noise_um", "verdict", "date")
+    }
 
 
 def test_the_report_is_that_of_the_verb(here: Path, added: Changed, monkeypatch: pytest.MonkeyPatch):
