@@ -17,7 +17,7 @@ from ptt.show.studio.page_recent import build_recent
 from ptt.show.studio.page_setup import build_setup
 from ptt.show.studio.page_understood import build_understood
 from ptt.show.studio.page_upload import upload_box
-from ptt.show.studio.parts import box, column, heading, note, tools
+from ptt.show.studio.parts import box, column, note, tools
 from ptt.show.studio.results import SEAL, Source
 from ptt.show.studio.samples import ARM, FIRST, LEVELS, SAMPLES, sample_files
 from ptt.show.studio.uploads import keep_upload
@@ -70,8 +70,7 @@ def _build_hero(studio: Studio) -> None:
 
 
 def _build_files(studio: Studio) -> None:
-    with ui.element("div").classes("st-box st-col").style("height: auto"):
-        heading("Your own files")
+    with box("Your own files").classes("st-col").style("height: auto"):
         run = _drop(studio, RUN, "run", lambda name, data: _take_run(studio, name, data))
         machine = _drop(studio, MACHINE, "machine", lambda name, data: _take_machine(studio, name, data))
         with tools():
@@ -126,8 +125,7 @@ def _waiting(source: Source | None, machine: str, staged: str, ready: bool) -> s
 
 
 def _build_more(studio: Studio) -> None:
-    with ui.element("div").classes("st-box st-col").style("height: auto"):
-        heading("Or try it")
+    with box("Or try it").classes("st-col").style("height: auto"):
         found = _samples()
         if found:
             with tools():

@@ -14,7 +14,7 @@ from ptt.show.studio.figures import against_figure, unit_of
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import empty_space, machine_figure
 from ptt.show.studio.page_against import AgainstPicture
-from ptt.show.studio.parts import note, tools, warning
+from ptt.show.studio.parts import box, note, tools, warning
 from ptt.show.studio.picture import Picture
 from ptt.show.studio.session import Session
 from ptt.show.studio.tables import table_html
@@ -42,11 +42,11 @@ class LookView:
         self.drawn: Look | None = None
         self.led: tuple[str, str] | None = None  # component and variable that were chosen by `_lead`
         with ui.element("div").classes("st-look"):
-            with ui.element("div").classes("st-box st-col"):
+            with box().classes("st-col"):
                 self._build_field()
-            with ui.element("div").classes("st-box st-col"):
+            with box().classes("st-col"):
                 self._build_against()
-            with ui.element("div").classes("st-box st-table st-col"):
+            with box().classes("st-table st-col"):
                 self._build_table()
         studio.when("Look", "session", self.show)
         studio.when("Look", "picked", self.redraw)

@@ -29,11 +29,11 @@ class ModelView:
         self.listed: Snapshot | None = None
         with ui.element("div").classes("st-two st-wide-left"):
             with ui.element("div").classes("st-col"):
-                with ui.element("div").classes("st-box st-col").style("height: auto; flex: 6 1 0"):
+                with box().classes("st-col").style("height: auto; flex: 6 1 0"):
                     self._build_ladder()
-                with ui.element("div").classes("st-box st-col").style("height: auto; flex: 5 1 0"):
+                with box().classes("st-col").style("height: auto; flex: 5 1 0"):
                     self._build_against()
-            with ui.element("div").classes("st-box st-col st-scroll").props("tabindex=0"):
+            with box().classes("st-col st-scroll").props("tabindex=0"):
                 self._build_add()
                 self.list = ui.element("div").classes("w-full")
         studio.when("Model", "session", self.show)

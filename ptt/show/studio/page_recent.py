@@ -3,7 +3,7 @@
 from nicegui import ui
 
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.parts import box, heading, note, tools
+from ptt.show.studio.parts import box, note, tools
 from ptt.show.studio.store import SessionStore
 
 
@@ -13,8 +13,7 @@ def build_recent(studio: Studio) -> None:
     earlier = [each for each in store.recent(studio.place.owner) if each.key != studio.place.key]
     if not earlier:
         return
-    with box().style("height: auto"):
-        heading("Earlier sessions")
+    with box("Earlier sessions").style("height: auto"):
         for each in earlier:
             with tools().style("flex-wrap: nowrap") as row:
                 ui.link(each.words, f"/s/{each.key}/result").style("flex: 1 1 0; min-width: 0; overflow-wrap: anywhere")

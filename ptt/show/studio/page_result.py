@@ -40,7 +40,7 @@ class ResultView:
                         self._build_next()
                 UnknownView(studio)
                 OthersView(studio, self.add, self.cards)
-            with ui.element("div").classes("st-box st-col"):
+            with box().classes("st-col"):
                 self.picture = MachinePicture(studio)
         studio.when("Result", "session", self.show)
         studio.on("busy", self._enable)
