@@ -124,6 +124,21 @@ def test_descent_that_cannot_go_down_says_so() -> None:
     assert ended.status.startswith("not converged")
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_curved_valley_is_followed_to_its_end(seed: int) -> None:
+    """Links that the model lacks press a common twist, which a turned tracker hides, far beyond its linear range."""
+    file, table = machine(), empty_run(seed=seed)
+    file = replace(file, machine=file.machine.model_copy(update={"reflector_mm": (-40.0, 27.0, -30.0)}))
+    view = build_view(file, table)
+    terms = [
+        term("link-length", view, [-0.14, 0.18, 0.08]),
+        term("platform-twist", view, [-8e-4, 6e-4, -8e-4, 8e-4, 7e-4, 9e-4]),
+        term("windup", view, [0.001, 0.012, 0.010], length=3.5),
+    ]
+    result = fitted(["platform-twist", "windup"], build_problem(file, measure(table, file, terms)))
+    assert result.status == "converged"
+
+
 def test_a_descent_ends_where_what_was_asked_for_is_out_of_reach():
     design, far = np.array([[1.0, 0.2], [0.0, 1.0], [0.5, 0.5]]), np.array([3.0, 1.0, 20.0])
     least = np.linalg.lstsq(design, far, rcond=None)[1][0]

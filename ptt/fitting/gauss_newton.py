@@ -1,4 +1,4 @@
-"""Bounded Gauss-Newton on normal equations: few unknowns, many rows, nearly linear."""
+"""Bounded Gauss-Newton on normal equations, damped where a step fails: few unknowns, many rows, nearly linear."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,18 +8,22 @@ from scipy import linalg
 
 MOST_ITERATIONS = 40
 TOLERANCE = 1e-8  # chi-squared still to be gained at the end: parameters within 1e-4 standard errors
-STEP_RATIO = 0.3  # of each trial step to the one before in the line search
-TRIES = 8  # trial steps of a line search
+# Damping, as a share of the diagonal of the normal equations, after a step without one that failed; the ratio of each
+# to the one before; and that of the first one of an iteration to the last one before it, with the least one kept up
+FIRST_DAMPING, DAMPING_RATIO, EASING, LEAST_DAMPING = 0.01, 8.0, 0.1, 1e-5
+TRIES = 8  # trial steps of an iteration
 FEW_TRIES = 3  # the same of a coarse fit
 # tolerance per unit of chi-squared left, times `done`: where more than noise is left, less accuracy is needed
 RELATIVE_TOLERANCE = 1e-4
 FINE_GAIN = 1e-3  # gain below which a step that keeps less than half of its prediction is the last: kinks are near
 PROMISE_FACTOR = 5.0  # times the predicted gain, or the last one, that may still be to come
+LEAST_SHARE = 1e-4  # of the predicted decrease that a step has to gain
 KINK_SHARE = 1e-4  # share of chi-squared up to which a step that does not help is put down to kinks, as play has them
 
 HOPELESS = "not converged: far above what was asked for"
 
-Equations = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, float]]
+Sums = tuple[np.ndarray, np.ndarray, float]  # J^T J (u, u), J^T r (u,) and r^T r
+Equations = Callable[[np.ndarray], Sums]
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,8 @@ def descend(
 ) -> Descent:  # fmt: skip
     """Minimise a sum of squares between bounds.
 
-    Source: Nocedal and Wright, Numerical Optimization (2006), 10.3 (Gauss-Newton) and 16.5 (active sets).
+    Source: Nocedal and Wright, Numerical Optimization (2006), 10.3 (Gauss-Newton, Levenberg-Marquardt) and 16.5 (active
+    sets). Damped steps turn into a curved valley, as lengths of wind-ups have, where shortened ones zigzag.
 
     Args:
         equations: unknowns -> J^T J (u, u), J^T r (u,) with r what is left and J the model's derivative, and r^T r.
@@ -55,36 +60,43 @@ def descend(
         Where it ended.
     """
     at = np.clip(start, lower, upper)
-    normal, side, cost = equations(at)
-    gained = np.inf
+    sums = equations(at)
+    gained, damping = np.inf, 0.0
     for _ in range(MOST_ITERATIONS):
-        step = bounded_step(normal, side, lower - at, upper - at)
-        decrease = float(2.0 * side @ step - step @ normal @ step)
-        if decrease <= done * (1.0 + RELATIVE_TOLERANCE * cost) + 1e-13 * cost:
+        cost, least = sums[2], FINE_GAIN if damping else done
+        step = _step(at, sums, lower, upper, damping)
+        decrease = _decrease(sums, step)
+        if decrease <= least * (1.0 + RELATIVE_TOLERANCE * cost) + 1e-13 * cost:
             return Descent(at, "converged")
         if cost - PROMISE_FACTOR * min(decrease, gained) > hopeless:
             return Descent(at, HOPELESS)
-        found = _search_line(equations, at, step, cost, decrease, max(FINE_GAIN, done))
-        if found is None:
+        fine = max(FINE_GAIN, done)
+        for _ in range(1 if decrease <= fine else FEW_TRIES if fine > FINE_GAIN else TRIES):
+            there = equations(at + step)
+            if there[2] <= cost - LEAST_SHARE * _decrease(sums, step):
+                break
+            damping = max(FIRST_DAMPING, DAMPING_RATIO * damping)
+            step = _step(at, sums, lower, upper, damping)
+        else:
             kinked = decrease <= max(KINK_SHARE * cost, FINE_GAIN)
             return Descent(at, "converged" if kinked else "not converged: no step lowers the error further")
-        before, (at, (normal, side, cost)) = cost, found
-        gained = before - cost
+        at, sums, gained = at + step, there, cost - there[2]
+        damping = EASING * damping if damping > LEAST_DAMPING else 0.0
         if decrease <= max(FINE_GAIN, 10.0 * done) and gained < 0.5 * decrease:
             return Descent(at, "converged")
     return Descent(at, f"not converged after {MOST_ITERATIONS} steps")
 
 
-def _search_line(
-    equations: Equations, at: np.ndarray, step: np.ndarray, cost: float, decrease: float, fine: float
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, float]] | None:
-    share = 1.0
-    for _ in range(1 if decrease <= fine else FEW_TRIES if fine > FINE_GAIN else TRIES):
-        there = equations(at + share * step)
-        if there[2] <= cost - 1e-4 * share * decrease:
-            return at + share * step, there
-        share *= STEP_RATIO
-    return None
+def _step(at: np.ndarray, sums: Sums, lower: np.ndarray, upper: np.ndarray, damping: float) -> np.ndarray:
+    """Step between the bounds, the diagonal of the normal equations raised by a share."""
+    normal, side, _ = sums
+    return bounded_step(normal + np.diag(damping * np.diag(normal)), side, lower - at, upper - at)
+
+
+def _decrease(sums: Sums, step: np.ndarray) -> float:
+    """Decrease of the cost that the linearisation predicts for a step."""
+    normal, side, _ = sums
+    return float(2.0 * side @ step - step @ normal @ step)
 
 
 def bounded_step(normal: np.ndarray, side: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
