@@ -5,8 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from ptt.dependence.curves import describe
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import depends_on
+from ptt.dependence.regressors import build_trials
+from ptt.dependence.strata import find_poses
 
 SIGMA = 0.005
 ROD, REACH = 300.0, 100.0
@@ -196,6 +199,19 @@ def test_a_step_and_a_bump_are_found_where_they_sit() -> None:
         assert item.place[0] - 0.5 <= place <= item.place[1] + 0.5
         assert item.shape == {"splice": "step", "damage": "bump"}[kind]
         assert item.place[1] - item.place[0] < {"splice": 3.0, "damage": 16.0}[kind]
+
+
+@pytest.mark.parametrize(("slope", "height", "shape"), [(1.0, 0.05, "smooth"), (0.05, 1.0, "bump")])
+def test_a_bump_on_a_slope_is_a_detail_of_it_where_the_slope_is_most(slope: float, height: float, shape: str) -> None:
+    random = np.random.default_rng(0)
+    values = random.uniform(0.0, 1.0, 400)
+    bump = np.square(np.cos(np.clip((values - 0.7) / 0.1, -1.0, 1.0) * np.pi / 2.0))
+    residual = slope * values + height * bump + random.normal(0.0, 0.003, 400)
+    poses = find_poses(residual[:, None], np.arange(400))
+    trials = build_trials(values, periodic=False)
+    (found,) = describe(residual[:, None], values, None, trials, np.array([float(one.dims) for one in trials]), poses)
+    assert found.shape == shape and (found.place is None) is (shape == "smooth")
+    assert found.share > 0.98
 
 
 def test_a_slider_that_explains_as_much_comes_before_the_tool() -> None:

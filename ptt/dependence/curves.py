@@ -43,7 +43,9 @@ class _Choice:
         kind: index of its kind.
         index: among the trial functions of its kind.
         smooth: whether a cubic is fitted beside it.
-        share: of the variance, 0 to 1.
+        share: of the variance, both together, 0 to 1.
+        cubic: share that this cubic has alone, 0 to 1.
+        alone: largest share that a trial function of the kind has alone, 0 to 1.
         parameters: effective number of parameters, the search included.
     """
 
@@ -51,7 +53,14 @@ class _Choice:
     index: int
     smooth: bool
     share: float
+    cubic: float
+    alone: float
     parameters: float
+
+    @property
+    def mostly_smooth(self) -> bool:
+        """Whether a local shape is no more than a detail of the cubic beside it."""
+        return self.smooth and self.cubic > self.alone
 
 
 def describe(
@@ -99,29 +108,29 @@ def _candidates(trials: tuple[TrialFunctions, ...], parameters: np.ndarray, data
     ready = [orthonormalise(kind, flat) for kind in trials]
     smooth = next((i for i, kind in enumerate(trials) if kind.kind == "smooth"), None)
     for k, trial in enumerate(ready):
-        _add(choices, trial, k, data, np.zeros(data.shape[1]), parameters[k], smooth=False)
+        alone = trial.shares(data)
+        _add(choices, alone, k, np.zeros(data.shape[1]), alone.max(axis=0), parameters[k], smooth=False)
         if smooth is not None and trial.kind in LOCAL:
             base = ready[smooth].columns
-            rest = orthonormalise(trial, base)
-            taken = np.square(base.T @ data).sum(axis=0)
-            _add(choices, rest, k, data, taken, parameters[k] + 3.0, smooth=True)
+            added, taken = orthonormalise(trial, base).shares(data), np.square(base.T @ data).sum(axis=0)
+            _add(choices, added, k, taken, alone.max(axis=0), parameters[k] + 3.0, smooth=True)
     return choices
 
 
 def _add(
     choices: list[list[_Choice]],
-    trial: TrialFunctions,
+    share: np.ndarray,
     k: int,
-    data: np.ndarray,
     taken: np.ndarray,
+    alone: np.ndarray,
     parameters: float,
     *,
     smooth: bool,
 ) -> None:
-    share = trial.shares(data)
     best = share.argmax(axis=0)
     for i, row in enumerate(choices):
-        row.append(_Choice(k, int(best[i]), smooth, float(taken[i] + share[best[i], i]), float(parameters)))
+        both = float(taken[i] + share[best[i], i])
+        row.append(_Choice(k, int(best[i]), smooth, both, float(taken[i]), float(alone[i]), float(parameters)))
 
 
 def _choose(row: list[_Choice], effective_rows: float) -> _Choice:
@@ -178,14 +187,14 @@ def _finish(
     kind, share = trials[choice.kind], choice.share
     period, place, parameters = None, None, choice.parameters
     base = np.polynomial.legendre.legvander(_scaled(values), 3 if choice.smooth else 0)
-    if kind.kind == "period":
+    shape = "smooth" if choice.mostly_smooth or kind.kind in ("wavy", "bins") else kind.kind
+    if shape == "period":
         period, share, more = _period(base, residual, values, float(kind.low[choice.index]), effective_rows)
         parameters += more
-    elif kind.kind == "step":
+    elif shape == "step":
         place, share = _step(base, residual, values, float(kind.low[choice.index]))
-    elif kind.kind == "bump":
+    elif shape == "bump":
         place, share = _bump(base, residual, values, float(kind.low[choice.index]), float(kind.high[choice.index]))
-    shape = "smooth" if kind.kind in ("wavy", "bins") else kind.kind
     if second is not None:
         curve = binned_curve(second, np.sign(values - 1e-9) * residual)
     elif period is not None:
