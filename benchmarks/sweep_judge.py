@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from ptt.challenge.hide import faults_of
 from ptt.challenge.remeasure import remeasure
@@ -15,12 +14,10 @@ from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
 from ptt.rig.motion import travel_direction
-from ptt.rig.odd_schema import Odd
 
 GROUP = 3  # effects in a declared group, at most
 ALIKE = 0.9  # correlation with a true variable from which another says the same of this run
 WORSE = 0.25  # of the noise of one reading by which a compensated tool may miss by more than before
-ODD: TypeAdapter[Any] = TypeAdapter(Odd)
 # Parameters that a rig holds in the library's own form: effect -> parameter -> key of the rig and factor.
 SAME: dict[str, dict[str, tuple[str, float]]] = {
     "homing-offset": {"offset_mm": ("homing_mm", 1.0)},
@@ -52,6 +49,43 @@ SAME_OF_ARM: dict[str, dict[str, tuple[str, float]]] = {
     "axis-compliance": {"compliance_rad_per_nmm": ("compliance_nrad_per_nmm", 1e-9)},
     "tracker-scale": SAME["tracker-scale"],
 }
+# Effects of which a fault outside the library holds a share, so that to name them is not wrong.
+KIN: dict[str, tuple[str, ...]] = {
+    "warm-backlash": ("backlash",),
+    "cable-drag": ("backlash", "windup"),
+    "load-backlash": ("backlash",),
+    "stick-slip": ("backlash", "windup"),
+    "carriage-tip": ("backlash",),
+    "loaded-friction": ("backlash", "windup"),
+    "dress-pack": ("backlash", "windup"),
+    "loaded-play": ("backlash",),
+}
+# Variables that a diagnosis may put first, by kind of a fault outside the library; others follow their own slider's
+# height or joint's angle.
+ANYWHERE = "x y z q1 q2 q3 q4 q5 q6 q7"  # what a lever of gravity follows
+LEADS: dict[str, str] = {
+    "hose": "x y z",
+    "warm-backlash": "temperature time direction{leg}",  # warmth comes with time
+    "load-backlash": "payload direction{leg}",
+    "cross-coupling": "b{other}",
+    "cable-drag": "direction{leg} b{leg}",
+    "loose-joint": "x y",
+    "settling-table": "x y payload",
+    "motor-heat": "time temperature speed{leg}",
+    "stick-slip": "direction{leg} speed{leg}",  # short steps are slow ones
+    "slipping-coupling": "time direction{leg}",  # reversals so far show as time
+    "carriage-tip": "direction{leg} b{leg}",
+    "hardening-joint": f"payload {ANYWHERE}",
+    "loaded-friction": f"direction{{joint}} payload {ANYWHERE}",
+    "slipping-tool": "time temperature",
+    "rocking-base": f"payload {ANYWHERE}",
+    "dress-pack": "direction{joint} q{joint}",
+    "warm-joint": "temperature time",
+    "busy-joint": "time temperature speed{joint} q{joint}",
+    "coupled-joints": "q{other}",
+    "loaded-play": "payload direction{joint}",
+    "loss-at-reversal": "time direction{joint}",
+}
 
 
 def judge_names(named: Sequence[Sequence[str]], truth: Truth, drawn: DrawnRig) -> dict[str, Any]:
@@ -69,7 +103,7 @@ def judge_names(named: Sequence[Sequence[str]], truth: Truth, drawn: DrawnRig) -
     picks = list(dict.fromkeys(group[0] for group in named))
     must, may = {fault.name for fault in truth.faults if fault.counts}, set(truth.hidden)
     judgement = judge(picks, truth)
-    kin = {name for key in drawn.truth for name in faults_of(drawn.rig)[key].related}
+    kin = {name for key in drawn.truth for name in KIN.get(key, ())}
     words = {
         key: "kin" if word in ("wrong", "partial") and key.partition("[")[0] in kin else word
         for key, word in judgement.named.items()
@@ -131,9 +165,17 @@ def leading(depends_on: Sequence[Mapping[str, Any]], drawn: DrawnRig) -> dict[st
     odd = [key for key in drawn.truth if faults_of(drawn.rig)[key].section == "odd"]
     if not odd:
         return None
-    leads = ODD.validate_python(drawn.truth[odd[0]]).leads
+    leads = leads_of(drawn.truth[odd[0]])
     first = depends_on[0]["on"] if depends_on else None
     return {"on": first, "leads": list(leads), "right": first in leads, "near": near(first, leads, drawn)}
+
+
+def leads_of(fault: Mapping[str, Any]) -> tuple[str, ...]:
+    """Variables that a diagnosis may put first where a fault outside the library, as the rig's file states it, is."""
+    if "variables" in fault:  # warmth, or a memory of it, shows as warmth or as time
+        shown = {"memory": ("temperature", "time"), "temperature": ("temperature", "time")}
+        return tuple(dict.fromkeys(name for key in fault["variables"] for name in shown.get(key, (key,))))
+    return tuple(LEADS.get(fault["kind"], "b{leg}" if "leg" in fault else "q{joint}").format(**fault).split())
 
 
 def near(first: str | None, leads: Sequence[str], drawn: DrawnRig) -> bool:

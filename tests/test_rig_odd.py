@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from pydantic import TypeAdapter
 from scipy.spatial.transform import Rotation
+from sweep_judge import leads_of
 from test_rig_bench import MEASURED, bench, link_parts, slider_space, table, truth, volume
 
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
@@ -18,7 +18,7 @@ from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.draw_unseen import ALWAYS, BESIDES, describable
 from ptt.rig.nominal import ideal_machine
 from ptt.rig.odd_law import random_law, variable
-from ptt.rig.odd_schema import Odd, RandomLaw, Variable
+from ptt.rig.odd_schema import RandomLaw, Variable
 from ptt.rig.odd_state import RunState
 
 POSES = volume(80)
@@ -260,7 +260,6 @@ def test_there_are_enough_kinds_and_many_are_kept_unseen() -> None:
 
 @pytest.mark.parametrize("fault", ODD, ids=lambda fault: fault.name)
 def test_odd_faults_can_be_hidden_seen_written_and_taken_out(fault) -> None:
-    odd = TypeAdapter(Odd)
     for seed, protocol in enumerate(fault.protocols):
         sound = draw_foreign(seed, protocol, rows=150, noise="white")
         drawn = hide_faults(sound, [fault.name], seed)
@@ -269,7 +268,7 @@ def test_odd_faults_can_be_hidden_seen_written_and_taken_out(fault) -> None:
         assert clear_faults(drawn.rig, drawn.truth, [fault.name]) == sound.rig
         (hidden,) = find_truth(drawn, library()).faults
         assert hidden.size > 1e-4 and not hidden.known
-        leads = set(odd.validate_python(drawn.truth[fault.name]).leads)
+        leads = set(leads_of(drawn.truth[fault.name]))
         allowed = {*ALWAYS, *(name for names in BESIDES.values() for name in names)}
         assert leads and leads <= allowed
 

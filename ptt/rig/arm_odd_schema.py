@@ -9,22 +9,16 @@ from ptt.rig.schema import Section, Span, Triple
 
 Joint = Annotated[int, Field(ge=1, le=7)]
 Place = Literal["joint", "lean-x", "lean-y", "tool-x", "tool-y", "tool-z", "sight-x", "sight-y", "sight-z"]
-ANYWHERE = ("x", "y", "z", *(f"q{joint}" for joint in range(1, 8)))  # what a lever of gravity follows
 
 
 class OfArm(Section):
-    """A fault of an arm; `leads` names the variables that the residual depends on, as a diagnosis calls them."""
+    """A fault of an arm."""
 
 
 class OnJoint(OfArm):
-    """A fault of one joint, by default a function of its angle."""
+    """A fault of one joint."""
 
     joint: Joint
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Variables that a diagnosis may put first."""
-        return (f"q{self.joint}",)
 
 
 class HardeningJoint(OnJoint):
@@ -38,11 +32,6 @@ class HardeningJoint(OnJoint):
     half_nmm: PositiveFloat
     hand_kg: NonNegativeFloat = 0.0
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Where the load is, or how heavy."""
-        return ("payload", *ANYWHERE)
-
 
 class LoadedFriction(OnJoint):
     """A joint that stops short of where it goes, the more it is loaded: Coulomb friction by load."""
@@ -50,11 +39,6 @@ class LoadedFriction(OnJoint):
     kind: Literal["loaded-friction"]
     urad_per_nmm: float
     hand_kg: NonNegativeFloat = 0.0
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The direction, or the load that it works under."""
-        return (f"direction{self.joint}", "payload", *ANYWHERE)
 
 
 class DamagedTooth(OnJoint):
@@ -74,11 +58,6 @@ class SlippingTool(OfArm):
     shift_um: Triple
     share: Annotated[float, Field(ge=0, le=1)] = 0.5
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The time at which it slips."""
-        return ("time", "temperature")
-
 
 class RockingBase(OfArm):
     """A base that rocks on its bolts under the moment of the arm and what it carries, as springs would let it.
@@ -89,11 +68,6 @@ class RockingBase(OfArm):
     kind: Literal["rocking-base"]
     nrad_per_nmm: float
     moving_kg: NonNegativeFloat = 10.0
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Where the load is, or how heavy."""
-        return ("payload", *ANYWHERE)
 
 
 class WobblingAxis(OnJoint):
@@ -119,11 +93,6 @@ class DressPack(OnJoint):
             raise ValueError("low_rad and high_rad are the same")
         return self
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The direction, or what it is multiplied by."""
-        return (f"direction{self.joint}", f"q{self.joint}")
-
 
 class BeltResonance(OnJoint):
     """A belt that swings with its own period, no whole part of a turn."""
@@ -148,11 +117,6 @@ class WarmJoint(OnJoint):
     urad_per_k: float
     constant_s: NonNegativeFloat = 0.0
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Warmth, which comes with time."""
-        return ("temperature", "time")
-
 
 class BusyJoint(OnJoint):
     """A motor that warms its own joint: it moves with the heat of its work, which it keeps for long."""
@@ -160,11 +124,6 @@ class BusyJoint(OnJoint):
     kind: Literal["busy-joint"]
     urad_s_per_rad: float
     constant_s: PositiveFloat
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Work done lately, which shows as time."""
-        return ("time", "temperature", f"speed{self.joint}", f"q{self.joint}")
 
 
 class CoupledJoints(OnJoint):
@@ -176,11 +135,6 @@ class CoupledJoints(OnJoint):
     span_rad: PositiveFloat
     size_urad: float
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The other joint's angle."""
-        return (f"q{self.other}",)
-
 
 class LoadedPlay(OnJoint):
     """A gear whose preload the payload takes off: the gap opens in proportion above a load."""
@@ -189,22 +143,12 @@ class LoadedPlay(OnJoint):
     urad_per_kg: NonNegativeFloat
     opens_at_kg: NonNegativeFloat = 0.0
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The load, or the direction that it works on."""
-        return ("payload", f"direction{self.joint}")
-
 
 class LossAtReversal(OnJoint):
     """A coupling that loses a little at every reversal."""
 
     kind: Literal["loss-at-reversal"]
     urad_per_reversal: float
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Reversals so far, which show as time."""
-        return ("time", f"direction{self.joint}")
 
 
 class ArmLaw(OfArm):
@@ -230,9 +174,3 @@ class ArmLaw(OfArm):
         if (self.joint is None) == (self.place in ("joint", "lean-x", "lean-y")):
             raise ValueError("joint: faults of a joint and its axis have one, the others none")
         return self
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Its own variables; warmth or a memory of it shows as warmth or as time."""
-        shown = {"memory": ("temperature", "time"), "temperature": ("temperature", "time")}
-        return tuple(dict.fromkeys(name for key in self.variables for name in shown.get(key, (key,))))

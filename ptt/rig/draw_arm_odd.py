@@ -200,24 +200,18 @@ def _span(name: str, scene: ArmScene) -> list[float]:
 
 SHOWN: tuple[Fault, ...] = (
     Fault("hardening-joint", "odd", ("volume",), _one("hardening-joint", _hardening, loaded=True)),
-    Fault(
-        "loaded-friction",
-        "odd",
-        STATIC,
-        _one("loaded-friction", _friction, loaded=True),
-        related=("backlash", "windup"),
-    ),
+    Fault("loaded-friction", "odd", STATIC, _one("loaded-friction", _friction, loaded=True)),
     Fault("damaged-tooth", "odd", STATIC, _one("damaged-tooth", _tooth)),
     Fault("slipping-tool", "odd", STATIC, _holder),
     Fault("rocking-base", "odd", STATIC, _rocking),
     Fault("wobbling-axis", "odd", STATIC, _one("wobbling-axis", _wobble)),
-    Fault("dress-pack", "odd", STATIC, _one("dress-pack", _cables), related=("backlash", "windup")),
+    Fault("dress-pack", "odd", STATIC, _one("dress-pack", _cables)),
     Fault("belt-resonance", "odd", STATIC, _one("belt-resonance", _belt)),
     Fault("rounding-controller", "odd", STATIC, _one("rounding-controller", _counts)),
     Fault("warm-joint", "odd", ("warmup",), _one("warm-joint", _warm)),
     Fault("busy-joint", "odd", STATIC, _one("busy-joint", _busy)),
     Fault("coupled-joints", "odd", STATIC, _one("coupled-joints", _coupled)),
-    Fault("loaded-play", "odd", ("payload",), _one("loaded-play", _loose), related=("backlash",)),
+    Fault("loaded-play", "odd", ("payload",), _one("loaded-play", _loose)),
     Fault("loss-at-reversal", "odd", STATIC, _one("loss-at-reversal", _loss)),
 )
 ACTS, FORMS = ("joint", "lean", "tool", "sight"), ("smooth", "jumpy", "periodic")

@@ -55,7 +55,6 @@ class Fault:
         protocols: those that show it.
         draw: draws keys and values of the section.
         effect: the effect's name in the library, where it is not the fault's own.
-        related: effects of which a fault outside the library holds a share, so that to name them is not wrong.
         unseen: held back from the development of the diagnosis, to judge it by.
         exclusive: a name shared by faults of which a rig has only one: two names of one thing, or one spring.
     """
@@ -65,7 +64,6 @@ class Fault:
     protocols: tuple[Any, ...]
     draw: Draw
     effect: str = ""
-    related: tuple[str, ...] = ()
     unseen: bool = False
     exclusive: str = ""
 

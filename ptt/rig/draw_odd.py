@@ -79,7 +79,7 @@ UNKNOWN: tuple[Fault, ...] = (
     Fault("guide-damage", "odd", PATH_OR_VOLUME, _damage),
     Fault("roller-period", "odd", PATH_OR_VOLUME, _roller),
     Fault("hose", "odd", STATIC, _hose),
-    Fault("warm-backlash", "odd", ("warmup",), _warm, related=("backlash",)),
+    Fault("warm-backlash", "odd", ("warmup",), _warm),
 )
 
 
@@ -139,8 +139,8 @@ def _table(random: Random, scene: Scene) -> dict[str, Any]:
 SHOWN_FAULTS: tuple[Fault, ...] = (
     Fault("worn-spot", "odd", PATH_OR_VOLUME, _worn),
     Fault("cross-coupling", "odd", STATIC, _coupled),
-    Fault("cable-drag", "odd", PATH_OR_VOLUME, _cable, related=("backlash", "windup")),
-    Fault("load-backlash", "odd", ("payload",), _loaded_nut, related=("backlash",)),
+    Fault("cable-drag", "odd", PATH_OR_VOLUME, _cable),
+    Fault("load-backlash", "odd", ("payload",), _loaded_nut),
     Fault("loose-joint", "odd", STATIC, _rattle),
     Fault("settling-table", "odd", ("volume", "payload"), _table),
 )

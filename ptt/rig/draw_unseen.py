@@ -147,8 +147,8 @@ UNSEEN_FAULTS: tuple[Fault, ...] = (
     Fault("loose-clamp", "odd", STATIC, _clamp, unseen=True),
     Fault("motor-heat", "odd", ("volume", "speed"), _motor, unseen=True),
     Fault("scale-pitch", "odd", STATIC, _pitch, unseen=True),
-    Fault("stick-slip", "odd", PATH_OR_VOLUME, _stick, related=("backlash", "windup"), unseen=True),
+    Fault("stick-slip", "odd", PATH_OR_VOLUME, _stick, unseen=True),
     Fault("slipping-coupling", "odd", STATIC, _coupling, unseen=True),
-    Fault("carriage-tip", "odd", STATIC, _tip, related=("backlash",), unseen=True),
+    Fault("carriage-tip", "odd", STATIC, _tip, unseen=True),
     *LAWS,
 )

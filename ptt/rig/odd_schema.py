@@ -16,26 +16,9 @@ Variable = Literal[
 
 
 class OnLeg(Section):
-    """A fault of one slider, rail or link, by default a function of its slider's height.
-
-    `leads` names the variables that the residual depends on, as a diagnosis calls them.
-    """
+    """A fault of one slider, rail or link."""
 
     leg: Leg
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Variables that a diagnosis may put first."""
-        return (f"b{self.leg}",)
-
-
-class Reversing(OnLeg):
-    """A fault of one leg that changes its side with the direction of travel."""
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The direction, or what it is multiplied by."""
-        return (f"direction{self.leg}", f"b{self.leg}")
 
 
 class Splice(OnLeg):
@@ -84,11 +67,6 @@ class Hose(Section):
     free_length_mm: NonNegativeFloat = 0.0
     compliance_um_per_n: PerLeg = (0.2, 0.2, 0.2)
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Where the platform is."""
-        return ("x", "y", "z")
-
 
 class WarmBacklash(OnLeg):
     """A nut that loses its preload when warm: the gap opens in proportion above a temperature."""
@@ -97,11 +75,6 @@ class WarmBacklash(OnLeg):
     gap_um_per_k: NonNegativeFloat
     opens_at_c: float
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Warmth, which comes with time, or the direction that it works on."""
-        return ("temperature", "time", f"direction{self.leg}")
-
 
 class LoadBacklash(OnLeg):
     """A nut whose preload the payload takes off: the gap opens in proportion above a load."""
@@ -109,11 +82,6 @@ class LoadBacklash(OnLeg):
     kind: Literal["load-backlash"]
     gap_um_per_kg: NonNegativeFloat
     opens_at_kg: NonNegativeFloat = 0.0
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The load, or the direction that it works on."""
-        return ("payload", f"direction{self.leg}")
 
 
 class CrossCoupling(OnLeg):
@@ -125,13 +93,8 @@ class CrossCoupling(OnLeg):
     span_mm: PositiveFloat
     size_um: float
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The other slider's height."""
-        return (f"b{self.other}",)
 
-
-class CableDrag(Reversing):
+class CableDrag(OnLeg):
     """A cable chain that drags the more of it hangs on the slider: against the travel, growing from low to high."""
 
     kind: Literal["cable-drag"]
@@ -152,11 +115,6 @@ class LooseJoint(OnLeg):
     kind: Literal["loose-joint"]
     size_um: float
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Where the platform is, sideways."""
-        return ("x", "y")
-
 
 class SettlingTable(Section):
     """A table that tilts under the moment of what moves on it, about a pivot below the tool."""
@@ -165,11 +123,6 @@ class SettlingTable(Section):
     urad_per_kg_mm: float
     moving_kg: NonNegativeFloat = 10.0
     pivot_mm: PositiveFloat = 500.0
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Where the load is, or how heavy."""
-        return ("x", "y", "payload")
 
 
 class LooseClamp(OnLeg):
@@ -188,11 +141,6 @@ class MotorHeat(OnLeg):
     um_s_per_mm: float
     constant_s: PositiveFloat
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Work done lately, which shows as time."""
-        return ("time", "temperature", f"speed{self.leg}")
-
 
 class ScalePitch(OnLeg):
     """An encoder that interpolates badly within its pitch: a sawtooth over the height."""
@@ -210,11 +158,6 @@ class StickSlip(OnLeg):
     size_um: float
     step_mm: PositiveFloat
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """The direction, or how short the step was."""
-        return (f"direction{self.leg}", f"speed{self.leg}")
-
 
 class SlippingCoupling(OnLeg):
     """A coupling that loses a little at every reversal."""
@@ -222,13 +165,8 @@ class SlippingCoupling(OnLeg):
     kind: Literal["slipping-coupling"]
     um_per_reversal: float
 
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Reversals so far, which show as time."""
-        return ("time", f"direction{self.leg}")
 
-
-class CarriageTip(Reversing):
+class CarriageTip(OnLeg):
     """A carriage with play on its rail that tips over on reversal: sideways, half to either side."""
 
     kind: Literal["carriage-tip"]
@@ -256,12 +194,6 @@ class RandomLaw(Section):
         if (self.leg is None) == (self.place in ("along", "radial", "tangential", "link")):
             raise ValueError("leg: slider, rail and link faults have one, the others none")
         return self
-
-    @property
-    def leads(self) -> tuple[str, ...]:
-        """Its own variables; a memory of warmth shows as warmth or as time."""
-        shown = {"memory": ("temperature", "time"), "temperature": ("temperature", "time")}
-        return tuple(dict.fromkeys(name for key in self.variables for name in shown.get(key, (key,))))
 
 
 # Of a 3-PTT, and of an arm.
