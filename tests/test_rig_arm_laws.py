@@ -7,16 +7,19 @@ import pytest
 from test_rig_arm import crane, poses, reading
 from test_rig_arm_faults import law
 
-from ptt.rig.arm_odd import ArmState, arm_variable, shift_arm
+from ptt.rig.arm_odd import shift_arm
+from ptt.rig.odd_law import variable
+from ptt.rig.odd_state import ArmState
 
 
 def anywhere(rows: int, seed: int = 0) -> ArmState:
     random = np.random.default_rng(seed)
     return ArmState(
-        q=random.uniform(-1.0, 1.0, (rows, 3)),
+        joint=random.uniform(-1.0, 1.0, (rows, 3)),
         direction=random.choice([-1.0, 1.0], (rows, 3)),
         step=random.uniform(0.0, 1.0, (rows, 3)),
         reversals=np.zeros((rows, 3)),
+        speed=np.zeros((rows, 3)),
         lever=random.uniform(-5000.0, 5000.0, (rows, 3)),
         tool=random.uniform(-600.0, 600.0, (rows, 3)),
         down=np.array([0.0, 0.0, -1.0]),
@@ -34,8 +37,8 @@ def test_a_law_is_as_large_as_it_says_and_depends_on_its_variables_alone(form: s
         assert abs(value[:, 1].mean()) < 1.5 and value[:, 1].std() == pytest.approx(20.0, rel=0.08)
         np.testing.assert_array_equal(value[:, [0, 2]], 0.0)
     one, two = anywhere(300, 1), anywhere(300, 2)
-    here = np.column_stack([one.q[:, 0], two.q[:, 1:]])
-    same = ArmState(**{**vars(two), "q": here, "direction": one.direction})
+    here = np.column_stack([one.joint[:, 0], two.joint[:, 1:]])
+    same = ArmState(**{**vars(two), "joint": here, "direction": one.direction})
     first, second, third = (shift_arm([law(form=form)], each).joint for each in (one, same, two))
     np.testing.assert_array_equal(first, second)
     assert not np.allclose(first, third)
@@ -70,5 +73,5 @@ def test_a_memory_lags_behind_the_room() -> None:
     warm = {"time": np.array([0.0, 100.0, 200.0]), "temperature": np.array([20.0, 24.0, 24.0])}
     keep = np.exp(-100.0 / 150.0)
     first = 22.0 - 2.0 * keep
-    got = arm_variable("memory", ArmState(**{**vars(anywhere(3)), **warm}), 150.0)
+    got = variable("memory", ArmState(**{**vars(anywhere(3)), **warm}), 150.0)
     np.testing.assert_allclose(got, [20.0, first, 24.0 - (24.0 - first) * keep])

@@ -10,6 +10,7 @@ from ptt.rig.schema import Arm
 from ptt.rig.serial_arm import ArmFaults, ArmRig
 from ptt.rig.units import PPM, RAD_PER_MRAD, RAD_PER_NRAD, RAD_PER_URAD
 
+NUDGE = 1e-5  # rad, step of the numerical derivative of the tool's place
 SLACK = 1e-6  # rad: a limit in degrees, written in radians with six digits, is still within
 LINK = (("link_a_mm", 1.0), ("link_alpha_mrad", RAD_PER_MRAD), ("link_d_mm", 1.0), ("link_theta_mrad", RAD_PER_MRAD))
 
@@ -63,6 +64,21 @@ def tool_on_drawing(spec: SerialSpec, q: Array) -> Array:
     """Tool point of the drawing at joint commands (n, k) rad, (n, 3) mm in the base frame."""
     sound = ArmRig(spec, ArmFaults.none(len(spec.joint)), np.zeros(3), np.eye(4), 0.0)
     return sound.tool(sound.settle(q, np.zeros(len(q)), np.full(len(q), spec.reference_temp_c))[1])
+
+
+def tool_jacobian(spec: SerialSpec, q: Array) -> Array:
+    """Jacobian dp/dq of the drawing's tool point, by central differences.
+
+    Args:
+        spec: the drawing.
+        q: (n, k) rad.
+
+    Returns:
+        (n, 3, k) mm/rad, base frame.
+    """
+    steps = NUDGE * np.eye(q.shape[1])
+    sides = [tool_on_drawing(spec, q + step) - tool_on_drawing(spec, q - step) for step in steps]
+    return np.stack(sides, axis=-1) / (2.0 * NUDGE)
 
 
 def joint_limits(spec: SerialSpec) -> Array:

@@ -3,9 +3,9 @@
 from typing import Annotated, Literal
 
 import pydantic
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
-from ptt.rig.schema import Section, Span, Triple
+from ptt.rig.schema import Law, Section, Triple
 
 Joint = Annotated[int, Field(ge=1, le=7)]
 Place = Literal["joint", "lean-x", "lean-y", "tool-x", "tool-y", "tool-z", "sight-x", "sight-y", "sight-z"]
@@ -151,26 +151,16 @@ class LossAtReversal(OnJoint):
     urad_per_reversal: float
 
 
-class ArmLaw(OfArm):
-    """A random function, smooth, in steps or periodic, of variables scaled to -1 ... 1, that acts at a place.
-
-    Sizes are urad on a joint or where its axis leans, um on an axis of the tool's or of the base's frame.
-    """
+class ArmLaw(OfArm, Law):
+    """A random law that acts at a place: urad on a joint or where its axis leans, um on an axis of tool or base."""
 
     kind: Literal["arm-law"]
     place: Place
     joint: Joint | None = None
-    form: Literal["smooth", "jumpy", "periodic"]
-    variables: Annotated[tuple[str, ...], Field(min_length=1)]
-    span: tuple[Span, ...]
     size: float
-    law_seed: NonNegativeInt = 0
-    memory_s: PositiveFloat = 1200.0
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> "ArmLaw":
-        if len(self.span) != len(self.variables):
-            raise ValueError("span: give one pair for each variable")
         if (self.joint is None) == (self.place in ("joint", "lean-x", "lean-y")):
             raise ValueError("joint: faults of a joint and its axis have one, the others none")
         return self

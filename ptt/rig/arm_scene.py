@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ptt.machine import SerialSpec
-from ptt.rig.arm_faults import tool_on_drawing
-from ptt.rig.arm_state import tool_jacobian
+from ptt.rig.arm_faults import tool_jacobian, tool_on_drawing
 from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_faults import Random, log_uniform
 from ptt.rig.draw_noise import stated_sigma

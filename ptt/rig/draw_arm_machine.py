@@ -8,8 +8,7 @@ import numpy as np
 
 from ptt.machine import MachineFile, SerialSpec
 from ptt.machine_schema import BasePoint, TrackerSpec
-from ptt.rig.arm_faults import joint_limits
-from ptt.rig.arm_state import tool_jacobian
+from ptt.rig.arm_faults import joint_limits, tool_jacobian
 from ptt.rig.draw_arm import draw_masses
 from ptt.rig.draw_machine import Frame
 from ptt.rig.nominal import Array

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from ptt.machine import SerialSpec
-from ptt.rig.arm_faults import tool_on_drawing, within_limits
-from ptt.rig.arm_state import tool_jacobian
+from ptt.rig.arm_faults import tool_jacobian, tool_on_drawing, within_limits
 from ptt.rig.draw_arm_machine import ForeignArm, inverse_condition
 from ptt.rig.nominal import Array
 from ptt.rig.paths import Plan

@@ -8,7 +8,7 @@ from ptt.rig import odd
 from ptt.rig.legs import build_legs, guide_wander
 from ptt.rig.nominal import Array, Drawing
 from ptt.rig.odd_schema import Hose
-from ptt.rig.odd_state import RunState
+from ptt.rig.odd_state import SliderState
 from ptt.rig.platform import Pose, link_tension, solve_platform
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import Schedule
@@ -53,7 +53,7 @@ def load_platform(
     temperatures: Temperatures,
     slider: Array,
     tool: Array,
-    state: RunState,
+    state: SliderState,
 ) -> tuple[Pose, Array, Array]:
     """Solve the platform without load, let drives, links and joints yield to the load, and solve it again.
 
@@ -109,10 +109,10 @@ def _solve(
     slider: Array,
     stretch: Array,
     start: Array,
-    state: RunState,
+    state: SliderState,
 ) -> Pose:
     spec, thermal = rig.spec, rig.thermal
-    shifts = odd.odd_shifts(rig.odd, replace(state, slider=slider))
+    shifts = odd.odd_shifts(rig.odd, replace(state, joint=slider))
     height = slider + shifts.slider[..., 0]
     warm = PPM * (temperatures.frame - spec.reference_temp_c)
     legs = build_legs(

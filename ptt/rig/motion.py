@@ -1,4 +1,4 @@
-"""Motion of the sliders between the rows of a run: their path, directions and speeds."""
+"""Motion of sliders and joints between the rows of a run: their path, directions and speeds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ SHARP = 0.7  # cosine of the angle between two moves (45 degrees) below which th
 SAME_RATE = 0.05  # share by which the tool's speed may change between moves of one smooth motion
 ROUNDED = 0.2  # s: a controller rounds off corners after moves that are shorter
 TRANSIT = 16  # equal parts into which a straight move of the tool is divided
+LEAD_IN = 1.0  # rad of travel before the first row of an arm's run: more than play or wind-up of any joint take
 CLOSE = 1e-4  # share of a straight move over which its slope at an end, and its curvature at a turn, are taken
 
 
@@ -60,6 +61,24 @@ def run_path(drawing: Drawing, tool: Array, command: Array, run: Array, *, strai
     points[first, -2] = command[first] - lead_in * first_directions(points if straight else command[:, None], first)
     passed = np.arange(points.shape[1]) >= points.shape[1] - count[:, None]
     return Path(points[passed], np.repeat(np.arange(rows), count), np.cumsum(count) - 1)
+
+
+def joint_path(q: Array, run: Array | None = None) -> Path:
+    """Path of the joints of an arm through the rows, each led in to a run's first row like a slider.
+
+    Args:
+        q: (n, k) rad, commands in travel order; each joint moves monotonically between rows.
+        run: (n,) int, number of each row's run; None for a single one.
+
+    Returns:
+        The path.
+    """
+    rows = np.arange(len(q))
+    number = np.zeros(len(q), dtype=int) if run is None else run
+    first = np.flatnonzero(np.diff(number, prepend=number[:1] - 1))
+    before = q[first] - LEAD_IN * first_directions(q[:, None], first)
+    last = rows + np.cumsum(np.isin(rows, first))
+    return Path(np.insert(q, first, before, axis=0), np.insert(rows, first, first), last)
 
 
 def _straight_move(drawing: Drawing, tool: Array, command: Array) -> Callable[[Array], Array]:

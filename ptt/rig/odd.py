@@ -8,8 +8,7 @@ import numpy as np
 from ptt.rig import odd_schema as kinds
 from ptt.rig.nominal import Array
 from ptt.rig.odd_law import random_law
-from ptt.rig.odd_state import RunState
-from ptt.rig.thermal import lag
+from ptt.rig.odd_state import SliderState, heat_of_work
 from ptt.rig.units import MM_PER_UM, RAD_PER_URAD
 
 DIRECTIONS = ("along", "radial", "tangential")
@@ -33,7 +32,7 @@ class OddShifts:
     sight: Array
 
 
-def odd_shifts(odd: Sequence[kinds.Odd], state: RunState) -> OddShifts:
+def odd_shifts(odd: Sequence[kinds.Odd], state: SliderState) -> OddShifts:
     """Sum of the shifts by odd faults.
 
     Args:
@@ -51,7 +50,7 @@ def odd_shifts(odd: Sequence[kinds.Odd], state: RunState) -> OddShifts:
         if isinstance(fault, kinds.SettlingTable):
             total.tool[:] += _tilt(fault, state)
         elif isinstance(fault, kinds.RandomLaw):
-            _add(total, fault.place, fault.leg, random_law(fault, state))
+            _add(total, fault.place, fault.leg, fault.size_um * random_law(fault, state))
         elif isinstance(fault, kinds.OnLeg):
             place = "link" if isinstance(fault, kinds.LooseJoint) else getattr(fault, "direction", "along")
             _add(total, place, fault.leg, _profile(fault, state))
@@ -106,10 +105,10 @@ def _add(total: OddShifts, place: str, leg: int | None, size: Array) -> None:
         total.slider[:, leg - 1, DIRECTIONS.index(place)] += MM_PER_UM * size
 
 
-def _profile(fault: kinds.OnLeg, state: RunState) -> Array:
+def _profile(fault: kinds.OnLeg, state: SliderState) -> Array:
     """Size of a fault of one leg, (n,) um."""
     leg = fault.leg - 1
-    height = state.slider[:, leg]
+    height = state.joint[:, leg]
     match fault:
         case kinds.Splice():
             return np.where(height > fault.height_mm, fault.step_um, 0.0)
@@ -121,7 +120,7 @@ def _profile(fault: kinds.OnLeg, state: RunState) -> Array:
             part = np.clip((height - fault.height_mm) / fault.width_mm, -0.5, 0.5)
             return fault.size_um * 0.5 * (1.0 + np.cos(2.0 * np.pi * part))
         case kinds.CrossCoupling():
-            return -fault.size_um * ((state.slider[:, fault.other - 1] - fault.height_mm) / fault.span_mm) ** 2
+            return -fault.size_um * ((state.joint[:, fault.other - 1] - fault.height_mm) / fault.span_mm) ** 2
         case kinds.CableDrag():
             part = np.clip((height - fault.low_mm) / (fault.high_mm - fault.low_mm), 0.0, 1.0)
             return -fault.size_um * part * state.direction[:, leg]
@@ -135,15 +134,12 @@ def _profile(fault: kinds.OnLeg, state: RunState) -> Array:
             return _profile_of_history(fault, state)
 
 
-def _profile_of_history(fault: kinds.OnLeg, state: RunState) -> Array:
+def _profile_of_history(fault: kinds.OnLeg, state: SliderState) -> Array:
     """Size of a fault of one leg that depends on the travel so far, (n,) um."""
     leg = fault.leg - 1
     match fault:
         case kinds.MotorHeat():
-            interval = np.diff(state.time, prepend=0.0)
-            speed = state.step[:, leg] / np.maximum(interval, 1e-3)  # mean, mm/s
-            speed[0] = 0.0
-            return fault.um_s_per_mm * lag(speed[:, None], interval, fault.constant_s, 0.0)[:, 0]
+            return fault.um_s_per_mm * heat_of_work(state, leg, fault.constant_s)
         case kinds.StickSlip():
             return -fault.size_um * state.direction[:, leg] * np.exp(-state.step[:, leg] / fault.step_mm)
         case kinds.SlippingCoupling():
@@ -154,7 +150,7 @@ def _profile_of_history(fault: kinds.OnLeg, state: RunState) -> Array:
             raise AssertionError(f"no shift is defined for {type(fault).__name__}")
 
 
-def _tilt(fault: kinds.SettlingTable, state: RunState) -> Array:
+def _tilt(fault: kinds.SettlingTable, state: SliderState) -> Array:
     """Shift of the tool by a table that tilts about a pivot below it, towards the load, (n, 3) mm; first order."""
     mass = state.payload + state.platform + fault.moving_kg
     x, y, z = state.tool.T

@@ -1,13 +1,12 @@
 """Random laws: random functions of variables of a run."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from ptt.rig.nominal import Array
-from ptt.rig.odd_schema import RandomLaw
-from ptt.rig.odd_state import RunState
-from ptt.rig.thermal import lag
+from ptt.rig.odd_state import RunState, memory_of_warmth
+from ptt.rig.schema import Law
 
 WAVES = 8  # cosines in a smooth law: enough that it looks like a draw of a Gaussian process
 ROUGHNESS = (1.0, 3.0)  # rad over half of a variable's span: from a third of a wave to one wave over all of it
@@ -16,44 +15,31 @@ WAVES_A_SPAN = (1.5, 6.5)  # waves of a periodic law over all of a variable's sp
 SAMPLES = 4000  # random points that a law's mean and rms are taken over, to about two per cent
 
 
-def random_law(law: RandomLaw, state: RunState) -> Array:
-    """Values of a random law of a 3-PTT at every row.
+def random_law(law: Law, state: RunState) -> Array:
+    """Values of a random law at every row, for its size to be multiplied by.
 
     Args:
         law: form, variables, seed.
         state: the run.
 
     Returns:
-        (n,) um, of zero mean and root mean square `size_um` if the variables filled their spans evenly.
-    """
-    columns = [variable(name, state, law.memory_s) for name in law.variables]
-    return law.size_um * unit_law(law.form, law.law_seed, law.variables, scaled(columns, law.span))
-
-
-def unit_law(form: str, seed: int, variables: Sequence[str], at: Array) -> Array:
-    """A random function, normalised.
-
-    Args:
-        form: of FORMS.
-        seed: of the function.
-        variables: names; a direction takes the values -1 and 1 only.
-        at: (n, v), the variables with their spans at -1 ... 1.
-
-    Returns:
         (n,), of zero mean and root mean square 1 if the variables filled their spans evenly.
     """
-    anywhere = np.random.default_rng([seed, 202]).uniform(-1.0, 1.0, (SAMPLES, len(variables)))
-    sides = [number for number, name in enumerate(variables) if name.startswith("direction")]
+    spans = np.array(law.span)
+    values = np.column_stack([variable(name, state, law.memory_s) for name in law.variables])
+    at = (2.0 * values - spans.sum(axis=1)) / (spans[:, 1] - spans[:, 0])  # each span at -1 ... 1
+    anywhere = np.random.default_rng([law.law_seed, 202]).uniform(-1.0, 1.0, (SAMPLES, len(spans)))
+    sides = [number for number, name in enumerate(law.variables) if name.startswith("direction")]
     anywhere[:, sides] = np.sign(anywhere[:, sides])
-    usual = FORMS[form](anywhere, seed)
-    return np.asarray((FORMS[form](at, seed) - usual.mean()) / max(float(usual.std()), 1e-9))
+    usual = FORMS[law.form](anywhere, law.law_seed)
+    return np.asarray((FORMS[law.form](at, law.law_seed) - usual.mean()) / max(float(usual.std()), 1e-9))
 
 
 def variable(name: str, state: RunState, memory_s: float = 1200.0) -> Array:
     """A variable of a run that a law may depend on.
 
     Args:
-        name: as in RandomLaw.
+        name: b1.. or q1.., direction1.., speed1.., x, y, z, payload, temperature, memory (of the temperature) or time.
         state: the run.
         memory_s: s, time constant by which `memory` lags behind the temperature.
 
@@ -61,30 +47,15 @@ def variable(name: str, state: RunState, memory_s: float = 1200.0) -> Array:
         (n,), in the units of `RunState`; time as a share of the run, 0 to 1.
     """
     if name == "memory":
-        step = np.diff(state.time, prepend=0.0)
-        return lag(state.temperature[:, None], step, memory_s, float(state.temperature[0]))[:, 0]
-    if name in ("x", "y", "z"):
-        return state.tool[:, "xyz".index(name)]
+        return memory_of_warmth(state, memory_s)
     if name == "time":
         return state.time / max(float(state.time[-1]), 1e-9)
+    if name in ("x", "y", "z"):
+        return state.tool[:, "xyz".index(name)]
     if name in ("payload", "temperature"):
         return np.asarray(getattr(state, name))
-    columns = {"b": state.slider, "direction": state.direction, "speed": state.speed}
+    columns = {"b": state.joint, "q": state.joint, "direction": state.direction, "speed": state.speed}
     return np.asarray(columns[name[:-1]][:, int(name[-1]) - 1])
-
-
-def scaled(columns: Sequence[Array], span: Sequence[tuple[float, float]]) -> Array:
-    """Variables scaled so that their spans become -1 ... 1.
-
-    Args:
-        columns: (n,) each.
-        span: lower and upper end of each.
-
-    Returns:
-        (n, v).
-    """
-    spans = np.array(span)
-    return np.asarray((2.0 * np.column_stack(columns) - spans.sum(axis=1)) / (spans[:, 1] - spans[:, 0]))
 
 
 def _smooth(at: Array, seed: int) -> Array:

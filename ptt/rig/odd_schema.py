@@ -3,10 +3,10 @@
 from typing import Annotated, Literal
 
 import pydantic
-from pydantic import Field, NonNegativeFloat, NonNegativeInt, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from ptt.rig import arm_odd_schema as arm
-from ptt.rig.schema import Leg, PerLeg, Section, Span, Triple
+from ptt.rig.schema import Law, Leg, PerLeg, Section, Triple
 
 Place = Literal["along", "radial", "tangential", "link", "tool-x", "tool-y", "tool-z", "sight-x", "sight-y", "sight-z"]
 Variable = Literal[
@@ -174,23 +174,17 @@ class CarriageTip(OnLeg):
     direction: Literal["radial", "tangential"] = "tangential"
 
 
-class RandomLaw(Section):
-    """A random function, smooth or in steps, of variables scaled to -1 ... 1, that acts at a place."""
+class RandomLaw(Law):
+    """A random law that acts at a place."""
 
     kind: Literal["random-law"]
     place: Place
     leg: Leg | None = None
-    form: Literal["smooth", "jumpy"]
     variables: Annotated[tuple[Variable, ...], Field(min_length=1)]
-    span: tuple[Span, ...]
     size_um: float
-    law_seed: NonNegativeInt = 0
-    memory_s: PositiveFloat = 1200.0
 
     @pydantic.model_validator(mode="after")
     def _check(self) -> "RandomLaw":
-        if len(self.span) != len(self.variables):
-            raise ValueError("span: give one pair for each variable")
         if (self.leg is None) == (self.place in ("along", "radial", "tangential", "link")):
             raise ValueError("leg: slider, rail and link faults have one, the others none")
         return self

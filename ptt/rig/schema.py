@@ -1,7 +1,7 @@
 """Sections of a RIG.toml: conditions of a run and faults of the virtual machine; units are part of the keys."""
 
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -12,6 +12,7 @@ from pydantic import (
     NonNegativeFloat,
     NonNegativeInt,
     PositiveFloat,
+    model_validator,
 )
 
 Triple = tuple[float, float, float]
@@ -50,6 +51,22 @@ class Section(BaseModel):
     """A table of the file: frozen, no unknown keys, finite numbers."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Law(Section):
+    """A random function, smooth, in steps or periodic, of variables scaled to -1 ... 1."""
+
+    form: Literal["smooth", "jumpy", "periodic"]
+    variables: Annotated[tuple[str, ...], Field(min_length=1)]
+    span: tuple[Span, ...]
+    law_seed: NonNegativeInt = 0
+    memory_s: PositiveFloat = 1200.0
+
+    @model_validator(mode="after")
+    def _check_spans(self) -> Self:
+        if len(self.span) != len(self.variables):
+            raise ValueError("span: give one pair for each variable")
+        return self
 
 
 class Room(Section):

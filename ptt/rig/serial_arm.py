@@ -7,8 +7,7 @@ import numpy as np
 
 from ptt.machine import SerialSpec
 from ptt.rig import drive
-from ptt.rig.arm_travel import arm_path
-from ptt.rig.motion import travel_direction
+from ptt.rig.motion import joint_path, travel_direction
 from ptt.rig.nominal import Array
 from ptt.rig.screws import screw, shifted, turned
 from ptt.rig.units import GRAVITY
@@ -156,7 +155,7 @@ class ArmRig:
 
     def _driven(self, q: Array, gap: Array, run: Array | None) -> Array:
         """Joint values without load, (n, k) rad: compensation, play, wind-up, harmonics and scale."""
-        faults, path = self.faults, arm_path(q, run)
+        faults, path = self.faults, joint_path(q, run)
         harmonic = np.arange(1, faults.wobble.shape[1] + 1)
         phase = q[..., None] * harmonic
         uneven = (np.cos(phase) * faults.wobble[..., 0] + np.sin(phase) * faults.wobble[..., 1]).sum(axis=-1)

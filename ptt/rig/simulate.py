@@ -13,10 +13,9 @@ from ptt.rig import motion, odd, tracker
 from ptt.rig.actuate import drive_sliders, run_temperatures
 from ptt.rig.arm_faults import arm_faults, slipped, tool_on_drawing, within_limits
 from ptt.rig.arm_odd import shift_arm
-from ptt.rig.arm_state import state_of_arm
 from ptt.rig.loaded import load_platform, nominal_tool
 from ptt.rig.nominal import Array, Drawing, ideal_machine, nominal_sliders
-from ptt.rig.odd_state import state_of_run
+from ptt.rig.odd_state import state_of_arm, state_of_run
 from ptt.rig.platform import reflector_shift, small_rotation
 from ptt.rig.rig import Rig
 from ptt.rig.schedule import HOLD, TARGET, Schedule, plan_rows, reading_times
@@ -101,7 +100,7 @@ def simulate(
         drawing, path, schedule, temperatures, slider=slider, tool=tool, speed=speed, time=time, platform=mass
     )
     pose, slider, force = load_platform(rig, drawing, schedule, temperatures, slider, tool, state)
-    shifts = odd.odd_shifts(rig.odd, replace(state, slider=slider))
+    shifts = odd.odd_shifts(rig.odd, replace(state, joint=slider))
     truth = pose.position + reflector_shift(pose, np.asarray(rig.spec.reflector_mm)) + shifts.tool
     truth = _with_base(rig, schedule, truth, exact=not noise)
     reading = tracker.read_points(
