@@ -10,6 +10,7 @@ import pandas as pd
 from ptt.errors import InputError, WorkspaceError
 from ptt.machine import MachineFile
 from ptt.rig.draw_faults import KNOWN, Fault, Scene
+from ptt.rig.draw_noise import STATION_DISTANCE, station
 from ptt.rig.draw_odd import UNKNOWN
 from ptt.rig.nominal import Array, Drawing, can_reach, ideal_machine
 from ptt.rig.rig import Rig
@@ -167,10 +168,8 @@ def _measure(protocol: Protocol, drawing: Drawing, rows: int, seed: int) -> tupl
 
 def _frame(random: np.random.Generator) -> dict[str, Any]:
     """Station and frame of the tracker, keys of [tracker]."""
-    angle = random.uniform(0.0, 2.0 * np.pi)
-    place = [3000.0 * np.cos(angle), 3000.0 * np.sin(angle), random.uniform(0.0, 600.0)]
     return {
-        "station_mm": np.round(place, 1).tolist(),
+        "station_mm": station(random.uniform(0.0, 2.0 * np.pi), STATION_DISTANCE, random.uniform(0.0, 600.0)),
         "translation_mm": np.round(random.uniform(-0.5, 0.5, 3), 4).tolist(),
         "rotation_mrad": np.round(random.uniform(-0.5, 0.5, 3), 4).tolist(),
     }

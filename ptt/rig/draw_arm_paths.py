@@ -9,7 +9,7 @@ from ptt.machine import SerialSpec
 from ptt.rig.arm_faults import tool_jacobian, tool_on_drawing, within_limits
 from ptt.rig.draw_arm_machine import ForeignArm, inverse_condition
 from ptt.rig.nominal import Array
-from ptt.rig.paths import Plan
+from ptt.rig.paths import Plan, make_raster, repeat_poses
 
 Random = np.random.Generator
 DIGITS = 6  # of a command in rad: a microradian
@@ -40,10 +40,7 @@ def draw_arm_plan(seed: int, arm: ForeignArm, rows: int, path: str | None = None
     form = drawn_form if path in ("cloud", "lines", "raster") else VISITS[path]
     times = int(random.integers(2, 5)) if form in FORMS else 1
     table = PATHS[path](random, arm, max(rows // times, 10))
-    if form in ("consecutive", "shuffled"):
-        order = np.repeat(np.arange(len(table)), times)
-        table = table.iloc[random.permutation(order) if form == "shuffled" else order].reset_index(drop=True)
-    return Plan(table, times if form == "cycles" else 1, path, form)
+    return Plan(repeat_poses(table, form, times, random), times if form == "cycles" else 1, path, form)
 
 
 def inverse(spec: SerialSpec, start: Array, goal: Array) -> Array:
@@ -102,17 +99,10 @@ def _cube(random: Random, arm: ForeignArm, rows: int) -> pd.DataFrame:
 def _raster(random: Random, arm: ForeignArm, rows: int) -> pd.DataFrame:
     """A plane or two, line by line, to and fro or all one way."""
     heights = int(random.integers(1, 3))
-    lines = max(int(np.sqrt(rows / heights)), 2)
-    across = -(-rows // (heights * lines))
-    turns = random.random() < 0.5
-    places = []
-    for z in np.linspace(-0.5, 0.5, heights) if heights > 1 else (0.0,):
-        for number, y in enumerate(np.linspace(-1.0, 1.0, lines)):
-            x = np.linspace(-1.0, 1.0, across) * (-1.0 if turns and number % 2 else 1.0)
-            places.append(np.column_stack([x, np.full(across, y), np.full(across, z)]))
+    places = make_raster(rows, np.linspace(-0.5, 0.5, heights) if heights > 1 else np.zeros(1), random)
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     half = random.uniform(0.08, 0.25) * arm.reach_mm
-    return _table(_figure(random, arm, half * np.concatenate(places)[:rows] @ axes.T))
+    return _table(_figure(random, arm, half * places @ axes.T))
 
 
 def _lines(random: Random, arm: ForeignArm, rows: int) -> pd.DataFrame:

@@ -10,8 +10,8 @@ from ptt.machine import MachineFile, ThreePttSpec
 from ptt.machine_schema import TrackerSpec
 from ptt.rig.draw import DrawnRig, Protocol
 from ptt.rig.draw_machine import Foreign, draw_machine_file
-from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
-from ptt.rig.nominal import Array, ideal_machine
+from ptt.rig.draw_noise import NOISES, STATION_DISTANCE, draw_noise, stated_sigma, station
+from ptt.rig.nominal import ideal_machine
 from ptt.rig.paths import PER_TURN, SMOOTH, draw_plan
 from ptt.rig.rig_file import parse_rig
 
@@ -19,7 +19,6 @@ Random = np.random.Generator
 ROWS = (24, 600)
 LONG, LONGEST = 0.05, 2000  # share of runs that are longer, and how long they get
 STATIC = ("payload_kg", "temp_c", "feed_mm_s")  # columns that say nothing where nothing of the kind changes
-STATION_DISTANCE = 3000.0  # mm, where the tracker stands unless its noise says otherwise
 
 
 def draw_foreign(
@@ -65,7 +64,7 @@ def draw_foreign(
     per_run = foreign.file.tracker.frame == "fitted-per-run"
     conditions["run_per_cycle"] = per_run
     values = draw_noise(kind, seed)
-    tracker = {**_set_up(random, foreign.file), **values}
+    tracker = {**draw_set_up(random, foreign.file, shift_mm=2.0, turn_mrad=(2.0, 2.0, 2.0)), **values}
     datum = int(random.integers(10, 30)) * int(random.random() < 0.3)
     tracker["datum_every"] = 0 if moving else datum  # nobody breaks off a smooth run
     told = random.random() < 0.5
@@ -95,8 +94,11 @@ def _loads(random: Random) -> tuple[int, dict[str, Any]]:
 
 
 def _warming(random: Random) -> tuple[int, dict[str, Any]]:
-    rise = float(np.round(random.uniform(4.0, 10.0) * random.choice([-1.0, 1.0, 1.0]), 2))
-    room = {"start_c": 20.0, "rise_k": rise, "time_constant_s": float(random.uniform(2000.0, 6000.0))}
+    room = {
+        "start_c": 20.0,
+        "rise_k": draw_rise(random),
+        "time_constant_s": float(random.uniform(2000.0, 6000.0)),
+    }
     return int(random.integers(3, 6)), {"room": room, "pause_s": float(random.uniform(600.0, 2400.0))}
 
 
@@ -114,16 +116,23 @@ CONDITIONS: dict[Protocol, Callable[[Random], tuple[int, dict[str, Any]]]] = {
 }
 
 
-def _set_up(random: Random, file: MachineFile) -> dict[str, Any]:
-    """Where the tracker stands, and how its frame lies: where the file trusts it, exactly as it says."""
-    angle = random.uniform(0.0, 2.0 * np.pi)
-    place: Array = np.array(
-        [STATION_DISTANCE * np.cos(angle), STATION_DISTANCE * np.sin(angle), random.uniform(0.0, 800.0)]
-    )
-    shift, turn = random.uniform(-2.0, 2.0, 3), random.uniform(-2.0, 2.0, 3)
-    values: dict[str, Any] = {"station_mm": np.round(place, 1).tolist()}
+def draw_rise(random: Random) -> float:
+    """By how much a room warms up during a run, or, once in three, cools down, K."""
+    return float(np.round(random.uniform(4.0, 10.0) * random.choice([-1.0, 1.0, 1.0]), 2))
+
+
+def draw_set_up(
+    random: Random, file: MachineFile, *, shift_mm: float, turn_mrad: tuple[float, ...], digits: int = 4
+) -> dict[str, Any]:
+    """Keys of [tracker]: where it stands, and how its frame lies within greatest shifts and turns of each axis.
+
+    Where the file trusts the frame, it lies exactly as it says.
+    """
+    place = station(random.uniform(0.0, 2.0 * np.pi), STATION_DISTANCE, random.uniform(0.0, 800.0))
+    shift, turn = random.uniform(-shift_mm, shift_mm, 3), random.uniform(-np.array(turn_mrad), turn_mrad)
+    values: dict[str, Any] = {"station_mm": place}
     if file.tracker.frame != "trusted":
-        values |= {"translation_mm": np.round(shift, 4).tolist(), "rotation_mrad": np.round(turn, 4).tolist()}
+        values |= {"translation_mm": np.round(shift, digits).tolist(), "rotation_mrad": np.round(turn, 4).tolist()}
     if file.tracker.frame == "fitted-per-run":
         values |= {"frame_scatter_mm": 0.3, "frame_scatter_mrad": 0.3}
     return values

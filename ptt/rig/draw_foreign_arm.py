@@ -11,7 +11,7 @@ from ptt.machine import MachineFile, format_machine
 from ptt.rig.draw import DrawnRig, Protocol
 from ptt.rig.draw_arm_machine import ForeignArm, draw_arm_file
 from ptt.rig.draw_arm_paths import draw_arm_plan
-from ptt.rig.draw_foreign import STATIC, state_noise
+from ptt.rig.draw_foreign import STATIC, draw_rise, draw_set_up, state_noise
 from ptt.rig.draw_noise import NOISES, draw_noise, stated_sigma
 from ptt.rig.rig_file import parse_rig
 from ptt.rig.schedule import TARGET
@@ -22,6 +22,7 @@ LOUDER = (1.0, 6.0)  # times a bench: longer ways, warmer air, a nest set by han
 LENGTHS = ("white_mm", "outlier_mm", "axis_um", "quantum_um", "wander_um", "radial_um", "sideways_um_per_m")
 ARM_PROTOCOLS: tuple[Protocol, ...] = ("volume", "payload", "warmup")
 KG_A_METRE = 8.0  # what an arm carries at the most, by its reach
+TURN_MRAD = (20.0, 20.0, 3000.0)  # greatest turns of the tracker's frame: any way about the upright
 MOUNT_MM = 40.0  # reflector beside the tool point, where its mount is fitted
 UNWANTED = 0.25  # share of runs in which nobody wrote down where the tool was wanted
 
@@ -58,7 +59,7 @@ def draw_foreign_arm(
     per_run = "fitted-per-run" in (arm.file.tracker.frame, arm.file.tracker.tool)
     conditions |= {"dwell_s": dwell, "feed_mm_s": float(random.choice([100.0, 250.0])), "cycles": plan.cycles}
     values = _louder(draw_noise(kind, seed), float(np.exp(random.uniform(*np.log(LOUDER)))))
-    tracker = {**_set_up(random, arm), **values}
+    tracker = {**draw_set_up(random, arm.file, shift_mm=3000.0, turn_mrad=TURN_MRAD, digits=3), **values}
     tracker["station_mm"] = _farther(tracker["station_mm"], arm.reach_mm)
     told = random.random() < 0.5
     sigma = stated_sigma(values, float(np.linalg.norm(tracker["station_mm"]))) * random.uniform(0.8, 1.25)
@@ -96,9 +97,8 @@ def _loads(random: Random, arm: ForeignArm, targets: pd.DataFrame, cycles: int, 
 
 
 def _warming(random: Random, arm: ForeignArm, targets: pd.DataFrame, cycles: int, lasts: float) -> Made:
-    rise = float(np.round(random.uniform(4.0, 10.0) * random.choice([-1.0, 1.0, 1.0]), 2))
-    start = arm.file.machine.reference_temp_c
-    return {"room": {"start_c": start, "rise_k": rise, "time_constant_s": lasts * random.uniform(0.2, 0.6)}}, targets
+    room = {"start_c": arm.file.machine.reference_temp_c, "rise_k": draw_rise(random)}
+    return {"room": room | {"time_constant_s": lasts * random.uniform(0.2, 0.6)}}, targets
 
 
 CONDITIONS: dict[str, Callable[[Random, ForeignArm, pd.DataFrame, int, float], Made]] = {
@@ -111,20 +111,6 @@ CONDITIONS: dict[str, Callable[[Random, ForeignArm, pd.DataFrame, int, float], M
 def _louder(values: dict[str, Any], times: float) -> dict[str, Any]:
     """Noise whose lengths are multiplied by a factor."""
     return {key: (np.asarray(value) * times).tolist() if key in LENGTHS else value for key, value in values.items()}
-
-
-def _set_up(random: Random, arm: ForeignArm) -> dict[str, Any]:
-    """Where the tracker stands, and how its frame lies: turned any way about the upright where it is not trusted."""
-    angle = random.uniform(0.0, 2.0 * np.pi)
-    place = np.array([3000.0 * np.cos(angle), 3000.0 * np.sin(angle), random.uniform(0.0, 800.0)])
-    shift, lean, turn = random.uniform(-3000.0, 3000.0, 3), random.uniform(-20.0, 20.0, 2), random.uniform(-3000, 3000)
-    values: dict[str, Any] = {"station_mm": np.round(place, 1).tolist()}
-    if arm.file.tracker.frame != "trusted":
-        turned = np.round([*lean, turn], 4).tolist()
-        values |= {"translation_mm": np.round(shift, 3).tolist(), "rotation_mrad": turned}
-    if arm.file.tracker.frame == "fitted-per-run":
-        values |= {"frame_scatter_mm": 0.3, "frame_scatter_mrad": 0.3}
-    return values
 
 
 def _farther(station: list[float], reach: float) -> list[float]:

@@ -8,6 +8,7 @@ import numpy as np
 from ptt.rig.draw_faults import log_uniform
 
 Random = np.random.Generator
+STATION_DISTANCE = 3000.0  # mm, where the tracker stands unless its noise says otherwise
 
 
 def draw_noise(kind: str, seed: int) -> dict[str, Any]:
@@ -45,6 +46,11 @@ def stated_sigma(values: dict[str, Any], distance: float) -> float:
     return float(1e-3 * np.sqrt(white**2 + axes))
 
 
+def station(angle: float, away: float, height: float) -> list[float]:
+    """Where a tracker stands at a polar angle (rad), so far away and so high (mm), to 0.1 mm."""
+    return np.round([away * np.cos(angle), away * np.sin(angle), height], 1).tolist()
+
+
 def _white(random: Random) -> dict[str, Any]:
     return {"white_mm": log_uniform(random, 0.0015, 0.007)}
 
@@ -56,9 +62,8 @@ def _heavy(random: Random) -> dict[str, Any]:
 def _range(random: Random) -> dict[str, Any]:
     """A tracker so near that its distance, and with it the noise, changes much over the workspace."""
     angle, away = random.uniform(0.0, 2.0 * np.pi), random.uniform(700.0, 1500.0)
-    station = [away * np.cos(angle), away * np.sin(angle), random.uniform(0.0, 400.0)]
     return {
-        "station_mm": np.round(station, 1).tolist(),
+        "station_mm": station(angle, away, random.uniform(0.0, 400.0)),
         "radial_um": float(random.uniform(0.5, 2.0)),
         "sideways_um_per_m": log_uniform(random, 2.0, 6.0),
     }
@@ -67,9 +72,8 @@ def _range(random: Random) -> dict[str, Any]:
 def _anisotropic(random: Random) -> dict[str, Any]:
     """Little noise along the beam, much across it."""
     angle, away = random.uniform(0.0, 2.0 * np.pi), random.uniform(2500.0, 6000.0)
-    station = [away * np.cos(angle), away * np.sin(angle), random.uniform(0.0, 1500.0)]
     return {
-        "station_mm": np.round(station, 1).tolist(),
+        "station_mm": station(angle, away, random.uniform(0.0, 1500.0)),
         "radial_um": float(random.uniform(0.4, 1.0)),
         "sideways_um_per_m": log_uniform(random, 0.6, 1.6),
     }

@@ -67,8 +67,9 @@ def draw_plan(
         table = _one_way(drawing, random, count, half_size)
     else:
         table = as_targets(make_path(path, count, half_size, random, smooth=smooth))
-    table = _repeat(table, repeats, times, random, whole=path in ("volume", "one-way"))
-    cycled = repeats in ("cycles", "nine") or (path in ("volume", "one-way") and repeats != "none")
+    whole = path in ("volume", "one-way")  # their order matters: they are only cycled
+    table = table if whole else repeat_poses(table, repeats, times, random)
+    cycled = repeats in ("cycles", "nine") or (whole and repeats != "none")
     return Plan(table, times if cycled else 1, path, repeats)
 
 
@@ -94,19 +95,22 @@ def _cloud(rows: int, random: Random) -> Array:
     return random.uniform(-1.0, 1.0, (rows, 3))
 
 
-def _raster(rows: int, random: Random) -> Array:
-    """Lines on two to four heights, back and forth or all in one direction."""
-    heights = int(random.integers(2, 5))
-    lines = max(int(np.sqrt(rows / heights)), 2)
-    across = -(-rows // (heights * lines))
+def make_raster(rows: int, heights: Array, random: Random) -> Array:
+    """Lines on heights (h,), back and forth or all in one direction, (rows, 3), x and y within -1 ... 1."""
+    lines = max(int(np.sqrt(rows / len(heights))), 2)
+    across = -(-rows // (len(heights) * lines))
     serpentine = random.random() < 0.5
     poses = []
-    for z in np.linspace(-1.0, 1.0, heights):
+    for z in heights:
         for number, y in enumerate(np.linspace(-1.0, 1.0, lines)):
             x = np.linspace(-1.0, 1.0, across) if across > 1 else np.zeros(1)
             x = x[::-1] if serpentine and number % 2 else x
             poses.append(np.column_stack([x, np.full(across, y), np.full(across, z)]))
     return np.concatenate(poses)[:rows]
+
+
+def _raster(rows: int, random: Random) -> Array:
+    return make_raster(rows, np.linspace(-1.0, 1.0, int(random.integers(2, 5))), random)
 
 
 def _round(angle: Array, radius: Array | float, height: Array | float) -> Array:
@@ -184,9 +188,9 @@ def _one_way(drawing: Drawing, random: Random, count: int, half_size: Array) -> 
     return table
 
 
-def _repeat(table: pd.DataFrame, form: str, times: int, random: Random, *, whole: bool) -> pd.DataFrame:
-    """Poses repeated one after another or in random order; paths whose order matters are only cycled as a `whole`."""
-    if whole or form not in ("consecutive", "shuffled"):
+def repeat_poses(table: pd.DataFrame, form: str, times: int, random: Random) -> pd.DataFrame:
+    """Targets, each repeated some times one after another (form "consecutive") or in random order ("shuffled")."""
+    if form not in ("consecutive", "shuffled"):
         return table
     order = np.repeat(np.arange(len(table)), times)
     return table.iloc[random.permutation(order) if form == "shuffled" else order].reset_index(drop=True)
