@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.effects import library
 from ptt.effects.layout import linear_size
 from ptt.fitting.linear import usual_sizes
@@ -32,15 +33,6 @@ from ptt.run.reading import read_table
 WHITE = 0.004  # mm, of one coordinate: white noise, as the standard errors assume
 ROWS = 300
 SEEN_AT_ALL = 0.02  # variance, in usual sizes, below which a projected parameter has nothing left to compare
-OWN = {  # what the drawn rigs do not hide by themselves
-    "tracker-scale": lambda random: {"tracker": {"scale_ppm": float(random.uniform(-60, 60))}},
-    "joint-offset": lambda random: {
-        "geometry": {
-            "joint_offset_rail_mm": random.uniform(-0.1, 0.1, 3).tolist(),
-            "joint_offset_slider_mm": random.uniform(-0.1, 0.1, 3).tolist(),
-        }
-    },
-}
 
 
 @dataclass(frozen=True)
@@ -71,24 +63,11 @@ def machine() -> MachineFile:
 
 def draw(name: str, seed: int, file: MachineFile) -> Draw:
     """Hide one effect in a rig and run it with white noise."""
-    random = np.random.default_rng([seed, 77])
-    if name in OWN:
-        drawn = draw_rig("none", seed, file, "volume", rows=ROWS)
-        hidden = OWN[name](random)
-        rig = _with(drawn.rig, hidden)
-        truth = next(iter(hidden.values()))
-    else:
-        drawn = draw_rig("single", seed, file, rows=ROWS, fault=name)
-        rig, truth = drawn.rig, drawn.truth[name]
-    quiet = rig.tracker.model_copy(update={"white_mm": WHITE, "wander_um": 0.0, "outlier_share": 0.0})
-    rig = replace(rig, tracker=quiet)
-    return Draw(rig, simulate(rig, drawn.targets), truth)
-
-
-def _with(rig: Rig, settings: dict[str, dict[str, Any]]) -> Rig:
-    """The rig with more faults."""
-    changed = {name: getattr(rig, name).model_copy(update=values) for name, values in settings.items()}
-    return replace(rig, **changed)
+    protocols = FAULTS[name].protocols
+    drawn = hide_faults(draw_rig(seed, file, protocols[seed % len(protocols)], rows=ROWS), [name], seed)
+    quiet = drawn.rig.tracker.model_copy(update={"white_mm": WHITE, "wander_um": 0.0, "outlier_share": 0.0})
+    rig = replace(drawn.rig, tracker=quiet)
+    return Draw(rig, simulate(rig, drawn.targets), drawn.truth[name])
 
 
 def score(name: str, seed: int, file: MachineFile, folder: Path) -> Score:

@@ -9,7 +9,7 @@ import numpy as np
 from ptt.machine import MachineFile
 from ptt.rig.draw_faults import KNOWN, Scene
 from ptt.rig.draw_foreign import draw_foreign
-from ptt.rig.draw_odd import UNKNOWN
+from ptt.rig.draw_odd import SHOWN_FAULTS
 from ptt.rig.nominal import ideal_machine
 from ptt.rig.rig import Rig
 from ptt.rig.rig_file import parse_rig
@@ -45,7 +45,7 @@ def draw_run(seed: int, faults: int = 1, rows: int | None = None) -> tuple[Machi
 
 def _harm(rig: Rig, protocol: str, random: Random, half_size: np.ndarray) -> Rig:
     """One fault more, of the library or of none, up to 1 mm."""
-    kinds = (UNKNOWN, KNOWN) if random.random() < 0.3 else (KNOWN,)
+    kinds = (SHOWN_FAULTS, KNOWN) if random.random() < 0.3 else (KNOWN,)
     fits = next(found for kind in kinds if (found := [item for item in kind if protocol in item.protocols]))
     item = fits[int(random.integers(len(fits)))]
     values = item.draw(random, Scene(ideal_machine(rig.spec), rig.spec, half_size))

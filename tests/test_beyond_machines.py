@@ -21,7 +21,7 @@ MACHINE = bench_machine()
 
 def leaning(mrad: float) -> Problem:
     """Readings of a machine with one tower that leans."""
-    drawn = draw_rig("none", 4, MACHINE, "volume", rows=120)
+    drawn = draw_rig(4, MACHINE, "volume", rows=120)
     geometry = drawn.rig.geometry.model_copy(update={"lean_radial_mrad": (mrad, 0.0, 0.0)})
     rig = replace(drawn.rig, geometry=geometry)
     return build_problem(MACHINE, table_of(simulate(rig, drawn.targets).frame, drawn.absent))
@@ -72,7 +72,7 @@ def test_what_is_found_instead_is_asked_the_same(barred: list[frozenset[str]], m
 
 @pytest.mark.parametrize(("share", "against"), [(2.5e-4, False), (4e-4, True), (-4e-4, True)])
 def test_a_tracker_that_leaves_out_the_air_reads_three_tenths_of_a_mm_too_long_at_the_most(share, against) -> None:
-    drawn = draw_rig("none", 4, MACHINE, "volume", rows=120)
+    drawn = draw_rig(4, MACHINE, "volume", rows=120)
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     longer = replace(problem, measured=problem.measured * (1.0 + share))
     found = find(Model(MACHINE), longer, library(), lambda what: None)
@@ -83,7 +83,7 @@ def test_a_tracker_that_leaves_out_the_air_reads_three_tenths_of_a_mm_too_long_a
 
 def test_friction_takes_no_more_than_half_the_travel_that_it_takes() -> None:
     """Play of millimetres is no wind-up over as few, which would say much the same."""
-    drawn = draw_rig("none", 4, MACHINE, "volume", rows=120)
+    drawn = draw_rig(4, MACHINE, "volume", rows=120)
     drive = drawn.rig.drive.model_copy(update={"backlash_mm": (6.0, 4.0, 5.0)})
     rig = replace(drawn.rig, drive=drive)
     found = found_in(build_problem(MACHINE, table_of(simulate(rig, drawn.targets).frame, drawn.absent)))

@@ -6,8 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import (
     LEVELS,
     bench,
@@ -29,7 +31,6 @@ from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
-from ptt.rig.draw_serial import ARM_LEVELS, draw_serial
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 
@@ -39,7 +40,7 @@ FILES = ("machine.toml", "run.csv", "targets.csv", "sealed.json")
 
 
 def drawn_with(*names: str, seed: int = 1, protocol="volume", rows: int = 160):
-    return hide_faults(draw_rig("none", seed, bench(), protocol, rows=rows), names, seed)
+    return hide_faults(draw_rig(seed, bench(), protocol, rows=rows), names, seed)
 
 
 # --- new and the seal ---------------------------------------------------------------------------------------------
@@ -89,13 +90,14 @@ def test_nothing_but_the_seal_tells_what_is_hidden(tmp_path: Path) -> None:
         (name, *_) = (*open_challenge(folder).drawn.truth, "backlash")
         for file in FILES:
             text = (folder / file).read_text()
-            assert name not in text and FAULTS[name].section not in text.replace("hidden faults", "")
+            section = FAULTS[name].section  # a drawing has [tracker] as well
+            assert name not in text and (section == "tracker" or section not in text.replace("hidden faults", ""))
 
 
 def test_the_seal_gives_back_rig_targets_and_truth(tmp_path: Path) -> None:
     folder = new_challenge(tmp_path / "c", "multi", seed=11, rows=60).folder
     opened = open_challenge(folder)
-    drawn = draw_rig("multi", 11, bench(), rows=60)
+    drawn = draw(plan("multi", 1, 11, bench=bench(), rows=60)[0])[0]
     assert opened.level == "multi" and opened.drawn.truth == drawn.truth and opened.drawn.protocol == drawn.protocol
     again = simulate(opened.drawn.rig, opened.drawn.targets).frame
     run = read_table(folder / "run.csv")
@@ -167,7 +169,7 @@ def test_the_bench_is_the_machine_of_the_sample_data() -> None:
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_hidden_fault_shows_and_can_be_taken_out_again(name: str) -> None:
     protocol = FAULTS[name].protocols[0]
-    plain = draw_rig("none", 4, bench(), protocol, rows=60)
+    plain = draw_rig(4, bench(), protocol, rows=60)
     faulty = hide_faults(plain, [name], 4)
     assert set(faulty.truth) == {name}
     assert faulty.rig != plain.rig
@@ -187,7 +189,7 @@ def test_size_is_what_the_best_rigid_motion_leaves() -> None:
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_a_sound_machine_is_left_alone(seed: int) -> None:
-    drawn = draw_rig("none", seed, bench(), "volume")
+    drawn = draw_rig(seed, bench(), "volume")
     found = diagnose(Model(bench()), build_problem(bench(), table_of(simulate(drawn.rig, drawn.targets).frame)))
     assert (
         found.verdict == "nothing-missing"
@@ -206,7 +208,7 @@ def test_the_sealed_samples_are_what_their_script_writes(tmp_path: Path) -> None
             assert (tmp_path / folder / name).read_bytes() == (DATA / folder / name).read_bytes()
         truth = find_truth(open_challenge(DATA / folder).drawn, KNOWN)
         assert len(truth.faults) == count
-        assert all(fault.size > script["LEAST"] * truth.noise.total for fault in truth.faults)
+        assert all(fault.size > 3.0 * truth.noise.total for fault in truth.faults)
     run = read_table(DATA / "sealed_three" / "run.csv")
     assert np.ptp(run.payload_kg) > 5.0 and np.ptp(run.temp_c) > 8.0
 
@@ -234,21 +236,12 @@ def test_an_arm_is_sealed_opened_and_its_seed_gives_the_same_bytes(tmp_path: Pat
     ) == {}  # fmt: skip
 
 
-def test_an_arm_is_drawn_without_what_it_has_not(tmp_path: Path) -> None:
-    assert (
-        open_challenge(new_challenge(tmp_path / "n", "none", rows=24, machine=load_machine(ARM)).folder).drawn.truth
-        == {}
-    )
-    levels = {draw_level("any", seed, ARM_LEVELS) for seed in range(30)}
-    assert levels == {"none", "single", "multi"}
-    with pytest.raises(InputError, match="no arm is drawn at level 'unknown'"):
-        new_challenge(tmp_path / "u", "unknown", machine=load_machine(ARM))
-    assert not (tmp_path / "u").exists()
-    for seed in range(8):  # a drawing that states masses keeps them, one that does not may hide them
-        drawn = draw_serial("single", seed, load_machine(ARM), rows=24)
-        assert "self-weight" not in drawn.truth
-    blank = load_machine(DATA / "machines" / "kuka_iiwa.toml")
-    assert any("self-weight" in draw_serial("single", seed, blank, rows=24).truth for seed in range(12))
+def test_a_given_arm_keeps_its_file_and_is_drawn_at_every_level(tmp_path: Path) -> None:
+    for level in LEVELS:
+        folder = new_challenge(tmp_path / level, level, seed=2, rows=24, machine=load_machine(ARM)).folder
+        assert (folder / "machine.toml").read_text() == ARM.read_text()
+        assert bool(open_challenge(folder).drawn.truth) == (level != "none")
+        assert {"x_cmd", "payload_kg", "temp_c"} <= set(pd.read_csv(folder / "run.csv"))
 
 
 @pytest.mark.parametrize("joints", [1, 2, 3, 6])
@@ -260,18 +253,15 @@ def test_an_arm_of_few_joints_or_with_limits_on_one_side_of_zero_is_drawn(joints
         for number, link in enumerate(file.machine.joint[:joints])
     ]
     short = replace(file, machine=file.machine.model_copy(update={"joint": tuple(links)}), text="")
-    hidden = set()
-    for seed in range(12):
-        drawn = draw_serial("single", seed, short, rows=24)
+    for case in plan("single", 14, 0, bench=short, arm=True, rows=24):
+        drawn, _ = draw(case)
         assert np.isfinite(simulate(drawn.rig, drawn.targets).truth).all()
-        assert all(np.any(next(iter(values.values()))) for values in drawn.truth.values())
-        hidden |= set(drawn.truth)
-    assert {"dh-offsets", "backlash"} <= hidden
+        assert any(np.any(values) for values in drawn.truth[case.faults[0]].values())
 
 
 def test_a_model_of_an_arm_is_scored_and_its_commands_hit(tmp_path: Path) -> None:
     """Play of the first two joints by hand: found by its name, missed by another, and taken out of the tool's error."""
-    plain = draw_serial("none", 1, load_machine(ARM), rows=60)
+    plain = draw(plan("none", 1, 0, bench=load_machine(ARM), arm=True, rows=60)[0])[0]
     play = {"backlash_mrad": [0.8, 0.6, 0.0, 0.0, 0.0, 0.0]}
     arm = type(plain.rig.arm).model_validate(plain.rig.arm.model_dump() | play)
     drawn = replace(plain, rig=replace(plain.rig, arm=arm), truth={"backlash": play})

@@ -68,7 +68,7 @@ def test_a_missing_a_wrong_and_a_second_name() -> None:
 
 
 def test_nothing_hidden_nothing_named() -> None:
-    truth = find_truth(draw_rig("none", 3, bench(), "volume", rows=80), KNOWN)
+    truth = find_truth(draw_rig(3, bench(), "volume", rows=80), KNOWN)
     assert judge((), truth).right
     assert not judge(("homing-offset",), truth).right
 
@@ -87,7 +87,7 @@ def test_a_fault_too_small_to_count_need_not_be_named() -> None:
 
 def test_exact_ambiguities_are_fair_names() -> None:
     """A common lead error is tracker scale less links and radius, a common zero being the tracker's z."""
-    drawn = draw_rig("none", 7, bench(), "volume", rows=160)
+    drawn = draw_rig(7, bench(), "volume", rows=160)
     rig = replace(drawn.rig, drive=drawn.rig.drive.model_copy(update={"scale_um_per_m": (500.0,) * 3}))
     truth = find_truth(replace(drawn, rig=rig, truth={"lead-scale": {"scale_um_per_m": [500.0] * 3}}), KNOWN)
     assert truth.faults[0].counts

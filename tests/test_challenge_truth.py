@@ -46,7 +46,7 @@ def test_a_known_set_up_holds_nothing_and_one_for_each_run_holds_more() -> None:
     for policy in ("trusted", "measured", "fitted", "fitted-per-run"):
         file = bench()
         file = replace(file, tracker=file.tracker.model_copy(update={"frame": policy}))
-        rig = replace(draw_rig("none", 1, bench(), "volume", rows=40).rig, machine=file)
+        rig = replace(draw_rig(1, bench(), "volume", rows=40).rig, machine=file)
         left[policy] = rms_length(without_set_up(rig, moved, place, run))
     assert left["trusted"] == left["measured"] == rms_length(moved)
     assert 0.1 * left["trusted"] < left["fitted"] < left["trusted"]
@@ -71,7 +71,7 @@ def test_the_tool_error_is_taken_as_the_set_up_allows() -> None:
 
 
 def test_reading_noise_is_what_readings_scatter_by() -> None:
-    drawn = draw_rig("none", 2, bench(), "volume", rows=300)
+    drawn = draw_rig(2, bench(), "volume", rows=300)
     frames = [simulate(drawn.rig, drawn.targets, noise=noise).frame for noise in (True, False)]
     scatter = np.subtract(*(frame[["x_meas", "y_meas", "z_meas"]].to_numpy(float) for frame in frames))
     noise = reading_noise(drawn.rig, simulate(drawn.rig, drawn.targets, noise=False).truth)

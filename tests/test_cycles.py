@@ -20,7 +20,7 @@ MACHINE = bench()
 @pytest.mark.parametrize("size_mm", [0.02, pytest.param(0.3, marks=pytest.mark.long)])
 def test_a_cycle_over_time_is_told_by_its_period(size_mm: float) -> None:
     """A tool that sinks fast and rises slowly, eleven times in a run, however much the noise would have to remember."""
-    drawn = draw_rig("none", 11, MACHINE, "volume", rows=150)
+    drawn = draw_rig(11, MACHINE, "volume", rows=150)
     frame = simulate(drawn.rig, drawn.targets).frame
     read = frame["role"] != "base"
     period = float(np.ptp(frame.loc[read, "time_s"])) / 11.0

@@ -81,7 +81,7 @@ def test_play_that_no_reversal_shows_is_no_more_than_an_offset_that_might_be_pla
 
 
 def test_the_row_that_opens_a_run_is_not_asked_from_where_it_came():
-    drawn = draw_rig("single", 14, bench_machine(), rows=120, fault="backlash")
+    drawn = hide_faults(draw_rig(14, bench_machine(), rows=120), ["backlash"], 14)
     frame = simulate(drawn.rig, drawn.targets).frame
     frame.loc[0, ["x_meas", "y_meas", "z_meas"]] += 0.03  # too little for a gross error: half a gap the other way
     found = diagnose(Model(bench_machine()), build_problem(bench_machine(), table_of(frame, drawn.absent)))
@@ -124,7 +124,7 @@ def test_no_covariance_of_readings_breaks_what_whitens():
 
 
 def test_a_slider_that_slipped_is_measured_again_where_it_is():
-    drawn = hide_faults(draw_rig("none", 31, bench_machine(), "volume", rows=40), ["homing-slip"], 31)
+    drawn = hide_faults(draw_rig(31, bench_machine(), "volume", rows=40), ["homing-slip"], 31)
     still = replace(drawn, rig=as_left(drawn.rig))
     frames = [simulate(each.rig, each.targets, noise=False).frame for each in (drawn, still)]
     x, y = (frame[["x_meas", "y_meas", "z_meas"]].to_numpy(float) for frame in frames)
@@ -149,7 +149,7 @@ def test_errors_of_poses_on_a_line_do_not_turn_the_frame_about_it():
 
 @pytest.mark.parametrize(("moving", "lags"), [(False, False), (True, True)])
 def test_nothing_lags_where_the_clock_shows_that_the_machine_stood(moving, lags):
-    drawn = draw_rig("none", 33, bench_machine(), "speed", rows=90)
+    drawn = draw_rig(33, bench_machine(), "speed", rows=90)
     conditions = drawn.rig.conditions.model_copy(update={"moving": moving, "dwell_s": 4.0})
     table = table_of(simulate(replace(drawn.rig, conditions=conditions), drawn.targets).frame, drawn.absent)
     assert table.feed_mm_s is not None and len(np.unique(table.feed_mm_s)) > 1
@@ -159,7 +159,7 @@ def test_nothing_lags_where_the_clock_shows_that_the_machine_stood(moving, lags)
 
 @pytest.mark.parametrize(("protocol", "moving"), [("volume", False), ("path", False), ("speed", True)])
 def test_without_a_feed_the_clock_alone_shows_whether_the_machine_stood(protocol, moving):
-    drawn = draw_rig("none", 33, bench_machine(), protocol, rows=90)
+    drawn = draw_rig(33, bench_machine(), protocol, rows=90)
     conditions = drawn.rig.conditions.model_copy(update={"moving": moving, "dwell_s": 4.0})
     table = table_of(simulate(replace(drawn.rig, conditions=conditions), drawn.targets).frame, drawn.absent)
     view = build_problem(bench_machine(), replace(table, feed_mm_s=None)).view
@@ -171,7 +171,7 @@ def test_a_tracker_that_drifts_between_visits_to_the_base_is_no_fault_of_the_mac
     """Base reflectors are read before and after the run: their mean is not where the tracker stood in between."""
     places = [(400.0, 0.0, -200.0), (-300.0, 300.0, -200.0), (-300.0, -300.0, 250.0), (0.0, 300.0, 300.0)]
     points = tuple(BasePoint(name=f"base {i}", xyz_mm=place, sigma_mm=0.002) for i, place in enumerate(places))
-    drawn = draw_rig("none", 31, bench_machine(), "volume", rows=100)
+    drawn = draw_rig(31, bench_machine(), "volume", rows=100)
     file = replace(drawn.rig.machine, tracker=TrackerSpec(frame="measured", base_point=points))
     moved = {"drift_um": (drift, -0.6 * drift, 0.4 * drift), "drift_constant_s": 400.0}
     rig = replace(drawn.rig, machine=file, tracker=drawn.rig.tracker.model_copy(update=moved))

@@ -36,7 +36,7 @@ MACHINE = bench_machine()
 
 
 def hidden(fault: str, seed: int, rows: int = 200) -> tuple[DrawnRig, Problem]:
-    drawn = hide_faults(draw_rig("none", seed, MACHINE, "volume", rows=rows), [fault], seed)
+    drawn = hide_faults(draw_rig(seed, MACHINE, "volume", rows=rows), [fault], seed)
     return drawn, build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
 
 
@@ -156,7 +156,7 @@ def test_without_play_a_windup_is_looked_for_as_if_nothing_were_known():
 
 
 def test_what_is_forgotten_of_sets_of_long_ago_is_worked_out_again(monkeypatch):
-    drawn = hide_faults(draw_rig("none", 41, MACHINE, "volume", rows=60), ["link-length", "backlash"], 41)
+    drawn = hide_faults(draw_rig(41, MACHINE, "volume", rows=60), ["link-length", "backlash"], 41)
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     kept = diagnose(Model(MACHINE), problem)
     scored = list[tuple]()
@@ -170,7 +170,7 @@ def test_what_is_forgotten_of_sets_of_long_ago_is_worked_out_again(monkeypatch):
 
 
 def test_a_set_that_was_only_told_to_be_far_is_scored_when_it_is_asked_for():
-    drawn = hide_faults(draw_rig("none", 41, MACHINE, "volume", rows=60), ["link-length", "backlash"], 41)
+    drawn = hide_faults(draw_rig(41, MACHINE, "volume", rows=60), ["link-length", "backlash"], 41)
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     system, far = find(Model(MACHINE), problem, library(), lambda what: None).system, 0
     for key in list(system.atoms)[:60]:

@@ -173,7 +173,7 @@ def test_only_a_fit_that_came_to_its_end_says_that_an_effect_is_needless(monkeyp
 
     Of two without either of which as much is told as with both, the one goes without which more is.
     """
-    drawn = hide_faults(draw_rig("none", 41, MACHINE, "volume", rows=60), ["backlash", "windup"], 41)
+    drawn = hide_faults(draw_rig(41, MACHINE, "volume", rows=60), ["backlash", "windup"], 41)
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     both = Model(MACHINE) + library()["backlash"]() + library()["windup"]()
     fitted = fit(both, problem, robust=False)

@@ -29,7 +29,7 @@ MACHINE = bench()
 @pytest.fixture(scope="module")
 def turning() -> tuple[Found, Problem]:
     """A machine with an error at every turn of its screws, nothing of it explained."""
-    drawn = hide_faults(draw_rig("none", 77, MACHINE, "volume", rows=150), ["once-per-rev"], 77)
+    drawn = hide_faults(draw_rig(77, MACHINE, "volume", rows=150), ["once-per-rev"], 77)
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     return find(Model(MACHINE), problem, library(), lambda what: None), problem
 
@@ -57,7 +57,7 @@ def test_what_each_pose_has_to_itself_is_worth_no_line(turning):
 @pytest.mark.parametrize("period", [1.7, pytest.param(2.3, marks=pytest.mark.long)])
 def test_a_wave_finer_than_the_readings_are_many_is_found_among_poses_at_random(period: float) -> None:
     """Two readings a wave are what even steps need; poses at random tell finer ones too."""
-    drawn = draw_rig("none", 5, MACHINE, "volume", rows=90)
+    drawn = draw_rig(5, MACHINE, "volume", rows=90)
     odd = {"kind": "periodic", "leg": 3, "size_um": 20.0, "period_mm": period, "phase_rad": 0.4}
     keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in odd.items())
     rig = replace(parse_rig(f"{format_rig(drawn.rig)}\n[[odd]]\n{keys}"), machine=drawn.rig.machine)
@@ -73,7 +73,7 @@ def test_a_wave_finer_than_the_readings_are_many_is_found_among_poses_at_random(
 @pytest.mark.parametrize("seed", [4, pytest.param(3, marks=pytest.mark.long)])
 def test_a_wave_is_found_where_few_poses_are_read_often(seed: int) -> None:
     """A free function of the place bends to any wave on sixty poses; its frequency is that of all readings together."""
-    drawn = draw_rig("none", seed, MACHINE, "volume", rows=60)
+    drawn = draw_rig(seed, MACHINE, "volume", rows=60)
     odd = {"kind": "periodic", "leg": 2, "size_um": 20.0, "period_mm": 3.1, "phase_rad": 1.0}
     keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in odd.items())
     rig = replace(parse_rig(f"{format_rig(drawn.rig)}\n[[odd]]\n{keys}"), machine=drawn.rig.machine)

@@ -25,6 +25,7 @@ from ptt.model.chain import differentiate
 from ptt.model.model import Model
 from ptt.rig import parse_rig
 from ptt.rig.draw import draw_rig
+from ptt.rig.odd_schema import WarmBacklash
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
@@ -128,9 +129,13 @@ def test_a_written_effect_acts_where_the_unknown_does(
 
 @pytest.mark.long
 def test_a_play_that_opens_when_warm_is_described_by_the_file_as_written(tmp_path: Path) -> None:
-    drawn = draw_rig("unknown", 400, MACHINE, fault="warm-backlash")
+    drawn = draw_rig(400, MACHINE, "warmup")
+    growth = {"frame_um_per_m_k": 15.9, "link_um_per_m_k": 3.7, "sensor": "frame"}
+    growth |= {"growth_um_per_m_k": (11.1, 11.1, 11.1), "fixed_end_mm": (150.0, 150.0, 150.0)}
+    play = WarmBacklash(kind="warm-backlash", leg=3, gap_um_per_k=14.3, opens_at_c=22.6)
+    rig = replace(drawn.rig, thermal=drawn.rig.thermal.model_copy(update=growth), odd=(play,))
     run, file, diagnosis = tmp_path / "run.csv", tmp_path / "play.py", tmp_path / "found.json"
-    write_run(simulate(drawn.rig, drawn.targets).frame, run)
+    write_run(simulate(rig, drawn.targets).frame, run)
     problem = build_problem(MACHINE, read_table(run))
     result = diagnose(Model(MACHINE), problem)
     assert result.verdict == "unknown"
@@ -142,7 +147,7 @@ def test_a_play_that_opens_when_warm_is_described_by_the_file_as_written(tmp_pat
     ladder = climb(Model(MACHINE), problem, [make_effect(own, "warm-play")])
     assert ladder.steps[-1].heldout_rms_um["total"] < 0.3 * ladder.steps[0].heldout_rms_um["total"]
     rest = diagnose(ladder.model, problem, own)  # what was hidden beside it shows once it is said
-    assert rest.verdict == "missing" and {step[0] for step in rest.suggested} <= set(drawn.truth)
+    assert rest.verdict == "missing" and {step[0] for step in rest.suggested} <= {"frame-growth", "screw-growth"}
     whole = climb(ladder.model, problem, [make_effect(own, *parse_key(step[0])) for step in rest.suggested])
     assert whole.steps[-1].heldout_rms_um["total"] < 1.25 * whole.noise_um["total"]
 
@@ -233,7 +238,7 @@ def test_what_reverses_elsewhere_than_at_a_joint_is_added_and_measured(tmp_path:
     entry = found("direction2", "levels", residual="y" if acts_on in ("", "y") else "slider 2", acts_on=acts_on or None)
     path = tmp_path / "own.py"
     path.write_text(prefilled("own-cause", [entry]).text)
-    drawn = draw_rig("none", 5, MACHINE, "volume", rows=80)
+    drawn = draw_rig(5, MACHINE, "volume", rows=80)
     problem = build_problem(MACHINE, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     ladder = climb(Model(MACHINE), problem, [make_effect(library(path), "own-cause")])
     assert ladder.steps[-1].effect == "own-cause"
@@ -250,7 +255,7 @@ def test_warmth_is_reckoned_from_where_the_drawing_holds() -> None:
                                                         ("b1", "payload", None)])  # fmt: skip
 def test_a_diagnosis_says_where_the_drawing_holds(on: str, along: str | None, reference: float | None) -> None:
     file = replace(MACHINE, machine=MACHINE.machine.model_copy(update={"reference_temp_c": 18.0}))
-    drawn = draw_rig("none", 5, MACHINE, "volume", rows=40)
+    drawn = draw_rig(5, MACHINE, "volume", rows=40)
     problem = build_problem(file, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     item = Dependence("slider 1", on, 0.9, 1e-9, None, "smooth", np.zeros((2, 3)), with_=along)
     assert of_run(item, problem).to_dict()["reference_c"] == reference

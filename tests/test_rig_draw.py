@@ -9,11 +9,13 @@ import pandas as pd
 import pytest
 from test_rig_bench import BENCH, COMMAND, TARGET
 
+from ptt.challenge.cases import names_of
+from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.effects.registry import library
-from ptt.errors import InputError, WorkspaceError
+from ptt.errors import WorkspaceError
 from ptt.machine import MachineFile, load_machine
 from ptt.rig import format_rig, parse_rig, simulate
-from ptt.rig.draw import PROTOCOLS, draw_rig, fault_names
+from ptt.rig.draw import PROTOCOLS, draw_rig
 from ptt.rig.nominal import ideal_machine
 from ptt.rig.schema import Section
 from ptt.rig.targets import make_loop, make_volume, there_and_back
@@ -26,96 +28,56 @@ def machine() -> MachineFile:
     return load_machine(DATA / "machine.toml")
 
 
-def clean(rig):
-    """The same machine, run and tracker set-up without any fault."""
-    plain = parse_rig({"machine": BENCH})
-    sections = ("drive", "thermal", "geometry", "structure", "odd")
-    tracker = rig.tracker.model_copy(
-        update={"drift_um_per_h": (0.0, 0.0, 0.0), "knock_um": (0.0, 0.0, 0.0), "knock_mrad": (0.0, 0.0, 0.0)}
+def signal(faulty, sound) -> np.ndarray:
+    """(n, 3) um, what faults do to the readings."""
+    one, two = (
+        simulate(drawn.rig, drawn.targets, noise=False).frame[["x_meas", "y_meas", "z_meas"]].to_numpy()
+        for drawn in (faulty, sound)
     )
-    return replace(rig, tracker=tracker, **{name: getattr(plain, name) for name in sections})
+    return 1e3 * (one - two)
 
 
-def signal(drawn) -> np.ndarray:
-    """(n, 3) um, what the faults do to the readings."""
-    faulty, sound = (
-        simulate(rig, drawn.targets, noise=False).frame[["x_meas", "y_meas", "z_meas"]].to_numpy()
-        for rig in (drawn.rig, clean(drawn.rig))
-    )
-    return 1e3 * (faulty - sound)
-
-
-@pytest.mark.parametrize("name", fault_names("single") + fault_names("unknown"))
+@pytest.mark.parametrize("name", [name for name, fault in FAULTS.items() if not fault.unseen])
 def test_every_fault_can_be_seen_on_its_protocol(name: str, machine: MachineFile) -> None:
-    level = "single" if name in fault_names("single") else "unknown"
-    for seed in range(6):
-        drawn = draw_rig(level, seed, machine, fault=name)
-        assert name in drawn.truth
-        if level == "single":
-            assert set(drawn.truth) == {name}
-        # Against a noise of 4 um per coordinate: far beyond what chance gives that many rows.
-        assert (signal(drawn) ** 2).sum() / 4.0**2 > 60.0, seed
+    for seed in range(4):
+        sound = draw_rig(seed, machine, FAULTS[name].protocols[seed % len(FAULTS[name].protocols)])
+        # Against a noise of 4 um per coordinate: five sigma.
+        assert (signal(hide_faults(sound, [name], seed), sound) ** 2).sum() / 4.0**2 > 25.0, seed
 
 
 def test_names_are_those_of_the_library() -> None:
-    assert set(fault_names("single")) <= set(library())
-    assert not set(fault_names("unknown")) & set(library())
+    assert {FAULTS[name].called for name in names_of("single")} <= set(library())
+    assert not set(names_of("unknown")) & set(library())
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-@pytest.mark.parametrize("level", ["none", "single", "multi", "unknown"])
-def test_levels_and_protocols(level: str, protocol: str, machine: MachineFile) -> None:
-    if level == "unknown" and not fault_names("unknown", protocol):
-        with pytest.raises(InputError, match="can show"):
-            draw_rig(level, 1, machine, protocol)
-        return
-    drawn = draw_rig(level, 1, machine, protocol, rows=240)
-    known = [name for name in drawn.truth if name in fault_names("single", protocol)]
-    odd = [name for name in drawn.truth if name in fault_names("unknown", protocol)]
-    assert len(known) + len(odd) == len(drawn.truth)
-    most = {"none": (0, 0), "single": (1, 0), "multi": (4, 0), "unknown": (2, 1)}[level]
-    assert len(known) <= most[0]
-    assert len(odd) == most[1]
+def test_protocols(protocol: str, machine: MachineFile) -> None:
+    drawn = draw_rig(1, machine, protocol, rows=240)
+    assert drawn.truth == {} and drawn.protocol == protocol
     rows = simulate(drawn.rig, drawn.targets).frame
     assert 200 <= (rows["role"] != "base").sum() <= 260
     assert (rows["role"] == "base").sum() == 8
 
 
 def test_draws_repeat_and_can_be_sealed(machine: MachineFile) -> None:
-    one, two, other = (draw_rig("multi", seed, machine) for seed in (5, 5, 6))
-    assert one.rig == two.rig
-    assert one.truth == two.truth
+    one, two, other = (draw_rig(seed, machine) for seed in (5, 5, 6))
+    assert one.rig == two.rig != other.rig
     pd.testing.assert_frame_equal(one.targets, two.targets)
-    assert one.truth != other.truth
     assert parse_rig(format_rig(one.rig)) == one.rig
 
 
-def test_nothing_is_hidden_at_level_none(machine: MachineFile) -> None:
-    drawn = draw_rig("none", 3, machine)
-    assert drawn.truth == {}
-    assert np.abs(signal(drawn)).max() < 1e-9
+def test_a_drawn_rig_is_sound(machine: MachineFile) -> None:
+    drawn = draw_rig(3, machine)
     poses = simulate(drawn.rig, drawn.targets, noise=False)
     pose = (poses.frame["role"] != "base").to_numpy()
     np.testing.assert_allclose(poses.truth[pose], poses.frame[TARGET].to_numpy()[pose], atol=1e-9)
 
 
 def test_truth_is_what_the_rig_holds(machine: MachineFile) -> None:
-    drawn = draw_rig("single", 2, machine, fault="backlash")
+    drawn = hide_faults(draw_rig(2, machine), ["backlash"], 2)
     assert list(drawn.rig.drive.backlash_mm) == drawn.truth["backlash"]["backlash_mm"]
     sections = [getattr(drawn.rig, name) for name in ("thermal", "geometry", "structure")]
     assert all(isinstance(section, Section) and section == type(section)() for section in sections)
-
-
-def test_bad_draws(machine: MachineFile) -> None:
-    for arguments, message in (
-        (("some", 1, machine), "level 'some' is not known"),
-        (("single", 1, machine, "walk"), "protocol 'walk' is not known"),
-        (("unknown", 1, machine, "payload"), "can show"),
-    ):
-        with pytest.raises(InputError, match=message):
-            draw_rig(*arguments)
-    with pytest.raises(InputError, match="can show"):
-        draw_rig("single", 1, machine, "volume", fault="following-error")
 
 
 def test_a_machine_too_small_for_the_run_is_refused(machine: MachineFile) -> None:
@@ -127,10 +89,10 @@ def test_a_machine_too_small_for_the_run_is_refused(machine: MachineFile) -> Non
     }
     small = replace(machine, machine=machine.machine.model_copy(update=links))
     with pytest.raises(WorkspaceError, match="cannot go everywhere in a run over 120 x 120 x 100 mm"):
-        draw_rig("none", 1, small, "path")
+        draw_rig(1, small, "path")
     tight = replace(machine, machine=machine.machine.model_copy(update={"slider_travel_mm": (270.0, 300.0)}))
     with pytest.raises(WorkspaceError, match="no pose within 120 x 120 x 100 mm"):
-        draw_rig("none", 1, tight, "volume")
+        draw_rig(1, tight, "volume")
 
 
 def test_volume_has_repeats_both_directions_and_datum_visits(machine: MachineFile) -> None:

@@ -11,7 +11,6 @@ from ptt.effects import library
 from ptt.errors import InputError
 from ptt.rig import simulate
 from ptt.rig.draw_foreign import draw_foreign
-from ptt.rig.draw_more import MORE
 from ptt.rig.motion import travel_direction
 
 POSES = volume(60)
@@ -83,8 +82,11 @@ def test_half_the_play_taken_out_leaves_half_the_play() -> None:
     np.testing.assert_allclose(places[0][1:], places[1][1:], atol=1e-12)
 
 
-@pytest.mark.parametrize("fault", MORE, ids=lambda fault: fault.name)
-def test_more_faults_can_be_hidden_seen_and_taken_out(fault) -> None:
+@pytest.mark.parametrize(
+    "name", ["homing-slip", "link-compliance", "over-compensation", "tracker-scale", "joint-offset"]
+)
+def test_these_faults_can_be_hidden_seen_and_taken_out(name: str) -> None:
+    fault = FAULTS[name]
     for seed in range(3):
         sound = draw_foreign(seed, fault.protocols[-1], rows=150, noise="white")
         drawn = hide_faults(sound, [fault.name], seed)

@@ -130,7 +130,7 @@ def test_rows_behind_each_other_and_columns_behind_each_other_are_filtered_alike
 
 def test_all_moments_of_what_is_sudden_have_the_columns_that_each_has_alone() -> None:
     machine = bench()
-    drawn = draw_rig("none", 3, machine, "volume", rows=40)
+    drawn = draw_rig(3, machine, "volume", rows=40)
     problem = build_problem(machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     fitted = fit(Model(machine), problem)
     effects = [library()[name]() for name in ("homing-slip", "setup-jump")]

@@ -19,7 +19,6 @@ from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import format_rig, parse_rig, simulate
 from ptt.rig.draw import draw_rig
-from ptt.rig.draw_serial import draw_serial
 from ptt.run.problem import build_problem
 
 DATA = Path(__file__).resolve().parents[1] / "data"
@@ -38,7 +37,7 @@ HIDDEN = {  # kind of run, fault -> what is off, kind, um, and what the sentence
 
 
 def hiding(protocol, fault):
-    drawn = draw_rig("none", 3, bench(), protocol, rows=300)
+    drawn = draw_rig(3, bench(), protocol, rows=300)
     keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in fault.items())
     hidden = parse_rig(f"{format_rig(drawn.rig)}\n[[odd]]\n{keys}")
     return replace(drawn, rig=replace(hidden, machine=drawn.rig.machine))
@@ -84,7 +83,8 @@ def test_a_foreign_machine_is_said_the_size_that_it_has() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_joint_of_an_arm_is_said_the_way_that_it_turns(sign) -> None:
     """Joint 4 stands 300 urad off the one way when joint 3 arrives forward, and as much as that less when it backs."""
-    drawn = draw_serial("none", 5, load_machine(DATA / "machines" / "ur10.toml"), rows=200)
+    case = plan("none", 1, 0, bench=load_machine(DATA / "machines" / "ur10.toml"), arm=True, rows=200)[0]
+    drawn = draw(case)[0]
     file, frame = drawn.rig.machine, simulate(drawn.rig, drawn.targets).frame
     view = build_problem(file, table_of(frame, drawn.absent)).view
     turned = 0.5 * sign * 3e-4 * view.direction.numpy()[:, 2:3]

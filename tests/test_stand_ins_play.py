@@ -75,7 +75,7 @@ def test_a_play_that_dies_away_is_no_constant_play_beside_an_unknown(left: float
 @pytest.mark.parametrize("seed", [3])
 def test_a_constant_play_beside_an_unknown_stays_a_play_at_two_speeds(seed: int) -> None:
     """A play that differs with the speed says the same and more: that it might is nothing against the name."""
-    drawn = draw_rig("none", seed, bench(), "speed", rows=120)
+    drawn = draw_rig(seed, bench(), "speed", rows=120)
     odd = "[[odd]]\nkind = 'periodic'\nleg = 2\nsize_um = 12.0\nperiod_mm = 3.1\n"
     hidden = parse_rig(f"{format_rig(drawn.rig)}\n{odd}")
     gap = hidden.drive.model_copy(update={"backlash_mm": (0.03, 0.0, 0.0)})

@@ -81,7 +81,7 @@ def test_the_bench_with_any_noise() -> None:
 @pytest.fixture(scope="module")
 def hidden():
     """A rail that leans and a nut that the payload loosens in one rig."""
-    drawn = hide_faults(draw_rig("none", 4, bench(), "payload", rows=210), ["tower-tilt", "load-backlash"], 9)
+    drawn = hide_faults(draw_rig(4, bench(), "payload", rows=210), ["tower-tilt", "load-backlash"], 9)
     return drawn, find_truth(drawn, KNOWN)
 
 
@@ -136,7 +136,7 @@ def test_leading_variables(hidden) -> None:
     sound = replace(drawn, truth={"tower-tilt": drawn.truth["tower-tilt"]})
     assert sweep_judge.leading([], sound) is None
     # In a room that warms up steadily time says what temperature says, and a pose does not.
-    warm = hide_faults(draw_rig("none", 4, bench(), "warmup", rows=80), ["warm-backlash"], 1)
+    warm = hide_faults(draw_rig(4, bench(), "warmup", rows=80), ["warm-backlash"], 1)
     frame = simulate(warm.rig, warm.targets, noise=False).frame
     assert np.corrcoef(frame["time_s"], frame["temp_c"])[0, 1] > sweep_judge.ALIKE
     assert sweep_judge.near("time", ["temperature"], warm) and not sweep_judge.near("x", ["temperature"], warm)
@@ -166,7 +166,7 @@ def test_parameters_that_are_compared_exist() -> None:
 @pytest.mark.parametrize(("fault", "protocol"), GAUGE_FREE.items())
 def test_pulls_compare_like_with_like(fault: str, protocol: str) -> None:
     """A fit to the run without noise gives back the rig's own values, so that a pull there is next to nothing."""
-    sound = draw_rig("none", 3, bench(), protocol)
+    sound = draw_rig(3, bench(), protocol)
     drawn = hide_faults(sound, [fault], 3)
     truth = find_truth(drawn, KNOWN)
     effect = FAULTS[fault].called

@@ -22,7 +22,7 @@ MACHINE = bench_machine()
 def test_a_wrong_unit_of_length_in_a_trusted_frame_is_the_tracker_s():
     """It stretches about where the tracker stands and so shifts as well; towers moved for it make a tool worse."""
     trusted = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "trusted"}))
-    drawn = draw_rig("none", 42, trusted, "volume", rows=80)
+    drawn = draw_rig(42, trusted, "volume", rows=80)
     tracker = {"scale_ppm": -70.0, "translation_mm": (0.0, 0.0, 0.0), "rotation_mrad": (0.0, 0.0, 0.0)}
     drawn = replace(drawn, rig=replace(drawn.rig, tracker=drawn.rig.tracker.model_copy(update=tracker)))
     problem = build_problem(trusted, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
@@ -48,7 +48,7 @@ def test_a_unit_that_stretches_about_the_origin_is_the_tracker_s_too(scale):
 def test_readings_that_are_shifted_without_a_wrong_unit_are_not_surely_one():
     """A unit that is right has no place about which it could stretch so far that all is shifted by this much."""
     trusted = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "trusted"}))
-    drawn = draw_rig("none", 42, trusted, "volume", rows=80)
+    drawn = draw_rig(42, trusted, "volume", rows=80)
     tracker = {"translation_mm": (0.08, -0.05, 0.03), "rotation_mrad": (0.0, 0.0, 0.0)}
     drawn = replace(drawn, rig=replace(drawn.rig, tracker=drawn.rig.tracker.model_copy(update=tracker)))
     problem = build_problem(trusted, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))

@@ -28,7 +28,7 @@ EVERY = slice(None)
 @pytest.fixture(scope="module")
 def odd() -> tuple[Found, Problem]:
     machine = bench_machine()
-    drawn = hide_faults(draw_rig("none", 5, machine, "volume", rows=150), ["loose-joint"], 5)
+    drawn = hide_faults(draw_rig(5, machine, "volume", rows=150), ["loose-joint"], 5)
     problem = build_problem(machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
     return find(Model(machine), problem, library(), lambda what: None), problem
 

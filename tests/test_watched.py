@@ -31,7 +31,7 @@ TITLE, IDLE = "coolant flow [l/min]", "shift"
 def folder(tmp_path_factory) -> Path:
     """A machine whose second slider creeps by 15 um for a litre of coolant a minute more; no fault of the library."""
     place = tmp_path_factory.mktemp("coolant")
-    drawn = draw_rig("none", 7, bench(), rows=150)
+    drawn = draw_rig(7, bench(), rows=150)
     random = np.random.default_rng(3)
     target = drawn.targets[["x_cmd", "y_cmd", "z_cmd"]]
     flow = np.round(4.0 + 1.5 * np.sin(np.arange(len(target)) / 5.0) + random.normal(0.0, 0.4, len(target)), 2)

@@ -27,7 +27,7 @@ PLACES = [(400.0, 0.0, -200.0), (-300.0, 300.0, -200.0), (-300.0, -300.0, 250.0)
 
 
 def drifting(tracker: TrackerSpec) -> Diagnosis:
-    drawn = draw_rig("none", 31, bench_machine(), "volume", rows=100)
+    drawn = draw_rig(31, bench_machine(), "volume", rows=100)
     file = replace(drawn.rig.machine, tracker=tracker)
     moved = {"drift_um": tuple(1e3 * DRIFT), "drift_constant_s": 400.0}
     rig = replace(drawn.rig, machine=file, tracker=drawn.rig.tracker.model_copy(update=moved))
@@ -52,7 +52,7 @@ def test_a_drift_is_the_trackers_alone_where_base_reflectors_were_read_along_the
 )
 def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_per_k: float) -> None:
     """Told is a machine that could be, and that a tracker looks the same; or that no known effect describes it."""
-    drawn = draw_rig("none", 31, bench_machine(), "warmup", rows=120)
+    drawn = draw_rig(31, bench_machine(), "warmup", rows=120)
     table = table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent)
     rise = 1e-3 * um_per_k * (table.temp_c - 20.0)[:, None] * [0.0, 0.0, 1.0]
     file = drawn.rig.machine

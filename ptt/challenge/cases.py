@@ -21,6 +21,7 @@ from ptt.effects import library
 from ptt.machine import MachineFile
 from ptt.rig import RunResult, simulate
 from ptt.rig.draw import PROTOCOLS, DrawnRig, Protocol, draw_rig
+from ptt.rig.draw_arm_machine import given_arm
 from ptt.rig.draw_faults import Fault
 from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.draw_foreign_arm import ARM_PROTOCOLS, draw_foreign_arm
@@ -56,11 +57,12 @@ class Case:
         protocol: how it is measured.
         faults: names of what is hidden.
         noise: kind of noise; None is the bench's own.
-        bench: a drawing to be run on the paths of the sample data; None draws machine, path and length by the seed.
+        bench: a drawing to be run on the paths of the sample data, of an arm in random postures; None draws machine,
+            path and length by the seed.
         rows: about how many, None lets the seed choose.
         visible: draw sizes anew until every fault is of a size in VISIBLE.
         steep: of a drawn machine, whether its rails lean far or lie flat.
-        arm: whether the drawn machine is a serial arm.
+        arm: whether the machine is a serial arm.
     """
 
     seed: int
@@ -230,12 +232,23 @@ def _size(drawn: DrawnRig, still: RunResult, mount: np.ndarray | None) -> float:
 
 def _sound(case: Case, seed: int) -> DrawnRig:
     if case.arm:
-        return draw_foreign_arm(seed, case.protocol, noise=case.noise, rows=case.rows)
+        return _sound_arm(case, seed)
     if case.bench is None:
         foreign = draw_machine_file(seed, steep=True) if case.steep else None
         return draw_foreign(seed, case.protocol, noise=case.noise, rows=case.rows, foreign=foreign)
-    drawn = draw_rig("none", seed, case.bench, case.protocol, rows=case.rows or 300)
+    drawn = draw_rig(seed, case.bench, case.protocol, rows=case.rows or 300)
     if case.noise is None:
         return drawn
     tracker = type(drawn.rig.tracker).model_validate(drawn.rig.tracker.model_dump() | draw_noise(case.noise, seed))
     return replace(drawn, rig=replace(drawn.rig, tracker=tracker), notes={"noise": case.noise})
+
+
+def _sound_arm(case: Case, seed: int) -> DrawnRig:
+    if case.bench is None:
+        return draw_foreign_arm(seed, case.protocol, noise=case.noise, rows=case.rows)
+    arm, kind = given_arm(case.bench), case.noise or "white"
+    drawn = draw_foreign_arm(seed, case.protocol, noise=kind, rows=case.rows, path="cloud", arm=arm)
+    # A given file stays as it is: its tracker is as noisy as it states.
+    sigma = case.bench.tracker.sigma_mm
+    tracker = drawn.rig.tracker if sigma is None else drawn.rig.tracker.model_copy(update={"white_mm": sigma})
+    return replace(drawn, rig=replace(drawn.rig, machine=case.bench, tracker=tracker), absent=())

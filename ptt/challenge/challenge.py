@@ -21,11 +21,11 @@ from ptt.files import read_text, write_text
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.machine_schema import ControllerSpec
 from ptt.rig import format_rig, parse_rig, simulate, write_run
-from ptt.rig.draw import DrawnRig, Level, draw_rig
-from ptt.rig.draw_serial import ARM_LEVELS, draw_serial
+from ptt.rig.draw import DrawnRig
 
 MACHINE, RUN, TARGETS, SEAL = "machine.toml", "run.csv", "targets.csv", "sealed.json"
-Asked = Literal["single", "multi", "unknown", "none", "any"]
+Level = Literal["none", "single", "multi", "unknown"]
+Asked = Literal[Level, "any"]
 LEVELS: tuple[Level, ...] = get_args(Level)
 ROWS = 300
 LEAST_ROWS = 24
@@ -107,11 +107,12 @@ def new_challenge(
 
     Args:
         folder: made where it does not exist.
-        level: 'single', 'multi' (two to four), 'unknown' (a fault outside the library), 'none', or 'any' of them.
+        level: 'single', 'multi' (two to five), 'unknown' (a fault outside the library, and up to two of it), 'none', or
+            'any' of them.
         seed: of everything; None draws one that nobody knows.
         rows: about how many.
-        machine: the drawing, of a 3-PTT or an arm (which no 'unknown' is drawn for); None takes the bench.
-        foreign: draw the machine, its path and its tracker's noise, too, and hide any fault there is.
+        machine: the drawing, of a 3-PTT or an arm; None takes the bench.
+        foreign: draw the machine, its path and its tracker's noise, too.
 
     Returns:
         Where everything is.
@@ -134,20 +135,15 @@ def new_challenge(
     if (place / SEAL).exists():
         raise InputError("holds a challenge already", where=str(place), fix="name another folder, or remove this one")
     seed = secrets.randbelow(MOST_SEED) if seed is None else seed
-    if foreign:
-        case = plan(draw_level(level, seed), 1, seed, rows=rows)[0]
-        return write_challenge(place, draw(case)[0], level)
-    file = _bare(machine or bench())
-    if file.machine.kind == "serial":
-        drawn = draw_serial(draw_level(level, seed, ARM_LEVELS), seed, file, rows=rows)
-    else:
-        drawn = draw_rig(draw_level(level, seed), seed, file, rows=rows)
-    return write_challenge(place, drawn, level)
+    file = None if foreign else _bare(machine or bench())
+    arm = file is not None and file.machine.kind == "serial"
+    case = plan(draw_level(level, seed), 1, seed, rows=rows, bench=file, arm=arm)[0]
+    return write_challenge(place, draw(case)[0], level)
 
 
-def draw_level(level: Asked, seed: int, levels: tuple[Level, ...] = LEVELS) -> Level:
+def draw_level(level: Asked, seed: int) -> Level:
     """The level itself, or, where any will do, the one that the seed chooses."""
-    return levels[np.random.default_rng([seed, 31]).integers(len(levels))] if level == "any" else level
+    return LEVELS[np.random.default_rng([seed, 31]).integers(len(LEVELS))] if level == "any" else level
 
 
 def write_challenge(folder: str | Path, drawn: DrawnRig, level: str) -> Challenge:

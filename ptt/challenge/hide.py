@@ -14,13 +14,12 @@ from ptt.rig.draw import DrawnRig
 from ptt.rig.draw_arm_known import ARM_KNOWN
 from ptt.rig.draw_arm_odd import ARM_ODD
 from ptt.rig.draw_faults import KNOWN, Fault, Scene
-from ptt.rig.draw_more import MORE
-from ptt.rig.draw_odd import SHOWN_FAULTS, UNKNOWN
+from ptt.rig.draw_odd import SHOWN_FAULTS
 from ptt.rig.draw_unseen import UNSEEN_FAULTS
 from ptt.rig.nominal import ideal_machine
 from ptt.rig.odd_schema import Odd
 
-FAULTS = {fault.name: fault for fault in (*KNOWN, *MORE, *UNKNOWN, *SHOWN_FAULTS, *UNSEEN_FAULTS)}
+FAULTS = {fault.name: fault for fault in (*KNOWN, *SHOWN_FAULTS, *UNSEEN_FAULTS)}
 ARM_FAULTS = {fault.name: fault for fault in (*ARM_KNOWN, *ARM_ODD)}
 _ODD: TypeAdapter[Any] = TypeAdapter(Odd)
 

@@ -1,7 +1,5 @@
 """[arm] of a RIG.toml <-> the faults of the virtual arm; tool point and joint limits of its drawing."""
 
-from typing import Any
-
 import numpy as np
 
 from ptt.machine import SerialSpec
@@ -46,18 +44,6 @@ def slipped(arm: Arm, joints: int, rows: int) -> Array:
     """Zero points lost for good from a row on, (n, k) rad: a second homing, a hit joint, a belt that jumped a tooth."""
     after = np.arange(rows) >= (rows if arm.slip_row is None else arm.slip_row)
     return np.outer(after, RAD_PER_MRAD * _full(arm.slip_mrad, joints))
-
-
-def arm_values(faults: ArmFaults) -> dict[str, Any]:
-    """Keys and values of [arm] for what is not zero; the inverse of `arm_faults` but for uneven turns."""
-    lists = {key: faults.link[:, column] / unit for column, (key, unit) in enumerate(LINK)}
-    lists |= {"backlash_mrad": faults.gap / RAD_PER_MRAD, "compliance_nrad_per_nmm": faults.compliance / RAD_PER_NRAD}
-    values: dict[str, Any] = {key: found.tolist() for key, found in lists.items() if found.any()}
-    if faults.growth:
-        values["growth_um_per_m_k"] = faults.growth / PPM
-    if faults.mass is not None:
-        values |= {"mass_kg": faults.mass[:, 0].tolist(), "com_mm": faults.mass[:, 1:].tolist()}
-    return values
 
 
 def tool_on_drawing(spec: SerialSpec, q: Array) -> Array:

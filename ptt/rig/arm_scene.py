@@ -70,10 +70,10 @@ class ArmScene:
 
     @property
     def visible_joints(self) -> Array:
-        """Numbers from 0 of the joints that move in the run, and move the tool."""
+        """Numbers from 0 of the joints that move in the run, and move the tool; all where none does."""
         low, high = self.span
         good = (self.lever > WEAK * self.lever.max()) & (high - low > STILL)
-        return np.flatnonzero(good)
+        return np.flatnonzero(good) if good.any() else np.arange(self.joints)
 
     @property
     def loaded_joints(self) -> Array:
@@ -95,7 +95,7 @@ class ArmScene:
 
     def draw_angle(self, random: Random, joint: int) -> float:
         """Error of a joint, rad, that shifts the tool by a drawn amount."""
-        return self.draw_shift(random) / float(self.lever[joint])
+        return self.draw_shift(random) / max(float(self.lever[joint]), 1.0)  # no millimetre for a radian moves nothing
 
     def draw_angles(self, random: Random, *, signed: bool = True) -> list[float]:
         """Errors of one visible joint or of all, (k,) rad, each of which shifts the tool by a drawn amount."""

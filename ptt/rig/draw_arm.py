@@ -55,7 +55,7 @@ class ArmRun:
 def draw_arm(spec: SerialSpec, fault: ArmFault, seed: int, rows: int = 220, sigma_mm: float = 0.01) -> ArmRun:
     """Draw an arm with a hidden fault and a run that can show all of them: two loads, a warm-up, all directions.
 
-    For tests and benchmarks; `ptt.rig.draw_serial` draws the machines of a challenge.
+    For tests and benchmarks; `ptt.rig.draw_foreign_arm` draws the machines of challenges.
 
     Args:
         spec: the drawing.

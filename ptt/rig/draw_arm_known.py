@@ -22,7 +22,7 @@ def _links(random: Random, scene: ArmScene) -> dict[str, Any]:
     """Lengths, twists and offsets of one link or two; where axes are parallel also how far they are not."""
     values: dict[str, list[float]] = {f"link_{key}": [0.0] * scene.joints for key in ("a_mm", "alpha_mrad", "d_mm")}
     lean = [0.0] * scene.joints
-    for joint in random.permutation(scene.joints - 1)[: int(random.integers(1, 3))].tolist():
+    for joint in random.permutation(max(scene.joints - 1, 1))[: int(random.integers(1, 3))].tolist():
         chosen = random.random(4) < 0.6
         chosen[int(random.integers(0, 2))] = True  # an offset alone may be a tracker's shift
         arm = 0.5 * scene.reach  # what turns behind a link, about

@@ -9,7 +9,7 @@ import numpy as np
 from ptt.machine import MachineFile, SerialSpec
 from ptt.machine_schema import BasePoint, TrackerSpec
 from ptt.rig.arm_faults import joint_limits, tool_jacobian
-from ptt.rig.draw_arm import draw_masses
+from ptt.rig.draw_arm import draw_masses, joint_ranges
 from ptt.rig.draw_machine import Frame
 from ptt.rig.nominal import Array
 
@@ -29,7 +29,7 @@ class ForeignArm:
 
     Attributes:
         file: the machine, its tracker frame and tool (`sigma_mm` is left to who draws the noise).
-        family: of FAMILIES.
+        family: of FAMILIES; 'given' where it was not drawn.
         low: (k,) rad, least joint values of a run.
         high: (k,) rad, greatest ones.
         reach_mm: about its reach, mm.
@@ -65,6 +65,21 @@ def draw_arm_file(seed: int, *, weighed: bool | None = None) -> ForeignArm:
     )
 
 
+def given_arm(file: MachineFile) -> ForeignArm:
+    """A drawing of an arm that is given, its joints in a run within four fifths of their limits.
+
+    Args:
+        file: of a serial arm.
+
+    Returns:
+        The drawing, and where its joints go.
+    """
+    spec = file.machine
+    assert isinstance(spec, SerialSpec)
+    low, high = joint_ranges(spec)
+    return ForeignArm(file, "given", low, high, sum(abs(link.a_mm) + abs(link.d_mm) for link in spec.joint))
+
+
 def inverse_condition(spec: SerialSpec, q: Array) -> Array:
     """Inverse condition number of dp/dq: how far postures are from singular ones for the tool's position.
 
@@ -76,7 +91,7 @@ def inverse_condition(spec: SerialSpec, q: Array) -> Array:
         (n,), least over greatest singular value, 0 at a singularity.
     """
     sizes = np.linalg.svd(tool_jacobian(spec, q), compute_uv=False)
-    return np.asarray(sizes[:, -1] / sizes[:, 0])
+    return np.asarray(sizes[:, -1] / np.maximum(sizes[:, 0], 1e-9))  # 0 where no joint moves the tool
 
 
 def _scara(random: Random) -> Links:

@@ -18,6 +18,11 @@ def some_leg(random: Random) -> int:
     return int(random.integers(1, 4))
 
 
+def log_signed(random: Random, low: float, high: float) -> float:
+    """A log-uniform size of random sign."""
+    return log_uniform(random, low, high) * float(random.choice([-1.0, 1.0]))
+
+
 def _splice(random: Random, scene: Scene) -> dict[str, Any]:
     step = log_uniform(random, 15.0, 60.0) * random.choice([-1.0, 1.0])
     return {"kind": "splice", "leg": some_leg(random), "height_mm": some_height(random, scene), "step_um": float(step)}
@@ -74,20 +79,6 @@ def _warm(random: Random, scene: Scene) -> dict[str, Any]:
     }
 
 
-UNKNOWN: tuple[Fault, ...] = (
-    Fault("scale-splice", "odd", PATH_OR_VOLUME, _splice),
-    Fault("guide-damage", "odd", PATH_OR_VOLUME, _damage),
-    Fault("roller-period", "odd", PATH_OR_VOLUME, _roller),
-    Fault("hose", "odd", STATIC, _hose),
-    Fault("warm-backlash", "odd", ("warmup",), _warm),
-)
-
-
-def log_signed(random: Random, low: float, high: float) -> float:
-    """A log-uniform size of random sign."""
-    return log_uniform(random, low, high) * float(random.choice([-1.0, 1.0]))
-
-
 def _worn(random: Random, scene: Scene) -> dict[str, Any]:
     """Wear of a screw where it works most."""
     return {
@@ -137,6 +128,11 @@ def _table(random: Random, scene: Scene) -> dict[str, Any]:
 
 
 SHOWN_FAULTS: tuple[Fault, ...] = (
+    Fault("scale-splice", "odd", PATH_OR_VOLUME, _splice),
+    Fault("guide-damage", "odd", PATH_OR_VOLUME, _damage),
+    Fault("roller-period", "odd", PATH_OR_VOLUME, _roller),
+    Fault("hose", "odd", STATIC, _hose),
+    Fault("warm-backlash", "odd", ("warmup",), _warm),
     Fault("worn-spot", "odd", PATH_OR_VOLUME, _worn),
     Fault("cross-coupling", "odd", STATIC, _coupled),
     Fault("cable-drag", "odd", PATH_OR_VOLUME, _cable),
