@@ -6,7 +6,7 @@ import numpy as np
 
 from ptt.rig.arm_scene import ArmScene
 from ptt.rig.draw_arm import draw_masses
-from ptt.rig.draw_faults import Fault, Random, log_uniform
+from ptt.rig.draw_faults import STATIC, Fault, Random, log_uniform, wrong_scale
 from ptt.rig.units import MM_PER_UM, PPM, RAD_PER_MRAD, RAD_PER_NRAD, RAD_PER_URAD
 
 PARALLEL_DEG = 1.0  # axes are parallel where the twist is nearer than this to 0 or 180 degrees
@@ -140,11 +140,6 @@ def _knock(random: Random, scene: ArmScene) -> dict[str, Any]:
     }
 
 
-def _ppm(random: Random, scene: ArmScene) -> dict[str, Any]:
-    return {"scale_ppm": log_uniform(random, 20.0, 150.0) * float(random.choice([-1.0, 1.0]))}
-
-
-STATIC = ("volume",)
 ARM_KNOWN: tuple[Fault, ...] = (
     Fault("dh-offsets", "arm", STATIC, _links, exclusive="link angles"),
     Fault(
@@ -164,7 +159,7 @@ ARM_KNOWN: tuple[Fault, ...] = (
     Fault("axis-compliance", "arm", ("payload",), _soft, exclusive="springs"),
     Fault("self-weight", "arm", ("still load",), _weight, exclusive="springs"),
     Fault("frame-growth", "arm", ("warmup",), _growth),
-    Fault("tracker-scale", "tracker", STATIC, _ppm),
+    Fault("tracker-scale", "tracker", STATIC, wrong_scale),
     Fault("tracker-drift", "tracker", STATIC, _drift),
     Fault("setup-jump", "tracker", STATIC, _knock),
 )

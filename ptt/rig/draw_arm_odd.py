@@ -7,13 +7,10 @@ from typing import Any
 import numpy as np
 
 from ptt.rig.arm_scene import ArmScene
-from ptt.rig.draw_faults import Fault, Random, log_uniform
+from ptt.rig.draw_faults import STATIC, Fault, Random, log_uniform
+from ptt.rig.draw_unseen import BESIDES, HOW_MANY, SLOW
 from ptt.rig.units import MM_PER_UM, RAD_PER_NRAD, RAD_PER_URAD
 
-STATIC = ("volume",)
-SLOW = {"payload", "temperature", "memory", "time"}  # effects of the library follow any function of these alone
-BESIDES = {"payload": ("payload",), "warmup": ("temperature", "memory")}
-HOW_MANY = (1, 1, 2, 2, 3)  # numbers of variables of a random law, equally likely
 HAND_KG = (1.0, 8.0)  # mass at the end of an arm besides the payload
 
 

@@ -181,7 +181,8 @@ def _over_compensation(random: Random, scene: Scene) -> dict[str, Any]:
     return {"backlash_mm": some_legs(random, 0.008, 0.1, signed=False)}
 
 
-def _scale(random: Random, scene: Scene) -> dict[str, Any]:
+def wrong_scale(random: Random, scene: Any) -> dict[str, Any]:
+    """A tracker whose unit of length is off; its key of [tracker]."""
     return {"scale_ppm": log_uniform(random, 20.0, 150.0) * float(random.choice([-1.0, 1.0]))}
 
 
@@ -195,7 +196,7 @@ def _offsets(random: Random, scene: Scene) -> dict[str, Any]:
 KNOWN: tuple[Fault, ...] = (
     Fault("homing-offset", "drive", PATH_OR_VOLUME, lambda r, s: {"homing_mm": some_legs(r, 0.05, 1.0)}),
     Fault("lead-scale", "drive", STATIC, lambda r, s: {"scale_um_per_m": some_legs(r, 30.0, 150.0)}),
-    Fault("screw-error-map", "drive", STATIC, lambda r, s: _curve(r, s)),
+    Fault("screw-error-map", "drive", STATIC, _curve),
     Fault("once-per-rev", "drive", PATH_OR_VOLUME, lambda r, s: _turn(r)),
     Fault("backlash", "drive", PATH_OR_VOLUME, lambda r, s: {"backlash_mm": some_legs(r, 0.008, 0.2, signed=False)}),
     Fault("windup", "drive", ("path",), lambda r, s: _windup(r)),
@@ -212,7 +213,7 @@ KNOWN: tuple[Fault, ...] = (
     Fault("tower-position", "geometry", STATIC, lambda r, s: _both_ways(r, "tower", "mm", 0.1, 0.5)),
     Fault("tower-tilt", "geometry", STATIC, lambda r, s: _both_ways(r, "lean", "mrad", 0.2, 2.0)),
     Fault("link-length", "geometry", STATIC, lambda r, s: {"link_mm": some_legs(r, 0.02, 0.2)}),
-    Fault("guide-straightness", "geometry", STATIC, lambda r, s: _guide(r, s)),
+    Fault("guide-straightness", "geometry", STATIC, _guide),
     Fault(
         "joint-clearance",
         "geometry",
@@ -227,6 +228,6 @@ KNOWN: tuple[Fault, ...] = (
     Fault("homing-slip", "drive", PATH_OR_VOLUME, _slip),
     Fault("link-compliance", "geometry", ("payload",), _soft_links),
     Fault("over-compensation", "controller", PATH_OR_VOLUME, _over_compensation, effect="backlash"),
-    Fault("tracker-scale", "tracker", STATIC, _scale),
+    Fault("tracker-scale", "tracker", STATIC, wrong_scale),
     Fault("joint-offset", "geometry", STATIC, _offsets),
 )
