@@ -19,12 +19,12 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pandas as pd
+from serial_fresh import fresh_poses
 from sweep import follow, run_case, start
 from sweep_judge import printed_heldout, reached
 
 import ptt
 from ptt.challenge.cases import Case, plan
-from ptt.challenge.fresh import fresh_poses
 from ptt.challenge.truth import Truth
 from ptt.door.model import model_of
 from ptt.effects import library

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import serial_sweep
 import torch
+from serial_fresh import fresh_poses
 
 from ptt.challenge.cases import VISIBLE, Case, draw, names_of, plan, protocols_of
-from ptt.challenge.fresh import fresh_poses
 from ptt.challenge.hide import ARM_FAULTS, clear_faults, hide_faults
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import mount_columns, without_set_up

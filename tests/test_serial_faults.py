@@ -13,7 +13,7 @@ from ptt.machine import MachineFile, load_machine
 from ptt.model.model import Model
 from ptt.plan import separation
 from ptt.plan.separation import plan_separation
-from ptt.rig.draw_arm import ARM_FAULTS, NAMES, ArmFault, draw_arm
+from ptt.rig.draw_arm import ARM_FAULTS, ArmFault, draw_arm
 from ptt.rig.serial_arm import ArmFaults, ArmRig
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
@@ -23,6 +23,13 @@ pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated
 
 MACHINES = Path(__file__).resolve().parents[1] / "data" / "machines"
 SIGMA = 0.01
+NAMES = {
+    "compliance": "axis-compliance",
+    "backlash": "backlash",
+    "link": "dh-offsets",
+    "growth": "frame-growth",
+    "weight": "self-weight",
+}
 # The others are asked of another draw in test_serial_diagnosis.
 ASKED = [("kuka_iiwa", "link"), ("kuka_iiwa", "weight"), ("kuka_iiwa", "none")]
 

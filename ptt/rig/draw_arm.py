@@ -12,13 +12,6 @@ from ptt.rig.serial_arm import ArmFaults, ArmRig, rigid
 
 ArmFault = Literal["compliance", "backlash", "link", "growth", "weight", "none"]
 ARM_FAULTS: tuple[ArmFault, ...] = get_args(ArmFault)
-NAMES: dict[str, str] = {
-    "compliance": "axis-compliance",
-    "backlash": "backlash",
-    "link": "dh-offsets",
-    "growth": "frame-growth",
-    "weight": "self-weight",
-}
 WIDE_RAD = 2.0  # joints keep within this, and within four fifths of their limits
 SECONDS_A_ROW = 30.0
 STEEL, ALUMINIUM = 1.0e-5, 2.4e-5  # 1/K

@@ -1,4 +1,4 @@
-"""Fresh poses of an arm in the range of its run, by which benchmarks judge the commands of a diagnosed model."""
+"""Fresh poses of an arm in the range of its run, by which the sweep judges the commands of a diagnosed model."""
 
 from dataclasses import replace
 
