@@ -246,6 +246,8 @@ def _next(result: Diagnosis) -> list[str]:
         where = (first.acts_on or first.residual).replace("set-up", "the set-up")
         show = f"look for the cause in {where}; {more} would show it better"
         lines.append("measure more poses, spread over the workspace" if mostly_untold(result) else show)
+        if {where, *(first.together or (first.on,))} <= {*COORDINATES}:
+            lines.append("a tracker that errs so over its own range looks the same: measure again from another stand")
         if any(is_variable(each.on) for each in result.depends_on):
             lines.append(
                 "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"

@@ -22,6 +22,7 @@ from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 
 MOST_LINES = 5  # dependences that are listed
+LEAST_SHARE = 0.005  # of an unexplained error that a listed dependence has: less is told as 0 %
 ENOUGH_ALONE = 0.5  # share of an unknown from which one variable describes it
 NO_VARIANCE = 1e-30  # mm^2 or rad^2, against division by zero
 SAME_SHARE = 0.95  # share of what the best variable explains from which another explains as much: bins tell no finer
@@ -56,10 +57,12 @@ def dependences(unnamed: Unnamed, problem: Problem) -> tuple[Dependence, ...]:
         problem: n rows.
 
     Returns:
-        At most `MOST_LINES`, the largest share first.
+        At most `MOST_LINES`, the largest share first; none that has next to no share of what is unexplained.
     """
     contexts, found = path_views(problem), list[Dependence]()
     for item in unnamed.unknowns:
+        if item.energy < LEAST_SHARE:
+            continue
         one = _dependence(item, unnamed.unknowns, unnamed.left, contexts, problem)
         if one is not None and not any(one.residual == o.residual and one.on == o.on for o in found):
             found.append(one)
