@@ -245,6 +245,8 @@ def _next(result: Diagnosis) -> list[str]:
         more = "a longer run, or another one," if first.on == "time" else poses
         where = (first.acts_on or first.residual).replace("set-up", "the set-up")
         show = f"look for the cause in {where}; {more} would show it better"
+        if first.on == "time" and first.shape == "step" and first.place:
+            show = f"look for what changed at {between(*first.place, first.unit)}: a load, a clamp, the tool, a stop"
         lines.append("measure more poses, spread over the workspace" if mostly_untold(result) else show)
         if {where, *(first.together or (first.on,))} <= {*COORDINATES}:
             lines.append("a tracker that errs so over its own range looks the same: measure again from another stand")

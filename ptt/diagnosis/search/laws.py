@@ -24,7 +24,7 @@ from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import plainest
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.blocks import Block, field_over
 from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS, Jump, heights_of, passed_again, spells_of
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
@@ -35,6 +35,7 @@ from ptt.run.problem import Problem
 # modulates the direction of arrival, which only fades or grows.
 OWN_COSINES, OTHER_COSINES, ARRIVAL_COSINES = 48, 16, 6
 # Variables that no place of the machine follows by a curve: fields and blocks have them
+CHANGE_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 NO_CURVES = ("run", "way", "turn")
 MOST_LAWS = 5  # laws kept of each place: it follows two or three variables, and one may look like another at first
 SHORTEST_MOVE = 1e-3  # share of the longest move below which moves count as that, before the logarithm
@@ -102,7 +103,7 @@ def is_law(atom: Atom) -> bool:
 
 
 def is_spell(atom: Atom) -> bool:
-    """Whether an atom is a law of something that began at one moment and ended at another."""
+    """Whether an atom is a law of something that came and went, or changed once by amounts that vary."""
     return atom.block is not None and atom.block.is_spell
 
 
@@ -202,7 +203,7 @@ def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> It
         laws += [_law(place, ons, shapes) for ons, shapes in _arrivals(problem, place.joint)]
         jumps = [(own, (float(height),), heights > height) for height in heights_of(heights[problem.used])]
         yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
-    yield _jumps(stand_of(problem), spells)
+    yield [*_jumps(stand_of(problem), spells), *_changes(problem, chain, moments)]
 
 
 def _law(place: Place, on: tuple[str, ...], shapes: np.ndarray) -> Block:
@@ -216,6 +217,15 @@ def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
         Block(f"{name} {on}", place, (on,), there.reshape(len(there), -1).astype(float), is_law=True, jumps=where)
         for on, where, there in jumps
     ]
+
+
+def _changes(problem: Problem, chain: Chain, moments: Sequence[float]) -> Iterator[Block]:
+    """Jumps over time by amounts that vary over the workspace, as by a load or a clamp that nobody noted."""
+    place, clock = problem.view.p.numpy(), problem.view.clock.numpy()
+    field, tool = field_over(scaled(place, column_ends(place)), CHANGE_DEGREE), places_of_chain(problem, chain)[0]
+    for moment in moments:
+        shapes = (clock > moment)[:, None] * field
+        yield Block("law tool jumps by place on time", tool, ("time",), shapes, is_law=True, jumps=(moment,))
 
 
 def _places(problem: Problem, chain: Chain) -> Iterator[Place]:

@@ -112,6 +112,9 @@ def _dependence(
     else:
         curve = _centred_curve(contexts[on], rests[residual])
         found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
+    if item.block.is_spell and len(item.block.jumps) == 1:
+        later = problem.view.clock.numpy() > item.block.jumps[0]
+        found = replace(found, shape="step", place=_between(contexts[on], later))
     if period is None and not item.block.reverses:
         beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
@@ -122,6 +125,11 @@ def _dependence(
         )  # fmt: skip
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
+
+
+def _between(values: np.ndarray, later: np.ndarray) -> tuple[float, float]:
+    """The last value before a moment and the first one after it, of rows that are later, (n,) bool."""
+    return float(values[~later].max()), float(values[later].min())
 
 
 def _is_field(block: Block) -> bool:

@@ -74,7 +74,7 @@ class Block:
 
     @property
     def is_spell(self) -> bool:
-        """Whether it is a law of something that began at one moment and ended at another."""
+        """Whether it is a law of something that came and went, or changed once by amounts that vary by place."""
         return bool(self.jumps) and self.on == ("time",)
 
     @property
@@ -137,8 +137,8 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
     tool, *moving = places
     raw, letter, serial = problem.view.q.numpy(), problem.file.machine.letter, problem.file.machine.kind == "serial"
     q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
-    yield _named(tool, COORDINATES, partial(_field, p, _degree(problem)))
-    yield _named(tool, COORDINATES, partial(_field, p, GENTLE_DEGREE), "gently ")
+    yield _named(tool, COORDINATES, partial(field_over, p, _degree(problem)))
+    yield _named(tool, COORDINATES, partial(field_over, p, GENTLE_DEGREE), "gently ")
     turned = _turned(problem, span)
     for place in moving:
         assert place.joint is not None
@@ -152,7 +152,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
         if place.kind == "rail":
             yield from _of_rail(problem, place, own, low, span)
             continue
-        yield _named(place, COORDINATES, partial(_field, p, _degree(problem)))
+        yield _named(place, COORDINATES, partial(field_over, p, _degree(problem)))
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
@@ -277,11 +277,18 @@ def _with_level(context: Context) -> np.ndarray:
     return np.column_stack([np.ones(len(context.shapes)), context.shapes]) if context.name == "time" else context.shapes
 
 
-def _field(place: np.ndarray, degree: int) -> np.ndarray:
-    """Products of Legendre polynomials of the coordinates up to a total degree.
+def field_over(place: np.ndarray, degree: int) -> np.ndarray:
+    """Products of Legendre polynomials of the coordinates up to a total degree, each the smaller the more it bends.
 
     With their level, without which zeros, links or a trusted frame would be named beside a fault that is large in one
     corner.
+
+    Args:
+        place: coordinates scaled to -1..1, (n, 3).
+        degree: largest total degree.
+
+    Returns:
+        (n, f).
     """
     each = [legendre(column, degree) for column in place.T]
     powers = [power for power in np.ndindex(*(degree + 1,) * 3) if sum(power) <= degree]
@@ -291,4 +298,4 @@ def _field(place: np.ndarray, degree: int) -> np.ndarray:
 
 
 def _modulated_field(shapes: np.ndarray, place: np.ndarray, degree: int) -> np.ndarray:
-    return product(shapes, _field(place, degree))
+    return product(shapes, field_over(place, degree))
