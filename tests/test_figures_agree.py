@@ -2,8 +2,10 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
@@ -66,6 +68,19 @@ def test_a_frame_that_reflectors_hold_elsewhere_is_said_with_the_error_that_they
 def test_gross_errors_are_named_by_their_lines(found):
     assert re.search(r"run\.csv lines 22 and 43(;|$)", str(found[1]))  # behind them, what else was left aside
     assert "2 left out as gross errors: " in str(found[1])
+
+
+def test_rows_that_were_paired_with_the_readings_of_others_are_left_out(tmp_path):
+    """Eight readings were paired with the row behind their own; all else says what it says without that."""
+    folder = Path(__file__).parents[1] / "data" / "sealed_one"
+    model, frame = ptt.load(folder / "machine.toml"), pd.read_csv(folder / "run.csv")
+    read = ["x_meas", "y_meas", "z_meas"]
+    frame.loc[100:107, read] = np.roll(frame.loc[100:107, read].to_numpy(), 1, axis=0)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    found = ptt.diagnose(model, ptt.read(tmp_path / "run.csv", model))
+    assert "lines 102 to 109 come one after another" in str(found)
+    assert (found.result.verdict, found.result.suggested) == ("missing", (("backlash",),))
+    assert "one after another" not in str(ptt.diagnose(model, ptt.read(folder / "run.csv", model)))
 
 
 def test_rows_that_are_left_out_one_after_another_are_no_scatter(found):

@@ -8,14 +8,34 @@ from ptt.diagnosis.evidence.atoms import is_effect
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
-from ptt.diagnosis.noise.gross import stand_out
+from ptt.diagnosis.noise.gross import are_exceptions, stand_out
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.turn import robustly_left
 from ptt.diagnosis.unknown.jumps import BROKEN_ROWS
+from ptt.run.problem import Problem
 
 CROWDED_ROWS = 8  # rows within which two events happen by chance in one run of a thousand
+LOST_ERROR = 30.0  # times the median error, by which rows are off that were paired with the readings of others
+MOSTLY = 0.5  # share of the rows from the first of them to the last
 MOST_BROKEN_SHARE = 0.04  # share of the rows that may be broken beams taken for an event; at least `BROKEN_ROWS` may
+
+
+def lost_rows(problem: Problem) -> np.ndarray:
+    """A few rows in succession that are so far from where the drawing has them that no machine errs so, (n,) bool.
+
+    Args:
+        problem: n rows.
+
+    Returns:
+        None where only some are that far, as a search leaves such out by itself, where many are, or where they lie
+        apart: then they may have a cause in common.
+    """
+    off = np.linalg.norm(problem.measured - problem.view.p.numpy(), axis=1)
+    lost = problem.used & (off > LOST_ERROR * np.median(off[problem.used]))
+    first, last = np.flatnonzero(lost)[[0, -1]] if lost.any() else (0, 0)
+    in_succession = lost.sum() >= max(BROKEN_ROWS, MOSTLY * problem.used[first : last + 1].sum())
+    return lost if in_succession and are_exceptions(lost, problem.used) else np.zeros_like(lost)
 
 
 def broken_beams(found: Found) -> np.ndarray:

@@ -9,7 +9,7 @@ from ptt.diagnosis.evidence.noise_level import starting_noise
 from ptt.diagnosis.evidence.possible import beyond_machines
 from ptt.diagnosis.noise.gross import are_exceptions, has_a_place
 from ptt.diagnosis.search.asked import Asked, scorer_at
-from ptt.diagnosis.search.bursts import broken_beams, crowded_moments
+from ptt.diagnosis.search.bursts import broken_beams, crowded_moments, lost_rows
 from ptt.diagnosis.search.exact import by_names
 from ptt.diagnosis.search.first import names_suffice
 from ptt.diagnosis.search.fits import fit_less
@@ -52,6 +52,8 @@ def find(
         The explanation.
     """
     asked, first = _asked(model, problem, known, tell, steps, span)
+    if span is None and (without := _without_lost_rows(asked, first)):
+        return without
     found = _explained(asked, first)
     if span is not None:  # the rest is done on all rows of the run
         return found
@@ -110,6 +112,21 @@ def _searched(asked: Asked, first: Turn) -> tuple[Found, Problem]:
     anew.system.forget()  # names are clearly better than the search from nothing: look for unknowns beside them
     beside, problem = follow(asked, named, alone=False)
     return (beside, problem) if is_denser(beside, anew) else (anew, others)
+
+
+def _without_lost_rows(asked: Asked, first: Turn) -> Found | None:
+    """Named effects alone, where they suffice without a few rows that are far beyond all others.
+
+    A search would try for minutes to explain rows that were paired with the readings of others.
+    """
+    lost = lost_rows(asked.problem)
+    if not lost.any():
+        return None
+    masked = _masked(asked, lost)
+    found, problem = follow(masked, names_alone(masked, first)[1])
+    gross = found.gross | lost
+    placed = has_a_place(gross, found.fitted.residual, asked.problem)
+    return replace(found, gross=gross) if names_suffice(found.scorer, found.state, problem) and not placed else None
 
 
 def _names_suffice(asked: Asked, first: Turn) -> bool:

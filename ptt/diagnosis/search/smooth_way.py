@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from ptt.diagnosis.evidence.system import holds_unknown
+from ptt.diagnosis.search.bursts import lost_rows
 from ptt.diagnosis.search.find import find, named_effects_suffice
 from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.found import Found, is_denser
@@ -46,7 +47,7 @@ def _gross_elsewhere(found: Found, problem: Problem, other: Problem) -> bool:
     """Whether the direction of arrival at a gross error differs on the smooth path, which may be why it is one."""
     here, there = problem.view, other.view
     differ = (here.direction != there.direction) | (here.turning_point != there.turning_point)  # shape: (n, k)
-    return bool(found.gross[differ.any(dim=1).numpy()].any())
+    return bool((found.gross & ~lost_rows(problem))[differ.any(dim=1).numpy()].any())
 
 
 def _turns_say_more(found: Found, problem: Problem, other: Problem) -> bool:
