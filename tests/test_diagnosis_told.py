@@ -24,7 +24,7 @@ MACHINE = bench_machine()
 
 
 def test_json_holds_what_is_documented(tmp_path):
-    _, path = run(tmp_path, "single", 14, fault="backlash")
+    _, path = run(tmp_path, 14, "backlash")
     model = tmp_path / "machine.toml"
     model.write_text(format_machine(MACHINE))
     outcome = CliRunner().invoke(app, ["diagnose", str(path), "--model", str(model), "--json"])
@@ -47,12 +47,12 @@ def test_json_holds_what_is_documented(tmp_path):
 
 
 def test_what_the_data_cannot_test_is_listed_with_its_need(tmp_path):
-    _, found = learn(tmp_path, "none", 41)
+    _, found = learn(tmp_path, 41)
     assert "payload" in found.not_testable["column-bend"]
 
 
 def test_a_search_that_was_given_too_few_steps_says_so(tmp_path):
-    drawn, path = run(tmp_path, "multi", 2012)
+    drawn, path = run(tmp_path, 2012, "backlash", "homing-offset", "link-length")
     assert len(drawn.truth) > 1
     found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)), steps=1)
     assert found.verdict == "unknown" and len(found.suggested) == 1
@@ -64,18 +64,18 @@ def test_other_candidates_show_no_size_that_the_run_does_not_tell(tmp_path):
     usual = {f"{name}/{p.name}": p.usual for name, cls in library().items() for p in cls.parameters}
     shown = 0
     for fault, seed in (("tower-tilt", 1), ("homing-offset", 2), ("joint-clearance", 21)):
-        _, found = learn(tmp_path, "single", seed, fault=fault)
+        _, found = learn(tmp_path, seed, fault)
         for other in found.candidates[len(found.suggested) :]:
             for name, _, value, std in other.parameters:
                 size = usual[f"{other.effect.partition('[')[0]}/{name.partition(' ')[0]}"]
                 assert std is not None and std < size
-                assert abs(value) < 30.0 * size, (other.effect, name)
+                assert abs(value) < 30.0 * size or std < 0.05 * abs(value), (other.effect, name)
                 shown += 1
     assert shown > 30
 
 
 def test_a_later_step_says_after_which_its_error_is(tmp_path):
-    _, found = learn(tmp_path, "multi", 1)
+    _, found = learn(tmp_path, 1, "backlash", "lead-scale")
     steps = found.candidates[: len(found.suggested)]
     assert len(steps) > 1
     assert " after " not in steps[0].words
@@ -87,7 +87,7 @@ def test_a_later_step_says_after_which_its_error_is(tmp_path):
 @pytest.mark.long
 def test_rows_at_a_stop_are_no_gross_errors(tmp_path):
     """A soft stop pushes the platform back beyond one plane of the workspace: few rows, far off, in one place."""
-    _, path = run(tmp_path, "none", 91, rows=230)
+    _, path = run(tmp_path, 91, rows=230)
     frame = pd.read_csv(path)
     edge = float(np.nanquantile(frame["x_meas"], 0.93))
     beyond = (frame["x_meas"] > edge).to_numpy()
@@ -101,7 +101,7 @@ def test_rows_at_a_stop_are_no_gross_errors(tmp_path):
 
 def test_every_reading_is_accounted_for(tmp_path):
     """Readings that count, gross ones and those that open a run are all there are; the text says why some are not."""
-    _, path = run(tmp_path, "none", 92, rows=120, outlier_share=0.05)
+    _, path = run(tmp_path, 92, rows=120, outlier_share=0.05)
     problem = build_problem(MACHINE, read_table(path))
     found = diagnose(Model(MACHINE), problem)
     assert found.opening.sum() == 1 and found.to_dict()["rows_aside"] == np.flatnonzero(found.opening).tolist()
@@ -111,7 +111,7 @@ def test_every_reading_is_accounted_for(tmp_path):
 
 def test_the_text_says_no_chance_of_zero_and_what_a_shell_takes_as_one_word(tmp_path):
     """Harmonics have brackets and a blank; where the verdict has no room for the steps, they follow the table."""
-    _, path = run(tmp_path, "none", 92, rows=120)
+    _, path = run(tmp_path, 92, rows=120)
     found = diagnose(Model(MACHINE), build_problem(MACHINE, read_table(path)))
     keys = ("backlash", "once-per-rev[harmonic 2]")
     rows = tuple(Candidate(key, 0.9, 0.0, 0.5, 62.0, 9.0, (), (), (), f"What {key} means.") for key in keys)

@@ -13,6 +13,7 @@ BINS = 12  # of a curve over a variable
 PHASES = 10  # bins of a curve over one period
 EDGE = 3.84  # chi-squared of one degree of freedom, 95 %
 HALF = 1.96  # half-width of a 95 % confidence interval, in standard errors
+MOST = 0.9  # share of what a cubic and a local shape explain that the cubic alone does, where that is a detail
 LOCAL = ("step", "bump", "period")  # kinds with an unknown place or period
 
 
@@ -60,7 +61,7 @@ class _Choice:
     @property
     def mostly_smooth(self) -> bool:
         """Whether a local shape is no more than a detail of the cubic beside it."""
-        return self.smooth and self.cubic > self.alone
+        return self.smooth and self.cubic > max(self.alone, MOST * self.share)
 
 
 def describe(

@@ -10,9 +10,9 @@ MOST_ITERATIONS = 40
 TOLERANCE = 1e-8  # chi-squared still to be gained at the end: parameters within 1e-4 standard errors
 # Damping, as a share of the diagonal of the normal equations, after a step without one that failed; the ratio of each
 # to the one before; and that of the first one of an iteration to the last one before it, with the least one kept up
-FIRST_DAMPING, DAMPING_RATIO, EASING, LEAST_DAMPING = 0.01, 8.0, 0.1, 1e-5
+FIRST_DAMPING, DAMPING_RATIO, EASING, LEAST_DAMPING = 0.01, 10.0, 0.1, 1e-5
 TRIES = 8  # trial steps of an iteration
-FEW_TRIES = 3  # the same of a coarse fit
+FEW_TRIES = 5  # the same of a coarse fit
 # tolerance per unit of chi-squared left, times `done`: where more than noise is left, less accuracy is needed
 RELATIVE_TOLERANCE = 1e-4
 FINE_GAIN = 1e-3  # gain below which a step that keeps less than half of its prediction is the last: kinks are near
@@ -63,9 +63,10 @@ def descend(
     sums = equations(at)
     gained, damping = np.inf, 0.0
     for _ in range(MOST_ITERATIONS):
-        cost, least = sums[2], FINE_GAIN if damping else done
+        cost = sums[2]
         step = _step(at, sums, lower, upper, damping)
         decrease = _decrease(sums, step)
+        least = FINE_GAIN if 0.0 < damping < FIRST_DAMPING else done  # beyond, a short step says little of what is left
         if decrease <= least * (1.0 + RELATIVE_TOLERANCE * cost) + 1e-13 * cost:
             return Descent(at, "converged")
         if cost - PROMISE_FACTOR * min(decrease, gained) > hopeless:

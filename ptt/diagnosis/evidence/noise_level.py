@@ -167,7 +167,7 @@ def noise_again(
     if given is None:
         return left
     if given.source == "repeats":
-        return _beside_repeats(given, left) if outdone(given, left) else given
+        return left if outdone(given, left) else given
     if settled:
         return replace(system.noise, covariance=left.covariance)
     if given.source == MACHINE_FILE:  # it gives one figure: how the axes share it, the rows tell at once
@@ -180,7 +180,7 @@ def noise_after(problem: Problem, system: System, state: State) -> Noise:
     """The noise floor that is reported: the one that was known, unless the best explanation contradicts it.
 
     Repeats read before and after a knock scatter by the knock: where the best explanation leaves significantly less
-    than the repeats scatter by, the noise is what it leaves, or more where somebody states more.
+    than the repeats scatter by, the noise is what it leaves.
 
     Args:
         problem: the readings.
@@ -196,20 +196,8 @@ def noise_after(problem: Problem, system: System, state: State) -> Noise:
     if given.source == "repeats" and system.by_visit and state.memory.pose > 0.0:
         return replace(left, source=VISITED)
     if outdone(given, left):
-        noise = _beside_repeats(given, left)
-        return replace(noise, source=f"{noise.source}; repeats scatter by more, through what changed between them")
+        return replace(left, source=f"{SATURATED}; repeats scatter by more, through what changed between them")
     return given
-
-
-def _beside_repeats(given: Noise, left: Noise) -> Noise:
-    """What an explanation leaves of repeats that it outdoes, but no less than somebody states beside them.
-
-    With few poses all curves together follow every reading, and leave less than the tracker's own noise.
-    """
-    source, total = given.stated or (SATURATED, 0.0)
-    if total <= left.total:
-        return left
-    return replace(left, covariance=left.covariance * (total / left.total) ** 2, source=source)
 
 
 def outdone(given: Noise, left: Noise) -> bool:
