@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from made_runs import empty_run, machine
 
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.search.bursts import lost_rows
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
@@ -78,3 +80,12 @@ def test_a_broken_beam_next_to_a_knock_is_a_gross_error(apart: int) -> None:
     found = diagnose(Model(file), build_problem(file, replace(table, measured=read)))
     assert (found.verdict, found.suggested) == ("missing", (("setup-jump",),))
     assert found.outliers[knock + apart] and found.outliers.sum() <= 2
+
+
+@pytest.mark.parametrize(("rows", "lost"), [(slice(90, 98), True), (slice(172, 180), False), (slice(0, 8), False)])
+def test_rows_with_which_a_run_begins_or_ends_may_have_slipped(rows: slice, lost: bool) -> None:
+    table = empty_run(180)
+    read = table.target + np.random.default_rng(3).normal(0.0, 0.004, (180, 3))
+    read[rows, 2] += 5.0
+    found = lost_rows(build_problem(machine(frame="trusted"), table.replace(measured=read)))
+    assert np.flatnonzero(found).tolist() == (np.arange(180)[rows].tolist() if lost else [])

@@ -16,6 +16,7 @@ from ptt.correct.compensate import compensate
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.errors import ModelError
+from ptt.judge.ladder.climb import climb
 from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import read_model
@@ -256,6 +257,22 @@ def test_a_reading_on_arrival_lags_though_the_clock_goes_on_behind_it(lags: bool
         commands = compensate(found.model, make_table(target, feed_mm_s=feed)).q
         before, after = (np.linalg.norm(place - target, axis=1)[1:].mean() for place in (there, read_at(commands)))
         assert after < 0.02 * before
+
+
+@pytest.mark.parametrize(("pace", "held"), [(EVEN, True), (EVEN + 4, False)])
+def test_a_lag_on_the_move_is_kept_where_the_machine_stood(pace: int, held: bool) -> None:
+    """Feeds vary, and tell only of a lag that follows them in spite of the clock."""
+    random, rows = np.random.default_rng(6), 60
+    target, feed = random.uniform(-60.0, 60.0, (rows, 3)), random.choice([8.0, 16.0, 30.0], rows)
+    lasts = np.linalg.norm(np.diff(target, axis=0, prepend=target[:1]), axis=1) / feed
+    table = make_table(target, feed_mm_s=feed, time_s=np.cumsum(lasts + 4.0))
+    problem = build_problem(BENCH, replace(table, measured=target + random.normal(0.0, 0.004, target.shape)))
+    entry = f'[[effect]]\nname = "following-error"\n[effect.parameters]\nlag_s = {{ value = {LAG.tolist()} }}\n'
+    model = read_model(parse_machine(f"{MACHINE}{entry}pace = {{ value = {pace} }}\n"))
+    ladder = climb(model, problem, [])
+    lag = ladder.model.terms[0].theta[:3].numpy()
+    assert np.allclose(lag, LAG) is held and bool(np.abs(lag).max() < 1e-3) is not held
+    assert any("is kept as it was" in note for note in ladder.notes) is held
 
 
 @pytest.mark.parametrize("told", ["feed", "clock"])

@@ -133,10 +133,7 @@ def build_prior(model: Model, problem: Problem) -> Prior:
 
 def _is_blind(term: Term, problem: Problem) -> bool:
     """Whether an effect depends on the speed, and the run shows nothing of it."""
-    view = problem.view
-    if "speed" not in term.effect.requires or "speed" in view.varies:
-        return False
-    return term.effect.needs(view) is not None or not bool(term.effect.shift(term.theta, view).any())
+    return "speed" in term.effect.requires and term.effect.lacks(term.theta, problem.view) is not None
 
 
 def _not_carried(model: Model) -> list[str]:

@@ -59,7 +59,7 @@ class _Choice:
     parameters: float
 
     @property
-    def mostly_smooth(self) -> bool:
+    def is_detail(self) -> bool:
         """Whether a local shape is no more than a detail of the cubic beside it."""
         return self.smooth and self.cubic > max(self.alone, MOST * self.share)
 
@@ -188,7 +188,8 @@ def _finish(
     kind, share = trials[choice.kind], choice.share
     period, place, parameters = None, None, choice.parameters
     base = np.polynomial.legendre.legvander(_scaled(values), 3 if choice.smooth else 0)
-    shape = "smooth" if choice.mostly_smooth or kind.kind in ("wavy", "bins") else kind.kind
+    detail = choice.is_detail and kind.kind in ("step", "bump")
+    shape = "smooth" if detail or kind.kind in ("wavy", "bins") else kind.kind
     if shape == "period":
         period, share, more = _period(base, residual, values, float(kind.low[choice.index]), effective_rows)
         parameters += more

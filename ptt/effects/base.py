@@ -127,6 +127,15 @@ class Effect:
         wanting = [CONTEXTS[context] for context in self.requires if context not in view.varies]
         return "; ".join(wanting) or None
 
+    def lacks(self, theta: Tensor, view: View) -> str | None:
+        """What the data lack for values that it has already to be fitted again; as `needs`.
+
+        Args:
+            theta: all parameters, flat.
+            view: n rows.
+        """
+        return self.needs(view)
+
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
         """Values of the searched and given parameters that are worth trying.
 

@@ -161,6 +161,10 @@ class FollowingError(Effect):
         """Several speeds; feeds that vary will do."""
         return None if view.fed is not None else super().needs(view)
 
+    def lacks(self, theta: Tensor, view: View) -> str | None:
+        """Several speeds; feeds will do only for a lag that follows them."""
+        return self.needs(view) if theta[-1] >= BY_FEED else super().needs(view)
+
     def cause(self, theta: Tensor, view: View) -> str:
         """With a word where it contradicts the clock."""
         told = ", of readings on the move though by the clock it stood" if theta[-1] >= BY_FEED else ""

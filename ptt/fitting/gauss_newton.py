@@ -8,11 +8,15 @@ from scipy import linalg
 
 MOST_ITERATIONS = 40
 TOLERANCE = 1e-8  # chi-squared still to be gained at the end: parameters within 1e-4 standard errors
-# Damping, as a share of the diagonal of the normal equations, after a step without one that failed; the ratio of each
-# to the one before; and that of the first one of an iteration to the last one before it, with the least one kept up
-FIRST_DAMPING, DAMPING_RATIO, EASING, LEAST_DAMPING = 0.01, 10.0, 0.1, 1e-5
+STEP_RATIO, SHORTER_STEPS = 0.3, 3  # of each trial step to the one before, and how many of these before damped ones
+# Damping, as a share of the diagonal of the normal equations: the first, the ratio of each to the one before, and that
+# of the first one of an iteration to the last one of the iteration before, with the least that is kept up
+FIRST_DAMPING, DAMPING_RATIO, EASING, LEAST_DAMPING = 0.01, 10.0, 0.1, 1e-6
+# Steps in succession, none of them whole, that gain less than a share of chi-squared each, after which no more is
+# expected: the predicted gain lies in a direction in which the model bends at once
+SLOW_STEPS, SLOW_SHARE = 3, 1e-6
 TRIES = 8  # trial steps of an iteration
-FEW_TRIES = 5  # the same of a coarse fit
+FEW_TRIES = 6  # the same of a coarse fit
 # tolerance per unit of chi-squared left, times `done`: where more than noise is left, less accuracy is needed
 RELATIVE_TOLERANCE = 1e-4
 FINE_GAIN = 1e-3  # gain below which a step that keeps less than half of its prediction is the last: kinks are near
@@ -46,7 +50,7 @@ def descend(
     """Minimise a sum of squares between bounds.
 
     Source: Nocedal and Wright, Numerical Optimization (2006), 10.3 (Gauss-Newton, Levenberg-Marquardt) and 16.5 (active
-    sets). Damped steps turn into a curved valley, as lengths of wind-ups have, where shortened ones zigzag.
+    sets). Where steps shortened a little fail, damped ones turn into a curved valley in which short ones zigzag.
 
     Args:
         equations: unknowns -> J^T J (u, u), J^T r (u,) with r what is left and J the model's derivative, and r^T r.
@@ -61,29 +65,30 @@ def descend(
     """
     at = np.clip(start, lower, upper)
     sums = equations(at)
-    gained, damping = np.inf, 0.0
+    gained, damping, slow, fine = np.inf, 0.0, 0, max(FINE_GAIN, done)
     for _ in range(MOST_ITERATIONS):
-        cost = sums[2]
-        step = _step(at, sums, lower, upper, damping)
+        cost, step = sums[2], _step(at, sums, lower, upper, 0.0)
         decrease = _decrease(sums, step)
-        least = FINE_GAIN if 0.0 < damping < FIRST_DAMPING else done  # beyond, a short step says little of what is left
-        if decrease <= least * (1.0 + RELATIVE_TOLERANCE * cost) + 1e-13 * cost:
+        if decrease <= done * (1.0 + RELATIVE_TOLERANCE * cost) + 1e-13 * cost:
             return Descent(at, "converged")
         if cost - PROMISE_FACTOR * min(decrease, gained) > hopeless:
             return Descent(at, HOPELESS)
-        fine = max(FINE_GAIN, done)
-        for _ in range(1 if decrease <= fine else FEW_TRIES if fine > FINE_GAIN else TRIES):
+        for number in range(1 if decrease <= fine else FEW_TRIES if fine > FINE_GAIN else TRIES):
+            if damping > 0.0:
+                step = _step(at, sums, lower, upper, damping)
             there = equations(at + step)
             if there[2] <= cost - LEAST_SHARE * _decrease(sums, step):
                 break
-            damping = max(FIRST_DAMPING, DAMPING_RATIO * damping)
-            step = _step(at, sums, lower, upper, damping)
+            step = STEP_RATIO * step
+            if damping > 0.0 or number + 1 == SHORTER_STEPS:
+                damping = max(FIRST_DAMPING, DAMPING_RATIO * damping)
         else:
             kinked = decrease <= max(KINK_SHARE * cost, FINE_GAIN)
             return Descent(at, "converged" if kinked else "not converged: no step lowers the error further")
         at, sums, gained = at + step, there, cost - there[2]
+        slow = slow + 1 if (number > 0 or damping > 0.0) and gained < SLOW_SHARE * cost else 0
         damping = EASING * damping if damping > LEAST_DAMPING else 0.0
-        if decrease <= max(FINE_GAIN, 10.0 * done) and gained < 0.5 * decrease:
+        if slow == SLOW_STEPS or (decrease <= max(FINE_GAIN, 10.0 * done) and gained < 0.5 * decrease):
             return Descent(at, "converged")
     return Descent(at, f"not converged after {MOST_ITERATIONS} steps")
 

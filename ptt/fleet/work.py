@@ -115,7 +115,9 @@ def _add(model: Model, opened: Opened, keys: list[str], task: Task) -> tuple[str
 def _testable(model: Model, opened: Opened) -> Model:
     """The model with effects that this run cannot test held fixed, and all shapes, so that sizes can be compared."""
     view = opened.problem.view
-    return replace(model, terms=tuple(hold(t) if t.effect.needs(view) else _hold_shape(t) for t in model.terms))
+    return replace(
+        model, terms=tuple(hold(t) if t.effect.lacks(t.theta, view) else _hold_shape(t) for t in model.terms)
+    )
 
 
 def _hold_shape(term: Term) -> Term:

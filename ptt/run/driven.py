@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from torch import Tensor
 
-from ptt.run.corners import TURN
+from ptt.run.corners import SAME_SPEED, TURN
 from ptt.run.direction import STANDSTILL
 from ptt.run.view import View
 
@@ -46,9 +47,15 @@ def as_driven(view: View, table: "Table") -> View:
         stood = bool(came.any()) and float(np.median((took[steps] * feed / way[steps])[came])) >= STOPPED
     if not stood:
         return view
-    if table.feed_mm_s is None or view.paces is None or "speed" not in view.varies:
+    feeds = None if table.feed_mm_s is None else table.feed_mm_s[1:][steps]
+    if feeds is None or view.paces is None or np.ptp(feeds[feeds > 0.0]) <= SAME_SPEED * feeds.max():
         return view.standing()
-    return view.standing(torch.cat([view.velocity[..., None], view.paces], dim=-1))
+    return view.standing(by_feed(view))
+
+
+def by_feed(view: View) -> Tensor | None:
+    """The `fed` of a view that is taken to move; None where it knows no speed."""
+    return None if view.paces is None else torch.cat([view.velocity[..., None], view.paces], dim=-1)
 
 
 def _turns_sharply(moved: np.ndarray, steps: np.ndarray) -> bool:

@@ -29,13 +29,17 @@ def lost_rows(problem: Problem) -> np.ndarray:
 
     Returns:
         None where only some are that far, as a search leaves such out by itself, where many are, or where they lie
-        apart: then they may have a cause in common.
+        apart: then they may have a cause in common. Nor where a run begins or ends with them: it may have slipped.
     """
     off = np.linalg.norm(problem.measured - problem.view.p.numpy(), axis=1)
     lost = problem.used & (off > LOST_ERROR * np.median(off[problem.used]))
-    first, last = np.flatnonzero(lost)[[0, -1]] if lost.any() else (0, 0)
+    if not lost.any() or not are_exceptions(lost, problem.used):
+        return np.zeros_like(lost)
+    first, last = np.flatnonzero(lost)[[0, -1]]
     in_succession = lost.sum() >= max(BROKEN_ROWS, MOSTLY * problem.used[first : last + 1].sum())
-    return lost if in_succession and are_exceptions(lost, problem.used) else np.zeros_like(lost)
+    beside = np.flatnonzero(problem.used & (problem.table.run == problem.table.run[first]))
+    within = beside[0] < first and problem.table.run[last] == problem.table.run[first] and last < beside[-1]
+    return lost if in_succession and within else np.zeros_like(lost)
 
 
 def broken_beams(found: Found) -> np.ndarray:

@@ -1,5 +1,7 @@
 """Laws of one variable: a curve or a jump over one variable at one place, the most specific form of an unknown.
 
+One jump may differ over the workspace: what changed at one moment, as a load does that nobody noted.
+
 A field over the workspace, a flexible curve, a slip or a knock can each stand in for physics that is not in the
 library, and names found beside such a stand-in are wrong too. Where a law holds it explains as much with fewer degrees
 of freedom and scores higher. A rail of two pieces, a dent or a loose clamp is passed again and again; named as slips
@@ -35,8 +37,8 @@ from ptt.run.problem import Problem
 # modulates the direction of arrival, which only fades or grows.
 OWN_COSINES, OTHER_COSINES, ARRIVAL_COSINES = 48, 16, 6
 # Variables that no place of the machine follows by a curve: fields and blocks have them
-CHANGE_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 NO_CURVES = ("run", "way", "turn")
+CHANGE_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 MOST_LAWS = 5  # laws kept of each place: it follows two or three variables, and one may look like another at first
 SHORTEST_MOVE = 1e-3  # share of the longest move below which moves count as that, before the logarithm
 

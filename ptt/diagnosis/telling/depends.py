@@ -57,11 +57,12 @@ def dependences(unnamed: Unnamed, problem: Problem) -> tuple[Dependence, ...]:
         problem: n rows.
 
     Returns:
-        At most `MOST_LINES`, the largest share first; none that has next to no share of what is unexplained.
+        At most `MOST_LINES`, the largest share first; of others than the first none that has next to
+        no share of what is unexplained.
     """
     contexts, found = path_views(problem), list[Dependence]()
     for item in unnamed.unknowns:
-        if item.energy < LEAST_SHARE:
+        if item.energy < LEAST_SHARE and item is not unnamed.unknowns[0]:
             continue
         one = _dependence(item, unnamed.unknowns, unnamed.left, contexts, problem)
         if one is not None and not any(one.residual == o.residual and one.on == o.on for o in found):
@@ -114,7 +115,11 @@ def _dependence(
         found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
     if item.block.is_spell and len(item.block.jumps) == 1:
         later = problem.view.clock.numpy() > item.block.jumps[0]
-        found = replace(found, shape="step", place=_between(contexts[on], later))
+        part = explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE)
+        found = replace(
+            found, shape="step", place=_between(contexts[on], later), together=(on, *COORDINATES),
+            alone_share=max(part, 0.0) * share,
+        )  # fmt: skip
     if period is None and not item.block.reverses:
         beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))

@@ -117,7 +117,7 @@ def _hold_untestable(model: Model, problem: Problem) -> tuple[Model, tuple[str, 
     """Hold effects that this run cannot test at their values; else their prior would pull them to zero."""
     terms, notes = [], []
     for term in model.terms:
-        lack = term.effect.needs(problem.view)
+        lack = term.effect.lacks(term.theta, problem.view) if len(term.theta) else term.effect.needs(problem.view)
         if lack is None:
             terms.append(term)
         elif not len(term.theta):
