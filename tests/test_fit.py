@@ -136,7 +136,8 @@ def test_a_curved_valley_is_followed_to_its_end(seed: int) -> None:
         term("windup", view, [0.001, 0.012, 0.010], length=3.5),
     ]
     result = fitted(["platform-twist", "windup"], build_problem(file, measure(table, file, terms)))
-    assert result.status == "converged" and result.chi2 < 2250.0  # at the valley's other wall it was 2276 and 2557
+    # Steps along the tangent alone took 750 evaluations and ended at 2557 and 2276.
+    assert result.iterations < 150 and result.chi2 < 2250.0
 
 
 @pytest.mark.parametrize(("stiff", "soft"), [(1e2, 1.0), (1e4, 1.0), (1e5, 10.0)])

@@ -275,6 +275,15 @@ def test_a_lag_on_the_move_is_kept_where_the_machine_stood(pace: int, held: bool
     assert any("is kept as it was" in note for note in ladder.notes) is held
 
 
+@pytest.mark.parametrize(("feeds", "tells"), [((8.0, 16.0, 30.0), True), ((16.0,), False), ((16.0, np.nan), False)])
+def test_speeds_by_the_feed_are_kept_of_a_stand_where_feeds_vary(feeds: tuple[float, ...], tells: bool) -> None:
+    random = np.random.default_rng(8)
+    target = random.uniform(-60.0, 60.0, (40, 3))
+    table = make_table(target, feed_mm_s=random.choice(feeds, 40), time_s=60.0 * np.arange(40))
+    view = build_problem(BENCH, replace(table, measured=target)).view
+    assert not view.velocity.any() and (view.fed is not None) is tells
+
+
 @pytest.mark.parametrize("told", ["feed", "clock"])
 def test_a_lap_that_begins_where_another_ended_is_passed_at_its_own_feed(told: str) -> None:
     """The pose in which laps meet is told twice, and nothing stands there."""

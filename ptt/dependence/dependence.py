@@ -38,8 +38,8 @@ class Dependence(Record):
         reference_c: temperature at which the drawing holds, C, where the variable or the second one is a temperature;
             else None.
         points: of an unknown, (m, 2) the readings that its curve stands for: the curve's variable, and mm or rad.
-        together: variables that it takes all of to describe an unknown of which this one alone explains less than half;
-            the share is of all of them then.
+        together: variables that it takes all of to describe an unknown: a field of which this one alone explains less
+            than half, or a change at one moment that varies over the workspace; the share is of all of them then.
         alone_share: share of the variance that this one alone explains then; None where one variable is enough.
     """
 

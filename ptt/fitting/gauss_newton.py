@@ -1,19 +1,20 @@
 """Bounded Gauss-Newton on normal equations, damped where a step fails: few unknowns, many rows, nearly linear."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from scipy import linalg
 
 MOST_ITERATIONS = 40
 TOLERANCE = 1e-8  # chi-squared still to be gained at the end: parameters within 1e-4 standard errors
-STEP_RATIO, SHORTER_STEPS = 0.3, 3  # of each trial step to the one before, and how many of these before damped ones
+STEP_RATIO, SHORTER_STEPS = 0.3, 3  # of each undamped trial step to the one before, and how many there are
 # Damping, as a share of the diagonal of the normal equations: the first, the ratio of each to the one before, and that
 # of the first one of an iteration to the last one of the iteration before, with the least that is kept up
 FIRST_DAMPING, DAMPING_RATIO, EASING, LEAST_DAMPING = 0.01, 10.0, 0.1, 1e-6
-# Steps in succession, none of them whole, that gain less than a share of chi-squared each, after which no more is
-# expected: the predicted gain lies in a direction in which the model bends at once
+# Steps in succession, none of them whole, that gain less than a share of chi-squared each, after which it ends: the
+# predicted gain lies in a direction in which the model bends at once
 SLOW_STEPS, SLOW_SHARE = 3, 1e-6
 TRIES = 8  # trial steps of an iteration
 FEW_TRIES = 6  # the same of a coarse fit
@@ -67,30 +68,47 @@ def descend(
     sums = equations(at)
     gained, damping, slow, fine = np.inf, 0.0, 0, max(FINE_GAIN, done)
     for _ in range(MOST_ITERATIONS):
-        cost, step = sums[2], _step(at, sums, lower, upper, 0.0)
-        decrease = _decrease(sums, step)
+        cost, whole = sums[2], _step(at, sums, lower, upper, 0.0)
+        decrease = _decrease(sums, whole)
         if decrease <= done * (1.0 + RELATIVE_TOLERANCE * cost) + 1e-13 * cost:
             return Descent(at, "converged")
         if cost - PROMISE_FACTOR * min(decrease, gained) > hopeless:
             return Descent(at, HOPELESS)
-        for number in range(1 if decrease <= fine else FEW_TRIES if fine > FINE_GAIN else TRIES):
-            if damping > 0.0:
-                step = _step(at, sums, lower, upper, damping)
+        tries = 1 if decrease <= fine else FEW_TRIES if fine > FINE_GAIN else TRIES
+        taken = None
+        for step, its_damping in islice(_trial_steps(at, sums, lower, upper, whole, damping), tries):
             there = equations(at + step)
             if there[2] <= cost - LEAST_SHARE * _decrease(sums, step):
+                taken, damping = step, its_damping
                 break
-            step = STEP_RATIO * step
-            if damping > 0.0 or number + 1 == SHORTER_STEPS:
-                damping = max(FIRST_DAMPING, DAMPING_RATIO * damping)
-        else:
+        if taken is None:
             kinked = decrease <= max(KINK_SHARE * cost, FINE_GAIN)
             return Descent(at, "converged" if kinked else "not converged: no step lowers the error further")
-        at, sums, gained = at + step, there, cost - there[2]
-        slow = slow + 1 if (number > 0 or damping > 0.0) and gained < SLOW_SHARE * cost else 0
-        damping = EASING * damping if damping > LEAST_DAMPING else 0.0
-        if slow == SLOW_STEPS or (decrease <= max(FINE_GAIN, 10.0 * done) and gained < 0.5 * decrease):
+        at, sums, gained = at + taken, there, cost - there[2]
+        if decrease <= max(FINE_GAIN, 10.0 * done) and gained < 0.5 * decrease:
             return Descent(at, "converged")
+        slow = slow + 1 if taken is not whole and gained < SLOW_SHARE * cost else 0
+        if slow == SLOW_STEPS:
+            return Descent(at, "not converged: steps gain next to nothing")
+        damping = EASING * damping if damping > LEAST_DAMPING else 0.0
     return Descent(at, f"not converged after {MOST_ITERATIONS} steps")
+
+
+def _trial_steps(
+    at: np.ndarray, sums: Sums, lower: np.ndarray, upper: np.ndarray, whole: np.ndarray, damping: float
+) -> Iterator[tuple[np.ndarray, float]]:
+    """Steps to try one after the other, and the damping of each: the whole one and shorter ones, then damped ones.
+
+    Where the iteration before was damped, damped ones from the first.
+    """
+    if damping == 0.0:
+        yield whole, 0.0
+        for power in range(1, SHORTER_STEPS):
+            yield STEP_RATIO**power * whole, 0.0
+        damping = FIRST_DAMPING
+    while True:
+        yield _step(at, sums, lower, upper, damping), damping
+        damping = max(FIRST_DAMPING, DAMPING_RATIO * damping)
 
 
 def _step(at: np.ndarray, sums: Sums, lower: np.ndarray, upper: np.ndarray, damping: float) -> np.ndarray:

@@ -20,7 +20,6 @@ from ptt.fleet.database import duckdb, in_memory
 from ptt.fleet.readings import plain_columns
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
-from ptt.run.corners import SAME_SPEED
 from ptt.run.driven import by_feed
 from ptt.run.from_columns import columns_to_table
 from ptt.run.noise import Noise
@@ -131,8 +130,7 @@ def read_part(log: Log, part: Part) -> Problem:
     table, whole = read_log(log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
     view = build_view(log.machine, in_base(table, whole.stated_in))
     time = view.time if table.time_s is None else torch.as_tensor(np.asarray(table.time_s, float) - log.clock)
-    low_feed, high_feed = log.ranges.get("feed_mm_s", (0.0, 0.0))
-    fed = by_feed(view) if high_feed - low_feed > SAME_SPEED * high_feed else None
+    fed = by_feed(view, *log.ranges.get("feed_mm_s", (0.0, 0.0)))
     view = replace(
         view if log.driven else view.standing(fed), varies=whole.view.varies, time=time,
         number=torch.arange(low, high, dtype=torch.float64),

@@ -41,21 +41,19 @@ def as_driven(view: View, table: "Table") -> View:
     steps = (way > STANDSTILL) & (took > 0.0) & ~view.starts.numpy()[1:]
     if table.feed_mm_s is None:
         stood = _stood_by_clock(way[steps], took[steps], turns_sharply=_turns_sharply(moved, steps))
-    else:
-        feed = table.feed_mm_s[1:][steps]
-        came = feed > 0.0
-        stood = bool(came.any()) and float(np.median((took[steps] * feed / way[steps])[came])) >= STOPPED
-    if not stood:
+        return view.standing() if stood else view
+    steps &= table.feed_mm_s[1:] > 0.0
+    feed = table.feed_mm_s[1:][steps]
+    if not len(feed) or np.median(took[steps] * feed / way[steps]) < STOPPED:
         return view
-    feeds = None if table.feed_mm_s is None else table.feed_mm_s[1:][steps]
-    if feeds is None or view.paces is None or np.ptp(feeds[feeds > 0.0]) <= SAME_SPEED * feeds.max():
-        return view.standing()
-    return view.standing(by_feed(view))
+    return view.standing(by_feed(view, feed.min(), feed.max()))
 
 
-def by_feed(view: View) -> Tensor | None:
-    """The `fed` of a view that is taken to move; None where it knows no speed."""
-    return None if view.paces is None else torch.cat([view.velocity[..., None], view.paces], dim=-1)
+def by_feed(view: View, least: float, most: float) -> Tensor | None:
+    """The `fed` of a view that is taken to move at feeds from `least` to `most`, mm/s."""
+    if view.paces is None or most - least <= SAME_SPEED * most:
+        return None
+    return torch.cat([view.velocity[..., None], view.paces], dim=-1)
 
 
 def _turns_sharply(moved: np.ndarray, steps: np.ndarray) -> bool:

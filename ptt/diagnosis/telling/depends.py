@@ -57,8 +57,7 @@ def dependences(unnamed: Unnamed, problem: Problem) -> tuple[Dependence, ...]:
         problem: n rows.
 
     Returns:
-        At most `MOST_LINES`, the largest share first; of others than the first none that has next to
-        no share of what is unexplained.
+        At most `MOST_LINES`, the largest share first; beside the first none that has next to no share.
     """
     contexts, found = path_views(problem), list[Dependence]()
     for item in unnamed.unknowns:
@@ -93,43 +92,76 @@ def _dependence(
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
     tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
-    chance = float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
-    share, alone = min(item.energy, 1.0), 1.0
-    if _is_field(item.block):
-        alone = max(explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE), 0.0)
+    tested.sort(key=lambda one: one.with_ != second)
     if item.block.gradual:
-        q = problem.view.q.numpy()[:, item.block.place.joint]
-        contexts = contexts | {"reversal": since_reversal(q, problem.view.starts.numpy())}
-        curve = _centred_curve(contexts["reversal"], rests[residual], np.sign(contexts[on]))
-        ends, acts_on = (float(q.min()), float(q.max())), _acts_on(item.block)
-        found = Dependence(residual, on, share, chance, None, "gradual", curve, ends, "reversal", acts_on=acts_on)
-    elif period is not None and all(d.period_mm is None for d in tested):
-        # The wave is finer than these readings show by themselves.
-        curve = _centred_curve(np.mod(contexts[on], period), rests[residual])
-        found = Dependence(residual, on, share, chance, period, "period", curve, acts_on=_acts_on(item.block))
-    elif tested:
-        best = next((d for d in tested if d.with_ == second), tested[0])
-        found = replace(best, share=share, p_value=chance, rivals=(), acts_on=_acts_on(item.block))
-    else:
-        curve = _centred_curve(contexts[on], rests[residual])
-        found = Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=_acts_on(item.block))
-    if item.block.is_spell and len(item.block.jumps) == 1:
-        later = problem.view.clock.numpy() > item.block.jumps[0]
-        part = explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE)
-        found = replace(
-            found, shape="step", place=_between(contexts[on], later), together=(on, *COORDINATES),
-            alone_share=max(part, 0.0) * share,
-        )  # fmt: skip
+        contexts = contexts | {"reversal": _since_reversal(item.block, problem)}
+    found = _as_curve(item, residual, on, rests[residual], contexts, tested)
     if period is None and not item.block.reverses:
         beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
-    if alone < ENOUGH_ALONE:  # the shape of a curve that leaves most of the unknown aside says nothing
-        found = replace(
-            found, shape="smooth", place=None, period_mm=None, with_=None, rivals=(), together=item.block.on,
-            alone_share=alone * share,
-        )  # fmt: skip
+    alone = max(explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE), 0.0)
+    found = _of_several(found, item.block, alone, contexts[on], problem)
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
+
+
+def _as_curve(
+    item: Unknown, residual: str, on: str, left: np.ndarray, contexts: dict[str, np.ndarray], tested: list[Dependence]
+) -> Dependence:
+    """One residual, with what is unexplained by others left in it, (n,), as a curve over a variable.
+
+    Args:
+        item: the unknown.
+        residual: name of the residual.
+        on: the variable.
+        left: that residual, (n,) mm or rad.
+        contexts: variables by name, (n,) each.
+        tested: dependences of the residual on the variable that a test by itself shows, the best first.
+    """
+    block, period, acts_on = item.block, item.block.period, _acts_on(item.block)
+    share, chance = min(item.energy, 1.0), float(np.exp(-np.clip(item.nats, 0.0, 700.0)))
+    if block.gradual:
+        curve, q = _centred_curve(contexts["reversal"], left, np.sign(contexts[on])), contexts[block.on[1]]
+        ends = float(q.min()), float(q.max())
+        return Dependence(residual, on, share, chance, None, "gradual", curve, ends, "reversal", acts_on=acts_on)
+    if period is not None and all(one.period_mm is None for one in tested):
+        # The wave is finer than these readings show by themselves.
+        curve = _centred_curve(np.mod(contexts[on], period), left)
+        return Dependence(residual, on, share, chance, period, "period", curve, acts_on=acts_on)
+    if tested:
+        return replace(tested[0], share=share, p_value=chance, rivals=(), acts_on=acts_on)
+    curve = _centred_curve(contexts[on], left)
+    return Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=acts_on)
+
+
+def _of_several(found: Dependence, block: Block, alone: float, values: np.ndarray, problem: Problem) -> Dependence:
+    """The dependence of an unknown that takes several variables to describe, with the share of the first alone.
+
+    Args:
+        found: on the first of them.
+        block: the unknown.
+        alone: share of it that the first explains.
+        values: of the first at each row, (n,).
+        problem: n rows.
+
+    Returns:
+        As given where one variable is enough.
+    """
+    if block.is_change:
+        place = _between(values, problem.view.clock.numpy() > block.jumps[0])
+        together = (found.on, *COORDINATES)
+        return replace(found, shape="step", place=place, together=together, alone_share=alone * found.share)
+    if not _is_field(block) or alone >= ENOUGH_ALONE:
+        return found
+    return replace(  # the shape of a curve that leaves most of the unknown aside says nothing
+        found, shape="smooth", place=None, period_mm=None, with_=None, rivals=(), together=block.on,
+        alone_share=alone * found.share,
+    )  # fmt: skip
+
+
+def _since_reversal(block: Block, problem: Problem) -> np.ndarray:
+    """Travel of a block's joint since its last reversal, (n,) mm or rad."""
+    return since_reversal(problem.view.q.numpy()[:, block.place.joint], problem.view.starts.numpy())
 
 
 def _between(values: np.ndarray, later: np.ndarray) -> tuple[float, float]:

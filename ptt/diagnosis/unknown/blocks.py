@@ -78,6 +78,11 @@ class Block:
         return bool(self.jumps) and self.on == ("time",)
 
     @property
+    def is_change(self) -> bool:
+        """Whether it is a law of what changed once, by amounts that vary over the workspace."""
+        return self.is_spell and len(self.jumps) == 1
+
+    @property
     def reverses(self) -> bool:
         """Whether it depends on the direction of arrival, as play does."""
         return self.on[0].rstrip("0123456789") == "direction"
