@@ -4,14 +4,14 @@ Rows before and after a block are solved with it, so that its speeds are those o
 where a run has only begun; the state before is handed on (`ptt.correct.task.Handover`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
 from ptt.correct.settle import Outcome, hand_on, settle
-from ptt.correct.task import CommandTask, Handover
+from ptt.correct.task import CommandTask, rows_of
 from ptt.fitting.chunks import CHUNK, NEIGHBOUR_ROWS, stretches
 from ptt.run.corners import driven_feed, shows_feed
 from ptt.run.direction import STANDSTILL
@@ -21,31 +21,8 @@ from ptt.run.travel import run_starts
 ROWS = CHUNK - 2 * NEIGHBOUR_ROWS  # of a block, which with the rows on both sides is then one chunk
 
 
-@dataclass(frozen=True)
-class RowBlock:
-    """Some rows of a task, and the rows before and after that are solved with them.
-
-    Attributes:
-        first: its first row.
-        last: the row after its last.
-        high: the row after the lookahead.
-        handover: state handed on by the rows before.
-    """
-
-    first: int
-    last: int
-    high: int
-    handover: Handover | None
-
-    @property
-    def low(self) -> int:
-        """The first row that is solved with it."""
-        return self.first - (0 if self.handover is None else len(self.handover.q))
-
-    @property
-    def own(self) -> slice:
-        """Its own rows among those."""
-        return slice(self.first - self.low, self.last - self.low)
+RunsOf = Callable[[int, int], np.ndarray]  # first row, row after the last: their run codes
+TaskOf = Callable[[int, int, float], CommandTask]  # the same and the time of the first, s: their task
 
 
 @dataclass(frozen=True)
@@ -53,18 +30,25 @@ class Settled:
     """An inverted block.
 
     Attributes:
-        block: its rows.
-        task: the task of these and of the rows on both sides.
-        outcome: commands and status of all of them.
+        first: its first row.
+        last: the row after its last.
+        task: the task of its rows and of those before and after that are solved with them.
+        outcome: commands and status of all of these.
     """
 
-    block: RowBlock
+    first: int
+    last: int
     task: CommandTask
     outcome: Outcome
 
+    @property
+    def own(self) -> slice:
+        """Its own rows among those of the task."""
+        return slice(self.task.given, self.task.given + self.last - self.first)
 
-def settle_blocks(task: CommandTask) -> Iterator[Settled]:
-    """Invert block after block.
+
+def settle_task(task: CommandTask) -> Iterator[Settled]:
+    """Invert the targets of a task block after block.
 
     Args:
         task: all targets.
@@ -72,77 +56,64 @@ def settle_blocks(task: CommandTask) -> Iterator[Settled]:
     Yields:
         Each block.
     """
-    handover, table = None, task.targets
-    parts = stretches(table.rows, ROWS)
+    parts, run = stretches(task.targets.rows, ROWS), task.targets.run
     if len(parts) > 1 and task.clock is not None:
         task = replace(task, clock=with_one_clock(task.clock, shows_feed(task.clock), task.wanted.numpy()))
+    return settle_blocks(parts, lambda low, high: run[low:high], lambda low, high, start: cut(task, low, high))
+
+
+def settle_blocks(parts: Sequence[tuple[int, int]], runs_of: RunsOf, task_of: TaskOf) -> Iterator[Settled]:
+    """Invert block after block of a list.
+
+    Args:
+        parts: first row of each block, and the row after its last; the list ends with the last block.
+        runs_of: gives the runs of some rows.
+        task_of: gives the task of some rows.
+
+    Yields:
+        Each block.
+    """
+    handover, start, rows = None, 0.0, parts[-1][1]
     for first, last in parts:
-        settled = settle_block(task, first, last, handover)
+        low = first - rows_of(handover)
+        begins = handover is None or bool(np.ptp(runs_of(first - 1, last)))
+        high = min(last + (CHUNK if begins else NEIGHBOUR_ROWS), rows)
+        task = replace(task_of(low, high, start), handover=handover)
+        if begins:
+            task = cut(task, 0, _seen_to(task, first - low, last - low))
+        settled = Settled(first, last, task, settle(task))
         yield settled
-        handover = leave_block(settled) if last < table.rows else None
+        if last < rows:
+            handover = hand_on(task, settled.outcome.solved, settled.own.stop, NEIGHBOUR_ROWS)
+            start = float(task.time[settled.own.stop - rows_of(handover)])
 
 
-def settle_block(task: CommandTask, first: int, last: int, handover: Handover | None) -> Settled:
-    """Invert one block.
-
-    Args:
-        task: its rows, those before that are handed on, and all behind that it may look ahead to.
-        first: its first row.
-        last: the row after its last.
-        handover: state handed on by the rows before.
-    """
-    block = RowBlock(first, last, _seen_to(task, first, last, handover), handover)
-    part = cut(task, block)
-    return Settled(block, part, settle(part))
-
-
-def leave_block(settled: Settled) -> Handover | None:
-    """State that a block hands on to the rows behind it."""
-    return hand_on(settled.task, settled.outcome.solved, settled.block.own.stop, NEIGHBOUR_ROWS)
-
-
-def rows_ahead(run: np.ndarray, first: int, last: int, handover: Handover | None) -> int:
-    """Largest lookahead of a block: a whole chunk only where a run begins in it.
-
-    Args:
-        run: run codes of the rows up to its last, (n,).
-        first: its first row.
-        last: the row after its last.
-        handover: state handed on by the rows before.
-    """
-    return CHUNK if handover is None or first == 0 or (run[first:last] != run[first - 1]).any() else NEIGHBOUR_ROWS
-
-
-def cut(task: CommandTask, block: RowBlock) -> CommandTask:
-    """The task of a block and the rows on both sides."""
-    rows = slice(block.low, block.high)
-    if (block.low, block.high) == (0, task.targets.rows):
-        return replace(task, handover=block.handover)
+def cut(task: CommandTask, low: int, high: int) -> CommandTask:
+    """The task of some rows."""
+    if (low, high) == (0, task.targets.rows):
+        return task
     names = ("wanted", "asked", "nominal", "start", "time")
-    own = {name: getattr(task, name)[rows] for name in names}
-    index = np.arange(block.low, block.high)
+    own = {name: getattr(task, name)[low:high] for name in names}
+    index = np.arange(low, high)
     clock = None if task.clock is None else take_rows(task.clock, index)
-    return replace(task, targets=take_rows(task.targets, index), clock=clock, handover=block.handover, **own)
+    return replace(task, targets=take_rows(task.targets, index), clock=clock, **own)
 
 
-def _seen_to(task: CommandTask, first: int, last: int, handover: Handover | None) -> int:
-    """End of a block's lookahead: until every joint has moved, where a run begins in it.
+def _seen_to(task: CommandTask, first: int, last: int) -> int:
+    """End of the lookahead of a block in which a run begins: until every joint has moved.
 
     A joint that stands longer than a chunk is taken to arrive upward, as one that never moves.
     """
     run, rows = task.targets.run, task.targets.rows
     high = min(last + NEIGHBOUR_ROWS, rows)
+    if (run[last:high] != run[last - 1]).any():
+        return high
     before = np.flatnonzero(run[first:last] != run[last - 1])
     start = first + (int(before[-1]) + 1 if len(before) else 0)
-    begun = handover is None or start > first or run[first] != run[first - 1]
-    after = np.flatnonzero(run[last:high] != run[last - 1])
-    if not begun or len(after):
-        return high
     place = task.nominal[start:high]
     place = place[torch.isfinite(place).all(dim=1)]
-    if len(place) and bool((place.amax(dim=0) - place.amin(dim=0) > STANDSTILL).all()):
-        return high
-    return min(last + CHUNK, rows)
+    moved = len(place) and bool((place.amax(dim=0) - place.amin(dim=0) > STANDSTILL).all())
+    return high if moved else rows
 
 
 def with_one_clock(table: Table, feed: bool, place: np.ndarray) -> Table:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.blocks import Settled, settle_blocks
+from ptt.correct.blocks import Settled, settle_task
 from ptt.correct.commands import ROUNDING, UNCERTAIN, Commands, sent_rows
 from ptt.correct.doubt import NetworkError, approach_doubt, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
@@ -77,10 +77,10 @@ def compensate(
     plan = plan_of(model, reversal, limit, network)
     task, rows = prepare(plan, targets, correction), targets.rows
     done = []
-    for settled in settle_blocks(task):
+    for settled in settle_task(task):
         done.append(finish(plan, settled, inside))
-        if settled.block.last < rows:
-            tell("invert", settled.block.last, rows)
+        if settled.last < rows:
+            tell("invert", settled.last, rows)
     commands = joined(done)
     rest = np.flatnonzero(~commands.sent) if nearest else np.empty(0, dtype=int)
     near = nearest_of(task.wanted, task.nominal, commands.sent) if len(rest) else None
@@ -132,7 +132,7 @@ def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Comm
     Returns:
         The commands of its own rows.
     """
-    part, own, solved = settled.task, settled.block.own, settled.outcome.solved
+    part, own, solved = settled.task, settled.own, settled.outcome.solved
     sent = sent_rows(settled.outcome.status)
     in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(part.wanted.numpy())
     sigma, approach, promised = np.full(len(sent), np.nan), np.zeros(len(sent)), None

@@ -9,12 +9,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.blocks import ROWS, leave_block, rows_ahead, settle_block, with_one_clock
+from ptt.correct.blocks import ROWS, settle_blocks, with_one_clock
 from ptt.correct.commands import Commands
 from ptt.correct.compensate import Correction, Inside, InversionPlan, finish, prepare
 from ptt.correct.nearest import Nearest, nearest_of
 from ptt.correct.settle import nearest_commands
-from ptt.correct.task import CommandTask, Handover
+from ptt.correct.task import CommandTask
 from ptt.fitting.chunks import stretches
 from ptt.progress import Progress
 from ptt.run.spool import Spool
@@ -71,21 +71,14 @@ class Stream:
 
     def invert(self, tell: Progress) -> Iterator[Part]:
         """Compute block after block; rows that are not sent have no nearest command yet."""
-        handover, start = None, 0.0
-        for index, (first, last) in enumerate(self.bounds):
-            low = first - (0 if handover is None else len(handover.q))
-            task = self._task(low, self._seen_to(first, last, handover), start)
-            self.starts.append(float(task.time[first - low]))
-            settled = settle_block(task, first - low, last - low, handover)
+        for index, settled in enumerate(settle_blocks(self.bounds, self._runs, self._task)):
+            task, own = settled.task, settled.own
+            self.starts.append(float(task.time[own.start]))
             commands = finish(self._plan, settled, self._inside)
-            handover = leave_block(settled)
-            if last < self._spool.rows:  # behind the last row there is none whose time could be told
-                start = float(task.time[last - (0 if handover is None else len(handover.q)) - low])
-            own = slice(first - low, last - low)
-            part = Part(first, last, commands, task.wanted[own].clone(), task.nominal[own].clone())
+            part = Part(settled.first, settled.last, commands, task.wanted[own].clone(), task.nominal[own].clone())
             self.sent &= bool(commands.sent.all())
             self._keep(index, part)
-            tell("invert", last, self._spool.rows)
+            tell("invert", settled.last, self._spool.rows)
             yield part
 
     def find_nearest(self) -> None:
@@ -105,11 +98,8 @@ class Stream:
             return task
         return replace(task, clock=with_one_clock(task.clock, self._spool.feed, task.wanted.numpy()))
 
-    def _seen_to(self, first: int, last: int, handover: Handover | None) -> int:
-        """End of a block's lookahead, which is long where a run begins in it."""
-        low = max(first - 1, 0)
-        run = self._spool.take(low, last).run
-        return min(last + rows_ahead(run, first - low, last - low, handover), self._spool.rows)
+    def _runs(self, first: int, last: int) -> np.ndarray:
+        return self._spool.take(first, last).run
 
     def _nearest(self) -> Nearest:
         """Nearest-neighbour search among the targets of all parts that are sent."""

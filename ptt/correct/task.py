@@ -62,7 +62,7 @@ class CommandTask:
     @property
     def given(self) -> int:
         """Number of leading rows that were handed on, whose commands are known."""
-        return 0 if self.handover is None else len(self.handover.q)
+        return rows_of(self.handover)
 
     @property
     def lags(self) -> list[tuple[FollowingError, Tensor]]:
@@ -134,3 +134,8 @@ class Handover:
     height: Tensor
     q: Tensor
     place: Tensor
+
+
+def rows_of(handover: Handover | None) -> int:
+    """Number of rows that are handed on."""
+    return 0 if handover is None else len(handover.q)
