@@ -64,6 +64,11 @@ class MachineFile:
     text: str = field(default="", repr=False, compare=False)
     source: str = field(default="machine.toml", compare=False)
 
+    @property
+    def steps(self) -> tuple[dict[str, Any], ...]:
+        """The entries of the history without a person's own, which have no kind."""
+        return tuple(entry for entry in self.history if "kind" in entry)
+
 
 def load_machine(path: str | Path) -> MachineFile:
     """Read a machine.toml.

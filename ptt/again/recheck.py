@@ -131,7 +131,7 @@ def _term_of(masked: MaskedEffect, found: Explanation, problem: Problem) -> Term
 
 def _same_run(model: Model, problem: Problem) -> tuple[str, ...]:
     """A note where the model was fitted on this very run."""
-    steps = [row for row in model.file.history if "kind" in row]
+    steps = model.file.steps
     files = {item["sha256"] for item in steps[-1].get("files", ())} if steps else set()
     if files & {digest for digest in problem.table.run_sha256 if digest}:
         return ("this is the run the model was fitted to: it cannot show whether the machine has changed since",)

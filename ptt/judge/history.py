@@ -108,9 +108,8 @@ def read_entries(file: MachineFile) -> tuple[HistoryEntry, ...]:
     Raises:
         MachineError: an entry of the program that lacks a key or cannot be read.
     """
-    entries = [row for row in file.history if "kind" in row]
     try:
-        return tuple(_read(row) for row in entries)
+        return tuple(_read(row) for row in file.steps)
     except KeyError as error:
         raise MachineError(f"history entry without {error}", where=file.source, fix="remove that [[history]]") from None
     except (TypeError, ValueError) as error:

@@ -41,7 +41,7 @@ def ranges_of_steps(file: MachineFile) -> tuple[Ranges | None, ...]:
         Column -> lowest and highest value, for each step, oldest first; None where a step has none. The user's own
         entries of the history are skipped.
     """
-    told = [step.get("ranges") for step in file.history if "kind" in step]
+    told = [step.get("ranges") for step in file.steps]
     return tuple(ranges if isinstance(ranges, Mapping) else None for ranges in told)
 
 

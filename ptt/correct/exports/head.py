@@ -24,7 +24,7 @@ def head_lines(compensator: "Compensator", options: Options) -> list[str]:
     file = compensator.model.file
     lines = [f"{file.machine.name} ({file.machine.kind}), exported by ptt {__version__} on {options.date.isoformat()}"]
     lines += [f"model {path.name}, SHA-256 {sha256(path)}" for path in _files(options.model_path)]
-    for step in reversed([step for step in file.history if "kind" in step]):  # steps without a kind are the user's own
+    for step in reversed(file.steps):
         runs = [item for item in step.get("files", ()) if item.get("sha256")]
         lines += [f"run {Path(str(item.get('file', 'run'))).name}, SHA-256 {item['sha256']}" for item in runs]
         if runs:
