@@ -24,7 +24,6 @@ from ptt.run.problem import Problem, build_problem
 from ptt.run.readers import Ask
 from ptt.run.table import Table
 from ptt.run.taken import set_up, set_up_lines
-from ptt.run.target_frame import kept_frame
 from ptt.setup import Check, check_setup
 
 
@@ -138,8 +137,6 @@ def open_checked(model: Model, run: Run, *, anyway: bool = False, note: Note = i
     fitting, lines = for_runs(physics, problem)
     for line in (*set_up_lines(problem), *lines):
         note(line)
-    targets = kept_frame(fitting.file.targets, problem.stated_in)  # for targets to come
-    fitting = replace(fitting, file=replace(fitting.file, targets=targets))
     compensator = replace(model.compensator, model=fitting)
     files = tuple(str(path) for path in run.files)
     return Opened(compensator, table, problem, files, model.library, setup, run)

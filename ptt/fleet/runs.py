@@ -1,7 +1,7 @@
 """A task unpacked in the process that works on it: its table, its set-up check, its problem and its model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.effects import Library, library
@@ -13,7 +13,6 @@ from ptt.model.of_run import for_runs
 from ptt.run.from_columns import columns_to_table
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
-from ptt.run.target_frame import kept_frame
 from ptt.setup import Check, check_setup
 
 
@@ -51,5 +50,4 @@ def open_task(task: Task, table: Table, effects: Sequence[str] = ()) -> Opened:
     given = read_model(parse_machine(task.solved or task.drawing, task.machine), known)
     problem = build_problem(given.file, table)
     model, _ = for_runs(given, problem)
-    model = replace(model, file=replace(model.file, targets=kept_frame(model.file.targets, problem.stated_in)))
     return Opened(model, problem.with_noise(noise_floor(model, problem, known)), known)

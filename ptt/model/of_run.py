@@ -8,13 +8,15 @@ from ptt.effects.dated import RunPlace, at_place, is_dated
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 from ptt.run.table import Table
+from ptt.run.target_frame import kept_frame
 
 
 def for_runs(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
     """The model as it holds for the runs of a problem.
 
     An effect of the set-up (a frame, a drift, a knock) is set aside for runs that it was not fitted on. A change of the
-    machine at some moment of one run (a slip) holds for later runs from their first row on.
+    machine at some moment of one run (a slip) holds for later runs from their first row on. The frame in which the
+    targets were stated is kept for targets to come.
 
     Args:
         model: as read.
@@ -40,7 +42,8 @@ def for_runs(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
         else:
             aside.append(term)
             lines.append(f"{term.effect.key} is left out: it belongs to another run ({term.runs[0][:12]})")
-    return replace(model, terms=tuple(terms), aside=tuple(aside)), tuple(lines)
+    file = replace(model.file, targets=kept_frame(model.file.targets, problem.stated_in))
+    return replace(model, file=file, terms=tuple(terms), aside=tuple(aside)), tuple(lines)
 
 
 def _partly(term: Term, place: RunPlace) -> str:
