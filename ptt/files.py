@@ -40,7 +40,7 @@ def read_bytes(path: str | Path, error: type[InputError] = InputError, largest: 
         raise error(f"cannot be read ({failed.strerror})", where=str(path), fix="check the path") from None
 
 
-def require_file(path: str | Path, error: type[InputError] = InputError, largest: float = LARGEST) -> None:
+def require_file(path: str | Path, error: type[InputError], largest: float) -> None:
     """Refuse what is no plain file to be read; arguments and errors as `read_bytes`."""
     where = str(path)
     try:

@@ -116,7 +116,7 @@ class ParameterEntry(Frozen):
     fixed: bool = False
 
 
-def key_of(name: str, label: str = "") -> str:
+def key_of(name: str, label: str) -> str:
     """What an effect goes by: its name, with the label in brackets where there is one."""
     return f"{name}[{label}]" if label else name
 

@@ -59,7 +59,7 @@ def test_memory_is_handed_on(size: int, operator: str) -> None:
 @given(st.lists(st.floats(-3, 3).map(lambda x: round(x, 2)), min_size=1, max_size=40), st.sampled_from([1.0, -1.0]))
 def test_a_shortened_way_leaves_play_as_the_whole_way_does(steps: list[float], sign: float) -> None:
     way = torch.tensor(np.cumsum(steps), dtype=torch.float64)[:, None]
-    short = remember(way, torch.tensor([sign], dtype=torch.float64), 0, reach=1.0)
+    short = remember(way, torch.tensor([sign], dtype=torch.float64), reach=1.0)
     assert len(short.way) <= len(way)
     for gap in (0.01, 0.5, 2.0, 10.0):
         assert _played(short.way[:, 0], gap, float(short.direction[0])) == pytest.approx(

@@ -7,7 +7,7 @@ from test_dependence import Bench
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.dependence.contexts import context_views, joint_residual, remove_frame, residual_views
 from ptt.dependence.following import dependence_of
-from ptt.dependence.parts import by_level, part_of
+from ptt.dependence.parts import by_payload, part_of
 from ptt.dependence.where import where_it_fails, worst_region
 from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
@@ -85,9 +85,9 @@ def test_parts_say_um_or_urad() -> None:
 def test_regions_need_readings_and_levels_need_variety() -> None:
     assert worst_region(np.zeros((0, 3)), np.zeros(0)) is None
     assert worst_region(np.eye(3), np.ones(3)) is None
-    assert by_level(np.full(5, 2.0), np.ones(5), "kg") == ()
-    assert sum(part.rows for part in by_level(np.arange(40.0), np.ones(40), "kg")) == 40
-    parts = by_level(np.array([1.0, 2.0, np.nan, 2.0]), np.ones(4), "kg")  # nobody knows that it was no load
+    assert by_payload(np.full(5, 2.0), np.ones(5)) == ()
+    assert sum(part.rows for part in by_payload(np.arange(40.0), np.ones(40))) == 40
+    parts = by_payload(np.array([1.0, 2.0, np.nan, 2.0]), np.ones(4))  # nobody knows that it was no load
     assert [(part.label, part.rows) for part in parts] == [("1 kg", 1), ("2 kg", 2)]
 
 

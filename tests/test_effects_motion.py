@@ -45,7 +45,7 @@ def test_state_handed_on_gives_the_whole_run(steps, gap, length, data):
     view = build_view(parse_machine(BARE), make_table(None, heights(*(280.0 + np.cumsum(steps)))))
     cut = data.draw(st.integers(1, len(steps) - 1))
     late = view.of_rows(torch.arange(cut, len(steps)))
-    late = replace(late, entries=(entry_after(view.of_rows(torch.arange(cut)), 0),))
+    late = replace(late, entries=(entry_after(view.of_rows(torch.arange(cut))),))
     gaps, lengths = tensor([gap] * 3), tensor([length] * 3)
     assert_close(play(late, gaps), play(view, gaps)[cut:], atol=1e-10, rtol=0.0)
     assert_close(gradual_reversal(late, lengths), gradual_reversal(view, lengths)[cut:], atol=1e-10, rtol=0.0)

@@ -62,13 +62,12 @@ def part_of(label: str, values: np.ndarray, unit: Unit = "mm") -> PartError:
     return PartError(label, rows, float(np.sqrt(np.mean(values**2))), float(values.mean()), error, unit)
 
 
-def by_level(values: np.ndarray, size: np.ndarray, unit: str) -> tuple[PartError, ...]:
-    """Error by level of a context.
+def by_payload(values: np.ndarray, size: np.ndarray) -> tuple[PartError, ...]:
+    """Error by level of the payload.
 
     Args:
-        values: (n,) context; NaN where nobody knows it.
+        values: (n,) kg; NaN where nobody knows it.
         size: (n,) mm.
-        unit: for the labels.
 
     Returns:
         A part for each level, or for each quarter of many levels; empty where there is one level only.
@@ -79,10 +78,10 @@ def by_level(values: np.ndarray, size: np.ndarray, unit: str) -> tuple[PartError
     if len(levels) < 2:
         return ()
     if len(levels) <= MOST_LEVELS:
-        return tuple(part_of(f"{level:g} {unit}", size[values == level]) for level in levels)
+        return tuple(part_of(f"{level:g} kg", size[values == level]) for level in levels)
     edges = np.unique(np.quantile(values, np.linspace(0.0, 1.0, QUARTERS + 1)))
     number = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    return tuple(part_of(f"{edges[i]:g} to {edges[i + 1]:g} {unit}", size[number == i]) for i in range(len(edges) - 1))
+    return tuple(part_of(f"{edges[i]:g} to {edges[i + 1]:g} kg", size[number == i]) for i in range(len(edges) - 1))
 
 
 def by_quarter(size: np.ndarray) -> tuple[PartError, ...]:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from ptt.dependence.contexts import residual_views
-from ptt.dependence.parts import PartError, Unit, by_level, by_quarter, mean_over_poses, part_of
+from ptt.dependence.parts import PartError, Unit, by_payload, by_quarter, mean_over_poses, part_of
 from ptt.record import Record
 from ptt.run.problem import Problem
 
@@ -98,7 +98,7 @@ def where_it_fails(problem: Problem, residual: np.ndarray) -> WhereItFails:
         rows_by_size(problem, residual, seen, WORST),
         tuple(part_of(name, values[seen], unit) for name, values in views.items()),
         tuple(part for part in sides if part.rows),
-        by_level(payload[seen], size[seen], "kg"),
+        by_payload(payload[seen], size[seen]),
         by_quarter(size[seen]),
     )
 

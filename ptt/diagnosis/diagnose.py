@@ -22,18 +22,18 @@ from ptt.run.smooth import SMOOTHLY
 def diagnose_run(
     model: Model,
     problem: Problem,
-    known: Library | None = None,
+    known: Library,
     *,
     steps: int = MOST_ADDED,
     chunk_rows: int | None = None,
-    progress: Tell | None = None,
+    progress: Tell,
 ) -> Diagnosis:
     """Learn which physical effects are missing, the way that suits the run: as a whole, or summed up in chunks.
 
     Args:
         model: the model as given.
         problem: the readings.
-        known: effects by name; None for the library.
+        known: effects by name.
         steps: how many may be added.
         chunk_rows: rows of a chunk; None leaves it to the run.
         progress: told what is being done.

@@ -125,7 +125,7 @@ def export_as(
     step: float | None = None,
     table: Table | None = None,
     called: str | None = None,
-    progress: Progress = unwatched,
+    progress: Progress,
 ) -> Exported:
     """Export as the command line does.
 

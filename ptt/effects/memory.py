@@ -63,12 +63,11 @@ def _put_between(pieces: Sequence[Tensor], new: Sequence[Tensor]) -> Tensor:
     return torch.cat([pieces[0], *(part for pair in zip(new, pieces[1:], strict=True) for part in pair)])
 
 
-def entry_after(view: View, row: int) -> Entry:
-    """What the joints remember at the end of a view, for the row that comes next.
+def entry_after(view: View) -> Entry:
+    """What the joints remember at the end of a view, for the first row of the next.
 
     Args:
         view: the rows before, with an entry of its own unless it begins with a run.
-        row: index of the next row in the view that the entry is for.
 
     Returns:
         The entry.
@@ -76,7 +75,7 @@ def entry_after(view: View, row: int) -> Entry:
     way = waypoints(view)
     start = int(torch.nonzero(way.starts)[-1])
     reach = REACH if family(view) == "three-ptt" else REACH_RAD
-    return remember(way.q[start:], way.direction[start], row, reach)
+    return remember(way.q[start:], way.direction[start], reach)
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,7 @@ def enter(view: View, cuts: Sequence[int]) -> list[Entry | None]:
     entry, start = next((entry for entry in view.entries if entry.row == 0), None), 0
     for cut in cuts:
         if cut > start:
-            entry = entry_after(_part_of_view(view, np.arange(start, cut), (entry,)), 0)
+            entry = entry_after(_part_of_view(view, np.arange(start, cut), (entry,)))
             start = cut
         entries.append(None if cut >= view.rows or bool(view.starts[cut]) else entry)
     return entries

@@ -169,11 +169,9 @@ def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
     shown = problem.view.time[part[0] - low : part[1] - low]
     told = torch.isfinite(shown)
     if not told.any():
-        return LogState(
-            entry_after(view, 0), view.direction[-1], *((state.clock, state.back) if state else (np.nan, 0.0))
-        )
+        return LogState(entry_after(view), view.direction[-1], *((state.clock, state.back) if state else (np.nan, 0.0)))
     clock = float(shown[told][-1])
-    return LogState(entry_after(view, 0), view.direction[-1], clock, float(view.time[told][-1]) - clock)
+    return LogState(entry_after(view), view.direction[-1], clock, float(view.time[told][-1]) - clock)
 
 
 def _gone_back(shown: Tensor, state: LogState | None) -> Tensor:

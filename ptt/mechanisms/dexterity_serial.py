@@ -138,7 +138,7 @@ class DexterityMap:
     manipulability: np.ndarray
 
 
-def dexterity_map(arm: Serial, samples: int = 200_000, cells: int = 60) -> DexterityMap:
+def dexterity_map(arm: Serial, samples: int, cells: int) -> DexterityMap:
     """Map the best dexterity an arm can have at each distance from axis 1 and height.
 
     This half plane stands for the whole workspace, because joint 1 changes neither condition number nor manipulability.
@@ -164,7 +164,7 @@ def dexterity_map(arm: Serial, samples: int = 200_000, cells: int = 60) -> Dexte
     return DexterityMap(across, up, -best[0], best[1])
 
 
-def joint_map(arm: Serial, first: int, second: int, cells: int = 61) -> DexterityMap:
+def joint_map(arm: Serial, first: int, second: int, cells: int) -> DexterityMap:
     """Map dexterity over two joints, the others at the bent middle of their limits.
 
     Args:

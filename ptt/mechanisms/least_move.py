@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 
-def least_move(jacobian: Tensor, step: Tensor, rank: int = 3) -> Tensor:
+def least_move(jacobian: Tensor, step: Tensor, rank: int) -> Tensor:
     """Moore-Penrose solution of (dp/dq) dq = step; NaN where the Jacobian is singular or not a number.
 
     Of a redundant arm it is the smallest joint step; where the joints cannot make the whole of a step (fewer than three

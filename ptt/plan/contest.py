@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
+GOAL = 8.0  # separation to reach, sigma
+
 
 @dataclass(frozen=True, eq=False)
 class Contest:

@@ -10,7 +10,7 @@ from ptt.effects.cards import card_of
 from ptt.effects.metrology import TrackerFrame
 from ptt.effects.registry import make_effect, parse_key
 from ptt.fitting.result import FitResult
-from ptt.plan.contest import Contest, open_contest, triangle
+from ptt.plan.contest import GOAL, Contest, open_contest, triangle
 from ptt.plan.design import DesignColumns, Rival, build_design, known_rows
 from ptt.run.problem import Problem
 
@@ -42,7 +42,7 @@ class Duel:
 
 
 def find_duels(
-    fitted: FitResult, problem: Problem, confused: Sequence[Sequence[str]], known: Library, goal: float
+    fitted: FitResult, problem: Problem, confused: Sequence[Sequence[str]], known: Library
 ) -> tuple[DesignColumns, list[Duel]]:
     """Set up the duels between the effects that have to be told apart.
 
@@ -51,7 +51,6 @@ def find_duels(
         problem: the rows it was fitted on.
         confused: for each step the pick's key and those of effects that fit as well.
         known: effects by name.
-        goal: separation, in sigma, beyond which a rival that is not named is ignored.
 
     Returns:
         The columns, and the duels.
@@ -66,7 +65,7 @@ def find_duels(
     )
     wide = build_design(fitted, problem, rivals)
     rows = known_rows(wide)
-    chosen = {step[0]: _leading(wide, rows, step, goal) for step in steps}
+    chosen = {step[0]: _leading(wide, rows, step) for step in steps}
     used = sorted({index for found in chosen.values() for *_, places in found for index in places})
     design = build_design(fitted, problem, tuple(rivals[index] for index in used))
     kept = np.concatenate([np.arange(wide.width - sum(map(len, wide.index))), *(wide.index[i] for i in used)])
@@ -125,9 +124,7 @@ def _testable(fitted: FitResult, problem: Problem, known: Library, named: Sequen
     return found
 
 
-def _leading(
-    design: DesignColumns, rows: np.ndarray, step: Sequence[str], goal: float
-) -> list[tuple[str, bool, list[int]]]:
+def _leading(design: DesignColumns, rows: np.ndarray, step: Sequence[str]) -> list[tuple[str, bool, list[int]]]:
     """Rivals of one pick, with the shapes that imitate it best: the named ones, and others within the goal."""
     pick, *named = step
     base, amplitudes = design.base(pick), design.amplitudes(pick)
@@ -137,7 +134,7 @@ def _leading(
         apart.setdefault(rival.effect.key, []).append((contest.separation, index))
     best = {key: [index for _, index in sorted(found)[:MOST_SHAPES]] for key, found in apart.items()}
     watched = sorted((min(found)[0], key) for key, found in apart.items() if key not in named)
-    near = [key for distance, key in watched if distance < goal][:WATCHED]
+    near = [key for distance, key in watched if distance < GOAL][:WATCHED]
     return [(key, True, best[key]) for key in named if key in best] + [(key, False, best[key][:1]) for key in near]
 
 

@@ -9,7 +9,7 @@ import torch
 
 from ptt.effects import Library, library
 from ptt.fitting.result import FitResult
-from ptt.plan.contest import Contest
+from ptt.plan.contest import GOAL, Contest
 from ptt.plan.design import DesignColumns
 from ptt.plan.planned import planned_rows
 from ptt.plan.pool import Conditions, conditions_for, make_pool, with_base
@@ -21,7 +21,6 @@ from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 
-GOAL = 8.0  # separation to reach, sigma
 MOST_ROWS = 80  # without base reflectors
 LEAST_ROWS = 24  # so that neither one bad reading nor a corner of the volume decides
 RESERVE = 1.1  # factor on the goal in the choice of poses, because their driving order changes the separation a little
@@ -122,7 +121,7 @@ def plan_separation(
     known = library() if known is None else known
     if not any(len(step) > 1 for step in confused):
         return None
-    design, duels = find_duels(fitted, problem, confused, known, GOAL)
+    design, duels = find_duels(fitted, problem, confused, known)
     space = build_space(problem.file)
     conditions = conditions_for(problem, known, confused)
     pool = make_pool(design, space, conditions, np.random.default_rng([seed, 31]))
@@ -224,7 +223,7 @@ def _sentences(
         places = space.mechanism.forward(torch.cat([visit.q for visit in visits])).numpy()
         solvable = [pair for pair in pairs if not pair.exact]
         parted = [(pair.pick, pair.rival, pair.before, pair.after) for pair in solvable]
-        yield from say_separation(places, problem, parted, conditions, GOAL)
+        yield from say_separation(places, problem, parted, conditions)
     for pair in pairs:
         if pair.exact:
             yield say_ambiguity(pair.pick, pair.rival, pair.instrument)

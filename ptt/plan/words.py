@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ptt.plan.contest import GOAL
 from ptt.plan.pool import Conditions
 from ptt.run.problem import Problem
 
@@ -15,7 +16,6 @@ def say_separation(
     problem: Problem,
     parted: Sequence[tuple[str, str, float, float]],
     conditions: Conditions,
-    goal: float,
 ) -> Iterator[str]:
     """Sentences on what to measure, and the separations that it gives.
 
@@ -24,7 +24,6 @@ def say_separation(
         problem: the run.
         parted: (effect, rival, separation before, after) in sigma.
         conditions: loads, temperatures and speeds.
-        goal: sigma.
 
     Returns:
         Sentences.
@@ -32,7 +31,7 @@ def say_separation(
     under = _under(conditions)
     yield f"Measure {len(places)} rows{_where(places, problem)}, each pose from both sides of every joint{under}."
     for pick, rival, before, after in parted:
-        short = "" if after >= goal else f"; {goal:g} sigma would need more rows"
+        short = "" if after >= GOAL else f"; {GOAL:g} sigma would need more rows"
         yield f"The separation of {pick} from {rival} rises from {before:.1f} to {after:.1f} sigma{short}."
 
 

@@ -19,32 +19,31 @@ class Entry:
     together are a short list.
 
     Attributes:
-        row: index of the row that comes next.
         way: joint values of the waypoints, oldest first, (m, k); a joint with fewer of them repeats its first.
         direction: direction of arrival of each joint at the first of them, (k,), +1 or -1.
+        row: index of the row that comes next.
     """
 
-    row: int
     way: Tensor
     direction: Tensor
+    row: int = 0
 
 
-def remember(way: Tensor, direction: Tensor, row: int, reach: float = REACH) -> Entry:
+def remember(way: Tensor, direction: Tensor, reach: float) -> Entry:
     """Reduce a travel to the waypoints that are still remembered at its end.
 
     Args:
         way: waypoints of one run since its start, or since the waypoints of an entry, (m, k) mm or rad.
         direction: direction of arrival at the first, (k,).
-        row: index of the row that comes next.
         reach: travel beyond which only extremes are remembered, mm or rad.
 
     Returns:
-        The entry of that row.
+        The entry of the row that comes next, the first of a view that it begins.
     """
     short = [_shorten(column, float(sign), reach) for column, sign in zip(way.numpy().T, direction, strict=True)]
     length = max(len(column) for column, _ in short)
     padded = [np.concatenate([np.full(length - len(column), column[0]), column]) for column, _ in short]
-    return Entry(row, torch.as_tensor(np.column_stack(padded)), torch.tensor([sign for _, sign in short]))
+    return Entry(torch.as_tensor(np.column_stack(padded)), torch.tensor([sign for _, sign in short]))
 
 
 def _shorten(way: np.ndarray, direction: float, reach: float) -> tuple[np.ndarray, float]:

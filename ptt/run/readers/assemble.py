@@ -50,9 +50,9 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
     if purpose == "run":
         _require_labels(export, run, labels)
     fields: dict[str, Any] = {
-        "target": _nan(export.n, 3) if target is None else target,
+        "target": _nan(export.n) if target is None else target,
         "command": command,
-        "measured": _filled(export, [f"{axis}_meas" for axis in "xyz"], _nan(export.n, 3)),
+        "measured": _filled(export, [f"{axis}_meas" for axis in "xyz"], _nan(export.n)),
         "name": columns.get("name", np.full(export.n, "")),
         "role": role,
         "run": run,
@@ -94,8 +94,8 @@ def set_columns(export: Export, values: Dictionary[str, float]) -> dict[str, np.
     return export.columns | {SETTABLE[name]: np.full(export.n, float(value)) for name, value in values.items()}
 
 
-def _nan(n: int, width: int) -> np.ndarray:
-    return np.full((n, width), np.nan)
+def _nan(n: int) -> np.ndarray:
+    return np.full((n, 3), np.nan)
 
 
 def _block(export: Export, names: list[str]) -> np.ndarray | None:

@@ -131,7 +131,7 @@ def arrows(start: np.ndarray, vector: np.ndarray, least: float, most: float = ma
 def _one_arrow() -> Solid:
     """An arrow of length one along z whose head has radius one."""
     neck, tip = np.array([0.0, 0.0, 1.0 - HEAD]), np.array([0.0, 0.0, 1.0])
-    return joined((tube(np.zeros(3), neck, 0.38, 5), _cone(neck, tip, 1.0)))
+    return joined((tube(np.zeros(3), neck, 0.38, 5), _cone(neck, tip)))
 
 
 def _square_to(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -143,11 +143,11 @@ def _square_to(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return across, np.cross(unit, across)
 
 
-def _cone(base: np.ndarray, tip: np.ndarray, radius: float) -> Solid:
+def _cone(base: np.ndarray, tip: np.ndarray) -> Solid:
     across, other = _square_to(tip - base)
     near, sides = np.arange(CONE_SIDES), CONE_SIDES
     turn = 2.0 * np.pi * near / sides
-    ring = base + radius * (np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * other)
+    ring = base + np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * other
     after = (near + 1) % sides
     points = np.concatenate([ring, [tip], [base]])
     faces = [
