@@ -13,8 +13,8 @@ from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.judge.evaluate import evaluate_pair
 from ptt.judge.match import match_rows
 from ptt.machine import load_machine
+from ptt.run.copies import pasted_rows
 from ptt.run.holdout import pose_groups, sharing_groups, visit_groups
-from ptt.run.pasted import pasted_rows
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 from ptt.run.repeats import NEAR_IN_TIME, SAME_WARMTH, noise_from_repeats, repeat_groups

@@ -207,7 +207,7 @@ def _prefer_known(scorer: Scorer, state: State) -> State:
     atoms = scorer.system.atoms
 
     def known(key: str) -> bool:
-        return key.startswith(CHANGED_PREFIX) or _of_set_up(atoms[key].effect)
+        return _is_change(key) or _of_set_up(atoms[key].effect)
 
     if all(known(key) for key in state.keys):
         return state
@@ -215,7 +215,7 @@ def _prefer_known(scorer: Scorer, state: State) -> State:
     ends = [improve(scorer, one, lambda atom: known(atom.key)) for one in (start, scorer.score((), WHITE))]
     best = max(ends, key=lambda other: other.total)
     named = all(atoms[key].effect for key in state.keys)
-    instead = named and sum(map(_is_change_key, state.keys)) < sum(map(_is_change_key, best.keys))
+    instead = named and sum(map(_is_change, state.keys)) < sum(map(_is_change, best.keys))
     return best if state.total < best.total + (PLAIN_NATS if instead else BESIDE_NATS) else state
 
 
@@ -239,19 +239,15 @@ def _value_by_value(scorer: Scorer, state: State, changes: Sequence[Change]) -> 
         own = [change for change in changes if change.effect.key == key]
         singles = [change.key for change in own if not change.whole]
         # Without the changes of other effects: they may only compensate for what the whole does not explain.
-        rest = [other for other in state.keys if not other.startswith(CHANGED_PREFIX)]
-        alone = improve(scorer, scorer.score((*rest, *singles), state.memory), _is_change)
+        rest = [other for other in state.keys if not _is_change(other)]
+        alone = improve(scorer, scorer.score((*rest, *singles), state.memory), lambda atom: _is_change(atom.key))
         mixed = any(name in state.keys for name in singles)  # then a value changes twice, each time in part
         state = alone if mixed else max(state, alone, key=lambda one: one.total)
     return state
 
 
-def _is_change_key(key: str) -> bool:
+def _is_change(key: str) -> bool:
     return key.startswith(CHANGED_PREFIX)
-
-
-def _is_change(atom: Atom) -> bool:
-    return _is_change_key(atom.key)
 
 
 def _of_set_up(effect: Effect | None) -> bool:

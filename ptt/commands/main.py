@@ -61,7 +61,7 @@ class Verbs(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the words; `--version`, with `--json` where wanted, is all there is to say."""
         if "--version" in args and set(args) <= {"--version", "--json"}:
-            from ptt.commands.version import text_of, versions
+            from ptt.version import text_of, versions
 
             show(versions(), text_of(versions()), "--json" in args)
             ctx.exit()

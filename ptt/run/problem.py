@@ -9,12 +9,12 @@ from torch import Tensor
 from ptt.errors import TooFewError
 from ptt.machine import MachineFile
 from ptt.run.base_frame import BaseReadings, base_readings, from_base, from_poses, into_base, refuse_untrue
+from ptt.run.copies import pasted_rows
 from ptt.run.driven import as_driven
 from ptt.run.frames import rotation
 from ptt.run.given_noise import given_noise
 from ptt.run.mounts import find_mounts, mount_of_rows
 from ptt.run.noise import Noise
-from ptt.run.pasted import pasted_rows
 from ptt.run.reach import require_closed, require_held
 from ptt.run.rounded import SEEN, left_by_rounding, unrounded
 from ptt.run.table import Table
