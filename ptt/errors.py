@@ -95,14 +95,6 @@ class WorkspaceError(InputError):
     exit_code = 3
 
     def __init__(self, what: str, rows: Sequence[int], *, where: str = "", fix: str = "") -> None:
-        """Compose the message and keep the rows.
-
-        Args:
-            what: what is wrong.
-            rows: zero-based indices of the rows out of reach.
-            where: file, as far as known.
-            fix: the way out.
-        """
         self.rows = tuple(rows)
         super().__init__(what, where=where, fix=fix)
 
@@ -123,11 +115,5 @@ class SetupError(PttError):
     exit_code = 3
 
     def __init__(self, what: str, check: Any) -> None:
-        """Compose the message and keep the findings.
-
-        Args:
-            what: findings and cures.
-            check: the whole result.
-        """
         self.check = check
         super().__init__(what)

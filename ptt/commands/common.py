@@ -71,15 +71,7 @@ __all__ = [
 
 
 def load_both(run: Path, model: Path, reading: ReadOptions) -> "tuple[Model, Rows]":
-    """Read a model and a run for it.
-
-    Args:
-        run: tracker CSV.
-        model: machine.toml or compensator folder.
-        reading: how.
-
-    Returns:
-        Both.
+    """Read a model (machine.toml or compensator folder) and a run (tracker CSV) for it.
 
     Raises:
         InputError: whatever cannot be read.
@@ -94,21 +86,7 @@ def load_both(run: Path, model: Path, reading: ReadOptions) -> "tuple[Model, Row
 def read_rows(
     path: Path, file: "MachineFile | None", reading: ReadOptions, purpose: str = "run", *, checked: bool = False
 ) -> "Table":
-    """Read a table for a machine, and tell what was understood of it.
-
-    Args:
-        path: the file.
-        file: the machine; None where none is known.
-        reading: how.
-        purpose: 'run', 'targets' or 'sliders'.
-        checked: whether the set-up is checked afterwards, which finds wrong units by itself.
-
-    Returns:
-        The table.
-
-    Raises:
-        TableError: it cannot be read, or looks as if it were in another unit.
-    """
+    """`ptt.door.reading.read_rows`, asking and telling on the terminal."""
     from ptt.door.reading import read_rows as understood
 
     return understood(path, file, reading, purpose, checked=checked, ask=asker(reading), note=note)

@@ -140,20 +140,8 @@ def invert_together(
 ) -> tuple[Tensor, Tensor]:
     """As `invert`, where a row depends on its neighbours' commands because lagging axes follow their velocity.
 
-    All rows end with the same round, because each is right only together with those of its round.
-
-    Args:
-        terms: effects with their parameters, none of which depends on the travel before.
-        mechanism: the nominal mechanism.
-        view_of: commands (n, k) -> the view of the travel that they make.
-        start: commands to start from, (n, k), finite where sent.
-        goal: positions that the model is to reach, (n, 3) mm.
-        sent: (n,) bool, at least one beyond those given.
-        given: how many leading rows keep the commands of `start`.
-        lead: steps of the axes -> the steps of their commands that make them, (n, k).
-
-    Returns:
-        As `invert`.
+    All rows end with the same round, because each is right only together with those of its round. `lead` gives for
+    steps of the axes the steps of their commands that make them, (n, k); no effect depends on the travel before.
     """
     hold, rows = _held(sent, given)
     q, least, idle = start[hold], torch.full((len(sent),), torch.inf, dtype=torch.float64), 0

@@ -28,22 +28,7 @@ def diagnose_run(
     chunk_rows: int | None = None,
     progress: Tell,
 ) -> Diagnosis:
-    """Learn which physical effects are missing, the way that suits the run: as a whole, or summed up in chunks.
-
-    Args:
-        model: the model as given.
-        problem: the readings.
-        known: effects by name.
-        steps: how many may be added.
-        chunk_rows: rows of a chunk; None leaves it to the run.
-        progress: told what is being done.
-
-    Returns:
-        The diagnosis.
-
-    Raises:
-        TableError: nothing tells the noise floor, or too few readings for any verdict.
-    """
+    """`diagnose` as suits the run: as a whole, or summed up in chunks, of `chunk_rows` rows where these are given."""
     size = chunk_size(problem, chunk_rows)
     if size is None:
         return diagnose(model, problem, known, steps=steps, progress=progress)

@@ -30,16 +30,7 @@ def as_run(given: Any, model: Model, usage: str) -> Run:
 
 
 def as_targets(given: Any, model: Model, usage: str) -> Targets:
-    """Targets from targets, the path of some, a data frame, or an array (n, 3) in mm.
-
-    Args:
-        given: what was handed over.
-        model: the machine.
-        usage: how the verb is called.
-
-    Raises:
-        InputError: it is something else, or was read for another machine.
-    """
+    """Targets from targets, the path of some, a data frame, or an array (n, 3) in mm; else as `as_run`."""
     if isinstance(given, Targets):
         return read_for(given, model)
     if isinstance(given, Rows | Model):

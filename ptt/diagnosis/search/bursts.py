@@ -71,12 +71,7 @@ def broken_beams(found: Found) -> np.ndarray:
 def _less(found: Found, crowd: list[str]) -> Iterator[tuple[str, ...]]:
     """Sets without the crowded events, and with one of them kept, which may be real and next to a broken beam.
 
-    Args:
-        found: an explanation.
-        crowd: keys of its crowded events.
-
-    Yields:
-        Keys of each set with its unknowns, then without.
+    The keys of each with its unknowns come first, then without.
     """
     for kept in (None, *crowd):
         less = without(found.state, *(key for key in crowd if key != kept))

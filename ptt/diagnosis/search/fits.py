@@ -45,17 +45,7 @@ def fit_less(
 
 
 def fit_dated(model: Model, problem: Problem, found: Found, hopeless: float = np.inf) -> FitResult:
-    """As `fit_less` for an explanation, with the moments of sudden effects as in the model.
-
-    Args:
-        model: the model.
-        problem: n rows.
-        found: the explanation, for the contribution of its blocks, its gross errors and its noise.
-        hopeless: chi-squared above which the fit is given up.
-
-    Returns:
-        The fit.
-    """
+    """`fit_less` beside the blocks, gross errors and noise of an explanation, moments of sudden effects as they are."""
     return _fit(model, _less(problem, found.carried, found.gross), found.noise, hopeless)
 
 

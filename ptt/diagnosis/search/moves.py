@@ -119,11 +119,6 @@ def _from_white(scorer: Scorer, white: State, allowed: Allowed) -> list[State]:
     """The atom changing with time that gains most under white noise, with the best memory of the noise beside it.
 
     A slow wander absorbs all slow changes and leaves nothing for the effect that caused them.
-
-    Args:
-        scorer: of the system.
-        white: a set without a memory of the noise.
-        allowed: atoms that may be added.
     """
     leaders = scorer.screen(white, lambda atom: allowed(atom) and _wanders(atom))[:1]
     return [_with_best_memory(scorer, added(scorer, white, gain)) for gain in leaders if gain.nats > SEEN_NATS]

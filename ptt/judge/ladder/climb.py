@@ -250,12 +250,7 @@ def _only_judged(residual: np.ndarray, problem: Problem, hidden: Sequence[np.nda
 
 
 def _judged_rows(part: np.ndarray, problem: Problem) -> np.ndarray:
-    """Held-out rows whose frame enough of the other readings determine, (n,) bool.
-
-    Args:
-        part: held-out rows, (n,) bool.
-        problem: the readings.
-    """
+    """Those of some held-out rows whose frame enough of the other readings determine, (n,) bool."""
     visible = np.bincount(problem.frame[problem.used & ~part], minlength=max(problem.frames, 1))
     told = (visible >= FRAME_ROWS)[problem.frame] | (problem.frames == 0) | (problem.base is not None)
     return np.asarray(part & told)

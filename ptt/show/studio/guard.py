@@ -52,12 +52,7 @@ class Guard:
     """ASGI middleware: refuses foreign origins, gives each browser a cookie, and adds security headers."""
 
     def __init__(self, app: App, owner: Owner) -> None:
-        """Wrap an application.
-
-        Args:
-            app: the application.
-            owner: tells which browser a client belongs to.
-        """
+        """Wrap an application; `owner` tells which browser a client belongs to."""
         self.app, self.owner = app, owner
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
