@@ -73,7 +73,10 @@ def _draw_signature(figure: Figure, panel: Axes, sign: Signature) -> None:
             panel.scatter(
                 sign.telling[rows], sign.residual[rows], s=18, color=colour, marker=marker, label=f"{value:+g}"
             )
-        panel.legend(title=sign.labels[2], frameon=True, fontsize=8, title_fontsize=8)
+        panel.legend(
+            title=sign.labels[2], title_fontsize=8, fontsize=8, ncols=2, frameon=False, borderpad=0.0,
+            loc="lower right", bbox_to_anchor=(1.0, 1.0),
+        )  # fmt: skip
     else:
         points = panel.scatter(sign.telling, sign.residual, s=18, c=sign.shade, cmap="cividis")
         figure.colorbar(points, ax=panel, label=sign.labels[2])
