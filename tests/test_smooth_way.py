@@ -66,6 +66,18 @@ def test_a_run_that_is_seen_smoothly_is_as_fast_as_its_own_file_has_it() -> None
     assert (seen.view.velocity - build_view(BENCH, table).velocity).abs().max() > 0.1
 
 
+def test_speeds_by_feeds_of_a_machine_that_stood_are_those_of_its_own_file_too() -> None:
+    """By the clock it waited at every row; a lag that follows the feeds is tried nevertheless."""
+    points = np.column_stack([1.2, 0.8, 1.0]) * way(100, 10.0, 40.0, 1)
+    table = make_table(points, feed_mm_s=np.repeat([10.0, 20.0], 50), time_s=30.0 * np.arange(100.0), measured=points)
+    given = build_problem(BENCH, table)
+    seen = smoothly(given)
+    assert seen is not None and not seen.view.velocity.any()
+    assert given.view.fed is not None and seen.view.fed is not None
+    torch.testing.assert_close(seen.view.fed, build_problem(seen.file, table).view.fed)
+    assert (seen.view.fed - given.view.fed).abs().max() > 0.1
+
+
 def test_turns_on_a_smooth_way_lie_where_the_way_has_them() -> None:
     points = way(130, 6.0, 40.0)
     file = replace(BENCH, machine=BENCH.machine.model_copy(update={"moves": "smooth"}))

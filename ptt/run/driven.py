@@ -53,7 +53,12 @@ def by_feed(view: View, least: float, most: float) -> Tensor | None:
     """The `fed` of a view that is taken to move at feeds from `least` to `most`, mm/s."""
     if view.paces is None or most - least <= SAME_SPEED * most:
         return None
-    return torch.cat([view.velocity[..., None], view.paces], dim=-1)
+    return every_pace(view.velocity, view.paces)
+
+
+def every_pace(velocity: Tensor, paces: Tensor) -> Tensor:
+    """The first of `ptt.run.pace.PACES` (n, k) and the others (n, k, 3) as one, (n, k, 4)."""
+    return torch.cat([velocity[..., None], paces], dim=-1)
 
 
 def _turns_sharply(moved: np.ndarray, steps: np.ndarray) -> bool:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from ptt.mechanisms.workspace import translation_rank
+from ptt.run.driven import every_pace
 from ptt.run.pace import joint_speeds
 from ptt.run.problem import Problem
 from ptt.run.travel import on_the_way, read_travel
@@ -39,10 +40,13 @@ def smoothly(problem: Problem) -> Problem | None:
     machine = problem.file.machine.model_copy(update={"moves": "smooth"})
     varies = view.varies | {"direction"} if travel.two_sided else view.varies - {"direction"}
     seen = replace(view, direction=travel.direction, turning_point=travel.turning_point, varies=varies)
-    if view.velocity.any():  # else it stood at each row
+    if view.velocity.any() or view.fed is not None:  # else it stood at each row
         starts, rank = view.starts.numpy(), translation_rank(view.mechanism)
         velocity, paces = joint_speeds(
             view.q, view.p, view.jacobian, starts, problem.table, rank, straight=False, smooth=True
         )
-        seen = replace(seen, velocity=velocity, paces=paces)
+        if view.fed is None:
+            seen = replace(seen, velocity=velocity, paces=paces)
+        elif paces is not None:
+            seen = replace(seen, fed=every_pace(velocity, paces))
     return replace(problem, file=replace(problem.file, machine=machine), view=seen)
