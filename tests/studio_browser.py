@@ -1,18 +1,34 @@
-"""A browser before the studio: its server, what is clicked, and scripts that say what is wrong with a layout."""
+"""A browser before the studio: its server, what is clicked, and scripts that say what is wrong with a layout.
+
+A fixture is imported under its own name (`page as page`): no line calls it, pytest finds it in the test file.
+"""
 
 import os
 import re
+import shutil
 import subprocess
+import sys
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from playwright.sync_api import Page, expect
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 START = "import sys; from ptt.commands.main import main; sys.argv = ['ptt', *sys.argv[1:]]; main()"
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+NEEDS_CHROMIUM = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium is installed (Debian: apt-get install chromium)"
+)
+FLAGS = (
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)  # fmt: skip
 WAIT = 150_000  # ms: a busy machine may be slow, nothing here measures it
 AXE = files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
 RULES = """async () => (await axe.run({exclude: ['#q-loading-bar']},
@@ -88,6 +104,47 @@ def wait_for(process: subprocess.Popen, log: Path) -> str:
                 pass
         time.sleep(0.1)
     raise AssertionError(f"the server did not start: {log.read_text()}")
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    log = tmp_path_factory.mktemp("server") / "log.txt"
+    # NiceGUI serves otherwise where it finds itself in a test.
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")} | {
+        "PYTHONUNBUFFERED": "1"
+    }
+    command = [sys.executable, "-c", START, "studio", "--port", "0", "--no-show", "--store", str(log.parent / "store")]
+    with log.open("w") as out:
+        process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=own, cwd=log.parent)
+        try:
+            yield Server(wait_for(process, log), process)
+        finally:
+            process.terminate()
+            process.wait(20)
+    assert "Traceback" not in log.read_text(), log.read_text()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as tools:
+        started = tools.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS), headless=True)
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    made = browser.new_context(viewport={"width": 1440, "height": 900}, accept_downloads=True)
+    made.set_default_timeout(WAIT)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(context: BrowserContext, server: Server) -> Page:
+    opened = context.new_page()
+    opened.goto(server.place)
+    return opened
 
 
 def load_sample(page: Page) -> None:
