@@ -1,7 +1,6 @@
 """Recheck on the virtual machine, which shares no equation with the model: same, changed, repaired, new, refused."""
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,16 +11,13 @@ import torch
 
 import ptt
 from ptt.again.explanation import find_explanation
-from ptt.again.figures import Moved
 from ptt.again.news import look_for_news
 from ptt.again.prior import build_prior
 from ptt.again.recheck import recheck
 from ptt.again.result import Recheck
-from ptt.again.words import say_change, say_whole, values_of
 from ptt.challenge.truth import table_of
 from ptt.commands import main as commands
 from ptt.effects import library
-from ptt.effects.layout import flatten
 from ptt.errors import ModelError
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
@@ -130,22 +126,6 @@ def test_of_a_long_run_stretches_are_looked_at_and_the_change_is_the_same(solved
     assert [item.moved.name for item in found.changed] == ["gap_mm 2"]
 
 
-def test_what_is_new_at_one_slider_is_told_beside_what_is_gone_at_another(tmp_path: Path) -> None:
-    """Its play was never there, so nothing of it was clear in the run of the model.
-
-    That it has come is one change, that all are gone another: where both speak of one value, it stands where both
-    together put it.
-    """
-    before = solve(run_of(1, drive={"backlash_mm": (0.03, 0.0, 0.045)}), ("backlash", "link-length"), tmp_path)
-    found = look(before, run_of(4, drive={"backlash_mm": (0.0, 0.08, 0.0)}))
-    assert {item.moved.name: item.repaired for item in found.changed} == {
-        "gap_mm 1": True,
-        "gap_mm 2": False,
-        "gap_mm 3": True,
-    }
-    assert "Slider 2 loses 8" in found.words and "Repaired: backlash as a whole is" in found.words
-
-
 def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -> None:
     found = look(solved, run_of(4, drive={"backlash_mm": (0.0, 0.0, 0.0)}))
     assert found.verdict == "changed"
@@ -156,62 +136,6 @@ def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -
     assert set(found.made_um["now"]) == {"total", *(term.effect.key for term in found.model.terms)}
     assert all(found.to_dict()["made_um"]["before"])  # no key without a name
     assert "The repair helped" in found.words and "link-length" in found.words.partition("The repair helped")[2]
-
-
-def test_a_cure_gives_back_what_the_first_fit_had_taken_from_its_neighbour(tmp_path: Path) -> None:
-    """Twist and leaning towers share an error that one run cannot part: half of each went to the other."""
-    sound = {"backlash_mm": (0.0, 0.0, 0.0)}
-    lean = {"link_mm": (0.0,) * 3, "lean_radial_mrad": (0.0, 0.62, 0.0), "lean_tangential_mrad": (0.0, 0.75, 0.0)}
-    twist = {"platform_axis_radial_mrad": (-0.12, -0.54, -0.12), "platform_axis_vertical_mrad": (-0.56, 0.3, 0.58)}
-    first = solve(run_of(1, 50, drive=sound, geometry=lean | twist), ("platform-twist", "tower-tilt"), tmp_path)
-    tilt = next(term for term in first.model.terms if term.effect.key == "tower-tilt")
-    assert tilt.std is not None and abs(float(tilt.theta[4]) - 0.75e-3) < 2.0 * float(tilt.std[4])
-    assert max(abs(float(tilt.theta[place])) for place in (3, 5)) > 2e-4  # towers that stand upright
-    found = look(first, run_of(11, 60, drive=sound, geometry=lean))
-    assert found.verdict == "changed" and {item.moved.effect for item in found.changed} == {"platform-twist"}
-    assert all(item.repaired for item in found.changed)
-    assert found.made_um["now"]["platform-twist"] < 0.05 * found.made_um["before"]["platform-twist"]
-    assert found.error_um["left"] < 1.2 * np.sqrt(3.0) * 1e3 * SIGMA < 0.5 * found.error_um["now"]
-    now = next(term for term in found.model.terms if term.effect.key == "platform-twist")
-    assert not now.theta.any()
-
-
-def test_what_the_first_run_had_hidden_in_another_effect_is_no_change_and_nothing_new(tmp_path: Path) -> None:
-    """A lead error in a small volume passes for misplaced towers; in a large one it shows, and nothing has happened."""
-    lead = {
-        "drive": {"backlash_mm": (0.0,) * 3, "scale_um_per_m": (300.0, -200.0, 0.0)},
-        "geometry": {"link_mm": (0.0,) * 3},
-    }
-    small, large = (25.0, 25.0, 15.0), (60.0, 60.0, 50.0)
-    first = solve(run_of(1, 40, room=small, **lead), ("tower-position",), tmp_path)
-    assert first.model.file.history[-1]["heldout_after_um"]["total"] < 1.3 * np.sqrt(3.0) * 1e3 * SIGMA
-    found = look(first, run_of(12, 70, room=large, **lead))
-    assert found.verdict == "same" and not found.changed
-    assert found.error_um["left"] < 1.2 * np.sqrt(3.0) * 1e3 * SIGMA < 0.6 * found.error_um["now"]
-    assert any("lead-scale is not in the model" in note for note in found.notes)
-    missed = {**lead, "drive": {**lead["drive"], "turn_um": (0.0, 0.0, 12.0)}}
-    model, _ = for_runs(first.model, again := run_of(12, 70, room=large, **missed))
-    explained = find_explanation(build_prior(model, again), again, library(), str)
-    assert {room.effect.key for room in explained.masked} == {"lead-scale"}
-    assert [key.partition("#")[0] for key in explained.new] == ["once-per-rev"]
-
-
-def test_beyond_the_heights_of_the_first_run_a_curve_may_go_on_as_it_likes(tmp_path: Path) -> None:
-    screw = {"backlash_mm": (0.0, 0.0, 0.0), "curve_parabola_um": (0.0, -25.0, 35.0),
-             "curve_cubic_um": (15.0, 20.0, -25.0), "curve_span_mm": (180.0, 400.0)}  # fmt: skip
-    links = {"link_mm": (0.0, 0.0, 0.0)}
-    first = solve(run_of(1, room=(30.0, 30.0, 20.0), drive=screw, geometry=links), ("screw-error-map",), tmp_path)
-    found = look(first, run_of(11, room=(60.0, 60.0, 50.0), drive=screw, geometry=links))
-    assert found.verdict == "same" and not found.changed
-    assert found.error_um["now"] > 1.5 * 1e3 * SIGMA * np.sqrt(3.0)  # and yet nothing has happened
-    assert (
-        max(abs(one.now - one.before) for one in found.parameters) < 0.2
-    )  # bends that no row tells stay where they were
-    assert any("when the model was made" in note and "screw-error-map" in note for note in found.notes)
-    turning = run_of(11, 60, room=(60.0, 60.0, 50.0), drive={**screw, "turn_um": (0.0, 0.0, 25.0)}, geometry=links)
-    model, _ = for_runs(first.model, turning)
-    new = find_explanation(build_prior(model, turning), turning, library(), str).new
-    assert [key.partition("#")[0] for key in new] == ["once-per-rev"]
 
 
 def test_what_the_model_does_not_have_is_new_and_diagnosed_and_a_change_beside_it_is_named(
@@ -238,56 +162,6 @@ def test_no_more_than_a_machine_that_has_not_changed_would_show_is_nothing_new(s
     assert not found.new
     news = look_for_news(found, model, problem.with_noise(half), library(), str)
     assert news.diagnosis is (diagnosed if objects else None)
-
-
-def moved(name: str, before: float, now: float) -> Moved:
-    return Moved("effect", name, 1, f"{name} 1", "mm", before, now, 1e-4)
-
-
-def test_cosine_and_sine_of_a_wave_are_one_sentence_with_its_height_and_phase() -> None:
-    """Each by itself has neither: its height is not the wave's, and without the turn's length no phase is any."""
-    view = run_of(2, 20).view
-    theta = torch.tensor([0.012, 0.0, 0.0, 0.009, 0.003, 0.0, 5.0], dtype=torch.float64)
-    changes = [(0, moved("cosine_mm", 0.012, 0.004)), (3, moved("sine_mm", 0.009, 0.003))]
-    values = values_of(Term(library()["once-per-rev"](), theta), changes)
-    said = {say_change(values.effect, values.told(at, view), one, view, DATE, repaired=False) for at, one in changes}
-    assert said == {
-        "Slider 1 repeats an error of 5.0 um with every turn of the screw, highest 0.51 mm in, 10 um less than on 15 "
-        "March 2026."
-    }
-    assert "slider 1 repeats an error of 15 um with every turn of the screw, highest 0.51 mm in" in say_whole(
-        values, [one for _, one in changes], view, DATE, repaired=False
-    )
-
-
-def test_a_value_that_chance_had_below_zero_was_no_fault_of_the_other_side() -> None:
-    view, then = run_of(2, 20).view, torch.tensor([0.0, -0.00018, 0.0, 1.0], dtype=torch.float64)
-    for error, words in ((5e-4, "but not in the model of 15 March 2026"), (5e-5, "compensates 0.18 um too much")):
-        one = replace(moved("gap_mm 2", -0.00018, 0.05), std=error)
-        values = values_of(Term(library()["backlash"](), then), [(1, one)])
-        assert words in say_change(values.effect, values.told(1, view), one, view, DATE, repaired=False)
-
-
-@pytest.mark.parametrize("repaired", [False, True])
-def test_an_effect_is_said_to_be_repaired_as_a_whole_by_the_same_rule_as_its_rows(repaired: bool) -> None:
-    """A tenth of what it was says so alone; that it was never clear, and is no repair then, the rows know."""
-    view = run_of(2, 20).view
-    theta = torch.tensor([0.012, 0.0, 0.0, 0.009, 0.003, 0.0, 5.0], dtype=torch.float64)
-    changes = [moved("cosine_mm", 0.012, 0.0012), moved("sine_mm", 0.009, 0.0009)]
-    values = values_of(Term(library()["once-per-rev"](), theta), [(0, changes[0]), (3, changes[1])])
-    assert say_whole(values, changes, view, DATE, repaired=repaired).startswith("Repaired: ") == repaired
-
-
-def test_a_curve_that_has_changed_is_said_where_it_is_highest_of_all_its_bends() -> None:
-    view, effect = run_of(2, 20).view, library()["screw-error-map"]()
-    shape = effect.search(view)[0]
-    theta = flatten(effect, shape, 3)
-    theta[0], theta[1] = 0.03, 0.01
-    values = values_of(Term(effect, theta), [(0, moved("curve_mm 1.1", 0.03, 0.06))])
-    words = say_change(effect, values.told(0, view), moved("curve_mm 1.1", 0.03, 0.06), view, DATE, repaired=False)
-    low, high = (float(shape[end][0]) for end in ("from", "to"))
-    places = [float(one) for one in re.findall(r"near b = (-?\d+) mm", words)]
-    assert "Slider 1 runs up to" in words and places and all(low < place < high for place in places), words
 
 
 def test_warmth_is_new_physics_and_no_changed_drawing(solved: SimpleNamespace) -> None:
