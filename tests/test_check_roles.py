@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from test_check import run_verb
+from command_line import run_verb
 
 from ptt.door.reading import ask_once
 

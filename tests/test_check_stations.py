@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run_verb
 from scipy.spatial.transform import Rotation
-from test_check import run_verb
 
 from ptt.machine import MachineFile
 from ptt.run.problem import build_problem
