@@ -76,6 +76,14 @@ def test_what_add_states_is_as_sure_as_the_reflectors_make_it():
     assert np.abs(pulls).max() < 3.5
 
 
+def test_each_of_two_runs_is_held_by_its_own_reflectors():
+    table = measured(1).table
+    second = (np.arange(table.rows) >= table.rows // 2).astype(int)
+    problem = build_problem(machine(), table.replace(run=second, run_label=("1", "2")))
+    step = climb(Model(machine()), problem, [library()["homing-offset"]()]).steps[-1]
+    assert problem.frame.max() == 1 and step.heldout_rms_um["total"] < 1.1e3 * np.sqrt(3.0) * NOISE
+
+
 def test_add_and_diagnose_state_alike():
     problem = measured(3)
     step = climb(Model(machine()), problem, [library()["homing-offset"]()]).steps[-1]

@@ -251,9 +251,10 @@ def _only_judged(residual: np.ndarray, problem: Problem, hidden: Sequence[np.nda
 
 def _judged_rows(part: np.ndarray, problem: Problem) -> np.ndarray:
     """Those of some held-out rows whose frame enough of the other readings determine, (n,) bool."""
-    visible = np.bincount(problem.frame[problem.used & ~part], minlength=max(problem.frames, 1))
-    told = (visible >= FRAME_ROWS)[problem.frame] | (problem.frames == 0) | (problem.base is not None)
-    return np.asarray(part & told)
+    if problem.frames == 0 or problem.base is not None:
+        return part
+    visible = np.bincount(problem.frame[problem.used & ~part], minlength=problem.frames)
+    return np.asarray(part & (visible >= FRAME_ROWS)[problem.frame])
 
 
 def _fall(before: np.ndarray, after: np.ndarray, rows: np.ndarray, problem: Problem) -> float:
