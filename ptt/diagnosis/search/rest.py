@@ -10,8 +10,9 @@ from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.dependence.said import by_chance
 from ptt.diagnosis.evidence.state import State
-from ptt.diagnosis.evidence.system import System
+from ptt.diagnosis.evidence.system import System, holds_unknown
 from ptt.diagnosis.noise.wander import FAULT_SHARE
+from ptt.diagnosis.search.joint_wander import JointWander, wander_of_joint
 from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
@@ -86,10 +87,12 @@ class Rest:
     Attributes:
         depends_on: what the residual depends on, significant entries only.
         reasons: the tests that object, in words.
+        wanders: the joint along which the readings wander; None where none is told.
     """
 
     depends_on: tuple[Dependence, ...]
     reasons: tuple[str, ...]
+    wanders: JointWander | None = None
 
     @property
     def significant(self) -> bool:
@@ -127,7 +130,12 @@ def look_for_rest(system: System, state: State, problem: Problem, *, seed: int =
     Returns:
         The rest.
     """
-    return rest_left(innovations_of(system, state, problem), state, problem.with_noise(system.noise), seed=seed)
+    left = rest_left(innovations_of(system, state, problem), state, problem.with_noise(system.noise), seed=seed)
+    wanders = None if holds_unknown(system, state.keys, state.memory) else wander_of_joint(system, state)
+    if wanders is None:
+        return left
+    moved = f"the readings wander in the way in which {wanders.residual} moves the tool, as no tracker does"
+    return replace(left, reasons=(*left.reasons, moved), wanders=wanders)
 
 
 def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int = 0) -> Rest:

@@ -14,7 +14,8 @@ from ptt.diagnosis.evidence.atoms import is_block
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.telling.sizes import points_of, size_of_unknown
+from ptt.diagnosis.search.joint_wander import JointWander
+from ptt.diagnosis.telling.sizes import points_of, size_of_unknown, sized
 from ptt.diagnosis.telling.unknowns import Unknown, Unnamed
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.run.holdout import blocks as travel_blocks
@@ -67,6 +68,20 @@ def dependences(unnamed: Unnamed, problem: Problem) -> tuple[Dependence, ...]:
         if one is not None and not any(one.residual == o.residual and one.on == o.on for o in found):
             found.append(one)
     return tuple(found[:MOST_LINES])
+
+
+def wandering(found: JointWander, left: np.ndarray, problem: Problem) -> Dependence:
+    """The wander of a joint as its dependence on time.
+
+    Args:
+        found: the wander.
+        left: what the named effects leave, the wander in it, (n, 3) mm; NaN on rows that do not count.
+        problem: n rows.
+    """
+    share, chance = found.wander.share / (1.0 + found.wander.share), float(np.exp(-min(found.nats, 700.0)))
+    curve = _centred_curve(problem.view.clock.numpy(), residual_views(problem, left)[found.residual])
+    told = Dependence(found.residual, "time", share, chance, None, "smooth", curve, acts_on=found.residual)
+    return of_run(sized((told,), left, problem)[0], problem)
 
 
 def _dependence(

@@ -21,7 +21,7 @@ from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.rest import Objections, Rest, too_much_for_nothing
 from ptt.diagnosis.telling.aside import against_gross
-from ptt.diagnosis.telling.depends import MOST_LINES, dependences, with_suspect
+from ptt.diagnosis.telling.depends import MOST_LINES, dependences, wandering, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.telling.explanation import Candidate, candidates_of_steps, other_candidates
 from ptt.diagnosis.telling.naming import Naming, naming_of
@@ -175,11 +175,13 @@ def _depends_on(
 ) -> tuple[Dependence, ...]:  # fmt: skip
     """What the unknown depends on.
 
-    From the blocks; else from the residual with the wander in it, where that is no tracker's or nothing is named; else
-    from the residual tests; else from the block that would explain most.
+    From the blocks; else from the wander of a joint; else from the residual with the wander in it, where that is no
+    tracker's or nothing is named; else from the residual tests; else from the block that would explain most.
     """
     depends, left, scorer, state = dependences(unnamed, shown), unnamed.left, found.scorer, found.state
     wanders = state.memory.wander is not None
+    if not depends and rest.wanders is not None:
+        return (wandering(rest.wanders, left, shown),)
     if not depends and (wanders_beyond(found.system, state) or (wanders and not naming.named.steps)):
         found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)
         depends = sized(found_in[:MOST_LINES], left, shown)

@@ -1,0 +1,67 @@
+"""A slow wander that moves the readings as one joint does: the machine's own, whatever its size."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.system import System
+from ptt.diagnosis.noise.gains import all_rows
+from ptt.diagnosis.noise.wander import SHARES, Clock, Wander, kinds_of_wander, likelihoods
+from ptt.diagnosis.unknown.places import places_of_chain
+
+# Nats by which a joint has to explain the wander better than the tracker does, beside the odds of which joint it is.
+# Where a tracker wanders the joints lie behind by about as many nats as there are readings.
+SURE_NATS = 10.0
+LEAST_SHARE = 1.0  # variance along the joint, over the white one, from which it is worth a verdict
+
+
+@dataclass(frozen=True)
+class JointWander:
+    """A wander along one joint.
+
+    Attributes:
+        residual: 'slider 2' or 'joint 2'.
+        wander: along the joint.
+        nats: by which it explains the readings better than a wander of the tracker, or none.
+    """
+
+    residual: str
+    wander: Wander
+    nats: float
+
+
+def wander_of_joint(system: System, state: State) -> JointWander | None:
+    """The joint along which the readings of a set wander, where that explains them better than a tracker's wander.
+
+    A tracker's wander shifts readings alike at all poses and in all directions; a joint's, only the way in which the
+    joint moves the tool. So it is told apart by its direction, while by its size it might be either.
+
+    Args:
+        system: the linearised problem; that of a long run, which holds no rows, tells nothing.
+        state: the best set. Errors of poses wander as the poses go, so beside them nothing is told.
+    """
+    if not isinstance(system, RowSystem) or state.memory.pose or not len(system.clock.constants):
+        return None
+    left, clock, found = system.residual(state.columns, state.posterior.values), system.clock, list[JointWander]()
+    shares, constants = SHARES[SHARES >= LEAST_SHARE], clock.constants
+    kinds = [Wander(float(s), float(t), a) for a in kinds_of_wander(system.noise) for s in SHARES for t in constants]
+    none = -0.5 * left.size * float(np.log(np.square(left).sum()))
+    tracker = max(none, float(likelihoods(left, kinds, clock).max()))
+    joints = [one for one in places_of_chain(system.at.problem, system.at.chain) if one.kind in ("slider", "joint")]
+    for place in joints:
+        way = place.slopes[system.rows][:, :, 0] @ system.noise.whitener.T
+        for wander in (Wander(float(share), float(constant)) for share in shares for constant in constants):
+            found.append(JointWander(place.residual, wander, _likelihood(left, way, wander, clock) - tracker))
+    best = max(found, key=lambda one: one.nats, default=None)
+    return best if best is not None and best.nats > SURE_NATS + np.log(len(joints)) else None
+
+
+def _likelihood(left: np.ndarray, way: np.ndarray, wander: Wander, clock: Clock) -> float:
+    """As `likelihoods`, of a wander along one direction of each row, (n, 3) in noise units, and white noise beside."""
+    unit = way / np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
+    along, gains = np.einsum("ni,ni->n", left, unit), clock.gains(wander.share, wander.constant)
+    new = (along - all_rows(along[:, None], gains.keep, gains.take)[:, 0]) / gains.root
+    square = float(np.square(left).sum() - np.square(along).sum() + np.square(new).sum())
+    return float(wander.log_prior) - gains.log_noise - 0.5 * left.size * float(np.log(square))
