@@ -22,6 +22,7 @@ from ptt.machine_schema import TrackerSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model
+from ptt.run.base_visits import visits_apart
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import concat_tables, make_table
 from ptt.run.viewing import build_view
@@ -29,6 +30,7 @@ from ptt.run.viewing import build_view
 NOISE = 0.004
 PLACES = np.array([[300.0, 20.0, -60.0], [-150.0, 260.0, -40.0], [-140.0, -270.0, -80.0], [200.0, 210.0, 90.0]])
 OFFSETS = np.array([0.05, -0.03, 0.02])
+STILL = np.zeros(3)
 
 
 def machine(places: np.ndarray = PLACES) -> MachineFile:
@@ -39,20 +41,25 @@ def machine(places: np.ndarray = PLACES) -> MachineFile:
     return replace(file, tracker=TrackerSpec.model_validate(told))
 
 
-def measured(seed: int, rows: int = 200, rounds: int = 2, places: np.ndarray = PLACES) -> Problem:
-    """Offsets of all sliders, read with rounds to four reflectors before and between them."""
+def measured(
+    seed: int, rows: int = 200, rounds: int = 2, places: np.ndarray = PLACES, offsets: np.ndarray = OFFSETS,
+    drift: np.ndarray = STILL,
+) -> Problem:  # fmt: skip
+    """Offsets of all sliders, read with rounds to four reflectors before and between them, by a tracker that drifts."""
     file, random = machine(places), np.random.default_rng(seed)
     robot = build_mechanism(file.machine)
     target = random.uniform(-60.0, 60.0, (rows, 3))
     joints = robot.inverse(torch.as_tensor(target)).numpy()
-    there = robot.forward(torch.as_tensor(joints + OFFSETS)).numpy()
+    there = robot.forward(torch.as_tensor(joints + offsets)).numpy()
     cuts = np.linspace(0, rows, rounds, endpoint=False).astype(int)
     before = np.repeat(cuts, len(places))  # poses ahead of each reading of a reflector
     names, none = [f"base {k + 1}" for k in range(len(places))] * rounds, np.full((len(before), 3), np.nan)
     read = np.insert(there, before, np.tile(places, (rounds, 1)), axis=0)
+    read = read + np.linspace(0.0, 1.0, len(read))[:, None] * drift
     table = make_table(
         np.insert(target, before, none, axis=0), np.insert(joints, before, none, axis=0),
         read + random.normal(0.0, NOISE, read.shape),
+        time_s=10.0 * np.arange(len(read)),
         role=np.insert(np.full(rows, "pose"), before, "base"),
         name=np.insert(np.full(rows, "", dtype="U8"), before, names),
     )  # fmt: skip
@@ -74,6 +81,23 @@ def test_what_add_states_is_as_sure_as_the_reflectors_make_it():
         pulls.append((term.theta.numpy() - OFFSETS) / term.std.numpy())
     assert 0.6 < float(np.sqrt(np.square(pulls).mean())) < 1.4
     assert np.abs(pulls).max() < 3.5
+
+
+def test_reflectors_hold_the_frame_beside_a_drift_that_moves_their_rounds_apart():
+    """One zero is off by a tenth of the drift: nearly a shift and a turn of all readings, but for the reflectors."""
+    offset, drift = np.array([0.0, 0.0, 0.012]), np.array([0.15, -0.1, 0.1])
+    found = diagnose(Model(machine()), measured(1, rows=45, rounds=3, offsets=offset, drift=drift))
+    assert found.verdict == "missing" and [names[0] for names in found.suggested] == ["tracker-drift", "homing-offset"]
+
+
+def test_rounds_scatter_by_what_a_fit_leaves_of_them():
+    random = np.random.default_rng(1)
+    visits = [random.normal(0.0, 1e-3, (40, 3)) for _ in PLACES]
+    walk = np.linspace(0.0, 0.1, 40)[:, None] + random.normal(0.0, 0.02, (40, 3))
+    apart = visits_apart([read + walk for read in visits])
+    beside = visits_apart([read + walk - np.linspace(0.0, 0.1, 40)[:, None] for read in visits], 3)
+    assert apart > 0.03 and beside == pytest.approx(0.02, rel=0.2)
+    assert visits_apart([read[:2] for read in visits], 3) is None
 
 
 def test_rows_of_a_short_second_run_are_held_out_all_at_once():

@@ -1,4 +1,4 @@
-"""A slow wander is the machine's own where it moves the readings as one joint does, and a tracker's where it does not."""
+"""A slow wander is the machine's own where it moves the readings as one joint does, else a tracker's."""
 
 from dataclasses import replace
 

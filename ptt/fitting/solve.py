@@ -95,6 +95,24 @@ def hold_to_base(model: Model, problem: Problem) -> Problem:
     return problem.anchored(read_base(told, problem.base.view).numpy())
 
 
+def with_rounds_beside(model: Model, problem: Problem) -> Problem:
+    """The problem with base reflectors that scatter from round to round by what effects of the tracker do not explain.
+
+    Args:
+        model: effects of the tracker that have values act on the reflectors.
+        problem: the readings.
+
+    Returns:
+        The problem; as given where there are no reflectors or no such effects.
+    """
+    told, base = [(term.effect, term.theta) for term in model.terms if acts_on_base(term)], problem.base
+    if base is None or not told:
+        return problem
+    fitted = [one for effect, _ in told for one in effect.parameters if one.role == "linear"]
+    taken = sum(parameter.size(model.joints) for parameter in fitted)
+    return replace(problem, base=base.beside(read_base(told, base.view).numpy(), taken))
+
+
 def acts_on_base(term: Term) -> bool:
     """Whether an effect moves what is read of reflectors fixed to the base."""
     return term.effect.stage == "metrology"

@@ -1,7 +1,7 @@
 """First rigid motion of each tracker frame: from the poses, or from reflectors fixed to the base."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -78,6 +78,23 @@ class BaseReadings:
         point, together = (one[:, None] == one[None, :] for one in (self.point, self.round))
         common, ways = np.linalg.eigh(np.square(self.drawn) * point + np.square(self.apart) * together)
         return np.maximum(common, 0.0), ways
+
+    def beside(self, told: np.ndarray, taken: int) -> "BaseReadings":
+        """The visits with the scatter between rounds that a prediction leaves, where that is less.
+
+        A drift moves the rounds apart, and until it is known as such they tell little of where the frame is.
+
+        Args:
+            told: predicted readings, (m, 3) mm.
+            taken: numbers that were fitted to them.
+        """
+        left, apart = self.reading - told, self.apart.copy()
+        for index in np.unique(self.frame):
+            own = self.frame == index
+            scatter = visits_apart([left[own & (self.point == point)] for point in np.unique(self.point[own])], taken)
+            if scatter is not None:
+                apart[own] = np.minimum(apart[own], scatter)
+        return replace(self, apart=apart)
 
     def frames_beside(self, told: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
         """Rigid motion of each frame given a prediction of the reflectors' readings.
@@ -180,7 +197,7 @@ def from_base(file: MachineFile, table: Table, frame: np.ndarray, count: int) ->
         rotations[index], shifts[index] = align(
             np.array([drawn[name].xyz_mm for name in fit]), np.array([np.median(own, axis=0) for own in read])
         )
-        apart[frame == index] = visits_apart(read)
+        apart[frame == index] = visits_apart(read) or 0.0
     return BaseFrames(rotations, shifts, sound, apart)
 
 

@@ -125,22 +125,26 @@ def _span_plane(place: np.ndarray) -> bool:
     return len(place) >= ENOUGH and bool(spread[1] > AS_LINE * spread[0])
 
 
-def visits_apart(visits: Sequence[np.ndarray]) -> float:
+def visits_apart(visits: Sequence[np.ndarray], taken: int = 0) -> float | None:
     """Scatter between rounds of visits that all reflectors have in common: the tracker drifts or is knocked.
 
     Averaging over reflectors does not reduce it, and the poses in between share it in an unknown way.
 
     Args:
         visits: (v, 3) mm of each reflector.
+        taken: numbers that were fitted to what the rounds have in common, and taken off the visits.
 
     Returns:
         Its standard deviation in one coordinate, mm, with the reflectors' own scatter subtracted; zero where each was
-        visited once.
+        visited once; None where rounds are no more than the numbers that were taken off.
     """
     moved = [read - read.mean(axis=0) for read in visits if len(read) == max(map(len, visits))]
     count, rounds = len(moved), len(moved[0])
     if rounds < 2 or count < 2:
         return 0.0
     together, freedom = np.mean(moved, axis=0), 3.0 * (rounds - 1)  # shape: (rounds, 3)
+    if freedom <= taken:
+        return None
     own = float(np.square(np.array(moved) - together).sum()) / (freedom * (count - 1))
-    return float(np.sqrt(max(np.square(together).sum() / freedom - own / count, 0.0)))
+    left = float(np.square(together).sum()) - own * (freedom - taken) / count
+    return float(np.sqrt(max(left / (freedom - taken), 0.0)))

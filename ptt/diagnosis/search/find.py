@@ -28,6 +28,7 @@ from ptt.diagnosis.search.turn import (
 )
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Library
+from ptt.fitting.solve import with_rounds_beside
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -102,6 +103,7 @@ def _beyond_machines(found: Found) -> tuple[str, ...]:
 def _searched(asked: Asked, first: Turn) -> tuple[Found, Problem]:
     """Named effects alone, or a search from nothing if they do not suffice; and the readings without opening rows."""
     first, named = names_alone(asked, first)
+    asked = replace(asked, problem=with_rounds_beside(named.model, asked.problem))
     found, problem = follow(asked, named)
     if names_suffice(found.scorer, found.state, problem):
         return found, problem

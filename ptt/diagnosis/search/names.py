@@ -24,6 +24,7 @@ from ptt.effects import Effect
 from ptt.fitting.linear import linear_columns
 from ptt.fitting.opening import untold_rows, without_opening
 from ptt.fitting.result import FitResult
+from ptt.fitting.solve import with_rounds_beside
 from ptt.run.problem import Problem
 
 NAME_ROUNDS = 3  # rounds of linearising with named effects alone; what these leave, turns beside unknowns may explain
@@ -56,7 +57,7 @@ def names_alone(asked: Asked, first: Turn) -> tuple[Turn, Turn]:
     """
     turn = replace(first, kept=())
     for number in range(NAME_ROUNDS):
-        problem = without_opening(asked.problem, turn.opening)
+        problem = with_rounds_beside(turn.model, without_opening(asked.problem, turn.opening))
         opened = _opened(asked, turn, problem, sifted=number == 0)
         found, curves = _named(opened, problem, plain_first=number == 0)
         current, moments = moved(found, asked.model, problem), opened.turn.moments
