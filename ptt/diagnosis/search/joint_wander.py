@@ -14,7 +14,7 @@ from ptt.diagnosis.unknown.places import places_of_chain
 # Nats by which a joint has to explain the wander better than the tracker does, beside the odds of which joint it is.
 # Where a tracker wanders the joints lie behind by about as many nats as there are readings.
 SURE_NATS = 10.0
-LEAST_SHARE = 1.0  # variance along the joint, over the white one, from which it is worth a verdict
+LEAST_SHARE = 1.0  # variance along the joint, over the white one, beyond which it is worth a verdict
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ def wander_of_joint(system: System, state: State) -> JointWander | None:
     """The joint along which the readings of a set wander, where that explains them better than a tracker's wander.
 
     A tracker's wander shifts readings alike at all poses and in all directions; a joint's, only the way in which the
-    joint moves the tool. So it is told apart by its direction, while by its size it might be either.
+    joint moves the tool. So it is told apart by its direction, while by its size it might be either. Noise that is
+    louder in that direction has no memory.
 
     Args:
         system: the linearised problem; that of a long run, which holds no rows, tells nothing.
@@ -45,23 +46,43 @@ def wander_of_joint(system: System, state: State) -> JointWander | None:
     if not isinstance(system, RowSystem) or state.memory.pose or not len(system.clock.constants):
         return None
     left, clock, found = system.residual(state.columns, state.posterior.values), system.clock, list[JointWander]()
-    shares, constants = SHARES[SHARES >= LEAST_SHARE], clock.constants
-    kinds = [Wander(float(s), float(t), a) for a in kinds_of_wander(system.noise) for s in SHARES for t in constants]
-    none = -0.5 * left.size * float(np.log(np.square(left).sum()))
-    tracker = max(none, float(likelihoods(left, kinds, clock).max()))
+    shares = [float(share) for share in SHARES]
+    kinds = [
+        Wander(s, float(t), axes) for axes in kinds_of_wander(system.noise) for s in shares for t in clock.constants
+    ]
+    tracker = max(_evidence(left, 0.0, 0.0), float(likelihoods(left, kinds, clock).max()))
     joints = [one for one in places_of_chain(system.at.problem, system.at.chain) if one.kind in ("slider", "joint")]
+    slow = [Wander(s, float(t)) for s in shares for t in clock.constants if s > LEAST_SHARE]
+    slow = [wander for wander in slow if clock.is_slow(wander)]
     for place in joints:
         way = place.slopes[system.rows][:, :, 0] @ system.noise.whitener.T
-        for wander in (Wander(float(share), float(constant)) for share in shares for constant in constants):
-            found.append(JointWander(place.residual, wander, _likelihood(left, way, wander, clock) - tracker))
+        unit = way / np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
+        along = np.einsum("ni,ni->n", left, unit)
+        beside = max(tracker, *(_louder(left, along, share) for share in shares))
+        found += [JointWander(place.residual, one, _wandering(left, along, one, clock) - beside) for one in slow]
     best = max(found, key=lambda one: one.nats, default=None)
     return best if best is not None and best.nats > SURE_NATS + np.log(len(joints)) else None
 
 
-def _likelihood(left: np.ndarray, way: np.ndarray, wander: Wander, clock: Clock) -> float:
-    """As `likelihoods`, of a wander along one direction of each row, (n, 3) in noise units, and white noise beside."""
-    unit = way / np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
-    along, gains = np.einsum("ni,ni->n", left, unit), clock.gains(wander.share, wander.constant)
+def _wandering(left: np.ndarray, along: np.ndarray, wander: Wander, clock: Clock) -> float:
+    """As `likelihoods`, of a wander of the component along one direction of each row, (n,), and white noise beside."""
+    gains = clock.gains(wander.share, wander.constant)
     new = (along - all_rows(along[:, None], gains.keep, gains.take)[:, 0]) / gains.root
-    square = float(np.square(left).sum() - np.square(along).sum() + np.square(new).sum())
-    return float(wander.log_prior) - gains.log_noise - 0.5 * left.size * float(np.log(square))
+    taken = float(np.square(along).sum() - np.square(new).sum())
+    return float(wander.log_prior) + _evidence(left, taken, gains.log_noise)
+
+
+def _louder(left: np.ndarray, along: np.ndarray, share: float) -> float:
+    """The same of white noise that is louder along that direction: noise unlike the stated one has no memory."""
+    return _evidence(left, float(np.square(along).sum()) * share / (1.0 + share), 0.5 * len(along) * np.log1p(share))
+
+
+def _evidence(left: np.ndarray, taken: float, log_noise: float) -> float:
+    """Log likelihood of residuals (n, 3), the white variance profiled out.
+
+    Args:
+        left: the residuals.
+        taken: what a wander takes off their sum of squares.
+        log_noise: half the log-determinant of its covariance beside white noise.
+    """
+    return -log_noise - 0.5 * left.size * float(np.log(np.square(left).sum() - taken))
