@@ -260,6 +260,26 @@ def test_a_load_is_asked_for_where_the_model_moves_with_it():
     assert missing_context(with_effects(weighs, **clears), TARGETS) == []  # the platform's weight decides the side
 
 
+@pytest.mark.parametrize(("load", "status"), [(6.0, "ok"), (8.9, "ok"), (9.2, "uncertain"), (50.0, "uncertain")])
+def test_a_load_far_beyond_the_models_run_makes_a_command_uncertain(load: float, status: str) -> None:
+    model = with_effects(FILE, column_bend={"sway_mm_per_kg": [0.01, 0.0], "slope_per_kg": [0.0, 0.0]})
+    history = ({"kind": "added", "ranges": {"payload_kg": [0.0, 6.0], "temp_c": [18.0, 27.0]}},)
+    model = replace(model, file=replace(model.file, history=history))
+    table = make_table(np.array([[0.0, 0.0, 5.0]]), payload_kg=load, temp_c=60.0)  # no effect follows the warmth
+    assert compensate(model, table).status.tolist() == [status]
+
+
+def test_a_lag_is_not_trusted_at_speeds_by_the_clock_that_the_run_had_not() -> None:
+    lagging = with_effects(FILE, following_error={"lag_s": [0.01] * 3})
+    history = ({"kind": "added", "ranges": {"feed_mm_s": [0.0, 2.0]}},)
+    model = replace(lagging, file=replace(lagging.file, history=history))
+    place = np.column_stack([np.linspace(0.0, 20.0, 5), np.zeros((5, 2))])
+    slow, fast = (make_table(place, time_s=5.0 / speed * np.arange(5)) for speed in (2.0, 20.0))
+    assert set(compensate(model, slow).status) == {"ok"}
+    assert compensate(model, fast).status.tolist() == ["ok", *["uncertain"] * 4]
+    assert beyond_context(model, slow) == () and beyond_context(model, fast)[0].worst == pytest.approx(18.0)
+
+
 def test_loads_and_warmth_beyond_the_models_run_are_said():
     model = with_effects(FILE, column_bend={"sway_mm_per_kg": [0.01, 0.0], "slope_per_kg": [0.0, 0.0]})
     history = ({"kind": "added", "ranges": {"payload_kg": [0.0, 6.0], "temp_c": [18.0, 27.0]}},)

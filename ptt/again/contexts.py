@@ -25,6 +25,8 @@ def context_notes(prior: Prior, problem: Problem) -> tuple[str, ...]:
     lines = []
     for column, (low, high) in ranges_of(problem).items():
         context, unit = QUANTITIES[column]
+        if getattr(problem.table, column) is None or column == "time_s":  # by the clock, which tells little by itself
+            continue
         has = f"the model has {'an' if context in needs else 'no'} effect that depends on it"
         now = f"{low:.3g} to {high:.3g} {unit}" if high - low > LEAST_BEYOND[column] else f"{high:.3g} {unit}"
         if column in then:

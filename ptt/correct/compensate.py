@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ptt.correct.blocks import Settled, settle_task
 from ptt.correct.commands import ROUNDING, UNCERTAIN, Commands, sent_rows
+from ptt.correct.context import far_beyond
 from ptt.correct.doubt import NetworkError, approach_doubt, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
 from ptt.correct.settle import first_order, nearest_commands
@@ -145,7 +146,8 @@ def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Comm
     status, shift = settled.outcome.status[own].copy(), settled.outcome.shift_mm[own]
     missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)
     in_all = np.where(missed > ROUNDING, np.hypot(np.nan_to_num(sigma, nan=0.0), missed), sigma)
-    status[sent & doubtful(in_all, shift, promised)] = UNCERTAIN
+    far = np.broadcast_to(far_beyond(plan.model, part.contexts()), len(settled.outcome.status))[own]
+    status[sent & (doubtful(in_all, shift, promised) | far)] = UNCERTAIN
     simple = first_order(part.mechanism, part.wanted[own], height, sent)
     gap = (part.mechanism.forward(simple) - part.mechanism.forward(height)).norm(dim=1).numpy()
     blank, reversed_ = np.where(sent[:, None], 0.0, np.nan), q - height.numpy()

@@ -1,6 +1,6 @@
 """Context that a model depends on and targets may lack or exceed: payload, temperature, speed, time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,12 +11,15 @@ from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.blanks import without_empty
-from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of_model, ranges_of_steps
+from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, contexts_of, ranges_of_model, ranges_of_steps
 from ptt.run.table import Table, take_rows
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import build_view
 
 ASKED = 100  # rows, evenly spaced, at which one kg or one K is tried: an effect that moves none of them moves few
+# Share of the run's range by which a context may be outside it and a command still count as certain: what is learned
+# over a range says little of a place half of it further on; of what follows the clock, no later time says anything
+NEAR = 0.5
 BY_ONE = {"payload": "payload", "temperature": "warmth"}  # context -> field of a view, tried by one kg, one K
 COLUMNS = {"payload_kg": "payload", "temp_c": "temperature"}
 
@@ -52,7 +55,7 @@ def missing_context(model: Model, targets: Table) -> list[str]:
 
 @dataclass(frozen=True)
 class Beyond:
-    """Rows of targets outside the range of payload, temperature or speed that the model was fitted over.
+    """Rows of targets outside the range of payload, temperature, speed or time that the model was fitted over.
 
     Attributes:
         column: of the targets.
@@ -69,28 +72,49 @@ class Beyond:
     worst: float
 
 
-def beyond_context(model: Model, targets: Table) -> tuple[Beyond, ...]:
-    """Payloads, temperatures and speeds of targets outside the range that the model was fitted over.
+def beyond_context(model: Model, targets: Table, began: float | None = None) -> tuple[Beyond, ...]:
+    """Payloads, temperatures, speeds and times of targets outside the range that the model was fitted over.
 
     Args:
         model: the model.
         targets: the targets, or a part of them.
+        began: time of the first row of the whole list, s; None: these are the whole list.
 
     Returns:
         One entry for each column on which an effect of the model depends.
     """
     then, found = ranges_of_model(model.file) or {}, []
-    for column, (need, _) in QUANTITIES.items():
-        values = getattr(targets, column)
-        if column not in then or values is None or not np.isfinite(values).any():
+    for column, values in contexts_of(targets, targets.target, began).items():
+        if column not in then or not np.isfinite(values).any():
             continue
         low, high = then[column]
         beyond = (values < low - LEAST_BEYOND[column]) | (values > high + LEAST_BEYOND[column])
-        users = _followers(model, targets, need) if beyond.any() else []
+        users = _followers(model, targets, QUANTITIES[column][0]) if beyond.any() else []
         if users:
             worst = float(np.nanmax(np.maximum(low - values, values - high)))
             found.append(Beyond(column, tuple(users), (low, high), int(beyond.sum()), worst))
     return tuple(found)
+
+
+def far_beyond(model: Model, contexts: Mapping[str, np.ndarray]) -> np.ndarray | bool:
+    """Rows with a context far outside the range that the model was fitted over, where an effect requires it.
+
+    Args:
+        model: the model.
+        contexts: column -> (n,) as `contexts_of` gives them.
+
+    Returns:
+        (n,) bool; False where there are none.
+    """
+    then = ranges_of_model(model.file) or {}
+    far: np.ndarray | bool = False
+    needs = {need for term in model.terms if term.effect.stage != "metrology" for need in term.effect.requires}
+    for column, values in contexts.items():
+        if column in then and QUANTITIES[column][0] in needs:
+            low, high = then[column]
+            slack = max(NEAR * (high - low) if column != "time_s" else 0.0, LEAST_BEYOND[column])
+            far = far | (values < low - slack) | (values > high + slack)
+    return far
 
 
 def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> list[str]:

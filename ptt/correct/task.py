@@ -15,6 +15,7 @@ from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 from ptt.run.beside import rows_beside
 from ptt.run.pace import SMOOTH, Pace, line_ends, pace_of, runs_straight
+from ptt.run.ranges import contexts_of
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
 from ptt.run.view import View
@@ -106,6 +107,11 @@ class CommandTask:
         slowest, starts = float(self.lag.abs().max()), run_starts(self.clock.run)
         kind, smooth = self.pace_kind, moves == "smooth"
         return replace(self, pace=pace_of(place.numpy(), starts, self.clock, ends, kind, slowest, smooth=smooth))
+
+    def contexts(self) -> dict[str, np.ndarray]:
+        """Payload, temperature, speed and time of each row where they are told, as `contexts_of` gives them."""
+        table = self.targets if self.clock is None else self.clock
+        return contexts_of(table, self.wanted.numpy()) | {"time_s": self.time.numpy()}
 
     def positions(self, sent: np.ndarray) -> Tensor:
         """Position of the machine at each row, (n, 3) mm: its target, or that of the row before if it is not sent."""

@@ -1,4 +1,4 @@
-"""Ranges of load, temperature and speed of a run, which bound the validity of a model fitted to it."""
+"""Ranges of load, temperature, speed and time of a run, which bound the validity of a model fitted to it."""
 
 from collections.abc import Mapping
 
@@ -6,12 +6,16 @@ import numpy as np
 
 from ptt.machine import MachineFile
 from ptt.run.problem import Problem
+from ptt.run.table import Table
 
 Ranges = Mapping[str, tuple[float, float]]
 
-COLUMNS = ("payload_kg", "temp_c", "feed_mm_s")
-QUANTITIES = {"payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s")}
-LEAST_BEYOND = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5}  # smallest excess over a range that is mentioned
+QUANTITIES = {
+    "payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s"),
+    "time_s": ("time", "s"),
+}  # fmt: skip
+# Smallest excess over a range that is mentioned
+LEAST_BEYOND = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5, "time_s": 60.0}
 
 
 def ranges_of(problem: Problem) -> dict[str, list[float]]:
@@ -21,14 +25,36 @@ def ranges_of(problem: Problem) -> dict[str, list[float]]:
         problem: the run.
 
     Returns:
-        Column -> lowest and highest value, in the column's unit.
+        Column -> lowest and highest value, in the column's unit; time from the run's first row on.
     """
     found = {}
-    for column in COLUMNS:
-        values = getattr(problem.table, column)
-        if values is not None and np.isfinite(values[problem.used]).any():
+    for column, values in contexts_of(problem.table, problem.target).items():
+        still = column == "feed_mm_s" and "speed" not in problem.view.varies
+        if not still and np.isfinite(values[problem.used]).any():
             found[column] = [float(np.nanmin(values[problem.used])), float(np.nanmax(values[problem.used]))]
     return found
+
+
+def contexts_of(table: Table, place: np.ndarray, began: float | None = None) -> dict[str, np.ndarray]:
+    """Payload, temperature, speed and time of rows, each where it is told: speed by the clock where no feed is.
+
+    Args:
+        table: n rows.
+        place: of the tool, (n, 3) mm, NaN where unknown.
+        began: time of the list's first row, s; None: the table is the whole list.
+
+    Returns:
+        Column -> (n,) in its unit, NaN where unknown.
+    """
+    told = {column: getattr(table, column) for column in QUANTITIES}
+    if table.time_s is not None:
+        first = table.time_s[np.isfinite(table.time_s)][:1] if began is None else np.array([began])
+        told["time_s"] = table.time_s - first if len(first) else None
+        if table.feed_mm_s is None:
+            step = np.diff(table.time_s, prepend=np.nan)
+            way = np.linalg.norm(np.diff(place, axis=0, prepend=np.full((1, 3), np.nan)), axis=1)
+            told["feed_mm_s"] = np.where(step > 0.0, way / np.where(step > 0.0, step, 1.0), np.nan)
+    return {column: values for column, values in told.items() if values is not None}
 
 
 def ranges_of_steps(file: MachineFile) -> tuple[Ranges | None, ...]:
