@@ -25,7 +25,8 @@ def nats_of_cancelling(state: State, sums: MemorySums, new: Sequence[Atom]) -> f
     Args:
         state: a set.
         sums: normal sums of its columns.
-        new: its effects that are not in the model as given.
+        new: its effects that are not in the model as given, without sizes of the drawing: these are alike in what they
+            do, and each is a little off on every machine.
     """
     posterior, frame = state.posterior, state.owner < 0
     whole = sums.square

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import Atom, is_any, is_field
+from ptt.diagnosis.evidence.atoms import Atom, is_any, is_drawn, is_effect, is_field
 from ptt.diagnosis.evidence.cancelled import nats_of_cancelling
 from ptt.diagnosis.evidence.held_out_trial import HeldOutMemo
 from ptt.diagnosis.evidence.idle import idle_joints
@@ -146,7 +146,7 @@ class Scorer:
         if is_impossible(state, atoms, new) or self._is_at_an_end(new) or self._undoes(state):
             return replace(state, total=-np.inf)
         forms = {atom.key: nats_of_form(state, atom, system.scale, new=atom.key not in self.given) for atom in atoms}
-        total -= nats_of_cancelling(state, sums, [atom for atom in new if atom.effect is not None])
+        total -= nats_of_cancelling(state, sums, [atom for atom in new if is_effect(atom) and not is_drawn(atom)])
         return replace(state, total=total + sum(forms.values()), forms=forms)
 
     def _at_few_joints(
