@@ -15,6 +15,7 @@ from ptt.fitting.chunks import LONG
 from ptt.fitting.gauge import sparsest
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.kept import keep
+from ptt.fitting.solve import with_rounds_beside
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile, load_machine
@@ -88,6 +89,11 @@ def test_reflectors_hold_the_frame_beside_a_drift_that_moves_their_rounds_apart(
     offset, drift = np.array([0.0, 0.0, 0.012]), np.array([0.15, -0.1, 0.1])
     found = diagnose(Model(machine()), measured(1, rows=45, rounds=3, offsets=offset, drift=drift))
     assert found.verdict == "missing" and [names[0] for names in found.suggested] == ["tracker-drift", "homing-offset"]
+
+
+def test_a_drift_without_values_says_nothing_of_the_rounds():
+    problem = measured(1, rows=45, rounds=3)
+    assert with_rounds_beside(Model(problem.file) + library()["tracker-drift"](), problem) is problem
 
 
 def test_rounds_scatter_by_what_a_fit_leaves_of_them():

@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from torch import Tensor
 
+from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.autocorrelation import excess_scatter, times_of
 from ptt.fitting.chunks import LONG, SAMPLE_ROWS, sample_stretches, take
@@ -89,7 +91,7 @@ def hold_to_base(model: Model, problem: Problem) -> Problem:
     Returns:
         The problem with frames held; as given where there are no reflectors.
     """
-    told = [(term.effect, term.theta) for term in model.terms if acts_on_base(term) and len(term.theta)]
+    told = _told_of_base(model)
     if problem.base is None or not told:
         return problem.anchored()
     return problem.anchored(read_base(told, problem.base.view).numpy())
@@ -105,12 +107,17 @@ def with_rounds_beside(model: Model, problem: Problem) -> Problem:
     Returns:
         The problem; as given where there are no reflectors or no such effects.
     """
-    told, base = [(term.effect, term.theta) for term in model.terms if acts_on_base(term)], problem.base
+    told, base = _told_of_base(model), problem.base
     if base is None or not told:
         return problem
     fitted = [one for effect, _ in told for one in effect.parameters if one.role == "linear"]
     taken = sum(parameter.size(model.joints) for parameter in fitted)
     return replace(problem, base=base.beside(read_base(told, base.view).numpy(), taken))
+
+
+def _told_of_base(model: Model) -> list[tuple[Effect, Tensor]]:
+    """Effects that move what is read of reflectors, with their values; those without values say nothing yet."""
+    return [(term.effect, term.theta) for term in model.terms if acts_on_base(term) and len(term.theta)]
 
 
 def acts_on_base(term: Term) -> bool:
