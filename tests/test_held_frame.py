@@ -23,7 +23,7 @@ from ptt.machine_schema import TrackerSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
 from ptt.model.model import Model
-from ptt.run.base_visits import visits_apart
+from ptt.run.base_visits import rounds_apart
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import concat_tables, make_table
 from ptt.run.viewing import build_view
@@ -96,14 +96,29 @@ def test_a_drift_without_values_says_nothing_of_the_rounds():
     assert with_rounds_beside(Model(problem.file) + library()["tracker-drift"](), problem) is problem
 
 
+def visits_of(walk: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Visits to all reflectors in rounds that the tracker's walk, (r, 3) mm, moves; their reflectors and rounds."""
+    rounds, point = np.divmod(np.arange(len(PLACES) * len(walk)), len(PLACES))
+    noise = np.random.default_rng(2).normal(0.0, 1e-3, (len(point), 3))
+    return PLACES[point] + walk[rounds] + noise, point, rounds
+
+
 def test_rounds_scatter_by_what_a_fit_leaves_of_them():
-    random = np.random.default_rng(1)
-    visits = [random.normal(0.0, 1e-3, (40, 3)) for _ in PLACES]
-    walk = np.linspace(0.0, 0.1, 40)[:, None] + random.normal(0.0, 0.02, (40, 3))
-    apart = visits_apart([read + walk for read in visits])
-    beside = visits_apart([read + walk - np.linspace(0.0, 0.1, 40)[:, None] for read in visits], 3)
-    assert apart > 0.03 and beside == pytest.approx(0.02, rel=0.2)
-    assert visits_apart([read[:2] for read in visits], 3) is None
+    line = np.linspace(0.0, 0.1, 40)[:, None]
+    read, point, rounds = visits_of(line + np.random.default_rng(1).normal(0.0, 0.02, (40, 3)))
+    assert rounds_apart(read, point, rounds) > 0.03
+    assert rounds_apart(read - line[rounds], point, rounds, 3) == pytest.approx(0.02, rel=0.2)
+    few = rounds < 2
+    assert rounds_apart(read[few], point[few], rounds[few], 3) is None
+
+
+def test_rounds_scatter_alike_where_some_reflectors_were_missed():
+    """One alone was read in every round; or each in a round of its own, and what it scatters by itself is unknown."""
+    read, point, rounds = visits_of(np.random.default_rng(1).normal(0.0, 0.02, (10, 3)))
+    whole = rounds_apart(read, point, rounds)
+    for here in ((rounds < 9) | (point == 0), (rounds < 1) | (point == 1), rounds % len(PLACES) == point):
+        assert rounds_apart(read[here], point[here], rounds[here]) == pytest.approx(whole, rel=0.35)
+    assert rounds_apart(read[:4], point[:4], rounds[:4]) == 0.0
 
 
 def test_rows_of_a_short_second_run_are_held_out_all_at_once():

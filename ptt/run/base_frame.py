@@ -10,7 +10,7 @@ import torch
 from ptt.errors import TableError, TooFewError
 from ptt.machine import MachineFile
 from ptt.run.base_drawn import misplaced
-from ptt.run.base_visits import ENOUGH, sound_visits, visits_apart
+from ptt.run.base_visits import ENOUGH, rounds_apart, sound_visits
 from ptt.run.frames import align
 from ptt.run.noise import DEFAULT_SIGMA
 from ptt.run.same_pose import number_rows
@@ -91,7 +91,7 @@ class BaseReadings:
         left, apart = self.reading - told, self.apart.copy()
         for index in np.unique(self.frame):
             own = self.frame == index
-            scatter = visits_apart([left[own & (self.point == point)] for point in np.unique(self.point[own])], taken)
+            scatter = rounds_apart(left[own], self.point[own], self.round[own], taken)
             if scatter is not None:
                 apart[own] = np.minimum(apart[own], scatter)
         return replace(self, apart=apart)
@@ -118,13 +118,11 @@ class BaseFrames:
         rotations: (f, 3, 3), base axes in tracker coordinates.
         shifts: (f, 3) mm, base origin in tracker coordinates.
         sound: rows with a sound visit, (n,) bool.
-        apart: (n,) mm, standard deviation between rounds of the row's frame.
     """
 
     rotations: np.ndarray
     shifts: np.ndarray
     sound: np.ndarray
-    apart: np.ndarray
 
 
 def into_base(reading: np.ndarray, frame: np.ndarray, rotations: np.ndarray, shifts: np.ndarray) -> np.ndarray:
@@ -185,7 +183,7 @@ def from_base(file: MachineFile, table: Table, frame: np.ndarray, count: int) ->
     """
     drawn = {point.name: point for point in file.tracker.base_point}
     rotations, shifts = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-    sound, apart = np.zeros(table.rows, dtype=bool), np.zeros(table.rows)
+    sound = np.zeros(table.rows, dtype=bool)
     for index in range(count):
         here = (table.role == "base") & (frame == index) & np.isfinite(table.measured).all(axis=1)
         seen = _seen(table, list(drawn), here, index)
@@ -197,8 +195,7 @@ def from_base(file: MachineFile, table: Table, frame: np.ndarray, count: int) ->
         rotations[index], shifts[index] = align(
             np.array([drawn[name].xyz_mm for name in fit]), np.array([np.median(own, axis=0) for own in read])
         )
-        apart[frame == index] = visits_apart(read) or 0.0
-    return BaseFrames(rotations, shifts, sound, apart)
+    return BaseFrames(rotations, shifts, sound)
 
 
 def untrue_base(file: MachineFile, table: Table) -> str:
@@ -258,7 +255,7 @@ def base_readings(
         view: the same rows.
         near: readings near the base frame, (n, 3) mm.
         frame: (n,) int, frame of each row.
-        seen: sound visits and scatter between rounds.
+        seen: sound visits.
     """
     names = [point.name for point in file.tracker.base_point]
     place, drawn = (np.array([getattr(p, own) for p in file.tracker.base_point]) for own in ("xyz_mm", "sigma_mm"))
@@ -273,7 +270,9 @@ def base_readings(
     mean, own = (total / np.bincount(which.ravel())[:, None])[order], rows[kept]
     aside = (table.role == "base") & np.isfinite(table.measured).all(axis=1) & ~seen.sound
     visits = view.of_rows(torch.as_tensor(own)).at(p=torch.as_tensor(place[point[kept]]))
-    return BaseReadings(visits, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], seen.apart[own], aside)
+    wide, still = np.full(len(own), np.inf), visits.p.numpy()
+    loose = BaseReadings(visits, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], wide, aside)
+    return loose.beside(still, 0)
 
 
 def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> list[str]:

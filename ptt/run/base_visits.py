@@ -13,6 +13,7 @@ ENOUGH = 3  # fewest reflectors that determine a frame
 LONG = 5e-5  # relative scale error that a tracker may have: fifty degrees of air temperature
 AS_LINE = 0.02  # least width by length of reflectors that determine a frame
 MOTION = 7  # degrees of freedom of a rigid motion with scale
+RANK = 1e-9  # share of the visits, below which what rounds move is rounding: one round, or nothing in common
 
 
 def sound_visits(
@@ -125,26 +126,41 @@ def _span_plane(place: np.ndarray) -> bool:
     return len(place) >= ENOUGH and bool(spread[1] > AS_LINE * spread[0])
 
 
-def visits_apart(visits: Sequence[np.ndarray], taken: int = 0) -> float | None:
+def rounds_apart(read: np.ndarray, point: np.ndarray, rounds: np.ndarray, taken: int = 0) -> float | None:
     """Scatter between rounds of visits that all reflectors have in common: the tracker drifts or is knocked.
 
-    Averaging over reflectors does not reduce it, and the poses in between share it in an unknown way.
+    Averaging over reflectors does not reduce it, and the poses in between share it in an unknown way. Rounds need not
+    be complete: it is the variance component of rounds beside means of the reflectors, by the reduction of the sum of
+    squares that rounds bring (C. R. Henderson's method 3, Biometrics 9, 1953).
 
     Args:
-        visits: (v, 3) mm of each reflector.
+        read: visits, (m, 3) mm.
+        point: (m,) int, index of the reflector.
+        rounds: (m,) int, equal for visits to different reflectors one after the other.
         taken: numbers that were fitted to what the rounds have in common, and taken off the visits.
 
     Returns:
-        Its standard deviation in one coordinate, mm, with the reflectors' own scatter subtracted; zero where each was
-        visited once; None where rounds are no more than the numbers that were taken off.
+        Its standard deviation in one coordinate, mm, with the reflectors' own scatter subtracted, where any two share
+        rounds to tell it by; zero where each was visited once; None where rounds are no more than the numbers that were
+        taken off.
     """
-    moved = [read - read.mean(axis=0) for read in visits if len(read) == max(map(len, visits))]
-    count, rounds = len(moved), len(moved[0])
-    if rounds < 2 or count < 2:
+    at = (rounds[:, None] == np.unique(rounds)).astype(float)  # shape: (m, rounds)
+    power, ways = np.linalg.eigh(at.T @ _about_own(at, point))
+    seen = power > RANK * len(read)
+    if not seen.any():
         return 0.0
-    together, freedom = np.mean(moved, axis=0), 3.0 * (rounds - 1)  # shape: (rounds, 3)
-    if freedom <= taken:
+    power, ways = power[seen], ways[:, seen]  # what rounds move about the reflectors' means, in independent ways
+    about = _about_own(read, point)
+    common = (ways / np.sqrt(power)).T @ (at.T @ about)  # shape: (ways, 3), with the scatter of one visit
+    freedom, others = 3 * len(power) - taken, 3 * (len(read) - len(np.unique(point)) - len(power))
+    if freedom <= 0:
         return None
-    own = float(np.square(np.array(moved) - together).sum()) / (freedom * (count - 1))
-    left = float(np.square(together).sum()) - own * (freedom - taken) / count
-    return float(np.sqrt(max(left / (freedom - taken), 0.0)))
+    own = float(np.square(about).sum() - np.square(common).sum()) / others if others else 0.0
+    left = float(np.square(common).sum()) - own * freedom
+    return float(np.sqrt(max(left / (freedom * power.mean()), 0.0)))
+
+
+def _about_own(values: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Values of visits, (m, w), about the mean of each reflector's."""
+    of = (point[:, None] == np.unique(point)).astype(float)
+    return np.asarray(values - of @ (of.T @ values / of.sum(axis=0)[:, None]))
