@@ -15,14 +15,14 @@ from ptt.fitting.chunks import LONG
 from ptt.fitting.gauge import sparsest
 from ptt.fitting.held_frame import with_frame_doubt
 from ptt.fitting.kept import keep
-from ptt.fitting.solve import with_rounds_beside
+from ptt.fitting.solve import fit, with_rounds_beside
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.judge.ladder.climb import climb
 from ptt.machine import MachineFile, load_machine
 from ptt.machine_schema import TrackerSpec
 from ptt.mechanisms import build_mechanism
 from ptt.model.chain import predict
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.run.base_visits import rounds_apart
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import concat_tables, make_table
@@ -32,6 +32,7 @@ NOISE = 0.004
 PLACES = np.array([[300.0, 20.0, -60.0], [-150.0, 260.0, -40.0], [-140.0, -270.0, -80.0], [200.0, 210.0, 90.0]])
 OFFSETS = np.array([0.05, -0.03, 0.02])
 STILL = np.zeros(3)
+LITTLE, DRIFT = np.array([0.0, 0.0, 0.012]), np.array([0.15, -0.1, 0.1])
 
 
 def machine(places: np.ndarray = PLACES) -> MachineFile:
@@ -86,8 +87,7 @@ def test_what_add_states_is_as_sure_as_the_reflectors_make_it():
 
 def test_reflectors_hold_the_frame_beside_a_drift_that_moves_their_rounds_apart():
     """One zero is off by a tenth of the drift: nearly a shift and a turn of all readings, but for the reflectors."""
-    offset, drift = np.array([0.0, 0.0, 0.012]), np.array([0.15, -0.1, 0.1])
-    found = diagnose(Model(machine()), measured(1, rows=45, rounds=3, offsets=offset, drift=drift))
+    found = diagnose(Model(machine()), measured(1, rows=45, rounds=3, offsets=LITTLE, drift=DRIFT))
     assert found.verdict == "missing" and [names[0] for names in found.suggested] == ["tracker-drift", "homing-offset"]
 
 
@@ -106,19 +106,39 @@ def visits_of(walk: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_rounds_scatter_by_what_a_fit_leaves_of_them():
     line = np.linspace(0.0, 0.1, 40)[:, None]
     read, point, rounds = visits_of(line + np.random.default_rng(1).normal(0.0, 0.02, (40, 3)))
-    assert rounds_apart(read, point, rounds) > 0.03
-    assert rounds_apart(read - line[rounds], point, rounds, 3) == pytest.approx(0.02, rel=0.2)
+    columns = line[rounds][..., None] * np.eye(3)
+    assert rounds_apart(read, point, rounds, np.zeros((160, 3, 0))) > 0.03
+    assert rounds_apart(read - line[rounds], point, rounds, columns) == pytest.approx(0.02, rel=0.2)
     few = rounds < 2
-    assert rounds_apart(read[few], point[few], rounds[few], 3) is None
+    assert rounds_apart(read[few], point[few], rounds[few], columns[few]) is None
+
+
+def test_what_moves_all_rounds_alike_or_other_runs_takes_nothing_off_their_scatter():
+    """With three rounds to a run a drift leaves three of six numbers; a scale has four, a knock in the first six."""
+    one = measured(1, rows=45, rounds=3, drift=DRIFT).table
+    problem = build_problem(machine(), concat_tables([one, one]))
+    drifting = fit(Model(machine()) + library()["tracker-drift"](), problem).model
+    scale = Term(library()["tracker-scale"](), torch.full((4,), 1e-9, dtype=torch.float64))
+    knock = Term(library()["setup-jump"](), torch.tensor([1e-9] * 6 + [250.0], dtype=torch.float64))
+    bases = [problem.base] + [
+        with_rounds_beside(replace(drifting, terms=(*drifting.terms, *more)), problem).base
+        for more in ((), (scale,), (knock,))
+    ]
+    drawn, alone, beside_scale, beside_knock = (base.apart for base in bases if base is not None)
+    assert alone.max() < 0.1 * drawn.min()
+    np.testing.assert_allclose(beside_scale, alone, atol=1e-5)
+    second = bases[0].frame == 1
+    np.testing.assert_allclose(beside_knock, np.where(second, alone, drawn), atol=1e-5)
 
 
 def test_rounds_scatter_alike_where_some_reflectors_were_missed():
     """One alone was read in every round; or each in a round of its own, and what it scatters by itself is unknown."""
     read, point, rounds = visits_of(np.random.default_rng(1).normal(0.0, 0.02, (10, 3)))
-    whole = rounds_apart(read, point, rounds)
+    none = np.zeros((len(read), 3, 0))
+    whole = rounds_apart(read, point, rounds, none)
     for here in ((rounds < 9) | (point == 0), (rounds < 1) | (point == 1), rounds % len(PLACES) == point):
-        assert rounds_apart(read[here], point[here], rounds[here]) == pytest.approx(whole, rel=0.35)
-    assert rounds_apart(read[:4], point[:4], rounds[:4]) == 0.0
+        assert rounds_apart(read[here], point[here], rounds[here], none[here]) == pytest.approx(whole, rel=0.35)
+    assert rounds_apart(read[:4], point[:4], rounds[:4], none[:4]) == 0.0
 
 
 def test_rows_of_a_short_second_run_are_held_out_all_at_once():

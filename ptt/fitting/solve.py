@@ -22,7 +22,7 @@ from ptt.fitting.rounds import Settled, settle
 from ptt.fitting.search import open_terms
 from ptt.fitting.stated import Witness, state_fit
 from ptt.fitting.whitened import Evaluator, Total, WhitenedSystem
-from ptt.model.chain import read_base
+from ptt.model.chain import linearise_base, read_base
 from ptt.model.model import Model, Term
 from ptt.run.holdout import pose_groups
 from ptt.run.noise import Noise, guessed_noise
@@ -94,7 +94,7 @@ def hold_to_base(model: Model, problem: Problem) -> Problem:
     told = _told_of_base(model)
     if problem.base is None or not told:
         return problem.anchored()
-    return problem.anchored(read_base(told, problem.base.view).numpy())
+    return problem.anchored(read_base(_values(told), problem.base.view).numpy())
 
 
 def with_rounds_beside(model: Model, problem: Problem) -> Problem:
@@ -110,14 +110,18 @@ def with_rounds_beside(model: Model, problem: Problem) -> Problem:
     told, base = _told_of_base(model), problem.base
     if base is None or not told:
         return problem
-    fitted = [one for effect, _ in told for one in effect.parameters if one.role == "linear"]
-    taken = sum(parameter.size(model.joints) for parameter in fitted)
-    return replace(problem, base=base.beside(read_base(told, base.view).numpy(), taken))
+    reading, columns = linearise_base(_values(told), base.view)
+    free = lay_out(model, problem, told).columns()
+    return replace(problem, base=base.beside(reading.numpy(), columns.numpy()[..., free]))
 
 
-def _told_of_base(model: Model) -> list[tuple[Effect, Tensor]]:
-    """Effects that move what is read of reflectors, with their values; those without values say nothing yet."""
-    return [(term.effect, term.theta) for term in model.terms if acts_on_base(term) and len(term.theta)]
+def _told_of_base(model: Model) -> list[Term]:
+    """Effects that move what is read of reflectors; those without values say nothing yet."""
+    return [term for term in model.terms if acts_on_base(term) and len(term.theta)]
+
+
+def _values(terms: Sequence[Term]) -> list[tuple[Effect, Tensor]]:
+    return [(term.effect, term.theta) for term in terms]
 
 
 def acts_on_base(term: Term) -> bool:

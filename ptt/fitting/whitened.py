@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.fitting.layout import Layout
-from ptt.model.chain import Chain, EffectTerms, Prediction, differentiate, linearise
+from ptt.model.chain import Chain, EffectTerms, Prediction, linearise, linearise_base
 from ptt.run.frames import by_own, rotation
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, apply_frames
@@ -153,13 +153,8 @@ def _base_rows(
     base = problem.base
     if base is None or not layout.frames:
         return np.zeros((0, 3)), np.zeros((0, 3, len(layout.scale)))
-    told, columns = base.view.p, [base.view.p.new_zeros(base.view.rows, 3, 0)]
-    for effect, theta in terms:
-        here = effect.stage == "metrology"
-        shift, slope = differentiate(effect, theta, base.view) if here else (0.0, told.new_zeros(1, 1, len(theta)))
-        told = told + shift
-        columns.append(slope.expand(base.view.rows, 3, -1))
-    own = turned(torch.cat(columns, dim=-1)[..., torch.as_tensor(layout.columns())], motion, base.frame)
+    told, columns = linearise_base(terms, base.view)
+    own = turned(columns[..., torch.as_tensor(layout.columns())], motion, base.frame)
     moved, by_frame = apply_frames(told, base.frame, motion)
     still = np.zeros((len(base.frame), 3, 3 * layout.mounts))
     blocks = [own.numpy(), still, *by_own(by_frame.numpy(), base.frame, layout.frames)]

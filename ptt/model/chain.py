@@ -110,6 +110,25 @@ def read_base(terms: EffectTerms, view: View) -> Tensor:
     return view.p + _total(terms, "metrology", view, view.p)
 
 
+def linearise_base(terms: EffectTerms, view: View) -> tuple[Tensor, Tensor]:
+    """Predict what `read_base` does, with the Jacobian by all parameters.
+
+    Args:
+        terms: effects with their flat parameters.
+        view: as for `read_base`.
+
+    Returns:
+        The readings (m, 3) mm, and d reading / d theta, (m, 3, P), zero for effects of the machine.
+    """
+    told, columns = view.p, [view.p.new_zeros(view.rows, 3, 0)]
+    for effect, theta in terms:
+        here = effect.stage == "metrology"
+        shift, slope = differentiate(effect, theta, view) if here else (0.0, told.new_zeros(1, 1, len(theta)))
+        told = told + shift
+        columns.append(slope.expand(view.rows, 3, -1))
+    return told, torch.cat(columns, dim=-1)
+
+
 def linearise(terms: EffectTerms, view: View, *, crossed: bool = True) -> Linearised:
     """Predict, with the exact Jacobian by all parameters (chain rule over the stages).
 

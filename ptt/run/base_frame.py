@@ -79,19 +79,19 @@ class BaseReadings:
         common, ways = np.linalg.eigh(np.square(self.drawn) * point + np.square(self.apart) * together)
         return np.maximum(common, 0.0), ways
 
-    def beside(self, told: np.ndarray, taken: int) -> "BaseReadings":
+    def beside(self, told: np.ndarray, columns: np.ndarray) -> "BaseReadings":
         """The visits with the scatter between rounds that a prediction leaves, where that is less.
 
         A drift moves the rounds apart, and until it is known as such they tell little of where the frame is.
 
         Args:
             told: predicted readings, (m, 3) mm.
-            taken: numbers that were fitted to them.
+            columns: derivative of the prediction by each number that was fitted, (m, 3, c) mm per unit.
         """
         left, apart = self.reading - told, self.apart.copy()
         for index in np.unique(self.frame):
             own = self.frame == index
-            scatter = rounds_apart(left[own], self.point[own], self.round[own], taken)
+            scatter = rounds_apart(left[own], self.point[own], self.round[own], columns[own])
             if scatter is not None:
                 apart[own] = np.minimum(apart[own], scatter)
         return replace(self, apart=apart)
@@ -270,9 +270,9 @@ def base_readings(
     mean, own = (total / np.bincount(which.ravel())[:, None])[order], rows[kept]
     aside = (table.role == "base") & np.isfinite(table.measured).all(axis=1) & ~seen.sound
     visits = view.of_rows(torch.as_tensor(own)).at(p=torch.as_tensor(place[point[kept]]))
-    wide, still = np.full(len(own), np.inf), visits.p.numpy()
+    wide, none = np.full(len(own), np.inf), np.zeros((len(own), 3, 0))
     loose = BaseReadings(visits, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], wide, aside)
-    return loose.beside(still, 0)
+    return loose.beside(loose.place, none)
 
 
 def _seen(table: Table, drawn: Sequence[str], here: np.ndarray, run: int) -> list[str]:

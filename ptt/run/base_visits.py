@@ -14,6 +14,7 @@ LONG = 5e-5  # relative scale error that a tracker may have: fifty degrees of ai
 AS_LINE = 0.02  # least width by length of reflectors that determine a frame
 MOTION = 7  # degrees of freedom of a rigid motion with scale
 RANK = 1e-9  # share of the visits, below which what rounds move is rounding: one round, or nothing in common
+NOTICED = 1e-6  # of a column's size: what moves rounds by less is rounding
 
 
 def sound_visits(
@@ -126,38 +127,48 @@ def _span_plane(place: np.ndarray) -> bool:
     return len(place) >= ENOUGH and bool(spread[1] > AS_LINE * spread[0])
 
 
-def rounds_apart(read: np.ndarray, point: np.ndarray, rounds: np.ndarray, taken: int = 0) -> float | None:
+def rounds_apart(read: np.ndarray, point: np.ndarray, rounds: np.ndarray, columns: np.ndarray) -> float | None:
     """Scatter between rounds of visits that all reflectors have in common: the tracker drifts or is knocked.
 
     Averaging over reflectors does not reduce it, and the poses in between share it in an unknown way. Rounds need not
-    be complete: it is the variance component of rounds beside means of the reflectors, by the reduction of the sum of
-    squares that rounds bring (C. R. Henderson's method 3, Biometrics 9, 1953).
+    be complete: it is the variance component of rounds beside means of the reflectors and what else is fitted, by the
+    reduction of the sum of squares that rounds bring (C. R. Henderson's method 3, Biometrics 9, 1953).
 
     Args:
-        read: visits, (m, 3) mm.
+        read: visits, less what is fitted to them, (m, 3) mm.
         point: (m,) int, index of the reflector.
         rounds: (m,) int, equal for visits to different reflectors one after the other.
-        taken: numbers that were fitted to what the rounds have in common, and taken off the visits.
+        columns: derivative of the visits by each number that is fitted, (m, 3, c); what these do to all rounds alike,
+            as a scale of the tracker, says nothing of the scatter between them.
 
     Returns:
         Its standard deviation in one coordinate, mm, with the reflectors' own scatter subtracted, where any two share
-        rounds to tell it by; zero where each was visited once; None where rounds are no more than the numbers that were
-        taken off.
+        rounds to tell it by; zero where each was visited once; None where what is fitted may move rounds at will.
     """
     at = (rounds[:, None] == np.unique(rounds)).astype(float)  # shape: (m, rounds)
     power, ways = np.linalg.eigh(at.T @ _about_own(at, point))
     seen = power > RANK * len(read)
     if not seen.any():
         return 0.0
-    power, ways = power[seen], ways[:, seen]  # what rounds move about the reflectors' means, in independent ways
-    about = _about_own(read, point)
-    common = (ways / np.sqrt(power)).T @ (at.T @ about)  # shape: (ways, 3), with the scatter of one visit
-    freedom, others = 3 * len(power) - taken, 3 * (len(read) - len(np.unique(point)) - len(power))
-    if freedom <= 0:
-        return None
+    about, power = _about_own(read, point), power[seen]
+    to_rounds = (ways[:, seen] / np.sqrt(power)).T @ at.T  # orthonormal: each way keeps the scatter of one visit
+    common = to_rounds @ about  # shape: (ways, 3)
+    others = 3 * (len(read) - len(np.unique(point)) - len(power))
     own = float(np.square(about).sum() - np.square(common).sum()) / others if others else 0.0
-    left = float(np.square(common).sum()) - own * freedom
-    return float(np.sqrt(max(left / (freedom * power.mean()), 0.0)))
+    fitted = _span(to_rounds @ _about_own(columns.reshape(len(read), -1), point), columns)
+    freedom = common.size - fitted.shape[1]
+    if not freedom:
+        return None
+    left = float(np.square(common).sum() - np.square(common.ravel() @ fitted).sum()) - own * freedom
+    weight = 3.0 * power.sum() - np.repeat(power, 3) @ np.square(fitted).sum(axis=1)
+    return float(np.sqrt(max(left / weight, 0.0)))
+
+
+def _span(moved: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Orthonormal basis, (3 k, r), of what columns (m, 3, c) do to k ways of the rounds, (k, 3 c)."""
+    size = np.sqrt(np.square(columns).sum(axis=(0, 1)))
+    basis, share, _ = np.linalg.svd(moved.reshape(3 * len(moved), -1) / np.where(size > 0.0, size, 1.0), False)
+    return np.asarray(basis[:, share > NOTICED])
 
 
 def _about_own(values: np.ndarray, point: np.ndarray) -> np.ndarray:
