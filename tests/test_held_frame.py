@@ -96,6 +96,14 @@ def test_a_drift_without_values_says_nothing_of_the_rounds():
     assert with_rounds_beside(Model(problem.file) + library()["tracker-drift"](), problem) is problem
 
 
+def test_rows_paired_with_the_readings_of_others_leave_reflectors_holding_the_frame_beside_a_drift():
+    problem = measured(2, rows=60, rounds=3, offsets=LITTLE, drift=DRIFT)
+    wild = problem.table.measured.copy()
+    wild[np.flatnonzero(problem.table.role != "base")[25:30]] += np.random.default_rng(3).normal(0.0, 40.0, (5, 3))
+    found = diagnose(Model(machine()), build_problem(machine(), replace(problem.table, measured=wild)))
+    assert [names[0] for names in found.suggested] == ["tracker-drift", "homing-offset"]
+
+
 def visits_of(walk: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Visits to all reflectors in rounds that the tracker's walk, (r, 3) mm, moves; their reflectors and rounds."""
     rounds, point = np.divmod(np.arange(len(PLACES) * len(walk)), len(PLACES))

@@ -102,18 +102,23 @@ def _beyond_machines(found: Found) -> tuple[str, ...]:
 
 def _searched(asked: Asked, first: Turn) -> tuple[Found, Problem]:
     """Named effects alone, or a search from nothing if they do not suffice; and the readings without opening rows."""
-    first, named = names_alone(asked, first)
-    asked = replace(asked, problem=with_rounds_beside(named.model, asked.problem))
+    first, named, asked = _beside_names(asked, first)
     found, problem = follow(asked, named)
     if names_suffice(found.scorer, found.state, problem):
         return found, problem
     found.system.forget()
-    anew, others = follow(asked, first)
+    anew, others = follow(asked, first)  # rounds as tight as beside the names, or the two could not be compared
     if not is_denser(found, anew, PLAIN_NATS):
         return anew, others
     anew.system.forget()  # names are clearly better than the search from nothing: look for unknowns beside them
     beside, problem = follow(asked, named, alone=False)
     return (beside, problem) if is_denser(beside, anew) else (anew, others)
+
+
+def _beside_names(asked: Asked, first: Turn) -> tuple[Turn, Turn, Asked]:
+    """The turns of `names_alone`, and the question with base reflectors that hold the frame beside these names."""
+    first, named = names_alone(asked, first)
+    return first, named, replace(asked, problem=with_rounds_beside(named.model, asked.problem))
 
 
 def _without_lost_rows(asked: Asked, first: Turn) -> Found | None:
@@ -124,8 +129,8 @@ def _without_lost_rows(asked: Asked, first: Turn) -> Found | None:
     lost = lost_rows(asked.problem)
     if not lost.any():
         return None
-    masked = _masked(asked, lost)
-    found, problem = follow(masked, names_alone(masked, first)[1])
+    _, named, masked = _beside_names(_masked(asked, lost), first)
+    found, problem = follow(masked, named)
     gross = found.gross | lost
     placed = has_a_place(gross, found.fitted.residual, asked.problem)
     return replace(found, gross=gross) if names_suffice(found.scorer, found.state, problem) and not placed else None
@@ -133,7 +138,8 @@ def _without_lost_rows(asked: Asked, first: Turn) -> Found | None:
 
 def _names_suffice(asked: Asked, first: Turn) -> bool:
     """Whether named effects alone suffice."""
-    found, problem = follow(asked, names_alone(asked, first)[1])
+    _, named, asked = _beside_names(asked, first)
+    found, problem = follow(asked, named)
     suffice = names_suffice(found.scorer, found.state, problem)
     found.system.forget()
     return suffice
