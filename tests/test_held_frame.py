@@ -91,9 +91,10 @@ def test_reflectors_hold_the_frame_beside_a_drift_that_moves_their_rounds_apart(
     assert found.verdict == "missing" and [names[0] for names in found.suggested] == ["tracker-drift", "homing-offset"]
 
 
-def test_a_drift_without_values_says_nothing_of_the_rounds():
-    problem = measured(1, rows=45, rounds=3)
-    assert with_rounds_beside(Model(problem.file) + library()["tracker-drift"](), problem) is problem
+def test_a_drift_that_a_model_has_without_values_is_fitted_before_rounds_are_judged_beside_it():
+    problem = measured(1, rows=45, rounds=3, offsets=LITTLE, drift=DRIFT)
+    found = diagnose(Model(machine()) + library()["tracker-drift"](), problem)
+    assert [names[0] for names in found.suggested] == ["homing-offset"]
 
 
 def test_rows_paired_with_the_readings_of_others_leave_reflectors_holding_the_frame_beside_a_drift():

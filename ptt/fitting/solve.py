@@ -97,19 +97,23 @@ def hold_to_base(model: Model, problem: Problem) -> Problem:
     return problem.anchored(read_base(_values(told), problem.base.view).numpy())
 
 
-def with_rounds_beside(model: Model, problem: Problem) -> Problem:
+def with_rounds_beside(model: Model, problem: Problem, noise: Noise | None = None) -> Problem:
     """The problem with base reflectors that scatter from round to round by what effects of the tracker do not explain.
 
     Args:
-        model: effects of the tracker that have values act on the reflectors.
+        model: effects of the tracker act on the reflectors; a fit is made where some have no values yet.
         problem: the readings.
+        noise: the noise floor of that fit; None as in `fit`.
 
     Returns:
         The problem; as given where there are no reflectors or no such effects.
     """
-    told, base = _told_of_base(model), problem.base
-    if base is None or not told:
+    base = problem.base
+    if base is None or not any(acts_on_base(term) for term in model.terms):
         return problem
+    if any(acts_on_base(term) and not len(term.theta) for term in model.terms):
+        model = fit(model, problem, noise=noise, lean=True, coarse=True).model
+    told = _told_of_base(model)
     reading, columns = linearise_base(_values(told), base.view)
     free = lay_out(model, problem, told).columns()
     return replace(problem, base=base.beside(reading.numpy(), columns.numpy()[..., free]))
