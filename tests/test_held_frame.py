@@ -8,6 +8,9 @@ import pytest
 import torch
 
 from ptt.challenge.challenge import bench
+from ptt.correct.training.compensator import Compensator
+from ptt.correct.training.heldout import evaluate_heldout
+from ptt.correct.training.protocols import block_protocol
 from ptt.correct.training.train import train
 from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
@@ -33,6 +36,7 @@ PLACES = np.array([[300.0, 20.0, -60.0], [-150.0, 260.0, -40.0], [-140.0, -270.0
 OFFSETS = np.array([0.05, -0.03, 0.02])
 STILL = np.zeros(3)
 LITTLE, DRIFT = np.array([0.0, 0.0, 0.012]), np.array([0.15, -0.1, 0.1])
+HOLDING = [(3, STILL, ["homing-offset"]), (2, DRIFT, ["tracker-drift", "homing-offset"])]  # seed, drift, what is there
 
 
 def machine(places: np.ndarray = PLACES) -> MachineFile:
@@ -157,13 +161,15 @@ def test_rows_of_a_short_second_run_are_held_out_all_at_once():
     assert step.heldout_rms_um["total"] < 1.2e3 * np.sqrt(3.0) * NOISE
 
 
-def test_add_and_diagnose_state_alike():
-    problem = measured(3)
-    step = climb(Model(machine()), problem, [library()["homing-offset"]()]).steps[-1]
+@pytest.mark.parametrize(("seed", "drift", "names"), HOLDING)
+def test_add_and_diagnose_state_alike(seed: int, drift: np.ndarray, names: list[str]):
+    problem = measured(seed, rows=60, rounds=3, drift=drift)
+    step = climb(Model(machine()), problem, [library()[name]() for name in names]).steps[-1]
     found = diagnose(Model(machine()), problem)
-    assert found.suggested[0][0] == "homing-offset"
-    told = [item.std for item in found.candidates[0].parameters]
-    np.testing.assert_allclose(step.fitted.model.terms[0].std.numpy(), told, rtol=0.25)
+    assert [first for first, *_ in found.suggested] == names
+    told = {item.effect: [parameter.std for parameter in item.parameters[:3]] for item in found.candidates}
+    for term in step.fitted.model.terms:
+        np.testing.assert_allclose(term.std[:3].numpy(), told[term.effect.key], rtol=0.35)
 
 
 def test_more_readings_of_the_reflectors_make_it_surer_and_none_leave_it_as_it_is(monkeypatch: pytest.MonkeyPatch):
@@ -179,12 +185,21 @@ def test_more_readings_of_the_reflectors_make_it_surer_and_none_leave_it_as_it_i
     np.testing.assert_allclose(with_frame_doubt(few, problem).std, once.std, rtol=1e-6)
 
 
-def test_training_states_as_add_does():
-    problem = measured(2)
-    model = Model(machine()) + library()["homing-offset"]()
-    added = climb(Model(machine()), problem, [library()["homing-offset"]()]).steps[-1].fitted.model.terms[0]
-    trained = train(model, problem).physics.model.terms[0]
-    np.testing.assert_allclose(trained.std.numpy(), added.std.numpy(), rtol=0.05)
+@pytest.mark.parametrize(("seed", "drift", "names"), HOLDING)
+def test_training_states_as_add_does(seed: int, drift: np.ndarray, names: list[str]):
+    problem, effects = measured(seed, rows=60, rounds=3, drift=drift), [library()[name]() for name in names]
+    added = climb(Model(machine()), problem, effects).steps[-1].fitted.model.terms
+    trained = train(sum(effects, Model(machine())), problem).physics.model.terms
+    for one, other in zip(added, trained, strict=True):
+        np.testing.assert_allclose(one.theta.numpy(), other.theta.numpy(), atol=1e-3)
+        np.testing.assert_allclose(other.std[:3].numpy(), one.std[:3].numpy(), rtol=0.05)
+
+
+def test_held_out_rows_are_predicted_in_the_frame_beside_a_drift_that_is_fitted_to_the_others():
+    problem = measured(1, rows=60, rounds=3, offsets=LITTLE, drift=DRIFT)
+    model = Model(machine()) + library()["tracker-drift"]() + library()["homing-offset"]()
+    found = evaluate_heldout(Compensator(model, None, {}), problem, block_protocol(problem))
+    assert np.sqrt(np.square(found.after).sum(axis=1).mean()) < 1.2 * np.sqrt(3.0) * NOISE
 
 
 def test_reflectors_in_one_line_leave_a_turn_about_it_open():

@@ -9,6 +9,7 @@ from ptt.fitting.factor import inverse
 from ptt.fitting.layout import lay_out
 from ptt.fitting.long import LongEvaluator
 from ptt.fitting.result import FitResult
+from ptt.fitting.solve import with_rounds_beside
 from ptt.fitting.stated import fitted_terms
 from ptt.fitting.whitened import Evaluator
 from ptt.run.problem import Problem
@@ -19,9 +20,9 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
 
     The fitted unknowns u depend on the held frames f by -(X^T X + W)^-1 X^T F, where X and F are the columns of both
     and W is the prior precision. The covariance of the frames is (B^T B + 1)^-1 in usual sizes, with the columns B of
-    the reflectors' readings; the prior keeps it finite where reflectors in one line leave a rotation open. The tool
-    position depends on the unknowns alone: where these compensate an error of the frame, the tool is off the base by as
-    much, as the next registration will show.
+    the reflectors' readings, whose rounds scatter by what the fit leaves of them; the prior keeps it finite where
+    reflectors in one line leave a rotation open. The tool position depends on the unknowns alone: where these
+    compensate an error of the frame, the tool is off the base by as much, as the next registration will show.
 
     Args:
         fitted: found with the frames held.
@@ -32,6 +33,7 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
     """
     if problem.base is None or not len(fitted.unknowns):
         return fitted
+    problem = with_rounds_beside(fitted.model, problem)
     layout = lay_out(fitted.model, problem, fitted.layout.terms)
     evaluate = (LongEvaluator if problem.table.rows > LONG else Evaluator)(layout, problem, fitted.noise)
     system, kept = evaluate(np.append(fitted.unknowns, np.zeros(6 * problem.frames))), problem.used & ~fitted.outliers

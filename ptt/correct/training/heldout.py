@@ -9,8 +9,8 @@ from ptt.correct.training.physics import fit_physics, sound
 from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, learn_rest
 from ptt.errors import PosesError
-from ptt.fitting.solve import hold_to_base
 from ptt.judge.evaluation import Evaluation
+from ptt.judge.ladder.rung import with_frames_of_base
 from ptt.judge.run_errors import refer_z
 from ptt.model.model import Model
 from ptt.progress import Progress
@@ -45,7 +45,7 @@ def evaluate_heldout(
         raise PosesError(
             f"{problem.table.source}: no reading can be held out: too few poses differ; measure more poses"
         )
-    problem = hold_to_base(compensator.model, problem)
+    problem = with_frames_of_base(compensator.model, problem)
     bare = fit_physics(Model(compensator.model.file), problem)
     networks: dict[Space, RbfTraining] = {}
     if compensator.network is not None:

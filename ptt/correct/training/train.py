@@ -11,8 +11,9 @@ from ptt.correct.training.protocols import Protocol, block_protocol
 from ptt.correct.training.rest import Space, inputs_of, learn_rest, spaces_of
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.held_frame import with_frame_doubt
-from ptt.fitting.solve import hold_to_base, rms
+from ptt.fitting.solve import rms
 from ptt.fitting.turns import with_turns
+from ptt.judge.ladder.rung import with_frames_of_base
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
 from ptt.run.problem import Problem
@@ -67,7 +68,7 @@ def train(
     Raises:
         TableError: too few poses to hold any out.
     """
-    free, problem = problem, hold_to_base(model, problem)
+    free, problem = problem, with_frames_of_base(model, problem)
     protocol = protocol or block_protocol(problem)
     tell = progress or unwatched
     spaces = spaces_of(problem)

@@ -18,10 +18,10 @@ from ptt.fitting.masked import masked_effects
 from ptt.fitting.opening import entering_rows, told_aside, untold_rows, without_opening
 from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
-from ptt.fitting.solve import acts_on_base, fit, hold, hold_to_base, residual_of, rms
+from ptt.fitting.solve import fit, hold, hold_to_base, residual_of, rms
 from ptt.fitting.turns import with_turns
 from ptt.judge.ladder.ladder import Ladder, LadderStep
-from ptt.judge.ladder.rung import fit_rung, log_density
+from ptt.judge.ladder.rung import fit_rung, log_density, with_frames_of_base
 from ptt.model.model import Model, Term, require_fits
 from ptt.progress import Progress, unwatched
 from ptt.run.given_noise import given_noise
@@ -213,7 +213,7 @@ def _fitted(
     for number, (name, kind, rung) in enumerate(rungs):
         tell(name, number * (len(hidden) + 1), total)
         last = fits[-1] if fits else None
-        there = _with_frames_of_base(rung, problem, noise, last)
+        there = with_frames_of_base(rung, problem, noise, last)
         fits.append(residual_of(rung, problem, noise=noise) if kind == "given" else fit_rung(rung, there, noise, last))
         # Searched values (the moment of a knock) are kept: a held-out block may hold all that shows them.
         if problem.table.rows > LONG:
@@ -222,13 +222,6 @@ def _fitted(
             given = rung if kind == "given" else fits[-1].model
             held_out.append(_held_out(given, kind, there, fits[-1].noise, hidden))
     return fits, held_out
-
-
-def _with_frames_of_base(rung: Model, problem: Problem, noise: Noise | None, last: FitResult | None) -> Problem:
-    """The run with its frames held where base reflectors put them: free ones could absorb an effect."""
-    if problem.base is not None and any(acts_on_base(term) for term in rung.terms):
-        rung = fit_rung(rung, problem, noise, last).model  # metrology effects move the reflectors' readings too
-    return hold_to_base(rung, problem)
 
 
 def _held_out(model: Model, kind: str, problem: Problem, noise: Noise, hidden: Sequence[np.ndarray]) -> np.ndarray:

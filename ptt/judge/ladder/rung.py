@@ -13,7 +13,7 @@ from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import LONG
 from ptt.fitting.moment import exchanged, place_own_moments
 from ptt.fitting.result import FitResult
-from ptt.fitting.solve import fit
+from ptt.fitting.solve import acts_on_base, fit, hold_to_base, with_rounds_beside
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -51,6 +51,25 @@ def fit_rung(rung: Model, problem: Problem, noise: Noise | None, before: FitResu
         if best is last:
             break
     return best
+
+
+def with_frames_of_base(
+    rung: Model, problem: Problem, noise: Noise | None = None, before: FitResult | None = None
+) -> Problem:
+    """The run with its frames held where base reflectors put them: free ones could absorb an effect.
+
+    Args:
+        rung: the model; its effects of the tracker, which move the reflectors' readings too, are fitted first.
+        problem: the readings.
+        noise: the noise floor; None takes the problem's.
+        before: fit of the nested model before it; None where there is none.
+
+    Returns:
+        The problem with frames held; as given where there are no reflectors.
+    """
+    if problem.base is not None and any(acts_on_base(term) for term in rung.terms):
+        rung = fit_rung(rung, with_rounds_beside(rung, problem, noise), noise, before).model
+    return hold_to_base(rung, problem)
 
 
 def _may_have_local_optima(model: Model) -> bool:
