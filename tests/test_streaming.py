@@ -1,17 +1,19 @@
 """`ptt predict` of a long file in parts: the bytes that it writes at once, without the whole list ever in memory."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
-from test_long_predict import model_of, targets_of
+from test_long_predict import late, model_of, targets_of
 
 from ptt.commands.main import run
 from ptt.correct import blocks, stream
 from ptt.door import streaming
 from ptt.door.streaming import merged
-from ptt.effects.drive import AxisCompliance
+from ptt.effects.drive import AxisCompliance, FollowingError
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Term
@@ -73,6 +75,24 @@ def test_parts_write_what_the_whole_writes(bench, folder, monkeypatch, capsys, m
     one, two = texts(folder)
     assert "nearest_mm" in one
     assert one == two
+
+
+@pytest.mark.parametrize("feed", [False, True])
+def test_rows_beyond_the_models_run_are_counted_once_each(bench, folder, monkeypatch, capsys, feed: bool) -> None:
+    rows = np.arange(260)
+    columns = {"time_s": 0.1 * rows + 1e6 * (rows < 100), "run": rows // 100, "run_label": ("a", "b", "c")}
+    if feed:  # told in the first part alone, it stands for the whole list
+        columns["feed_mm_s"] = np.where(rows < 30, 500.0, np.nan)
+    targets = listed(bench, folder, **columns)
+    model = model_of(bench, Term(FollowingError(), late(1e-4)))
+    history = ({"kind": "added", "ranges": {"feed_mm_s": [20.0, 30.0]}},)
+    written = write_model(replace(model, file=replace(bench, history=history)))
+    (folder / "model.toml").write_text(format_machine(written))
+    assert whole(targets) == in_parts(monkeypatch, targets) == 3
+    said = [line for line in capsys.readouterr().err.splitlines() if "speed goes beyond" in line]
+    assert len(said) == 2 and said[0] == said[1]
+    one, two = (pd.read_csv(folder / name)["status"] for name in ("whole.csv", "parts.csv"))
+    assert (one == two).all() and (one == "uncertain").any()
 
 
 def test_a_block_and_what_lies_beside_it_are_in_memory(bench, folder, monkeypatch) -> None:

@@ -21,6 +21,7 @@ from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
 from ptt.run.blanks import without_empty
+from ptt.run.ranges import contexts_of
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import elapsed
@@ -146,7 +147,7 @@ def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Comm
     status, shift = settled.outcome.status[own].copy(), settled.outcome.shift_mm[own]
     missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)
     in_all = np.where(missed > ROUNDING, np.hypot(np.nan_to_num(sigma, nan=0.0), missed), sigma)
-    far = np.broadcast_to(far_beyond(plan.model, part.contexts()), len(settled.outcome.status))[own]
+    far = np.broadcast_to(far_beyond(plan.model, part.contexts), len(settled.outcome.status))[own]
     status[sent & (doubtful(in_all, shift, promised) | far)] = UNCERTAIN
     simple = first_order(part.mechanism, part.wanted[own], height, sent)
     gap = (part.mechanism.forward(simple) - part.mechanism.forward(height)).norm(dim=1).numpy()
@@ -216,9 +217,10 @@ def prepare(
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
     time = elapsed(targets) if time is None else time
+    contexts = contexts_of(targets, wanted, time.numpy())
     clock = targets if plan.follows_speed else None
     targets = without_empty(targets).replace(time_s=None, feed_mm_s=None)
     ways = plan.steady, plan.reversing
     return CommandTask(
-        plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, clock=clock
+        plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, contexts, clock=clock
     )

@@ -72,19 +72,22 @@ class Beyond:
     worst: float
 
 
-def beyond_context(model: Model, targets: Table, began: float | None = None) -> tuple[Beyond, ...]:
+def beyond_context(
+    model: Model, targets: Table, contexts: Mapping[str, np.ndarray] | None = None
+) -> tuple[Beyond, ...]:
     """Payloads, temperatures, speeds and times of targets outside the range that the model was fitted over.
 
     Args:
         model: the model.
         targets: the targets, or a part of them.
-        began: time of the first row of the whole list, s; None: these are the whole list.
+        contexts: column -> (n,) as `contexts_of` gives them; None: these are the whole list.
 
     Returns:
         One entry for each column on which an effect of the model depends.
     """
     then, found = ranges_of_model(model.file) or {}, []
-    for column, values in contexts_of(targets, targets.target, began).items():
+    contexts = contexts_of(targets, targets.target) if contexts is None else contexts
+    for column, values in contexts.items():
         if column not in then or not np.isfinite(values).any():
             continue
         low, high = then[column]

@@ -1,7 +1,7 @@
 """A list of targets of any length, from disk to commands on disk, with one block and its neighbours in memory."""
 
 import pickle
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -32,6 +32,7 @@ class Part:
         commands: their commands.
         wanted: targets in the base frame, (n, 3) mm.
         nominal: their joint values by the drawing, (n, k).
+        contexts: their payload, temperature, speed and time (`contexts_of`), each (n,).
     """
 
     first: int
@@ -39,6 +40,7 @@ class Part:
     commands: Commands
     wanted: Tensor
     nominal: Tensor
+    contexts: Mapping[str, np.ndarray]
 
 
 class Stream:
@@ -75,7 +77,9 @@ class Stream:
             task, own = settled.task, settled.own
             self.starts.append(float(task.time[own.start]))
             commands = finish(self._plan, settled, self._inside)
-            part = Part(settled.first, settled.last, commands, task.wanted[own].clone(), task.nominal[own].clone())
+            contexts = {name: values[own].copy() for name, values in task.contexts.items()}
+            wanted, nominal = task.wanted[own].clone(), task.nominal[own].clone()
+            part = Part(settled.first, settled.last, commands, wanted, nominal, contexts)
             self.sent &= bool(commands.sent.all())
             self._keep(index, part)
             tell("invert", settled.last, self._spool.rows)

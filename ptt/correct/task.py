@@ -1,5 +1,6 @@
 """The task of an inversion: targets, what drawing and model are asked for, and the state handed on by rows before."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,6 @@ from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 from ptt.run.beside import rows_beside
 from ptt.run.pace import SMOOTH, Pace, line_ends, pace_of, runs_straight
-from ptt.run.ranges import contexts_of
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
 from ptt.run.view import View
@@ -38,6 +38,7 @@ class CommandTask:
         start: joint values where Newton's method starts, (n, k).
         limit: largest correction that is sent, mm.
         time: seconds since the first row of the whole list, (n,) s.
+        contexts: payload, temperature, speed and time of the targets as they were read (`contexts_of`), each (n,).
         handover: state handed on by the rows before; None where these rows are the first.
         clock: the targets with time and feed, from which speeds follow; None where no effect depends on speed.
         pace: of the travel; None until it is known which rows are sent.
@@ -55,6 +56,7 @@ class CommandTask:
     start: Tensor
     limit: float
     time: Tensor
+    contexts: Mapping[str, np.ndarray]
     handover: "Handover | None" = None
     clock: Table | None = None
     pace: Pace | None = None
@@ -107,11 +109,6 @@ class CommandTask:
         slowest, starts = float(self.lag.abs().max()), run_starts(self.clock.run)
         kind, smooth = self.pace_kind, moves == "smooth"
         return replace(self, pace=pace_of(place.numpy(), starts, self.clock, ends, kind, slowest, smooth=smooth))
-
-    def contexts(self) -> dict[str, np.ndarray]:
-        """Payload, temperature, speed and time of each row where they are told, as `contexts_of` gives them."""
-        table = self.targets if self.clock is None else self.clock
-        return contexts_of(table, self.wanted.numpy()) | {"time_s": self.time.numpy()}
 
     def positions(self, sent: np.ndarray) -> Tensor:
         """Position of the machine at each row, (n, 3) mm: its target, or that of the row before if it is not sent."""

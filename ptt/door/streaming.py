@@ -167,12 +167,11 @@ def _read(
 
 def _invert(stream: Stream, model: Model, progress: Progress) -> tuple[Tally, list[str], list[tuple[Beyond, ...]]]:
     """Figures of all commands, the titles of their file, and what goes beyond the model's run, part by part."""
-    figures, titles, beyond, began = list[Tally](), list[str](), list[tuple[Beyond, ...]](), None
+    figures, titles, beyond = list[Tally](), list[str](), list[tuple[Beyond, ...]]()
     for index, part in enumerate(stream.invert(progress)):
         table = stream.table(index)
         figures.append(tally(table, part.commands))
-        began = table.time_s[0] if index == 0 and table.time_s is not None else began
-        beyond.append(beyond_context(model.physics, table, began))
+        beyond.append(beyond_context(model.physics, table, part.contexts))
         titles = merged(titles, list(sliders_columns(table, part.commands, sent=True)))
     if not stream.sent:
         table, part = stream.table(0), stream.part(0)

@@ -35,21 +35,21 @@ def ranges_of(problem: Problem) -> dict[str, list[float]]:
     return found
 
 
-def contexts_of(table: Table, place: np.ndarray, began: float | None = None) -> dict[str, np.ndarray]:
+def contexts_of(table: Table, place: np.ndarray, time: np.ndarray | None = None) -> dict[str, np.ndarray]:
     """Payload, temperature, speed and time of rows, each where it is told: speed by the clock where no feed is.
 
     Args:
         table: n rows.
         place: of the tool, (n, 3) mm, NaN where unknown.
-        began: time of the list's first row, s; None: the table is the whole list.
+        time: seconds since the first row of the whole list, (n,) s; None: the table is the whole list.
 
     Returns:
         Column -> (n,) in its unit, NaN where unknown.
     """
     told = {column: getattr(table, column) for column in QUANTITIES}
     if table.time_s is not None:
-        first = table.time_s[np.isfinite(table.time_s)][:1] if began is None else np.array([began])
-        told["time_s"] = table.time_s - first if len(first) else None
+        first = table.time_s[np.isfinite(table.time_s)][:1]
+        told["time_s"] = (table.time_s - first if len(first) else None) if time is None else time
         if table.feed_mm_s is None:
             step = np.diff(table.time_s, prepend=np.nan)
             way = np.linalg.norm(np.diff(place, axis=0, prepend=np.full((1, 3), np.nan)), axis=1)
