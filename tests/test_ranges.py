@@ -37,3 +37,18 @@ def test_a_cell_without_a_feed_has_no_speed_whole_and_in_blocks(monkeypatch: pyt
     assert (whole == np.where((row >= 30) & (row % 4 != 0), "uncertain", "ok")).all()
     monkeypatch.setattr(blocks, "ROWS", 15)
     assert (compensate(LAGS, table).status == whole).all()
+
+
+@pytest.mark.parametrize("start", [191.0, -1e6])
+def test_ranges_know_where_a_run_ends_and_another_clock_begins(start: float) -> None:
+    """Two runs at 0.5 mm/s; from the last row of one to the first of the other nobody saw the tool move."""
+    way, clock = np.linspace(-50.0, 50.0, 20), 10.0 * np.arange(20)
+    one, two = (
+        make_table(np.column_stack([way, np.full(20, y), np.zeros(20)]), time_s=clock + later)
+        for y, later in ((0.0, 0.0), (30.0, start))
+    )
+    file = machine()
+    problem = build_problem(file, measure(concat_tables([one, two]), file, []))
+    found = ranges_of(problem)
+    np.testing.assert_allclose(found["feed_mm_s"], 100.0 / 190.0, rtol=1e-9)
+    assert found["time_s"] == [0.0, float(problem.view.time[-1])] == [0.0, 381.0]

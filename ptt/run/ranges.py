@@ -7,6 +7,8 @@ import numpy as np
 from ptt.machine import MachineFile
 from ptt.run.problem import Problem
 from ptt.run.table import Table
+from ptt.run.travel import run_starts
+from ptt.run.viewing import elapsed
 
 Ranges = Mapping[str, tuple[float, float]]
 
@@ -48,13 +50,17 @@ def contexts_of(table: Table, place: np.ndarray, time: np.ndarray | None = None)
     """
     told = {column: getattr(table, column) for column in QUANTITIES}
     if table.time_s is not None:
-        first = table.time_s[np.isfinite(table.time_s)][:1]
-        told["time_s"] = (table.time_s - first if len(first) else None) if time is None else time
+        told["time_s"] = elapsed(table).numpy() if time is None else time
         if table.feed_mm_s is None:
-            step = np.diff(table.time_s, prepend=np.nan)
-            way = np.linalg.norm(np.diff(place, axis=0, prepend=np.full((1, 3), np.nan)), axis=1)
-            told["feed_mm_s"] = np.where(step > 0.0, way / np.where(step > 0.0, step, 1.0), np.nan)
+            told["feed_mm_s"] = _speeds_by_clock(table, place)
     return {column: values for column, values in told.items() if values is not None}
+
+
+def _speeds_by_clock(table: Table, place: np.ndarray) -> np.ndarray:
+    """Mean speed of the tool on the way to each row, (n,) mm/s; NaN at the first of a run and where no time passes."""
+    step = np.where(run_starts(table.run), np.nan, np.diff(np.asarray(table.time_s, dtype=float), prepend=np.nan))
+    way = np.linalg.norm(np.diff(place, axis=0, prepend=np.full((1, 3), np.nan)), axis=1)
+    return np.divide(way, step, out=np.full(table.rows, np.nan), where=step > 0.0)
 
 
 def ranges_of_steps(file: MachineFile) -> tuple[Ranges | None, ...]:
