@@ -10,6 +10,7 @@ from told_models import with_effects
 
 from ptt.correct import blocks
 from ptt.correct.compensate import compensate
+from ptt.correct.context import beyond_context
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
@@ -52,3 +53,12 @@ def test_ranges_know_where_a_run_ends_and_another_clock_begins(start: float) -> 
     found = ranges_of(problem)
     np.testing.assert_allclose(found["feed_mm_s"], 100.0 / 190.0, rtol=1e-9)
     assert found["time_s"] == [0.0, float(problem.view.time[-1])] == [0.0, 381.0]
+
+
+@pytest.mark.parametrize("feed", [None, np.nan, 0.0])
+def test_a_feed_column_that_tells_nothing_leaves_speeds_to_the_clock(feed: float | None) -> None:
+    place = np.column_stack([10.0 * np.arange(6), np.zeros((6, 2))])
+    table = make_table(place, time_s=np.arange(6) / 29.0, feed_mm_s=feed)  # 290 mm/s
+    assert compensate(LAGS, table).status.tolist() == ["ok", *["uncertain"] * 5]
+    (found,) = beyond_context(LAGS, table)
+    assert found.rows == 5 and found.worst == pytest.approx(260.0)

@@ -1,6 +1,7 @@
 """Loads, temperatures and speeds of a run that the model's own run did not have."""
 
 from ptt.again.prior import Prior
+from ptt.run.corners import shows_feed
 from ptt.run.problem import Problem
 from ptt.run.ranges import LEAST_BEYOND, QUANTITIES, ranges_of, ranges_of_model
 
@@ -25,8 +26,8 @@ def context_notes(prior: Prior, problem: Problem) -> tuple[str, ...]:
     lines = []
     for column, (low, high) in ranges_of(problem).items():
         context, unit = QUANTITIES[column]
-        if getattr(problem.table, column) is None or column == "time_s":  # by the clock, which tells little by itself
-            continue
+        if column == "time_s" or (column == "feed_mm_s" and not shows_feed(problem.table)):
+            continue  # by the clock, which tells little by itself
         has = f"the model has {'an' if context in needs else 'no'} effect that depends on it"
         now = f"{low:.3g} to {high:.3g} {unit}" if high - low > LEAST_BEYOND[column] else f"{high:.3g} {unit}"
         if column in then:

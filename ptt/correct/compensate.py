@@ -190,7 +190,12 @@ def _posture(model: Model, targets: Table) -> Tensor | None:
 
 
 def prepare(
-    plan: InversionPlan, targets: Table, correction: Correction | None, time: Tensor | None = None
+    plan: InversionPlan,
+    targets: Table,
+    correction: Correction | None,
+    time: Tensor | None = None,
+    *,
+    by_feed: bool | None = None,
 ) -> CommandTask:
     """The task of inverting some targets.
 
@@ -199,6 +204,7 @@ def prepare(
         targets: the rows.
         correction: of a network: wanted position -> position that the model is to reach.
         time: seconds since the first row of the whole list, (n,) s; None: these are the whole list.
+        by_feed: whether the whole list shows a feed; None: these are the whole list.
 
     Returns:
         The task.
@@ -217,7 +223,7 @@ def prepare(
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
     time = elapsed(targets) if time is None else time
-    contexts = contexts_of(targets, wanted, time.numpy())
+    contexts = contexts_of(targets, wanted, time.numpy(), by_feed=by_feed)
     clock = targets if plan.follows_speed else None
     targets = without_empty(targets).replace(time_s=None, feed_mm_s=None)
     ways = plan.steady, plan.reversing

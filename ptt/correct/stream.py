@@ -97,7 +97,7 @@ class Stream:
 
     def _task(self, low: int, high: int, start: float) -> CommandTask:
         table = self._spool.take(low, high).replace(command=None)  # it tells the frame of targets, and that is known
-        task = prepare(self._plan, table, self._correction, elapsed(table) + start)
+        task = prepare(self._plan, table, self._correction, elapsed(table) + start, by_feed=self._spool.feed)
         if task.clock is None or len(self.bounds) == 1:
             return task
         return replace(task, clock=with_one_clock(task.clock, self._spool.feed, task.wanted.numpy()))

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ptt.machine import MachineFile
+from ptt.run.corners import shows_feed
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
@@ -37,22 +38,29 @@ def ranges_of(problem: Problem) -> dict[str, list[float]]:
     return found
 
 
-def contexts_of(table: Table, place: np.ndarray, time: np.ndarray | None = None) -> dict[str, np.ndarray]:
+def contexts_of(
+    table: Table, place: np.ndarray, time: np.ndarray | None = None, *, by_feed: bool | None = None
+) -> dict[str, np.ndarray]:
     """Payload, temperature, speed and time of rows, each where it is told: speed by the clock where no feed is.
+
+    Whether speeds follow from the feed is one answer for the whole list, as for lags (`ptt.run.pace`).
 
     Args:
         table: n rows.
         place: of the tool, (n, 3) mm, NaN where unknown.
         time: seconds since the first row of the whole list, (n,) s; None: the table is the whole list.
+        by_feed: whether the whole list shows a feed; None: the table is the whole list.
 
     Returns:
         Column -> (n,) in its unit, NaN where unknown.
     """
-    told = {column: getattr(table, column) for column in QUANTITIES}
+    told = {"payload_kg": table.payload_kg, "temp_c": table.temp_c}
+    if shows_feed(table) if by_feed is None else by_feed:
+        told["feed_mm_s"] = table.feed_mm_s
+    elif table.time_s is not None:
+        told["feed_mm_s"] = _speeds_by_clock(table, place)
     if table.time_s is not None:
         told["time_s"] = elapsed(table).numpy() if time is None else time
-        if table.feed_mm_s is None:
-            told["feed_mm_s"] = _speeds_by_clock(table, place)
     return {column: values for column, values in told.items() if values is not None}
 
 
