@@ -62,3 +62,13 @@ def test_a_feed_column_that_tells_nothing_leaves_speeds_to_the_clock(feed: float
     assert compensate(LAGS, table).status.tolist() == ["ok", *["uncertain"] * 5]
     (found,) = beyond_context(LAGS, table)
     assert found.rows == 5 and found.worst == pytest.approx(260.0)
+
+
+@pytest.mark.parametrize(("load", "status"), [(8.9, "ok"), (9.2, "uncertain"), (50.0, "uncertain")])
+def test_what_a_load_moves_is_not_trusted_far_beyond_it_whether_or_not_it_needs_one(load: float, status: str) -> None:
+    model = model_over("payload_kg", 0.0, 6.0, axis_compliance={"compliance_mm_per_n": [2e-4] * 3})
+    table = make_table(np.array([[0.0, 0.0, 5.0], [10.0, 0.0, 5.0]]), payload_kg=np.array([load, 3.0]))
+    assert compensate(model, table).status.tolist() == [status, "ok"]
+    assert [(found.users, found.rows) for found in beyond_context(model, table)] == [(("axis-compliance",), 1)]
+    measured = table.replace(torque=np.full((2, 3), 9.0))  # by the load of the motors, not by what hangs on them
+    assert compensate(model, measured).status.tolist() == ["ok", "ok"] and beyond_context(model, measured) == ()

@@ -147,7 +147,7 @@ def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Comm
     status, shift = settled.outcome.status[own].copy(), settled.outcome.shift_mm[own]
     missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)
     in_all = np.where(missed > ROUNDING, np.hypot(np.nan_to_num(sigma, nan=0.0), missed), sigma)
-    far = np.broadcast_to(far_beyond(plan.model, part.contexts), len(settled.outcome.status))[own]
+    far = far_beyond(plan.model, part.targets, part.contexts)[own]
     status[sent & (doubtful(in_all, shift, promised) | far)] = UNCERTAIN
     simple = first_order(part.mechanism, part.wanted[own], height, sent)
     gap = (part.mechanism.forward(simple) - part.mechanism.forward(height)).norm(dim=1).numpy()

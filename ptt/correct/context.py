@@ -1,6 +1,6 @@
 """Context that a model depends on and targets may lack or exceed: payload, temperature, speed, time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,7 +44,7 @@ def missing_context(model: Model, targets: Table) -> list[str]:
     lines = []
     for need, (column, values, assumed) in told.items():
         asked = values is None and (need != "payload" or _had_load(model.file))
-        users = _followers(model, targets, need) if asked else []
+        users = _users(model, targets, need) if asked else []
         if users:
             verb = "depends" if len(users) == 1 else "depend"
             lines.append(
@@ -85,39 +85,61 @@ def beyond_context(
     Returns:
         One entry for each column on which an effect of the model depends.
     """
-    then, found = ranges_of_model(model.file) or {}, []
     contexts = contexts_of(targets, targets.target) if contexts is None else contexts
-    for column, values in contexts.items():
-        if column not in then or not np.isfinite(values).any():
-            continue
-        low, high = then[column]
-        beyond = (values < low - LEAST_BEYOND[column]) | (values > high + LEAST_BEYOND[column])
-        users = _followers(model, targets, QUANTITIES[column][0]) if beyond.any() else []
-        if users:
-            worst = float(np.nanmax(np.maximum(low - values, values - high)))
-            found.append(Beyond(column, tuple(users), (low, high), int(beyond.sum()), worst))
-    return tuple(found)
+    return tuple(
+        Beyond(each.column, each.users, each.run, int((each.size > 0.0).sum()), float(each.size.max()))
+        for each in _excesses(model, targets, contexts)
+    )
 
 
-def far_beyond(model: Model, contexts: Mapping[str, np.ndarray]) -> np.ndarray | bool:
-    """Rows with a context far outside the range that the model was fitted over, where an effect requires it.
+def far_beyond(model: Model, targets: Table, contexts: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Rows with a context far outside the range that the model was fitted over, where an effect depends on it.
 
     Args:
         model: the model.
+        targets: n rows of the targets.
         contexts: column -> (n,) as `contexts_of` gives them.
 
     Returns:
-        (n,) bool; False where there are none.
+        (n,) bool.
     """
-    then = ranges_of_model(model.file) or {}
-    far: np.ndarray | bool = False
-    needs = {need for term in model.terms if term.effect.stage != "metrology" for need in term.effect.requires}
-    for column, values in contexts.items():
-        if column in then and QUANTITIES[column][0] in needs:
-            low, high = then[column]
-            slack = max(NEAR * (high - low) if column != "time_s" else 0.0, LEAST_BEYOND[column])
-            far = far | (values < low - slack) | (values > high + slack)
+    far = np.zeros(targets.rows, dtype=bool)
+    for each in _excesses(model, targets, contexts):
+        low, high = each.run
+        far |= each.size > (0.0 if each.column == "time_s" else NEAR * (high - low))
     return far
+
+
+@dataclass(frozen=True)
+class _Excess:
+    """How far a context is outside the range of the model's run.
+
+    Attributes:
+        column: of the targets.
+        users: keys of the effects that depend on it in some of these rows.
+        run: lowest and highest value in the model's run.
+        size: distance outside, (n,) in the column's unit; 0 where it is no more than is mentioned, or no effect depends
+            on it.
+    """
+
+    column: str
+    users: tuple[str, ...]
+    run: tuple[float, float]
+    size: np.ndarray
+
+
+def _excesses(model: Model, targets: Table, contexts: Mapping[str, np.ndarray]) -> Iterator[_Excess]:
+    """Each context of targets (n rows) that is outside the range of the model's run where an effect depends on it."""
+    then = ranges_of_model(model.file) or {}
+    for column in filter(then.__contains__, contexts):
+        values, (low, high) = contexts[column], then[column]
+        outside = np.maximum(low - values, values - high)
+        rows = np.flatnonzero(outside > LEAST_BEYOND[column])
+        users = _followers(model, targets, QUANTITIES[column][0], rows) if len(rows) else {}
+        if users:
+            size = np.zeros(targets.rows)
+            size[rows] = np.where(np.any(list(users.values()), axis=0), outside[rows], 0.0)
+            yield _Excess(column, tuple(users), (low, high), size)
 
 
 def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> list[str]:
@@ -156,7 +178,7 @@ def require_context(model: Model, targets: Table) -> None:
     for column, need in COLUMNS.items():
         values = getattr(told, column)
         blank = np.flatnonzero(np.isnan(values)) if values is not None else np.empty(0, dtype=int)
-        users = _followers(model, targets.replace(**dict.fromkeys(COLUMNS)), need) if len(blank) else []
+        users = _users(model, targets.replace(**dict.fromkeys(COLUMNS)), need) if len(blank) else []
         if users:
             raise TableError(
                 f"empty, and {users[0]} depends on it ({len(blank)} of {targets.rows} rows)",
@@ -165,33 +187,47 @@ def require_context(model: Model, targets: Table) -> None:
             )
 
 
-def _followers(model: Model, targets: Table, need: str) -> list[str]:
-    """Keys of the effects that depend on a context: those that require it, and those that it moves at these targets."""
-    moved = _moved(model, targets, need) if need in BY_ONE else set()
-    terms = [term.effect for term in model.terms if term.effect.stage != "metrology"]
-    return [effect.key for effect in terms if need in effect.requires or effect.key in moved]
+def _users(model: Model, targets: Table, need: str) -> list[str]:
+    """Keys of the effects that depend on a context at some of `ASKED` targets."""
+    return list(
+        _followers(model, targets, need, np.unique(np.linspace(0, targets.rows - 1, ASKED).round().astype(int)))
+    )
 
 
-def _moved(model: Model, targets: Table, need: str) -> set[str]:
-    """Keys of the effects whose shift one kg or one K changes at some of the targets that the drawing reaches."""
-    file, rows = model.file, np.unique(np.linspace(0, targets.rows - 1, ASKED).round().astype(int))
-    part = take_rows(targets, rows)
+def _followers(model: Model, targets: Table, need: str, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Effects that depend on a context at some rows (m,) of targets: those that require it, and those that it moves.
+
+    Returns:
+        Key -> at which of the rows, (m,) bool.
+    """
+    moved = _moved(model, targets, need, rows) if need in BY_ONE else {}
+    found = dict[str, np.ndarray]()
+    for effect in (term.effect for term in model.terms if term.effect.stage != "metrology"):
+        where = np.ones(len(rows), dtype=bool) if need in effect.requires else moved.get(effect.key)
+        if where is not None and where.any():
+            found[effect.key] = where
+    return found
+
+
+def _moved(model: Model, targets: Table, need: str, rows: np.ndarray) -> dict[str, np.ndarray]:
+    """Key of each effect -> which of some rows (m,) the drawing reaches and one kg or one K changes its shift at."""
+    file, part = model.file, take_rows(targets, rows)
     command = part.command
     if command is None or not np.isfinite(command).all():
         base = torch.as_tensor(in_base(part, target_frames(file, targets)).target)
         command = build_mechanism(file.machine).inverse(base).numpy()
-    part = take_rows(part.replace(command=command), np.flatnonzero(np.isfinite(command).all(axis=1)))
-    if not part.rows:
-        return set()
-    view = build_view(file, part)
-    more = replace(view, **{BY_ONE[need]: getattr(view, BY_ONE[need]) + 1.0})
+    reached = np.isfinite(command).all(axis=1)
+    if not reached.any():
+        return {}
+    view = build_view(file, take_rows(part.replace(command=command), np.flatnonzero(reached)))
+    more, found = replace(view, **{BY_ONE[need]: getattr(view, BY_ONE[need]) + 1.0}), dict[str, np.ndarray]()
     with torch.no_grad():
-        return {
-            term.effect.key
-            for term in model.terms
-            if len(term.theta)
-            and not torch.equal(term.effect.shift(term.theta, view), term.effect.shift(term.theta, more))
-        }
+        for term in model.terms:
+            if len(term.theta):
+                change = term.effect.shift(term.theta, view) != term.effect.shift(term.theta, more)
+                found[term.effect.key] = np.zeros(len(rows), dtype=bool)
+                found[term.effect.key][reached] = change.flatten(1).any(dim=1).numpy()
+    return found
 
 
 def _had_load(file: MachineFile) -> bool:
