@@ -5,14 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from made_runs import machine, measure
 from told_models import with_effects
 
 from ptt.correct import blocks
 from ptt.correct.compensate import compensate
-from ptt.correct.context import beyond_context
+from ptt.correct.context import beyond_context, beyond_lines
+from ptt.effects.curve import SMOOTH, Curve
 from ptt.machine import load_machine
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 from ptt.run.problem import build_problem
 from ptt.run.ranges import ranges_of
 from ptt.run.table import concat_tables, make_table
@@ -72,3 +74,30 @@ def test_what_a_load_moves_is_not_trusted_far_beyond_it_whether_or_not_it_needs_
     assert [(found.users, found.rows) for found in beyond_context(model, table)] == [(("axis-compliance",), 1)]
     measured = table.replace(torque=np.full((2, 3), 9.0))  # by the load of the motors, not by what hangs on them
     assert compensate(model, measured).status.tolist() == ["ok", "ok"] and beyond_context(model, measured) == ()
+
+
+def test_what_stands_or_carries_nothing_is_known_although_the_run_always_moved_and_carried() -> None:
+    place = np.column_stack([[0.0, 25.0, 50.0, 50.0, 50.0, 75.0], np.zeros((6, 2))])
+    for told in ({"time_s": np.arange(6.0)}, {"feed_mm_s": [25.0, 25.0, 25.0, 0.0, 0.0, 25.0]}):
+        table = make_table(place, **told)
+        assert set(compensate(LAGS, table).status) == {"ok"} and beyond_context(LAGS, table) == ()
+    bends = model_over("payload_kg", 5.0, 6.0, column_bend={"sway_mm_per_kg": [0.01, 0.0], "slope_per_kg": [0.0, 0.0]})
+    table = make_table(place, payload_kg=[0.0, 2.0, 5.0, 6.0, 6.5, 20.0])
+    assert compensate(bends, table).status.tolist() == [*["ok"] * 5, "uncertain"]
+    (line,) = beyond_lines([beyond_context(bends, table)], "t.csv", 6)
+    assert "payload goes beyond the model's run (5 to 6 kg) by up to 14 in 2 of 6 rows" in line
+    warm = model_over("temp_c", 25.0, 26.0, screw_growth={"growth_per_k": [1e-5] * 3, "shift_mm_per_k": [0.0] * 3})
+    assert set(compensate(warm, make_table(place, temp_c=20.0)).status) == {"uncertain"}  # no zero of warmth is special
+
+
+class Sided(Curve):
+    """Play of a slider that changes with the load by a law of its own."""
+
+    name, mechanisms, on, along = "sided", ("three-ptt",), "direction1", "payload"
+    shape, between = "varying", (5.0, 6.0)
+
+
+def test_a_curve_along_a_load_is_not_known_at_none() -> None:
+    model = model_over("payload_kg", 5.0, 6.0) + Term(Sided(), torch.zeros(SMOOTH, dtype=torch.float64))
+    table = make_table(np.array([[0.0, 0.0, 5.0], [10.0, 0.0, 5.0]]), payload_kg=[0.0, 5.0])
+    assert compensate(model, table).status.tolist() == ["uncertain", "ok"]

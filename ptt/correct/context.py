@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from ptt.effects.curve import Curve
 from ptt.errors import TableError
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
@@ -17,10 +18,11 @@ from ptt.run.target_frame import in_base, target_frames
 from ptt.run.viewing import build_view
 
 ASKED = 100  # rows, evenly spaced, at which one kg or one K is tried: an effect that moves none of them moves few
-# Share of the run's range by which a context may be outside it and a command still count as certain: what is learned
-# over a range says little of a place half of it further on; of what follows the clock, no later time says anything
+# Share of the known range by which a context may be outside it and a command still count as certain: what is learned
+# over a range says little of a place half of it further on
 NEAR = 0.5
 BY_ONE = {"payload": "payload", "temperature": "warmth"}  # context -> field of a view, tried by one kg, one K
+FROM_ZERO = ("payload_kg", "feed_mm_s")  # without load, at standstill, what depends on it is known to vanish
 COLUMNS = {"payload_kg": "payload", "temp_c": "temperature"}
 
 
@@ -105,8 +107,7 @@ def far_beyond(model: Model, targets: Table, contexts: Mapping[str, np.ndarray])
     """
     far = np.zeros(targets.rows, dtype=bool)
     for each in _excesses(model, targets, contexts):
-        low, high = each.run
-        far |= each.size > (0.0 if each.column == "time_s" else NEAR * (high - low))
+        far |= each.size > each.near
     return far
 
 
@@ -118,6 +119,7 @@ class _Excess:
         column: of the targets.
         users: keys of the effects that depend on it in some of these rows.
         run: lowest and highest value in the model's run.
+        near: distance outside up to which a command still counts as certain, in the column's unit.
         size: distance outside, (n,) in the column's unit; 0 where it is no more than is mentioned, or no effect depends
             on it.
     """
@@ -125,6 +127,7 @@ class _Excess:
     column: str
     users: tuple[str, ...]
     run: tuple[float, float]
+    near: float
     size: np.ndarray
 
 
@@ -132,14 +135,25 @@ def _excesses(model: Model, targets: Table, contexts: Mapping[str, np.ndarray]) 
     """Each context of targets (n rows) that is outside the range of the model's run where an effect depends on it."""
     then = ranges_of_model(model.file) or {}
     for column in filter(then.__contains__, contexts):
-        values, (low, high) = contexts[column], then[column]
+        values, (low, high) = contexts[column], _known(model, column, then[column])
         outside = np.maximum(low - values, values - high)
         rows = np.flatnonzero(outside > LEAST_BEYOND[column])
         users = _followers(model, targets, QUANTITIES[column][0], rows) if len(rows) else {}
         if users:
-            size = np.zeros(targets.rows)
+            # what follows the clock may turn at any time, so no length of a run tells of the time after it
+            near, size = (0.0 if column == "time_s" else NEAR * (high - low)), np.zeros(targets.rows)
             size[rows] = np.where(np.any(list(users.values()), axis=0), outside[rows], 0.0)
-            yield _Excess(column, tuple(users), (low, high), size)
+            yield _Excess(column, tuple(users), then[column], near, size)
+
+
+def _known(model: Model, column: str, run: tuple[float, float]) -> tuple[float, float]:
+    """Lowest and highest value of a context at which its effects are known: those of the run, and zero in `FROM_ZERO`.
+
+    A curve along a load or speed need not vanish at zero.
+    """
+    curves = [term.effect for term in model.terms if isinstance(term.effect, Curve)]
+    curved = any(curve.along.startswith(QUANTITIES[column][0]) for curve in curves)
+    return (min(run[0], 0.0) if column in FROM_ZERO and not curved else run[0]), run[1]
 
 
 def beyond_lines(parts: Sequence[Sequence[Beyond]], source: str, rows: int) -> list[str]:
