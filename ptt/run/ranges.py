@@ -17,7 +17,8 @@ QUANTITIES = {
     "payload_kg": ("payload", "kg"), "temp_c": ("temperature", "degrees C"), "feed_mm_s": ("speed", "mm/s"),
     "time_s": ("time", "s"),
 }  # fmt: skip
-# Smallest excess over a range that is mentioned
+# Smallest excess over a range that is mentioned: what scales, thermometers, programmed feeds and the start of a clock
+# leave open. Warming up and drift take many minutes, so they go on through one more.
 LEAST_BEYOND = {"payload_kg": 0.05, "temp_c": 0.5, "feed_mm_s": 0.5, "time_s": 60.0}
 
 
