@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ptt.dependence.contexts import unit_of
-from ptt.dependence.said import between, say_size
+from ptt.dependence.said import between, say_size, switched_at
 from ptt.dependence.size import Size
 from ptt.record import Record
 from ptt.run.problem import Problem
@@ -40,11 +40,12 @@ class Dependence(Record):
         points: of an unknown, (m, 2) the readings that its curve stands for: the curve's variable, and mm or rad.
         together: variables that it takes all of to describe an unknown: a field of which this one alone explains less
             than half, or a change at one moment that varies over the workspace; the share is of all of them then.
+        moments: of shape 'levels' over time, the moments at which it switches, s; else empty.
         alone_share: share of the variance that this one alone explains then; None where one variable is enough.
     """
 
     keys: ClassVar[str] = (
-        "residual, on, unit, share, p_value, together, alone_share, period_mm, shape, place, with: with_, "
+        "residual, on, unit, share, p_value, together, alone_share, period_mm, shape, place, moments, with: with_, "
         "reference_c, rivals, acts_on, size, words, "
         "curve.at: curve.T.0, curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
     )
@@ -66,6 +67,7 @@ class Dependence(Record):
     points: np.ndarray | None = None
     together: tuple[str, ...] = ()
     alone_share: float | None = None
+    moments: tuple[float, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Its figures for JSON; the error of a joint that turns is in urad."""
@@ -94,6 +96,8 @@ class Dependence(Record):
             return "gradual after each reversal"
         if self.with_ is not None:
             return f"varies with {second or self.with_}"
+        if self.moments:
+            return f"levels that change at {switched_at(self.moments, self.unit)}"
         if self.place is not None:
             return f"{self.shape} at {between(*self.place, self.unit)}"
         return self.shape

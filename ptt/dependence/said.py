@@ -1,17 +1,18 @@
 """Places, values and sizes of a dependence in words, with units and significant digits."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ptt.dependence.size import Size
-from ptt.effects.phrases import SIGNIFICANT, capital, figure, places, scaled
+from ptt.effects.phrases import SIGNIFICANT, capital, figure, listed, places, scaled
 
 NO_CHANCE = 1e-12  # smaller p-values are shown as below this one
 ELSEWHERE = 2.0  # ratio of the rms at the tool to a size along the variable, from which the error mostly lies elsewhere
 NOTHING = 0.01  # share of a size, below which a second one is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # decimals that are shown, at most
 UNLIKE = 9  # decimals that distinguish any two values of a table
+MOST_MOMENTS = 6  # moments that a sentence lists
 WAYS = {
     "way": "the {} component of the tool's direction of travel",
     "turn": "the {} component of the tool's change of direction",
@@ -72,6 +73,13 @@ def middle(low: float, high: float, unit: str) -> str:
     """The middle of an interval with its unit, with decimals by the interval's width."""
     digits = int(np.clip(np.ceil(-np.log10(max(high - low, 1e-9))), 0, FINEST.get(unit, UNLIKE)))
     return f"{0.5 * (low + high):z.{digits}f} {unit}".strip()
+
+
+def switched_at(moments: Sequence[float], unit: str) -> str:
+    """Moments in ascending order with their unit; of more than `MOST_MOMENTS` the first ones, and how many follow."""
+    told = [f"{moment:.0f}" for moment in moments[:MOST_MOMENTS]]
+    more = len(moments) - len(told)
+    return f"{listed([*told, f'{more} more'] if more else told)} {unit}".strip()
 
 
 def say_size(size: Size) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ptt.dependence.said import between, by_chance
+from ptt.dependence.said import between, by_chance, switched_at
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.diagnosis.long import chunk_size
 from ptt.diagnosis.search.find import MOST_ADDED
@@ -247,6 +247,10 @@ def _next(result: Diagnosis) -> list[str]:
         show = f"look for the cause in {where}; {more} would show it better"
         if first.on == "time" and first.shape == "step" and first.place:
             show = f"look for what changed at {between(*first.place, first.unit)}: a load, a clamp, the tool, a stop"
+        if first.moments:
+            moments = switched_at(first.moments, first.unit)
+            since = f"{moments} after the first row" if first.unit else f"rows {moments}"
+            show = f"look for what was switched at {since}: a pump, a clamp, a door, another machine"
         lines.append("measure more poses, spread over the workspace" if mostly_untold(result) else show)
         if {where, *(first.together or (first.on,))} <= {*COORDINATES}:
             lines.append("a tracker that errs so over its own range looks the same: measure again from another stand")
@@ -295,7 +299,7 @@ def _dependences(result: Diagnosis) -> list[str]:
         period = f", period {item.period_mm:.3g} {item.unit}".rstrip() if item.period_mm else ""
         place = f", {item.shape} at {between(*item.place, item.unit)}" if item.place else ""
         place = f", varying with {item.with_}" if item.with_ else place
-        place = f", {item.how()}" if item.shape == "gradual" else place
+        place = f", {item.how()}" if item.shape == "gradual" or item.moments else place
         acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
         share = f"{item.share:.0%} ({by_chance(item.p_value)}{period}{place})"
         on = f"{listed(item.together)} together" if item.together else item.on

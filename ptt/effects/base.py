@@ -188,6 +188,17 @@ class Effect:
         """
         return ()
 
+    def over_its_range(self, view: View) -> View:
+        """Rows on which the effect acts, where it has a range of its own: for checks that it does something.
+
+        Args:
+            view: n rows in which every context varies.
+
+        Returns:
+            The rows with the effect's variable spread over its range; as given where it has none.
+        """
+        return view
+
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Shift per unit of each linear parameter.
 

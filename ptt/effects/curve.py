@@ -1,6 +1,7 @@
 """A free function of one variable as an effect: what `ptt effects new NAME --like D.json` writes for a dependence."""
 
 import re
+from dataclasses import replace
 from itertools import product
 from typing import Any, ClassVar, cast
 
@@ -46,6 +47,7 @@ class Curve(Effect):
         acts_on: what it shifts: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', 'x', 'y', 'z'
             of the tool, or 'set-up' (tracker against machine, which no command corrects); '' for the joint that `on`
             names, else the tool, or the readings for 'time' and 'run'.
+        moments: of shape 'levels' over time, the moments at which it switches, s, ascending.
         shape: 'levels', 'smooth', 'step', 'bump', 'period', 'varying' or 'gradual', as a diagnosis names it.
         between: range of the variable in the data (of 'varying': of the second variable; of 'gradual': of the joint
             that reverses), or ends of the step or bump; mm, rad, s, kg, or K above the drawing's temperature.
@@ -61,6 +63,7 @@ class Curve(Effect):
     between: ClassVar[tuple[float, float]] = (0.0, 1.0)
     period: ClassVar[float] = 0.0
     along: ClassVar[str] = ""
+    moments: ClassVar[tuple[float, ...]] = ()
 
     def __init_subclass__(cls, **named: Any) -> None:
         """Derive stage, parameters and requirements from the class attributes.
@@ -76,6 +79,8 @@ class Curve(Effect):
             raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
         if cls.shape == "period" and not cls.period > 0.0:
             raise TypeError("a period above zero is needed")
+        if cls.moments and (cls.on, cls.shape) != ("time", "levels"):
+            raise TypeError("only levels over time change at moments")
         if cls.shape == "gradual" and not cls.on.startswith("direction"):
             raise TypeError("only what follows a direction turns over gradually")
         if cls.acts_on and not (PLACE.fullmatch(cls.acts_on) and fits(cls.mechanisms, cls.acts_on)):
@@ -146,6 +151,26 @@ class Curve(Effect):
         basis[:, first : first + len(way)] = way[:, None] * shapes[:, None]
         return basis
 
+    def over_its_range(self, view: View) -> View:
+        """The rows with the variable on every level, or spread over its range and, of a bump, over its feet."""
+        low, high = self.between
+        reach = high - low if self.shape == "bump" else 0.0
+        spread = torch.linspace(low - reach, high + reach, view.rows, dtype=torch.float64)
+        if self.moments:
+            spread = spread.new_tensor((*self.moments, self.moments[-1] + 1.0)).repeat(view.rows)[: view.rows]
+        joint = JOINT.fullmatch(self.on)
+        if joint and joint[1] in ("b", "q"):
+            column = torch.arange(view.joints) == int(joint[2]) - 1
+            return replace(view, q=torch.where(column, spread[:, None], view.q))
+        match self.on:
+            case "payload":
+                return replace(view, payload=spread)
+            case "temperature":
+                return replace(view, warmth=spread)
+            case "time":
+                return replace(view, time=spread)
+        return view
+
     def _shapes(self, view: View) -> Tensor:
         """Basis functions of the variable at each row, (n, count)."""
         low, high = self.between
@@ -159,6 +184,9 @@ class Curve(Effect):
             phase = value * (2.0 * torch.pi / self.period)
             numbers = range(1, HARMONICS + 1)
             return torch.stack([wave(k * phase) / k for k in numbers for wave in (torch.cos, torch.sin)], dim=1)
+        if self.moments:
+            level = torch.searchsorted(value.new_tensor(self.moments), value.contiguous())
+            return torch.nn.functional.one_hot(level, len(self.moments) + 1).to(value)
         if self.shape == "step":
             return (value > 0.5 * (low + high)).to(value)[:, None]
         if self.shape == "bump":
@@ -190,7 +218,7 @@ def fits(mechanisms: tuple[str, ...], name: str) -> bool:
 
 def _proportional(cls: type[Curve]) -> bool:
     """Whether the function is a multiple of its variable, because that has few levels of which zero has no effect."""
-    return cls.shape == "levels" or cls.on.startswith(("direction", "payload", "speed"))
+    return (cls.shape == "levels" and not cls.moments) or cls.on.startswith(("direction", "payload", "speed"))
 
 
 def _size(cls: type[Curve]) -> tuple[int, str]:
@@ -203,6 +231,8 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
         return SMOOTH, f"with the direction, along {cls.along}"
     if cls.shape == "period":
         return 2 * HARMONICS, "cosine and sine of the period, of half of it, of a third, ..."
+    if cls.moments:
+        return len(cls.moments) + 1, "of each level"
     if cls.shape == "step":
         return 1, "step"
     if cls.shape == "bump":

@@ -90,6 +90,7 @@ def _law(found: Mapping[str, Any]) -> str:
         f'    on, shape = "{found["on"]}", "{found["shape"]}"',
         f"    between = ({low:.6g}, {high:.6g})",
         *([f"    period = {found['period']:.9g}"] if found["period"] else []),
+        *([f"    moments = {found['moments']}"] if found["moments"] else []),
         *([f'    along = "{found["along"]}"'] if found["along"] else []),
         *([f'    acts_on = "{found["acts_on"]}"'] if found["acts_on"] else []),
         *([OF_READINGS] if _may_be_of_readings(found) else []),
@@ -124,9 +125,10 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         at = [float(value) for value in dependence["curve"]["at"]]
         place = [] if free else [float(value) for value in dependence.get("place") or ()]
         period = 0.0 if free else float(dependence.get("period_mm") or 0.0)
+        moments = tuple(round(float(moment), 3) for moment in dependence.get("moments") or ())
         low, high = place or [float(end) for end in dependence["curve"].get("between") or (at[0], at[-1])]
     except (KeyError, TypeError, ValueError, IndexError):
-        raise InputError("the dependence has no proper curve, place or period", fix=_FIX) from None
+        raise InputError("the dependence has no proper curve, place, moments or period", fix=_FIX) from None
     if not along and shape != "gradual":
         shape, along, (low, high) = _with_size(dependence, shape, (low, high))
     reference = dependence.get("reference_c")
@@ -136,7 +138,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError("the dependence has no proper curve, place or period", fix=_FIX)
     between = low - shift, high - shift
     return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
-            "between": between, "acts_on": acts_on}  # fmt: skip
+            "moments": moments, "between": between, "acts_on": acts_on}  # fmt: skip
 
 
 def _with_size(

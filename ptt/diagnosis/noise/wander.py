@@ -226,3 +226,14 @@ def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np
     log_noise = np.array([each.log_noise for each in gains]).reshape(-1, 3).sum(axis=1)
     prior = np.array([wander.log_prior for wander in wanders])
     return prior - log_noise - 0.5 * left.size * np.log(square)
+
+
+def white_likelihood(left: np.ndarray, taken: float = 0.0, log_noise: float = 0.0) -> float:
+    """Log likelihood of residuals (n, 3), the white variance profiled out, nats.
+
+    Args:
+        left: the residuals, in noise units.
+        taken: what a memory of the noise takes off their sum of squares.
+        log_noise: half the log-determinant of its covariance beside white noise.
+    """
+    return -log_noise - 0.5 * left.size * float(np.log(np.square(left).sum() - taken))

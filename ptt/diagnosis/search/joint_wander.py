@@ -8,8 +8,8 @@ from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.gains import all_rows
-from ptt.diagnosis.noise.wander import SHARES, Clock, Wander, kinds_of_wander, likelihoods
-from ptt.diagnosis.unknown.places import places_of_chain
+from ptt.diagnosis.noise.wander import SHARES, Clock, Wander, kinds_of_wander, likelihoods, white_likelihood
+from ptt.diagnosis.unknown.places import Place, places_of_chain
 
 # Nats by which a joint has to explain the wander better than the tracker does, beside the odds of which joint it is.
 # Where a tracker wanders the joints lie behind by about as many nats as there are readings.
@@ -50,18 +50,23 @@ def wander_of_joint(system: System, state: State) -> JointWander | None:
     kinds = [
         Wander(s, float(t), axes) for axes in kinds_of_wander(system.noise) for s in shares for t in clock.constants
     ]
-    tracker = max(_evidence(left, 0.0, 0.0), float(likelihoods(left, kinds, clock).max()))
+    tracker = max(white_likelihood(left), float(likelihoods(left, kinds, clock).max()))
     joints = [one for one in places_of_chain(system.at.problem, system.at.chain) if one.kind in ("slider", "joint")]
     slow = [Wander(s, float(t)) for s in shares for t in clock.constants if s > LEAST_SHARE]
     slow = [wander for wander in slow if clock.is_slow(wander)]
     for place in joints:
-        way = place.slopes[system.rows][:, :, 0] @ system.noise.whitener.T
-        unit = way / np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
-        along = np.einsum("ni,ni->n", left, unit)
+        along = along_joint(system, place, left)
         beside = max(tracker, *(_louder(left, along, share) for share in shares))
         found += [JointWander(place.residual, one, _wandering(left, along, one, clock) - beside) for one in slow]
     best = max(found, key=lambda one: one.nats, default=None)
     return best if best is not None and best.nats > SURE_NATS + np.log(len(joints)) else None
+
+
+def along_joint(system: RowSystem, place: Place, left: np.ndarray) -> np.ndarray:
+    """Residuals (m, 3), whitened, along the way in which a joint moves each of them, (m,)."""
+    way = place.slopes[system.rows][:, :, 0] @ system.noise.whitener.T
+    unit = way / np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
+    return np.einsum("ni,ni->n", left, unit)
 
 
 def _wandering(left: np.ndarray, along: np.ndarray, wander: Wander, clock: Clock) -> float:
@@ -69,20 +74,11 @@ def _wandering(left: np.ndarray, along: np.ndarray, wander: Wander, clock: Clock
     gains = clock.gains(wander.share, wander.constant)
     new = (along - all_rows(along[:, None], gains.keep, gains.take)[:, 0]) / gains.root
     taken = float(np.square(along).sum() - np.square(new).sum())
-    return float(wander.log_prior) + _evidence(left, taken, gains.log_noise)
+    return float(wander.log_prior) + white_likelihood(left, taken, gains.log_noise)
 
 
 def _louder(left: np.ndarray, along: np.ndarray, share: float) -> float:
     """The same of white noise that is louder along that direction: noise unlike the stated one has no memory."""
-    return _evidence(left, float(np.square(along).sum()) * share / (1.0 + share), 0.5 * len(along) * np.log1p(share))
-
-
-def _evidence(left: np.ndarray, taken: float, log_noise: float) -> float:
-    """Log likelihood of residuals (n, 3), the white variance profiled out.
-
-    Args:
-        left: the residuals.
-        taken: what a wander takes off their sum of squares.
-        log_noise: half the log-determinant of its covariance beside white noise.
-    """
-    return -log_noise - 0.5 * left.size * float(np.log(np.square(left).sum() - taken))
+    return white_likelihood(
+        left, float(np.square(along).sum()) * share / (1.0 + share), 0.5 * len(along) * np.log1p(share)
+    )

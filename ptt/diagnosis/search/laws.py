@@ -22,12 +22,14 @@ from ptt.diagnosis.evidence.screen import Allowed
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import whitened
 from ptt.diagnosis.evidence.witness import drifts
+from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import plainest
+from ptt.diagnosis.search.switching import acts_over_time, switching_moments
 from ptt.diagnosis.unknown.blocks import Block, field_over
-from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS, Jump, heights_of, passed_again, spells_of
+from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS, Jump, heights_of, passed_again, spells_of, switches_of
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.model.chain import Chain
@@ -58,10 +60,11 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     sudden = tuple(key for key in free if is_sudden(atoms[key]))
     curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > PLAIN_COLUMNS)
     drifting = tuple(key for key in free if (effect := atoms[key].effect) is not None and drifts(effect))
-    if not (blocks or sudden or drifting or scorer.system.errs_by_pose(state.memory)):
+    switching = switching_moments(scorer.system, state)
+    if not (blocks or sudden or drifting or switching or scorer.system.errs_by_pose(state.memory)):
         return _of_rough_curves(scorer, state, tuple(key for key in curves if atoms[key].fine is not None))
     fewer = [without(state, *blocks), without(state, *blocks, *sudden, *drifting)]
-    wider, best = _with_laws(scorer, state, fewer), state
+    wider, best = _with_laws(scorer, state, fewer, switching), state
     for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *drifting, *curves))]):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone)
@@ -69,7 +72,8 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone, is_spell)
     happened = tuple(key for key in droppable(wider, best) if _is_timed(wider.system.atoms[key]))
-    return wider, _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > MOST_EVENTS else best
+    best = _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > MOST_EVENTS else best
+    return wider, _switching_instead(wider, best) if switching else best
 
 
 def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tuple[Scorer, State]:
@@ -114,10 +118,12 @@ def is_broad(atom: Atom) -> bool:
     return is_block(atom) and not is_law(atom)
 
 
-def _instead(scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed = is_law) -> State:
-    """The best set with laws in the place of some of its atoms; the given set where none is better."""
+def _instead(
+    scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed = is_law, memory: Memory | None = None
+) -> State:
+    """The best set with laws in the place of some of its atoms, or of its memory; as given where none is better."""
     sudden = any(is_sudden(scorer.system.atoms[key]) for key in gone)
-    fewer = scorer.score(without(state, *gone), state.memory, state.variances)
+    fewer = scorer.score(without(state, *gone), memory or state.memory, state.variances)
     laws = improve(scorer, fewer, allowed, swaps=False)
     if laws.total < state.total - HOPEFUL_NATS:
         return state
@@ -125,14 +131,22 @@ def _instead(scorer: Scorer, state: State, gone: Sequence[str], allowed: Allowed
     return plainest(scorer, best) if best.total > state.total + LEAST_NATS else state
 
 
+def _switching_instead(scorer: Scorer, state: State) -> State:
+    """The best set with levels in the place of a wander and of all that acts over time alone, where that is better."""
+    over_time = acts_over_time(scorer.system, state)
+    gone = tuple(key for key in droppable(scorer, state) if key in over_time)
+    still = replace(state.memory, wander=None)
+    return max((_instead(scorer, state, gone, is_spell, memory=still), state), key=lambda each: each.total)
+
+
 def _lasts(atom: Atom) -> bool:
     return not is_sudden(atom)
 
 
-def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]]) -> Scorer:
+def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]], switching: Sequence[float]) -> Scorer:
     """A scorer with the best laws of each place beside some sets; all laws together would fill gigabytes."""
     system = rows_of(scorer.system)
-    places = list(laws_of(system.at.problem, system.at.chain, _moments(scorer, state)))
+    places = list(laws_of(system.at.problem, system.at.chain, _moments(scorer, state), switching))
     known = sum(is_block(atom) for atom in system.atoms.values())
     odds = odds_of_block(known + sum(len({block.name for block in blocks}) for blocks in places))
     few = Scorer(system.only(state.keys), scorer.given)
@@ -181,19 +195,23 @@ def _priced(atom: Atom, odds: float) -> Atom:
     return replace(atom, odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
 
 
-def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> Iterator[list[Block]]:
+def laws_of(
+    problem: Problem, chain: Chain, moments: Sequence[float] = (), switching: Sequence[float] = ()
+) -> Iterator[list[Block]]:
     """Every law: each place times each variable.
 
     Args:
         problem: n rows.
         chain: of the present model.
         moments: at which something seems to have happened, by the clock, ascending.
+        switching: moments at which one thing seems to have switched, ascending.
 
     Yields:
         The laws of one place after another.
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
-    passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
+    passed, switches = list(passed_again(problem)), list(switches_of(problem, switching))
+    spells = [*spells_of(problem, moments), *switches]
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN_COSINES) for joint in range(problem.view.joints)}
     for place in _places(problem, chain):
         if place.joint is None:
@@ -205,7 +223,8 @@ def laws_of(problem: Problem, chain: Chain, moments: Sequence[float] = ()) -> It
         laws += [_law(place, ons, shapes) for ons, shapes in _arrivals(problem, place.joint)]
         jumps = [(own, (float(height),), heights > height) for height in heights_of(heights[problem.used])]
         yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
-    yield [*_jumps(stand_of(problem), spells), *_changes(problem, chain, moments)]
+    tool = places_of_chain(problem, chain)[0]
+    yield [*_jumps(stand_of(problem), spells), *_jumps(tool, switches), *_changes(problem, tool, moments)]
 
 
 def _law(place: Place, on: tuple[str, ...], shapes: np.ndarray) -> Block:
@@ -221,10 +240,10 @@ def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
     ]
 
 
-def _changes(problem: Problem, chain: Chain, moments: Sequence[float]) -> Iterator[Block]:
+def _changes(problem: Problem, tool: Place, moments: Sequence[float]) -> Iterator[Block]:
     """Jumps over time by amounts that vary over the workspace, as by a load or a clamp that nobody noted."""
     place, clock = problem.view.p.numpy(), problem.view.clock.numpy()
-    field, tool = field_over(scaled(place, column_ends(place)), CHANGE_DEGREE), places_of_chain(problem, chain)[0]
+    field = field_over(scaled(place, column_ends(place)), CHANGE_DEGREE)
     for moment in moments:
         shapes = (clock > moment)[:, None] * field
         yield Block("law tool jumps by place on time", tool, ("time",), shapes, is_law=True, jumps=(moment,))

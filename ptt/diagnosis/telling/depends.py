@@ -115,7 +115,7 @@ def _dependence(
         beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
     alone = max(explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE), 0.0)
-    found = _of_several(found, item.block, alone, contexts[on], problem)
+    found = _of_several(found, item.block, alone, contexts[on], rests[residual], problem)
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
@@ -149,14 +149,17 @@ def _as_curve(
     return Dependence(residual, on, share, chance, None, "smooth", curve, acts_on=acts_on)
 
 
-def _of_several(found: Dependence, block: Block, alone: float, values: np.ndarray, problem: Problem) -> Dependence:
-    """The dependence of an unknown that takes several variables to describe, with the share of the first alone.
+def _of_several(
+    found: Dependence, block: Block, alone: float, values: np.ndarray, left: np.ndarray, problem: Problem
+) -> Dependence:
+    """The dependence of an unknown that has moments, or that several variables describe, with the first one's share.
 
     Args:
         found: on the first of them.
         block: the unknown.
         alone: share of it that the first explains.
         values: of the first at each row, (n,).
+        left: the residual, with what is unexplained by others left in it, (n,) mm or rad.
         problem: n rows.
 
     Returns:
@@ -166,6 +169,9 @@ def _of_several(found: Dependence, block: Block, alone: float, values: np.ndarra
         place = _between(values, problem.view.clock.numpy() > block.jumps[0])
         together = (found.on, *COORDINATES)
         return replace(found, shape="step", place=place, together=together, alone_share=alone * found.share)
+    if block.is_spell:
+        curve = _curve_of_levels(problem.view.clock.numpy(), left, block.jumps)
+        return replace(found, shape="levels", place=None, moments=block.jumps, curve=curve)
     if not _is_field(block) or alone >= ENOUGH_ALONE:
         return found
     return replace(  # the shape of a curve that leaves most of the unknown aside says nothing
@@ -193,6 +199,16 @@ def _centred_curve(values: np.ndarray, readings: np.ndarray, side: np.ndarray | 
     """Binned curve of readings about their mean, multiplied by the direction of arrival where one is given."""
     rows = np.isfinite(values) & np.isfinite(readings)
     return binned_curve(values[rows], ((readings - readings[rows].mean()) * side)[rows])
+
+
+def _curve_of_levels(time: np.ndarray, readings: np.ndarray, moments: Sequence[float]) -> np.ndarray:
+    """Means of readings between moments with their 95 % confidence band, each at both ends of its level, (2 m, 3)."""
+    rows = np.isfinite(readings)
+    time, about = time[rows], (readings - readings[rows].mean())[rows]
+    level = np.unique(np.searchsorted(np.array(moments), time), return_inverse=True)[1]
+    _, mean, half = binned_curve(level.astype(float), about, len(time)).T
+    ends = [[end(time[level == number]) for end in (np.min, np.max)] for number in range(len(mean))]
+    return np.column_stack([np.ravel(ends), np.repeat(mean, 2), np.repeat(half, 2)])
 
 
 def _alike(found: Dependence, item: Unknown, contexts: dict[str, np.ndarray]) -> tuple[str, ...]:

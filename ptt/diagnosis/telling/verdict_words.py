@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ptt.dependence.dependence import Dependence
-from ptt.dependence.said import MOVES, middle
+from ptt.dependence.said import MOVES, middle, switched_at
 from ptt.diagnosis.noise.slow import Slow
 from ptt.diagnosis.search.rest import UNREPEATED, beyond_noise, remaining_error
 from ptt.diagnosis.telling.words import headline
@@ -43,7 +43,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
     if result.verdict == "nothing-missing":
         sound = f"Nothing is missing that these {result.rows} readings could show"
         varies = f" {capital(UNREPEATED)}." if beyond else ""
-        lines = [f"{sound}: the error is {after:.1f} um; {floor}.{varies}{excess}{_unstated(noise)}"]
+        lines = [f"{sound}: the error is {after:.1f} um; {floor}.{varies}{excess}{_unstated(noise)}{_unsure(result)}"]
     elif result.verdict == "missing":
         these = "this effect" if len(told) == 1 else "these effects"
         fall = f"With {these} {_fall(before, after)}; {floor}.{excess}{_likely_too(result.perhaps)}"
@@ -112,6 +112,17 @@ def doubted(result: Any) -> list[str]:
     if chance <= 1.0 - SURE_VERDICT:
         return []
     return [f"There is a {chance:.0%} probability that part of this is something that no known effect describes."]
+
+
+def _unsure(result: Any) -> str:
+    """A sentence on the probability of a machine that is sound, and of what else may be; '' where it is sure."""
+    chance = result.verdict_probability
+    if chance[result.verdict] >= SURE_VERDICT:
+        return ""
+    others = {"missing": "that an effect is missing", "unknown": "that something is missing that no effect describes"}
+    told = [f"{chance[name]:.0%} {what}" for name, what in others.items() if chance[name] > 1.0 - SURE_VERDICT]
+    against = f", against {listed(told)}" if told else ""
+    return f" This is {chance[result.verdict]:.0%} probable{against}; a longer run, or another one, would tell."
 
 
 def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
@@ -192,6 +203,9 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
     if strongest.place and strongest.shape == "step" and not strongest.with_:
         where = middle(*strongest.place, strongest.unit)
         return f"{rest} jumps where {name_of(strongest.on)} passes {where} {share}.{size}"
+    if strongest.moments:
+        moments = switched_at(strongest.moments, strongest.unit)
+        return f"{rest} switches between levels, at {name_of(strongest.on)} = {moments} {share}.{size}"
     place = f" near {middle(*strongest.place, strongest.unit)}" if strongest.place else ""
     place = f", by an amount that varies with {name_of(strongest.with_)}" if strongest.with_ else place
     place = " and turns over gradually after a reversal" if strongest.shape == "gradual" else place

@@ -79,6 +79,21 @@ def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[Jump]:
         yield "time", tuple(apart), clock[:, None] > np.array(apart)
 
 
+def switches_of(problem: Problem, moments: Sequence[float]) -> Iterator[Jump]:
+    """The levels over time of something that switches at each of some moments; it may do so before the run begins.
+
+    Args:
+        problem: n rows.
+        moments: by the clock, ascending.
+
+    Yields:
+        'time', the moments, and the rows of each level, (n, k + 1) bool; nothing where there are no moments.
+    """
+    if moments:
+        level = np.searchsorted(np.array(moments), problem.view.clock.numpy())
+        yield "time", tuple(moments), level[:, None] == np.arange(len(moments) + 1)
+
+
 def _is_passed_again(passed: np.ndarray) -> bool:
     """Whether a value is passed to and fro, (n,) bool in travel order: passed once, it is the same as a moment."""
     before, above = np.arange(len(passed) + 1), np.concatenate([[0], np.cumsum(passed)])

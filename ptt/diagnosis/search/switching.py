@@ -1,0 +1,151 @@
+"""Moments at which readings switch between levels: unlike a wander, which is never at rest and never in a hurry.
+
+A coolant pump, a clamp, a door or a second machine switches; a tracker, its stand and the air drift. Both have the same
+covariance, that of an Ornstein-Uhlenbeck process, and differ in form: here a level is constant until it changes.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.diagnosis.evidence.row_system import RowSystem
+from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.system import System
+from ptt.diagnosis.noise.wander import SHARES, Clock, Wander, kinds_of_wander, likelihoods, white_likelihood
+from ptt.diagnosis.search.joint_wander import along_joint
+from ptt.diagnosis.unknown.places import places_of_chain
+
+# Nats by which levels have to explain the readings better than a wander does. Of wanders and random walks with 60 to
+# 500 readings none comes closer than minus 0.4; what switches between levels of one to three sigma of the noise is
+# ahead by 20 to 500.
+SURE_NATS = 10.0
+MOST_BINS = 600  # neighbouring rows that are taken together beyond, as every pair of rows is tried
+FEWEST_MOMENTS = 2  # one is a knock's or a slip's, which the library has
+LEAST_SHARE = 0.5  # variance of the levels over the white one: smaller ones are not looked for
+LEAST_VARIANCE = 1e-12  # against division by zero, in units of the noise
+
+
+def switching_moments(system: System, state: State) -> tuple[float, ...]:
+    """Moments between which the readings stay at a level, where that explains them better than a wander does.
+
+    Args:
+        system: the linearised problem; that of a long run, which holds no rows, tells nothing.
+        state: the best set; what acts over time alone in it counts as unexplained. Beside errors of poses, which are
+            levels too where poses are revisited one after another, nothing is told.
+
+    Returns:
+        By the clock, ascending; empty where there are none.
+    """
+    clock = system.clock
+    if not isinstance(system, RowSystem) or state.memory.pose or not len(clock.constants):
+        return ()
+    left = _left_over_time(system, state)
+    wanders = [
+        Wander(float(share), float(constant), axes)
+        for axes in kinds_of_wander(system.noise) for share in SHARES for constant in clock.constants
+    ]  # fmt: skip
+    drifting = max(white_likelihood(left), float(likelihoods(left, wanders, clock).max()))
+    most, moments = drifting + SURE_NATS, tuple[float, ...]()
+    for along in _directions(system, left):
+        nats, rows = _levels(left, along, clock)
+        if len(rows) >= FEWEST_MOMENTS and nats > most:
+            most, moments = nats, tuple((0.5 * (clock.time[rows - 1] + clock.time[rows])).tolist())
+    return moments
+
+
+def acts_over_time(system: System, state: State) -> tuple[str, ...]:
+    """Keys of a set's atoms that act over time alone: its blocks over time, and sudden effects."""
+    atoms = system.atoms
+    return tuple(
+        key for key in state.keys
+        if atoms[key].moment is not None or ((block := atoms[key].block) is not None and block.on == ("time",))
+    )  # fmt: skip
+
+
+def _left_over_time(system: RowSystem, state: State) -> np.ndarray:
+    """Residuals of a set, (m, 3) whitened, with what acts over time alone left in them."""
+    values = state.posterior.values.copy()
+    for key in acts_over_time(system, state):
+        values[state.of(key)] = 0.0
+    return system.residual(state.columns, values)
+
+
+def _directions(system: RowSystem, left: np.ndarray) -> Iterator[np.ndarray]:
+    """Residuals along the axes of the tool, all together and each alone, and along the way of each joint, (m, d)."""
+    yield left
+    for axis in system.noise.whitener.T:
+        yield left @ (axis / np.linalg.norm(axis))[:, None]
+    for place in places_of_chain(system.at.problem, system.at.chain):
+        if place.kind in ("slider", "joint"):
+            yield along_joint(system, place, left)[:, None]
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """Residuals of d directions that stay at levels with a normal prior, beside white noise.
+
+    Attributes:
+        sums: of the residuals of the rows before each, (m + 1, d).
+        share: variance of the levels over the white one.
+        noise: white variance.
+    """
+
+    sums: np.ndarray
+    share: float
+    noise: float
+
+    def taken(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """What levels of some rows take off the sum of squares, (k,); these begin and end before the given rows."""
+        squares = np.square(self.sums[end] - self.sums[begin]).sum(axis=1)
+        return np.asarray(self.share * squares / (1.0 + (end - begin) * self.share))
+
+    def log_noise(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Half the log-determinant of the covariance of the rows of each level, (k,)."""
+        return np.asarray(0.5 * self.sums.shape[1] * np.log1p((end - begin) * self.share))
+
+
+def _levels(left: np.ndarray, along: np.ndarray, clock: Clock) -> tuple[float, np.ndarray]:
+    """Log evidence of levels along some directions beside white noise, and the first row of each level but the first.
+
+    Dynamic programming over the last change (Jackson et al., IEEE Signal Processing Letters 12 (2005) 105). Each change
+    costs the choice of its row; runs begin anew at no cost.
+
+    Args:
+        left: residuals, (m, 3) whitened.
+        along: the same along the directions of the levels, (m, d).
+        clock: of the rows.
+    """
+    rows, price = len(along), float(np.log(len(along)))
+    edges = np.union1d(np.arange(0, rows, -(-rows // MOST_BINS)), np.flatnonzero(clock.starts))
+    noise = _quick_variance(along, clock)
+    share = max(float(np.square(along).mean()) / noise - 1.0, LEAST_SHARE)
+    levels = _Levels(np.vstack([np.zeros(along.shape[1]), np.cumsum(along, axis=0)]), share, noise)
+    bounds, first = np.append(edges, rows), 0
+    best, before = np.zeros(len(bounds)), np.zeros(len(bounds), dtype=int)
+    for last in range(len(edges)):
+        first = last if clock.starts[edges[last]] else first
+        tried = np.arange(first, last + 1)
+        begin, end = bounds[tried], bounds[last + 1]
+        gained = 0.5 * levels.taken(begin, end) / noise - levels.log_noise(begin, end) - price * (tried > first)
+        chosen = int(np.argmax(best[tried] + gained))
+        best[last + 1], before[last + 1] = (best[tried] + gained)[chosen], tried[chosen]
+    begin = bounds[_followed(before)]
+    end, changes = np.append(begin[1:], rows), begin[~clock.starts[begin]]
+    log_noise = float(levels.log_noise(begin, end).sum()) + price * len(changes)
+    return white_likelihood(left, float(levels.taken(begin, end).sum()), log_noise), changes
+
+
+def _followed(before: np.ndarray) -> list[int]:
+    """Where each level of the best ones begins, from where the last one of each number of rows does, ascending."""
+    begins, at = list[int](), len(before) - 1
+    while at > 0:
+        at = int(before[at])
+        begins.append(at)
+    return begins[::-1]
+
+
+def _quick_variance(along: np.ndarray, clock: Clock) -> float:
+    """White variance of residuals (m, d), from differences of successive rows, which levels leave alone."""
+    steps = np.diff(along, axis=0)[~clock.starts[1:]]
+    return max(0.5 * float(np.square(steps).mean()), LEAST_VARIANCE)

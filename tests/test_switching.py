@@ -1,0 +1,77 @@
+"""What switches between levels over time is the machine's or its surroundings', and no wander of the tracker."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_runs import SIGMA, machine
+
+from ptt.diagnosis.diagnose import diagnose
+from ptt.effects import Curve
+from ptt.model.model import Model
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
+from ptt.run.viewing import build_view
+
+ROWS, STEP_S = 160, 7.0
+SWITCHED = (36, 71, 122)  # first row of each level but the first
+
+
+def with_levels(seed: int, heights: np.ndarray, *, slider: int | None = None) -> Problem:
+    """Random poses of a machine whose tool (heights (k, 3) mm), or one slider (k,), switches at `SWITCHED`."""
+    random, file = np.random.default_rng(seed), machine(frame="trusted")
+    table = make_table(random.uniform(-60.0, 60.0, (ROWS, 3)), time_s=STEP_S * np.arange(ROWS))
+    view = build_view(file, table)
+    level = np.searchsorted(SWITCHED, np.arange(ROWS), side="right")
+    moved = heights[level] if slider is None else view.jacobian.numpy()[:, :, slider] * heights[level][:, None]
+    return build_problem(file, replace(table, measured=view.p.numpy() + moved + random.normal(0.0, SIGMA, (ROWS, 3))))
+
+
+@pytest.mark.parametrize("times", [3.0, 5.0, 8.0])
+def test_a_tool_that_is_pushed_aside_now_and_then_is_told_with_the_moments(times: float) -> None:
+    problem = with_levels(1, np.outer([0.0, 1.0, 0.0, 1.0], [0.0, 0.0, -times * SIGMA]))
+    found = diagnose(Model(problem.file), problem)
+    assert found.verdict == "unknown" and not found.suggested
+    first = found.depends_on[0]
+    assert (first.residual, first.on, first.shape) == ("z", "time", "levels")
+    true = STEP_S * (np.array(SWITCHED) - 0.5)
+    assert np.abs(np.array(first.moments) - true).max() <= STEP_S
+    assert "switches between levels" in found.words
+    heights = first.curve[::2, 1]
+    assert heights[0] - heights[1] == pytest.approx(times * SIGMA, rel=0.25)
+
+
+def test_levels_of_a_slider_are_told_of_that_slider() -> None:
+    problem = with_levels(2, 5.0 * SIGMA * np.array([0.0, 1.0, -0.5, 0.7]), slider=1)
+    found = diagnose(Model(problem.file), problem)
+    assert (found.verdict, found.depends_on[0].residual) == ("unknown", "slider 2")
+    assert len(found.depends_on[0].moments) == len(SWITCHED)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_random_walk_has_no_levels(seed: int) -> None:
+    random, file = np.random.default_rng(100 + seed), machine(frame="fitted")
+    table = make_table(random.uniform(-60.0, 60.0, (ROWS, 3)), time_s=STEP_S * np.arange(ROWS))
+    walk = np.cumsum(random.normal(0.0, 0.3 * SIGMA, (ROWS, 3)), axis=0)
+    read = build_view(file, table).p.numpy() + walk + random.normal(0.0, SIGMA, (ROWS, 3))
+    problem = build_problem(file, replace(table, measured=read))
+    assert not any(one.moments for one in diagnose(Model(problem.file), problem).depends_on)
+
+
+class Pump(Curve):
+    """Levels over time."""
+
+    name = "test-pump"
+    mechanisms = ("three-ptt",)
+    on, shape = "time", "levels"
+    moments = (STEP_S * 35.5, STEP_S * 70.5, STEP_S * 121.5)
+    acts_on = "z"
+
+
+def test_an_effect_of_levels_has_one_size_for_each() -> None:
+    view = build_view(machine(), make_table(np.zeros((ROWS, 3)), time_s=STEP_S * np.arange(ROWS)))
+    basis = Pump().basis(view, {})[:, 2].numpy()
+    assert basis.shape == (ROWS, len(SWITCHED) + 1)
+    assert (basis.argmax(axis=1) == np.searchsorted(SWITCHED, np.arange(ROWS), side="right")).all()
+    with pytest.raises(TypeError, match="only levels over time"):
+        type("Wrong", (Curve,), {"name": "wrong", "on": "b1", "shape": "levels", "moments": (1.0,)})
