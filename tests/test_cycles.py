@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_runs import SIGMA, machine
 
 from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
@@ -13,6 +14,7 @@ from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
+from ptt.run.viewing import build_view
 
 MACHINE = bench()
 
@@ -48,3 +50,21 @@ def test_a_cycle_does_not_drown_in_a_noise_that_is_told_by_itself(seed: int) -> 
     found = diagnose(Model(file), build_problem(file, make_table(target, measured=read, time_s=time)))
     assert found.verdict == "unknown" and found.depends_on[0].on == "time"
     assert found.depends_on[0].period_mm == pytest.approx(51.0, rel=0.015)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_cycle_of_one_slider_is_told_beside_play_on_few_readings(seed: int) -> None:
+    """A field over the workspace, or a chance wave along the travel, fits most of any cycle of a hundred readings."""
+    random, file, rows = np.random.default_rng(seed), machine(frame="fitted"), 100
+    time = np.cumsum(random.uniform(2.0, 3.0, rows))
+    walk = np.cumsum(random.uniform(-15.0, 15.0, (rows, 3)), axis=0)
+    table = make_table(60.0 * walk / np.abs(walk).max(), time_s=time)
+    view, length = build_view(file, table), time[-1] / random.uniform(8.0, 20.0)
+    off = -4.0 * SIGMA * view.direction.numpy()
+    off[:, 0] += 15.0 * SIGMA * np.sin(2.0 * np.pi * time / length)
+    moved = np.einsum("nij,nj->ni", view.jacobian.numpy(), off)
+    read = view.p.numpy() + moved + random.normal(0.0, SIGMA, (rows, 3))
+    found = diagnose(Model(file), build_problem(file, replace(table, measured=read)))
+    first = found.depends_on[0]
+    assert (found.verdict, found.suggested) == ("unknown", (("backlash",),))
+    assert (first.residual, first.on, first.period_mm) == ("slider 1", "time", pytest.approx(length, rel=0.01))

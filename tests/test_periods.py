@@ -37,13 +37,14 @@ def turning() -> tuple[Found, Problem]:
 def test_a_line_is_found_where_it_is_and_offered_once(turning):
     found, problem = turning
     nothing = found.scorer.score((), WHITE)
-    line = find_period(found.scorer, nothing, problem)
-    assert line is not None
+    found_line = find_period(found.scorer, nothing, problem)
+    assert found_line is not None
+    line = found_line.period
     turn = problem.file.machine.screw_lead_mm
     joint, length = line
     assert length == pytest.approx(turn if np.isscalar(turn) else turn[joint], rel=0.02)
     other = find_period(found.scorer, nothing, problem, [line])
-    assert other is None or other[0] != joint or abs(other[1] / length - 1.0) > 1e-3
+    assert other is None or other.period[0] != joint or abs(other.period[1] / length - 1.0) > 1e-3
 
 
 def test_what_each_pose_has_to_itself_is_worth_no_line(turning):

@@ -13,7 +13,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.asked import Asked, open_turn
-from ptt.diagnosis.search.cycles import cycle_of, find_cycle
+from ptt.diagnosis.search.cycles import cycle_of, line_left
 from ptt.diagnosis.search.drawing import by_drawing
 from ptt.diagnosis.search.exact import without_needless
 from ptt.diagnosis.search.first import beside_names, names_suffice, search_first
@@ -23,7 +23,6 @@ from ptt.diagnosis.search.harmonics import with_harmonics
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.instead import refilled
 from ptt.diagnosis.search.moves import droppable
-from ptt.diagnosis.search.periods import period_left
 from ptt.diagnosis.search.plainest import plainest
 from ptt.diagnosis.search.shapes import best_meanings, with_moments, with_other_meanings
 from ptt.diagnosis.search.turn import Turn, best_moments, gross_beside, moments_of, still_missed, unlike
@@ -109,7 +108,7 @@ def _turned(
     scorer, state, waves = with_harmonics(found.scorer, found.state, problem, turn.seen)
     system = rows_of(scorer.system)
     found = replace(found, scorer=scorer, state=state, seen=(*turn.seen, *waves))
-    line = period_left(scorer, state, problem, turn.periods, waves) or find_cycle(scorer, state, problem, turn.periods)
+    line = line_left(scorer, state, problem, turn.periods, waves)
     gross = gross_beside(system, state, found.gross)
     stays = settled(state, system) and set(_blocks(found)) == set(turn.held)
     beside = None if line is None else cycle_of(line, problem, system)

@@ -1,13 +1,14 @@
 """Unstated periods: lines in the residual's spectrum over each joint's own travel."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import is_field, odds_of_block
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.spectrum import (
     FREQUENCY_STEP,
@@ -29,13 +30,26 @@ ALIAS_NATS = 0.5  # nats by which a slower line may be behind its alias and stil
 SPECTRUM_ROWS = 40  # rows from which a spectrum says anything
 
 
+@dataclass(frozen=True)
+class Line:
+    """A line in a spectrum.
+
+    Attributes:
+        period: joint (None: time) and length.
+        nats: what a wave of that period explains beyond its prior odds.
+    """
+
+    period: Period
+    nats: float
+
+
 def find_period(
     scorer: Scorer,
     state: State,
     problem: Problem,
     offered: Sequence[Period] = (),
     waves: Sequence[OncePerRev] = (),
-) -> Period | None:
+) -> Line | None:
     """The strongest line that is worth its prior odds and was not among the atoms yet.
 
     Args:
@@ -46,7 +60,7 @@ def find_period(
         waves: harmonics that are offered as named effects on all joints, which a search judges first.
 
     Returns:
-        Joint and length of the period; None where none is significant.
+        The line; None where none is significant.
     """
     system = rows_of(scorer.system)
     if len(system.rows) < SPECTRUM_ROWS:
@@ -65,23 +79,8 @@ def find_period(
             best, found = float(nats.max()), [(along, float(turns[np.argmax(nats > nats.max() - ALIAS_NATS)]))]
     for along, first in found:
         lever = system.levers[along.joint][:, :, None]
-        return along.joint, along.span / place_line(system, state, along.q, lever, first)
+        return Line((along.joint, along.span / place_line(system, state, along.q, lever, first)), best)
     return None
-
-
-def period_left(
-    scorer: Scorer, state: State, problem: Problem, offered: Sequence[Period], waves: Sequence[OncePerRev]
-) -> Period | None:
-    """As `find_period`, and where no line is found again without free functions of position.
-
-    With few rows or poses these fit any wave.
-    """
-    line = find_period(scorer, state, problem, offered, waves)
-    free = free_in_place(state, scorer.system) if line is None else ()
-    if not free:
-        return line
-    straight = scorer.score(without(state, *free), state.memory, state.variances)
-    return find_period(scorer, straight, problem, offered, waves)
 
 
 def free_in_place(state: State, system: System) -> tuple[str, ...]:

@@ -210,12 +210,14 @@ def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray], ho
 
 
 def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) -> Iterator[Recipe]:
-    """Two harmonics of each period along its joint, or over time."""
+    """Two harmonics of each period along its joint, or over time at the tool and at each joint."""
     for joint, length in periods:
-        place = next(place for place in places if place.joint == joint)
         if joint is None:
-            yield _waves(place, "time", problem.view.clock.numpy(), length)
+            for place in places:
+                if place.kind in ("tool", "slider", "joint"):
+                    yield _waves(place, "time", problem.view.clock.numpy(), length)
         else:
+            place = next(place for place in places if place.joint == joint)
             yield _waves(place, f"{problem.file.machine.letter}{joint + 1}", problem.view.q.numpy()[:, joint], length)
 
 
