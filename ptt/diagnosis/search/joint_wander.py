@@ -35,9 +35,9 @@ class JointWander:
 def wander_of_joint(system: System, state: State) -> JointWander | None:
     """The joint along which the readings of a set wander, where that explains them better than a tracker's wander.
 
-    A tracker's wander shifts readings alike at all poses and in all directions; a joint's, only the way in which the
-    joint moves the tool. So it is told apart by its direction, while by its size it might be either. Noise that is
-    louder in that direction has no memory.
+    A tracker's wander shifts readings alike at all poses, and in all directions or, as along its beam or where its
+    stand leans, in a fixed one; a joint's, the way in which the joint moves the tool at each of them. So it is told
+    apart by its direction, while by its size it might be either. Noise that is louder in that direction has no memory.
 
     Args:
         system: the linearised problem; that of a long run, which holds no rows, tells nothing.
@@ -50,16 +50,26 @@ def wander_of_joint(system: System, state: State) -> JointWander | None:
     kinds = [
         Wander(s, float(t), axes) for axes in kinds_of_wander(system.noise) for s in shares for t in clock.constants
     ]
-    tracker = max(white_likelihood(left), float(likelihoods(left, kinds, clock).max()))
     joints = [one for one in places_of_chain(system.at.problem, system.at.chain) if one.kind in ("slider", "joint")]
     slow = [Wander(s, float(t)) for s in shares for t in clock.constants if s > LEAST_SHARE]
     slow = [wander for wander in slow if clock.is_slow(wander)]
+    one_way = left @ _main_direction(left, clock)
+    # The fixed direction has two angles that the readings determine, each worth half the logarithm of their number.
+    fixed = max((_wandering(left, one_way, one, clock) - np.log(len(left)) for one in slow), default=-np.inf)
+    tracker = max(white_likelihood(left), float(likelihoods(left, kinds, clock).max()), fixed)
     for place in joints:
         along = along_joint(system, place, left)
         beside = max(tracker, *(_louder(left, along, share) for share in shares))
         found += [JointWander(place.residual, one, _wandering(left, along, one, clock) - beside) for one in slow]
     best = max(found, key=lambda one: one.nats, default=None)
     return best if best is not None and best.nats > SURE_NATS + np.log(len(joints)) else None
+
+
+def _main_direction(left: np.ndarray, clock: Clock) -> np.ndarray:
+    """Direction along which successive residuals (m, 3) are most alike, (3,), which is that of a wander along it."""
+    within = ~clock.starts[1:]
+    alike = left[1:][within].T @ left[:-1][within]
+    return np.asarray(np.linalg.eigh(alike + alike.T)[1][:, -1])
 
 
 def along_joint(system: RowSystem, place: Place, left: np.ndarray) -> np.ndarray:
