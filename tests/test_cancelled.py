@@ -24,26 +24,40 @@ from ptt.run.viewing import build_view
 ROWS, AT = 200, 995.0  # readings, and when something happens, s
 
 
-def shifted(back: float) -> Problem:
-    """Readings of a machine one slider of which slips, while a knock of the tracker takes back this share of it."""
+def shifted(back: float, play: float = 0.0) -> Problem:
+    """Readings of a machine one slider of which slips, while a knock of the tracker takes back this share of it.
+
+    Args:
+        back: that share.
+        play: of all sliders, mm, beside.
+    """
     random, file = np.random.default_rng(1), machine()
     table = make_table(random.uniform(-90.0, 90.0, (ROWS, 3)), time_s=10.0 * np.arange(ROWS))
     view = build_view(file, table)
     slip = term("homing-slip", view, [-0.2, 0.0, 0.0], after=AT)
     nowhere, there = (predict(terms, view).reading.numpy() for terms in ([], [(slip.effect, slip.theta)]))
     reading = there - back * (there - nowhere)[ROWS // 2 :].mean(axis=0) * (np.arange(ROWS) >= ROWS // 2)[:, None]
+    play_too = term("backlash", view, [play, play, play])
+    reading = reading + (predict([(play_too.effect, play_too.theta)], view).reading.numpy() - nowhere)
     return build_problem(file, replace(table, measured=reading + random.normal(0.0, SIGMA, (ROWS, 3))))
 
 
-@pytest.mark.parametrize(("back", "fined"), [(-1.0, False), (0.0, False), (1.0, True)])
-def test_the_score_is_against_causes_that_cancel(back: float, fined: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, noise = shifted(back), Noise(np.eye(3) * SIGMA**2, "machine file")
-    fitted = fit(Model(problem.file), problem, noise=noise, robust=False)
+@pytest.mark.parametrize(
+    ("back", "play", "fined"), [(-1.0, 0.0, False), (0.0, 0.0, False), (1.0, 0.0, True), (1.0, 0.3, True)]
+)
+def test_the_score_is_against_causes_that_cancel(
+    back: float, play: float, fined: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However much the model as given explains beside them, as play that is known."""
+    problem, noise = shifted(back, play), Noise(np.eye(3) * SIGMA**2, "machine file")
+    known = (term("backlash", problem.view, [play, play, play]),) if play else ()
+    model = Model(problem.file, known)
+    fitted = fit(model, problem, noise=noise, robust=False)
     events = [make_effect(library(), name) for name in ("homing-slip", "setup-jump")]
     system, totals = build_row_system(fitted, problem, events, noise, 1e3, problem.used), list[float]()
     for rate in (cancelled.NATS_PER_TIME, 0.0):
         monkeypatch.setattr(cancelled, "NATS_PER_TIME", rate)
-        scorer = Scorer(system)
+        scorer = Scorer(system, model.keys)
         totals.append(scorer.score([_nearest(scorer, event.key) for event in events], WHITE).total)
     assert (totals[1] - totals[0] > 10.0) if fined else (totals[1] == totals[0])
 

@@ -16,7 +16,7 @@ MOST_DONE = 1.5
 NATS_PER_TIME = 25.0  # nats for each further time the errors, so that twice of them weighs more than a name gains
 
 
-def nats_of_cancelling(state: State, sums: MemorySums, new: Sequence[Atom]) -> float:
+def nats_of_cancelling(state: State, sums: MemorySums, known: Sequence[Atom], new: Sequence[Atom]) -> float:
     """Nats against effects that do more than the readings show of all of them, beside the tracker's frame.
 
     Independent causes seldom cancel each other; terms that a fit takes for physics that it does not have often do. The
@@ -25,16 +25,20 @@ def nats_of_cancelling(state: State, sums: MemorySums, new: Sequence[Atom]) -> f
     Args:
         state: a set.
         sums: normal sums of its columns.
-        new: its effects that are not in the model as given, without sizes of the drawing: these are alike in what they
-            do, and each is a little off on every machine.
+        known: its effects that are in the model as given, and sizes of the drawing, which are alike in what they do and
+            each a little off on every machine. What these explain of the readings is no measure of other effects.
+        new: its other effects.
     """
-    posterior, frame = state.posterior, state.owner < 0
-    whole = sums.square
-    along, width = np.zeros((0, len(state.columns))), int(frame.sum())
-    if width:  # the columns of frames come first
-        factor = factor_of(sums.gram[:width, :width], 0.0)
-        along = lapack.dtrtrs(factor, sums.gram[:width], lower=1)[0]
-        whole -= float(np.square(lapack.dtrtrs(factor, sums.side[:width], lower=1)[0]).sum())
+    if not new:
+        return 0.0
+    posterior = state.posterior
+    beside = np.concatenate([np.flatnonzero(state.owner < 0), *(state.of(atom.key) for atom in known)])
+    whole, along = sums.square, np.zeros((0, len(state.columns)))
+    if len(beside):
+        ridge = np.where(state.owner[beside] < 0, 0.0, 1.0 / posterior.prior_variance[beside])
+        factor = factor_of(sums.gram[np.ix_(beside, beside)] + np.diag(ridge), 0.0)
+        along = lapack.dtrtrs(factor, sums.gram[beside], lower=1)[0]
+        whole -= float(np.square(lapack.dtrtrs(factor, sums.side[beside], lower=1)[0]).sum())
     left = posterior.penalised_square - float((np.square(posterior.values) / posterior.prior_variance).sum())
     errors = np.sqrt(max(whole, 0.0)) + np.sqrt(max(left, 0.0))
     nats = 0.0

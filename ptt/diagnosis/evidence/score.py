@@ -146,7 +146,10 @@ class Scorer:
         if is_impossible(state, atoms, new) or self._is_at_an_end(new) or self._undoes(state):
             return replace(state, total=-np.inf)
         forms = {atom.key: nats_of_form(state, atom, system.scale, new=atom.key not in self.given) for atom in atoms}
-        total -= nats_of_cancelling(state, sums, [atom for atom in new if is_effect(atom) and not is_drawn(atom)])
+        effects = [atom for atom in atoms if is_effect(atom)]
+        known = [atom for atom in effects if atom.key in self.given or is_drawn(atom)]
+        causes = [atom for atom in effects if not (atom.key in self.given or is_drawn(atom))]
+        total -= nats_of_cancelling(state, sums, known, causes)
         return replace(state, total=total + sum(forms.values()), forms=forms)
 
     def _at_few_joints(
