@@ -8,6 +8,8 @@ from made_runs import SIGMA, machine
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import Curve
+from ptt.effects.contract import check_effect
+from ptt.model.chain import differentiate
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
@@ -75,3 +77,18 @@ def test_an_effect_of_levels_has_one_size_for_each() -> None:
     assert (basis.argmax(axis=1) == np.searchsorted(SWITCHED, np.arange(ROWS), side="right")).all()
     with pytest.raises(TypeError, match="only levels over time"):
         type("Wrong", (Curve,), {"name": "wrong", "on": "b1", "shape": "levels", "moments": (1.0,)})
+
+
+def test_rows_on_which_a_curve_acts_cover_its_own_range() -> None:
+    """Not the sample machine's: a bump on another machine's travel, or a step late in a long run, is not broken."""
+
+    class Worn(Curve):
+        """A bump far beyond the travel of the sample machine."""
+
+        name = "test-worn"
+        mechanisms = ("three-ptt",)
+        on, shape, between = "b2", "bump", (800.0, 810.0)
+
+    for effect in (Worn(), Pump()):
+        broken = [one for one in check_effect(effect, differentiate) if not one.passed]
+        assert not broken, broken

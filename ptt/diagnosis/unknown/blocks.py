@@ -16,6 +16,8 @@ from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
 OWN_COSINES = 24  # cosines along a joint's own travel
+# Contexts without which nothing happens: at no load, and where the drawing holds, a rail lies as drawn
+ZERO_CONTEXTS = ("payload", "temperature")
 # Total degree of a field over the workspace, and of one that a context modulates
 FIELD_DEGREE, CONTEXT_FIELD_DEGREE = 5, 3
 # Size of each degree over the one before, and the degree of a field that bends but once
@@ -189,6 +191,8 @@ def _of_rail(problem: Problem, place: Place, own: str, low: np.ndarray, span: Sp
         changes = context.shapes - context.mean  # the mean over the run belongs to towers and guides
         for way in one_way_each(place) if context.fields else ():
             yield _named(way, (context.name, own), partial(product, changes, low))
+            if context.name in ZERO_CONTEXTS:
+                yield _named(way, (context.name, own), partial(product, context.shapes, low), "from zero ")
 
 
 def _of_context(tool: Place, context: Context, p: np.ndarray) -> Iterator[Recipe]:
