@@ -13,15 +13,17 @@ from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.wander import SHARES, Clock, Wander, kinds_of_wander, likelihoods, white_likelihood
-from ptt.diagnosis.search.joint_wander import along_joint
-from ptt.diagnosis.unknown.places import places_of_chain
+from ptt.diagnosis.search.joint_wander import along_place
+from ptt.diagnosis.unknown.places import one_way_each, places_of_chain
 
 # Nats by which levels have to explain the readings better than a wander does. Of wanders and random walks with 60 to
 # 500 readings none comes closer than minus 0.4; what switches between levels of one to three sigma of the noise is
 # ahead by 20 to 500.
 SURE_NATS = 10.0
 MOST_BINS = 600  # neighbouring rows that are taken together beyond, as every pair of rows is tried
-FEWEST_MOMENTS = 2  # one is a knock's or a slip's, which the library has
+# Moments at the least: a single one of the tool or of a joint is a knock's or a slip's, which the library has
+FEWEST_MOMENTS, FEWEST_OF_GEOMETRY = 2, 1
+ALIKE_ERRORS = 4.0  # standard errors of white noise by which neighbours have to be alike for levels to be looked for
 LEAST_SHARE = 0.5  # variance of the levels over the white one: smaller ones are not looked for
 LEAST_VARIANCE = 1e-12  # against division by zero, in units of the noise
 
@@ -41,15 +43,18 @@ def switching_moments(system: System, state: State) -> tuple[float, ...]:
     if not isinstance(system, RowSystem) or state.memory.pose or not len(clock.constants):
         return ()
     left = _left_over_time(system, state)
+    ways = [(along, fewest) for along, fewest in _directions(system, left) if _is_alike(along, clock)]
+    if not ways:
+        return ()
     wanders = [
         Wander(float(share), float(constant), axes)
         for axes in kinds_of_wander(system.noise) for share in SHARES for constant in clock.constants
     ]  # fmt: skip
     drifting = max(white_likelihood(left), float(likelihoods(left, wanders, clock).max()))
     most, moments = drifting + SURE_NATS, tuple[float, ...]()
-    for along in _directions(system, left):
+    for along, fewest in ways:
         nats, rows = _levels(left, along, clock)
-        if len(rows) >= FEWEST_MOMENTS and nats > most:
+        if len(rows) >= fewest and nats > most:
             most, moments = nats, tuple((0.5 * (clock.time[rows - 1] + clock.time[rows])).tolist())
     return moments
 
@@ -71,14 +76,25 @@ def _left_over_time(system: RowSystem, state: State) -> np.ndarray:
     return system.residual(state.columns, values)
 
 
-def _directions(system: RowSystem, left: np.ndarray) -> Iterator[np.ndarray]:
-    """Residuals along the axes of the tool, all together and each alone, and along the way of each joint, (m, d)."""
-    yield left
+def _directions(system: RowSystem, left: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
+    """Residuals (m, d) along the axes of the tool, all together and each alone, and along the ways of joints and rails.
+
+    Each with the fewest moments that count there.
+    """
+    yield left, FEWEST_MOMENTS
     for axis in system.noise.whitener.T:
-        yield left @ (axis / np.linalg.norm(axis))[:, None]
-    for place in places_of_chain(system.at.problem, system.at.chain):
-        if place.kind in ("slider", "joint"):
-            yield along_joint(system, place, left)[:, None]
+        yield left @ (axis / np.linalg.norm(axis))[:, None], FEWEST_MOMENTS
+    for place in places_of_chain(system.at.problem, system.at.chain)[1:]:
+        fewest = FEWEST_MOMENTS if place.kind in ("slider", "joint") else FEWEST_OF_GEOMETRY
+        for way in one_way_each(place):
+            yield along_place(system, way, left)[:, None], fewest
+
+
+def _is_alike(along: np.ndarray, clock: Clock) -> bool:
+    """Whether neighbouring residuals (m, d) are more alike than white noise makes them."""
+    within = ~clock.starts[1:]
+    products = (along[1:] * along[:-1])[within]
+    return float(products.sum()) > ALIKE_ERRORS * float(np.sqrt(np.square(products).sum()))
 
 
 @dataclass(frozen=True)

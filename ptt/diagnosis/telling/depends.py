@@ -169,6 +169,8 @@ def _of_several(
         place = _between(values, problem.view.clock.numpy() > block.jumps[0])
         together = (found.on, *COORDINATES)
         return replace(found, shape="step", place=place, together=together, alone_share=alone * found.share)
+    if block.is_spell and len(block.jumps) == 1:
+        return replace(found, shape="step", place=_between(values, problem.view.clock.numpy() > block.jumps[0]))
     if block.is_spell:
         curve = _curve_of_levels(problem.view.clock.numpy(), left, block.jumps)
         return replace(found, shape="levels", place=None, moments=block.jumps, curve=curve)

@@ -81,8 +81,8 @@ class Block:
 
     @property
     def is_change(self) -> bool:
-        """Whether it is a law of what changed once, by amounts that vary over the workspace."""
-        return self.is_spell and len(self.jumps) == 1
+        """Whether it is a law of what changed once, by amounts that vary over the workspace: a field after a moment."""
+        return self.is_spell and len(self.jumps) == 1 and self.shapes.shape[1] > len(self.jumps) + 1
 
     @property
     def reverses(self) -> bool:
