@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_runs import SIGMA, machine
+from made_runs import SIGMA, machine, term
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import Curve
 from ptt.effects.contract import check_effect
-from ptt.model.chain import differentiate
+from ptt.model.chain import differentiate, predict
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
@@ -92,3 +92,20 @@ def test_rows_on_which_a_curve_acts_cover_its_own_range() -> None:
     for effect in (Worn(), Pump()):
         broken = [one for one in check_effect(effect, differentiate) if not one.passed]
         assert not broken, broken
+
+
+def test_a_rail_that_came_loose_is_no_tower_out_of_place_though_repeats_scatter_by_it() -> None:
+    """Two rounds of the same poses, the rail moving within the second: repeats take the move for noise."""
+    random, file = np.random.default_rng(8), machine(frame="trusted")
+    poses = random.uniform(-70.0, 70.0, (60, 3)).round(3)
+    table = make_table(np.tile(poses, (2, 1)), time_s=STEP_S * np.arange(120))
+    view = build_view(file, table)
+    tower = term("tower-position", view, [0.0, 0.0, 0.0, 0.25, 0.0, 0.0])
+    before, after = (predict(terms, view).reading.numpy() for terms in ([], [(tower.effect, tower.theta)]))
+    read = np.where(np.arange(120)[:, None] < 75, before, after) + random.normal(0.0, SIGMA, (120, 3))
+    problem = build_problem(file, replace(table, measured=read))
+    found = diagnose(Model(file), problem)
+    first = found.depends_on[0]
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    assert (first.acts_on, first.on, first.shape) == ("rail 1 sideways", "time", "step")
+    assert 74.0 * STEP_S <= 0.5 * sum(first.place) <= 75.0 * STEP_S

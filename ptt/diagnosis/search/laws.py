@@ -210,8 +210,7 @@ def laws_of(
         The laws of one place after another.
     """
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
-    passed, switches = list(passed_again(problem)), list(switches_of(problem, switching))
-    spells = [*spells_of(problem, moments), *switches]
+    passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN_COSINES) for joint in range(problem.view.joints)}
     for place in _places(problem, chain):
         if place.joint is None:
@@ -223,8 +222,9 @@ def laws_of(
         laws += [_law(place, ons, shapes) for ons, shapes in _arrivals(problem, place.joint)]
         jumps = [(own, (float(height),), heights > height) for height in heights_of(heights[problem.used])]
         yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
-    tool = places_of_chain(problem, chain)[0]
-    yield [*_jumps(stand_of(problem), spells), *_jumps(tool, switches), *_changes(problem, tool, moments)]
+    tool, stand = places_of_chain(problem, chain)[0], stand_of(problem)
+    yield [*_jumps(stand, spells), *_changes(problem, tool, moments)]
+    yield list(_switching((tool, stand, *_places(problem, chain)), problem, switching))
 
 
 def _law(place: Place, on: tuple[str, ...], shapes: np.ndarray) -> Block:
@@ -238,6 +238,13 @@ def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
         Block(f"{name} {on}", place, (on,), there.reshape(len(there), -1).astype(float), is_law=True, jumps=where)
         for on, where, there in jumps
     ]
+
+
+def _switching(places: Sequence[Place], problem: Problem, moments: Sequence[float]) -> Iterator[Block]:
+    """Levels between moments; after a single one only of rails: a joint's is a slip, the tool's a knock."""
+    for place in places:
+        if len(moments) > 1 or place.kind == "rail":
+            yield from _jumps(place, list(switches_of(problem, moments)))
 
 
 def _changes(problem: Problem, tool: Place, moments: Sequence[float]) -> Iterator[Block]:
