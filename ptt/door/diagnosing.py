@@ -258,6 +258,10 @@ def _next(result: Diagnosis) -> list[str]:
             lines.append(
                 "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"
             )
+    elif result.verdict == "unknown":
+        lines.append(
+            "measure again, and note what else changes meanwhile in columns of your own: what is switched, loads"
+        )
     return lines
 
 

@@ -23,6 +23,8 @@ from ptt.run.problem import Problem
 QUIET_EXCESS = 1.5  # times a stated noise up to which the empty set may be reported though another is a little likelier
 # Times a stated noise from which an error is unexplained: a single stated figure is often half too small
 NOISE_EXCESS = 2.0
+# The same of one axis: a tracker's noise, stated as one figure, is at most sqrt(3) of it on one axis
+AXIS_EXCESS = 2.5
 CHANCE_LACK = 1e-4  # p-value of the lack-of-fit test
 CHANCE_FIELD = 1e-4  # p-value at which a network over position predicts held-out residuals
 CHANCE_PLACE = 1e-4  # p-value at which neighbours in space are off alike
@@ -111,8 +113,14 @@ class Rest:
             The result with those reasons.
         """
         reasons = [*self.reasons, *objections.reasons]
-        if stated is not None and left.total > NOISE_EXCESS * stated.total:
-            reasons.append(beyond_noise("the remaining error", left.total / stated.total, stated.source))
+        if stated is not None:
+            ratios = np.sqrt(np.diag(left.covariance) / np.diag(stated.covariance))
+            worst = int(np.argmax(ratios))
+            if left.total > NOISE_EXCESS * stated.total:
+                reasons.append(beyond_noise("the remaining error", left.total / stated.total, stated.source))
+            elif ratios[worst] > AXIS_EXCESS:
+                what = f"the remaining error in {COORDINATES[worst]}"
+                reasons.append(beyond_noise(what, float(ratios[worst]), stated.source))
         if objections.unexplained_error and not reasons:
             reasons.append(objections.unexplained_error)
         return replace(self, reasons=tuple(reasons))

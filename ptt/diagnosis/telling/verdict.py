@@ -21,7 +21,7 @@ from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.rest import Objections, Rest, too_much_for_nothing
 from ptt.diagnosis.telling.aside import against_gross
-from ptt.diagnosis.telling.depends import MOST_LINES, dependences, wandering, with_suspect
+from ptt.diagnosis.telling.depends import LEAST_SHARE, MOST_LINES, dependences, wandering, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict
 from ptt.diagnosis.telling.explanation import Candidate, candidates_of_steps, other_candidates
 from ptt.diagnosis.telling.naming import Naming, naming_of
@@ -192,7 +192,8 @@ def _depends_on(
     gone = without(state, *naming.named.unproven, *backward)
     suspect = with_suspect(scorer, scorer.score(gone, state.memory, state.variances))
     rows = slice(None) if found.sample is None else numbers(found.sample)
-    return dependences(unnamed_of(scorer, suspect, problem, rows), shown)
+    suspected = dependences(unnamed_of(scorer, suspect, problem, rows), shown)
+    return tuple(item for item in suspected if item.share >= LEAST_SHARE)
 
 
 def _slow(found: Found, problem: Problem) -> Slow | None:
