@@ -259,9 +259,7 @@ def _next(result: Diagnosis) -> list[str]:
                 "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"
             )
     elif result.verdict == "unknown":
-        lines.append(
-            "measure again, and note what else changes meanwhile in columns of your own: what is switched, loads"
-        )
+        lines.append("measure again, and note what else changes meanwhile in columns of your own: loads, switches")
     return lines
 
 
