@@ -7,6 +7,7 @@ from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import MOVES, middle, switched_at
 from ptt.diagnosis.noise.slow import Slow
 from ptt.diagnosis.search.rest import UNREPEATED, beyond_noise, remaining_error
+from ptt.diagnosis.telling.untested import untested
 from ptt.diagnosis.telling.words import headline
 from ptt.effects.cards import card_of
 from ptt.effects.phrases import capital, listed
@@ -134,7 +135,8 @@ def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
     reasons = result.rest.reasons
     lines = [f"{what}: {reasons[0]}." if reasons and (overruled or not strongest) else f"{what}."]
     most = f"{MOSTLY_UNTOLD}. " if strongest and mostly_untold(result) else ""
-    lines += [f"{most}{depends(strongest)}{_bent(result, strongest.on)}"] if strongest else []
+    if strongest:
+        lines.append(f"{most}{depends(strongest)}{_bent(result, strongest.on)}{untested(result, strongest)}")
     if 0 < len(told) <= MOST_UNKNOWN_LINES - 1 - len(lines):
         lines += [f"Also identified: {step}" for step in told]
     elif told:

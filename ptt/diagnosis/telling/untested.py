@@ -1,0 +1,40 @@
+"""Known effects that a run cannot test and that an unknown may be, by what it follows and where it acts."""
+
+import re
+from typing import Any
+
+from ptt.dependence.dependence import Dependence
+from ptt.effects import library
+from ptt.effects.cards import card_of
+from ptt.effects.phrases import listed
+
+# The variable of an effect's law, as its card has it -> the variables that an unknown follows if it is that effect, on
+# a run that cannot test it: warmth that was not noted shows as time. Positions are left out: most effects vary with
+# them.
+SHOWS_AS = {
+    "b": r"[bq]\d+", "phase": r"[bq]\d+", "temperature": "temperature|time", "time": "time", "speed": r"speed\d+|feed",
+    "payload": "payload", "load": "payload", "link force": "payload", "travel": r"direction\d+",
+}  # fmt: skip
+ACTS_AT = {"slider": "drive", "joint": "drive", "rail": "geometry", "link": "geometry"}  # place -> stage of its effects
+
+
+def untested(result: Any, strongest: Dependence) -> str:
+    """A sentence on effects that may be the unknown, though this run cannot test them.
+
+    Args:
+        result: a diagnosis.
+        strongest: what the unknown depends on most.
+
+    Returns:
+        With a blank before it; '' for none, and where the unknown switches, which no known effect does.
+    """
+    known, stage = library(), ACTS_AT.get((strongest.acts_on or "").split(" ")[0])
+    may_be = [
+        name for name in result.not_testable
+        if name in known and stage in (None, known[name].stage)
+        and re.fullmatch(SHOWS_AS.get(card_of(known[name]).telling, ""), strongest.on)
+    ]  # fmt: skip
+    if strongest.moments or not may_be:
+        return ""
+    needs = listed(list(dict.fromkeys(result.not_testable[name] for name in may_be)))
+    return f" It may be {listed(may_be, ' or ')}; to test that, `ptt diagnose` needs {needs}."
