@@ -15,7 +15,8 @@ SHOWS_AS = {
     "b": r"[bq]\d+", "phase": r"[bq]\d+", "temperature": "temperature|time", "time": "time", "speed": r"speed\d+|feed",
     "payload": "payload", "load": "payload", "link force": "payload", "travel": r"direction\d+",
 }  # fmt: skip
-ACTS_AT = {"slider": "drive", "joint": "drive", "rail": "geometry", "link": "geometry"}  # place -> stage of its effects
+# Place -> stages of the effects that move it; others act anywhere
+ACTS_AT = dict.fromkeys(("slider", "joint"), ("drive",)) | dict.fromkeys(("rail", "link"), ("geometry", "structure"))
 
 
 def untested(result: Any, strongest: Dependence) -> str:
@@ -28,10 +29,10 @@ def untested(result: Any, strongest: Dependence) -> str:
     Returns:
         With a blank before it; '' for none, and where the unknown switches, which no known effect does.
     """
-    known, stage = library(), ACTS_AT.get((strongest.acts_on or "").split(" ")[0])
+    known, stages = library(), ACTS_AT.get((strongest.acts_on or "").split(" ")[0])
     may_be = [
         name for name in result.not_testable
-        if name in known and stage in (None, known[name].stage)
+        if name in known and (stages is None or known[name].stage in stages)
         and re.fullmatch(SHOWS_AS.get(card_of(known[name]).telling, ""), strongest.on)
     ]  # fmt: skip
     if strongest.moments or not may_be:
