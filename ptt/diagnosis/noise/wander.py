@@ -228,6 +228,21 @@ def likelihoods(left: np.ndarray, wanders: Sequence[Wander], clock: Clock) -> np
     return prior - log_noise - 0.5 * left.size * np.log(square)
 
 
+def tracker_likelihood(left: np.ndarray, noise: Noise, clock: Clock) -> float:
+    """Log likelihood plus log prior of the best wander of a tracker, or of none, given a residual, nats.
+
+    Args:
+        left: residual, (n, 3) in noise units.
+        noise: its noise.
+        clock: of the rows.
+    """
+    wanders = [
+        Wander(float(share), float(constant), axes)
+        for axes in kinds_of_wander(noise) for share in SHARES for constant in clock.constants
+    ]  # fmt: skip
+    return max(white_likelihood(left), float(likelihoods(left, wanders, clock).max()))
+
+
 def white_likelihood(left: np.ndarray, taken: float = 0.0, log_noise: float = 0.0) -> float:
     """Log likelihood of residuals (n, 3), the white variance profiled out, nats.
 

@@ -8,7 +8,7 @@ from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.gains import all_rows
-from ptt.diagnosis.noise.wander import SHARES, Clock, Wander, kinds_of_wander, likelihoods, white_likelihood
+from ptt.diagnosis.noise.wander import SHARES, Clock, Wander, tracker_likelihood, white_likelihood
 from ptt.diagnosis.unknown.places import Place, places_of_chain
 
 # Nats by which a joint has to explain the wander better than the tracker does, beside the odds of which joint it is.
@@ -47,16 +47,13 @@ def wander_of_joint(system: System, state: State) -> JointWander | None:
         return None
     left, clock, found = system.residual(state.columns, state.posterior.values), system.clock, list[JointWander]()
     shares = [float(share) for share in SHARES]
-    kinds = [
-        Wander(s, float(t), axes) for axes in kinds_of_wander(system.noise) for s in shares for t in clock.constants
-    ]
     joints = [one for one in places_of_chain(system.at.problem, system.at.chain) if one.kind in ("slider", "joint")]
     slow = [Wander(s, float(t)) for s in shares for t in clock.constants if s > LEAST_SHARE]
     slow = [wander for wander in slow if clock.is_slow(wander)]
     one_way = left @ _main_direction(left, clock)
     # The fixed direction has two angles that the readings determine, each worth half the logarithm of their number.
     fixed = max((_wandering(left, one_way, one, clock) - np.log(len(left)) for one in slow), default=-np.inf)
-    tracker = max(white_likelihood(left), float(likelihoods(left, kinds, clock).max()), fixed)
+    tracker = max(tracker_likelihood(left, system.noise, clock), fixed)
     for place in joints:
         along = along_place(system, place, left)
         beside = max(tracker, *(_louder(left, along, share) for share in shares))

@@ -12,7 +12,7 @@ import numpy as np
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.noise.wander import SHARES, Clock, Wander, kinds_of_wander, likelihoods, white_likelihood
+from ptt.diagnosis.noise.wander import Clock, tracker_likelihood, white_likelihood
 from ptt.diagnosis.search.joint_wander import along_place
 from ptt.diagnosis.unknown.places import one_way_each, places_of_chain
 
@@ -47,12 +47,7 @@ def switching_moments(system: System, state: State) -> tuple[float, ...]:
     ways = [(along, fewest) for along, fewest in _directions(system, left) if _is_alike(along, clock)]
     if not ways:
         return ()
-    wanders = [
-        Wander(float(share), float(constant), axes)
-        for axes in kinds_of_wander(system.noise) for share in SHARES for constant in clock.constants
-    ]  # fmt: skip
-    drifting = max(white_likelihood(left), float(likelihoods(left, wanders, clock).max()))
-    most, moments = drifting + SURE_NATS, tuple[float, ...]()
+    most, moments = tracker_likelihood(left, system.noise, clock) + SURE_NATS, tuple[float, ...]()
     for along, fewest in ways:
         nats, rows = _levels(left, along, clock)
         if len(rows) >= fewest and nats > most:
