@@ -41,11 +41,19 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
     return entry | {"with": None} | more
 
 
+def test_what_follows_the_feed_is_said_to(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="what follows the feed is not corrected"):
+        prefilled("own-cause", [found("feed", "smooth")])
+
+
 @pytest.mark.parametrize(
     "entry",
     [
         found("b2", "step", place=[270.0, 274.0]),
         found("b2", "bump", place=[270.0, 280.0]),
+        found("b2", "bump", place=[970.0, 980.0]),
+        found("time", "bump", acts_on="z", place=[9000.0, 9010.0]),
+        found("time", "levels", residual="z", acts_on="z", moments=[30.0, 31.0, 7000.5]),
         found("b2", "period", period_mm=12.6),
         found("b2", "smooth"),
         found("x", "smooth"),

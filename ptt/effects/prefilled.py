@@ -113,7 +113,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     }
     if on and not proper["on"]:
         moves = on.startswith(("way ", "turn ")) or on in ("step", "pause")
-        whose = "the tool's moves" if moves else "a column of your own"
+        whose = "the tool's moves" if moves else "the feed" if on == "feed" else "a column of your own"
         what = f"no proper 'on': an effect cannot read '{shown(on)}'; what follows {whose} is not corrected"
         raise UnreadableError(what, fix="keep it steady, at the tracker and at work")
     for key in (key for key, right in proper.items() if not right):
