@@ -17,6 +17,7 @@ from ptt.diagnosis.telling.words import doubt_in_words
 from ptt.door.given import require_number
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
+from ptt.door.next_command import Given, given_in
 from ptt.door.opened import Opened, open_checked
 from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
@@ -42,6 +43,7 @@ DOUBT_SHARE = 0.1  # ratio to the held-out error, below which the doubt adds not
 STREAK = 5  # rows left out one after another: of readings of which one in twenty is gross, not once in a thousand runs
 LEAST_CHUNK = 1000  # rows: smaller chunks cost more time than they save memory
 USAGE = "diagnose(model, run)"
+PLACEHOLDERS = Given()
 # Of the table of candidates.
 TO_ADD = "+ marks the effects to add; each of the others explains part of the same error, on the model as given."
 NONE_TO_ADD = "Each of these effects explains part of the error by itself, on the model as given; none is to be added."
@@ -98,7 +100,8 @@ class Diagnosed(Result):
         """What the command prints."""
         if self.result is None:
             return f"verdict: setup\n\n{self.check}"
-        return format_diagnosis(self.result, None if self.opened is None else self.opened.problem)
+        problem = None if self.opened is None else self.opened.problem
+        return format_diagnosis(self.result, problem, given_in(self.opened))
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each candidate: share, p-value, held-out error before and after in um, ties."""
@@ -182,12 +185,13 @@ def diagnose(
     return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
 
 
-def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
+def format_diagnosis(result: Diagnosis, problem: Problem | None = None, given: Given = PLACEHOLDERS) -> str:
     """The diagnosis as text.
 
     Args:
         result: the diagnosis.
         problem: the run, for its frame and the lines of rows that were left out; None without these.
+        given: run and model as they were given, for the next command.
 
     Returns:
         Lines.
@@ -198,7 +202,7 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None) -> str:
     lines += [*_dependences(result), ""] if result.depends_on else []
     if result.measure_next:
         lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
-    lines += [*_next(result), ""] if result.verdict != "nothing-missing" and not result.unexplained else []
+    lines += [*_next(result, given), ""] if result.verdict != "nothing-missing" and not result.unexplained else []
     if result.not_testable:
         lines.append("not testable on this run:")
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
@@ -229,12 +233,12 @@ def _streak(left_out: np.ndarray, problem: Problem) -> str:
     )
 
 
-def _next(result: Diagnosis) -> list[str]:
+def _next(result: Diagnosis, given: Given) -> list[str]:
     """Lines on the next step after the verdict."""
-    lines, names = [], " ".join(_as_word(group[0]) for group in result.suggested)
+    lines, names = [], [group[0] for group in result.suggested]
     if names:
         sizes = result.names_size
-        lines.append(f"next: ptt add RUN.csv {names}{' --sizes' if sizes else ''} --model M.toml --out M2.toml")
+        lines.append(f"next: {given.add(names, sizes=sizes)}")
         if sizes:
             lines.append("--sizes also fits all other sizes of the drawing, which improves commands at other poses")
     if result.verdict == "unknown" and result.depends_on:
@@ -261,11 +265,6 @@ def _next(result: Diagnosis) -> list[str]:
     elif result.verdict == "unknown":
         lines.append("measure again, and note what else changes meanwhile in columns of your own: loads, switches")
     return lines
-
-
-def _as_word(name: str) -> str:
-    """A name as one word of a command line: harmonics have brackets and a blank."""
-    return f'"{name}"' if "[" in name else name
 
 
 def _candidates(result: Diagnosis) -> list[str]:

@@ -39,6 +39,7 @@ class Opened:
         library: effects by name, the user's own included.
         check: findings about the set-up.
         run: as it was read; keeps the temporary files of data frames alive.
+        model_path: file or folder of the model; None where it has none.
     """
 
     compensator: Compensator
@@ -48,6 +49,7 @@ class Opened:
     library: Library
     check: Check
     run: Run = field(repr=False)
+    model_path: Path | None = None
 
     @property
     def model(self) -> Physics:
@@ -139,7 +141,7 @@ def open_checked(model: Model, run: Run, *, anyway: bool = False, note: Note = i
         note(line)
     compensator = replace(model.compensator, model=fitting)
     files = tuple(str(path) for path in run.files)
-    return Opened(compensator, table, problem, files, model.library, setup, run)
+    return Opened(compensator, table, problem, files, model.library, setup, run, model.path)
 
 
 def _seen(file: MachineFile, table: Table, *, anyway: bool, note: Note) -> tuple[Table, Problem]:

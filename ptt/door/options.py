@@ -38,6 +38,15 @@ class ReadOptions:
         return parse_settings(self.set_ or ())
 
     @property
+    def words(self) -> tuple[str, ...]:
+        """These options as words of a command line, `--json` and `--context` left out."""
+        several = {"--also": self.also, "--set": self.set_, "--effects": self.effects}
+        single = {"--targets": self.targets, "--map": self.map_}
+        pairs = [(flag, each) for flag, given in several.items() for each in given or ()]
+        pairs += [(flag, given) for flag, given in single.items() if given is not None]
+        return (*(str(word) for pair in pairs for word in pair), *(["--anyway"] if self.anyway else []))
+
+    @property
     def ordered(self) -> bool:
         """Whether the user stated the order of the rows, which settles time stamps that go back."""
         return "order" in self.values

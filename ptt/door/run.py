@@ -46,6 +46,11 @@ class Rows(InNotebook):
         """Number of rows."""
         return self.table.rows
 
+    @property
+    def of_frames(self) -> bool:
+        """Whether data frames were given, so that files are temporary."""
+        return bool(self._kept)
+
     def __len__(self) -> int:
         return self.table.rows
 
