@@ -30,6 +30,7 @@ from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
 from ptt.run.problem import Problem, build_problem
 from ptt.run.written import write_table
+from ptt.show.plots.recheck import bars_of, values_of
 
 MACHINE = {"kind": "three-ptt", "base_radius_mm": 200, "platform_radius_mm": 100, "link_length_mm": 300,
            "slider_travel_mm": [150, 420], "screw_lead_mm": 5}  # fmt: skip
@@ -144,6 +145,14 @@ def test_what_the_model_does_not_have_is_new_and_diagnosed_and_a_change_beside_i
     found = look(solved, run_of(5, 90, drive={"backlash_mm": (0.03, 0.09, 0.045), "turn_um": (0.0, 0.0, 25.0)}))
     assert found.verdict == "new" and found.to_dict()["suggested"] == [["once-per-rev"]]
     assert [(item.moved.effect, item.moved.joint) for item in found.changed] == [("backlash", 2)]
+    kinds = [value.kind for value in values_of(found)]
+    assert kinds == sorted(kinds, key=("named", "new", "not named").index) and kinds.count("named") == 1
+    (wave,) = found.new.candidates[:1]
+    assert max(abs(v.z) for v in values_of(found) if v.kind == "new") == pytest.approx(
+        max(abs(one.value / one.std) for one in wave.parameters if one.std)
+    )
+    bars = {label.replace("\n", " "): um for label, (um, _) in bars_of(found).items()}
+    assert bars["with new"] == found.new.rms_um["after"]["total"] < bars["with changes"] < bars["old model"]
 
 
 @pytest.mark.parametrize(("left", "objects"), [(4.0, False), (6.0, True)])
@@ -189,6 +198,7 @@ def test_a_knock_of_the_tracker_that_is_taken_off_counts_in_no_error(solved: Sim
     found = look(solved, run_of(2, tracker={"knock_row": 40, "knock_um": (300.0, 0.0, 0.0)}))
     assert found.verdict == "same" and any("setup-jump" in note and "subtracted" in note for note in found.notes)
     assert found.error_um["left"] <= found.error_um["now"] < 1.2 * found.error_um["expected"]
+    assert len(bars_of(found)) == 2 and {value.kind for value in values_of(found)} == {"not named"}
 
 
 def test_a_model_without_a_covariance_takes_each_value_as_uncertain_as_it_says(solved: SimpleNamespace) -> None:
@@ -234,6 +244,17 @@ def test_the_front_door_says_what_the_command_says(solved: SimpleNamespace, tmp_
     found = ptt.recheck(model, ptt.read(run, model))
     assert found.verdict == "same" and found.to_dict()["verdict"] == "same" and str(found).startswith("verdict: same")
     assert len(found.to_frame()) == 6 and len(found.plot().axes) == 2
+
+
+def test_the_next_command_names_the_files_as_they_were_given(solved: SimpleNamespace, tmp_path: Path) -> None:
+    write_table(run_of(5, 60, drive={"turn_um": (0.0, 0.0, 40.0)}).table, tmp_path / "my run.csv")
+    model = ptt.load(solved.folder / "solved.toml")
+    found = ptt.recheck(model, ptt.read(tmp_path / "my run.csv", model, set={"payload_kg": 0}))
+    assert found.result.suggested == (("once-per-rev",),)
+    command = f"ptt add '{tmp_path}/my run.csv' once-per-rev --model {model.path} --set payload_kg=0.0 --out M2.toml"
+    assert str(found).splitlines()[-1] == f"next: {command}"
+    framed = ptt.recheck(model, found.opened.run.to_frame())
+    assert "next: ptt add RUN.csv once-per-rev --model" in str(framed)
 
 
 def test_a_load_beyond_what_the_model_has_seen_is_said(solved: SimpleNamespace) -> None:

@@ -10,6 +10,7 @@ from ptt.again.recheck import recheck as recheck_run
 from ptt.again.result import Recheck
 from ptt.door.handed import RowsLike
 from ptt.door.model import as_model
+from ptt.door.next_command import given_in
 from ptt.door.opened import Opened, open_checked
 from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
@@ -59,7 +60,9 @@ class Rechecked(Result):
         """What the command prints."""
         rows, table = self.result.outlier_rows, self.opened.problem.table
         left = f"\nleft out as gross errors: {named_rows(table, np.array(rows))}" if rows else ""
-        return f"{self.result}{left}"
+        names = [step[0] for step in self.result.suggested]
+        after = f"\nnext: {given_in(self.opened).add(names)}" if names else ""
+        return f"{self.result}{left}{after}"
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each value: before, now, std, z."""
