@@ -13,7 +13,7 @@ import ptt
 from ptt.again.explanation import find_explanation
 from ptt.again.news import look_for_news
 from ptt.again.prior import build_prior
-from ptt.again.recheck import recheck
+from ptt.again.recheck import looks_like_another, recheck
 from ptt.again.result import Recheck
 from ptt.challenge.truth import table_of
 from ptt.commands import main as commands
@@ -137,6 +137,38 @@ def test_a_repair_is_called_one_and_says_what_is_left(solved: SimpleNamespace) -
     assert set(found.made_um["now"]) == {"total", *(term.effect.key for term in found.model.terms)}
     assert all(found.to_dict()["made_um"]["before"])  # no key without a name
     assert "The repair helped" in found.words and "link-length" in found.words.partition("The repair helped")[2]
+
+
+@pytest.fixture(scope="module")
+def homed(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """The model of a first run with a slider that was homed low."""
+    low = run_of(11, 90, drive={"homing_mm": (0.0, 0.0, -0.12)})
+    return solve(low, ("backlash", "link-length", "homing-offset"), tmp_path_factory.mktemp("homed"))
+
+
+def test_a_slider_that_stands_with_the_others_again_is_told_by_its_side_and_by_the_tool(homed: SimpleNamespace) -> None:
+    """Homing counts slider against slider: the value of one goes beyond zero when its error is gone."""
+    found = look(homed, run_of(12, 90))
+    (change,) = (item for item in found.changed if item.moved.effect == "homing-offset")
+    assert change.moved.before < -0.06 and change.moved.now > 0.03 and not found.other_machine
+    assert "Repaired: " not in change.words and "um higher" in change.words and "as after a repair" in change.words
+    assert found.made_um["now"]["homing-offset"] < 0.2 * found.made_um["before"]["homing-offset"]
+
+
+def test_where_most_is_otherwise_at_once_the_text_asks_for_another_machine(homed: SimpleNamespace) -> None:
+    other = {"backlash_mm": (0.0, 0.0, 0.0), "turn_um": (0.0, 0.0, 30.0)}
+    found = look(homed, run_of(13, 90, drive=other))
+    assert found.verdict == "new" and found.to_dict()["other_machine"]
+    assert found.words.startswith("Most of what the model has is otherwise") and "The repair helped" not in found.words
+
+
+@pytest.mark.parametrize(
+    ("changed", "new", "asks"),
+    [({"a", "b"}, 1, True), ({"a", "b"}, 0, False), ({"a"}, 2, False), ({"a", "d"}, 1, False)],
+)
+def test_two_repairs_are_no_other_machine(changed: set[str], new: int, asks: bool) -> None:
+    before = {"a": 20.0, "b": 10.0, "c": 9.0, "d": 1.0, "total": 25.0}
+    assert looks_like_another(before, changed, new, {"total": 5.0}) == asks
 
 
 def test_what_the_model_does_not_have_is_new_and_diagnosed_and_a_change_beside_it_is_named(

@@ -1,7 +1,8 @@
 """Recheck: has a machine changed since its model was fitted, and in what?"""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,13 +13,13 @@ from ptt.again.contexts import context_notes, scatter_notes
 from ptt.again.cures import with_cures
 from ptt.again.explanation import Explanation, displacement_of, find_explanation
 from ptt.again.extrapolation import extrapolation_notes
-from ptt.again.figures import Moved, errors_of, estimate_moves, every_value, tool_error_by_effect
+from ptt.again.figures import TOTAL, Moved, errors_of, estimate_moves, every_value, tool_error_by_effect
 from ptt.again.linear_problem import model_at
 from ptt.again.masked_effects import MASKED_PREFIX, MaskedEffect
 from ptt.again.news import News, look_for_news
 from ptt.again.prior import Prior, build_prior
 from ptt.again.result import ChangedValue, Recheck, Verdict
-from ptt.again.words import Values, explain, say_change, say_whole, values_of
+from ptt.again.words import Values, explain, say_change, say_gone, say_whole, values_of
 from ptt.diagnosis.evidence.noise_level import noise_after
 from ptt.diagnosis.telling.enough import require_enough
 from ptt.diagnosis.telling.steps import name_steps, ties
@@ -31,6 +32,8 @@ from ptt.run.problem import Problem
 
 GONE = 0.2  # share of its former size below which a value, or a whole effect, is called repaired
 CLEAR = 3.0  # standard errors beyond which a difference is clear
+OTHERWISE = 3  # effects changed or new, from which the run may be of another machine: a repair is of one or two
+Made = Mapping[str, Mapping[str, float]]  # 'before' and 'now' -> effect -> tool error, um
 WHOLE = 10_000  # rows, beyond which a sample is used: linearising all hypotheses takes about 0.25 MB a row
 
 
@@ -69,9 +72,9 @@ def recheck(
         "before": tool_error_by_effect(found, prior.values),
         "now": tool_error_by_effect(found, found.prior.start + _stands(found)),
     }
-    cured = {key for key, size in made["now"].items() if size < GONE * made["before"][key]}
-    changed = _changed(found, problem, cured)
+    changed = _changed(found, problem, made)
     noise = noise_after(problem, found.system, found.state).to_dict()
+    steps = () if news.diagnosis is None else news.diagnosis.suggested
     verdict: Verdict = "new" if news.diagnosis is not None else "changed" if changed else "same"
     result = Recheck(
         verdict=verdict,
@@ -80,6 +83,7 @@ def recheck(
         parameters=every_value(found),
         error_um=errors_of(found),
         made_um=made,
+        other_machine=looks_like_another(made["before"], {item.moved.effect for item in changed}, len(steps), noise),
         noise_um=noise,
         since=prior.since,
         rows=len(found.system.rows),
@@ -161,7 +165,7 @@ def _named(found: Explanation) -> tuple[Change, ...]:
     return tuple(c for c in found.changed if c.key in named or c.effect.key in found.prior.cured)
 
 
-def _changed(found: Explanation, problem: Problem, cured: set[str]) -> tuple[ChangedValue, ...]:
+def _changed(found: Explanation, problem: Problem, made: Made) -> tuple[ChangedValue, ...]:
     """Values that have changed, the largest |z| first."""
     changes = _named(found)
     if not changes:
@@ -179,7 +183,7 @@ def _changed(found: Explanation, problem: Problem, cured: set[str]) -> tuple[Cha
         others = [other for other in changes if other.effect.key == key and change.whole and not other.whole]
         alone = {name for other in others for name in other.names}
         pairs = [(moved, place) for (_, place), moved in own if moved.name not in alone]
-        rows += _rows_of(found, change, values, pairs, problem, key in cured) if pairs else []
+        rows += _rows_of(found, change, values, pairs, problem, made) if pairs else []
     return tuple(sorted(rows, key=lambda row: -abs(row.moved.z)))
 
 
@@ -209,27 +213,48 @@ def _clear_then(found: Explanation, change: Change) -> tuple[str, ...]:
 
 
 def _rows_of(
-    found: Explanation, change: Change, values: Values, pairs: Sequence[tuple[Moved, int]], problem: Problem, gone: bool
+    found: Explanation, change: Change, values: Values, pairs: Sequence[tuple[Moved, int]], problem: Problem, made: Made
 ) -> list[ChangedValue]:
     """Values of one change that differ clearly, each with its words; those of a whole effect share one sentence."""
     since, alike, known = found.prior.since, _alike(found, change), _clear_then(found, change)
+    was, now = (made[when][change.effect.key] for when in ("before", "now"))
+    gone = now < GONE * was
     clear = [pair for pair in pairs if abs(pair[0].z) > CLEAR and pair[0].before != pair[0].now]
     # A cured effect's value that was never clearly there has not changed; one that has grown has, by itself.
     came = [pair for pair in clear if not change.whole and abs(pair[0].now) > abs(pair[0].before)]
     sure = [pair for pair in clear if pair[0].name in known or pair in came]
     clear = sure or clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
-        back = [gone or is_repaired(abs(value.before), abs(value.now), value.std) for value, _ in clear]
-        words = say_whole(values, [value for value, _ in pairs], problem.view, since, repaired=all(back))
-        return [ChangedValue(value, cured, alike, words) for (value, _), cured in zip(clear, back, strict=True)]
+        cures = [gone or is_repaired(abs(value.before), abs(value.now), value.std) for value, _ in clear]
+        words = say_whole(values, [value for value, _ in pairs], problem.view, since, repaired=all(cures))
+        return [ChangedValue(value, cured, alike, words) for (value, _), cured in zip(clear, cures, strict=True)]
     rows = []
     for value, place in clear:
         told = values.told(place, problem.view)
         sizes = (told[0].size, told[1].size, told[1].error) if told else (abs(value.before), abs(value.now), value.std)
-        cured = gone or is_repaired(*sizes)
-        words = say_change(change.effect, told, value, problem.view, since, cured)
-        rows.append(ChangedValue(value, cured, alike, words))
+        back = is_repaired(*sizes)
+        # Values of an effect may count against each other: the error may be gone though one is far on the other side.
+        beyond = gone and not back and value.before * value.now < 0.0 and abs(value.now) > CLEAR * value.std
+        words = say_change(change.effect, told, value, problem.view, since, repaired=(gone or back) and not beyond)
+        words = say_gone(words, change.effect, was, now) if beyond else words
+        rows.append(ChangedValue(value, gone or back, alike, words))
     return rows
+
+
+def looks_like_another(before: Mapping[str, float], changed: Set[str], new: int, noise: Mapping[str, Any]) -> bool:
+    """Whether so much is otherwise at once that the run may be of another machine.
+
+    Args:
+        before: tool error that each effect of the model would cause in this run, um.
+        changed: effects of which values have changed.
+        new: number of effects that the model does not have.
+        noise: of this run, um.
+
+    Returns:
+        Whether most effects that would show have changed, two at least, and three things or more are otherwise.
+    """
+    shown = {key for key, size in before.items() if key != TOTAL and size > noise["total"]}
+    return len(changed) > 1 and 2 * len(changed & shown) > len(shown) and len(changed) + new >= OTHERWISE
 
 
 def is_repaired(was: float, now: float, std: float) -> bool:

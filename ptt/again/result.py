@@ -46,6 +46,7 @@ class Recheck(InNotebook, Record):
             with the changes.
         made_um: tool error that each effect causes in this run, rms: 'before' with the model's values, 'now' with those
             of this run.
+        other_machine: whether so much is otherwise at once that the run may be of another machine.
         noise_um: the noise floor of this run.
         since: date of the model, ISO 8601; None where it does not say.
         rows: readings that counted.
@@ -56,8 +57,8 @@ class Recheck(InNotebook, Record):
     """
 
     keys: ClassVar[str] = (
-        "verdict, changed, suggested, new, parameters, error_um, made_um, noise_um, since, rows, outlier_rows, "
-        "notes, words"
+        "verdict, changed, suggested, new, parameters, error_um, made_um, other_machine, noise_um, since, rows, "
+        "outlier_rows, notes, words"
     )
 
     verdict: Verdict
@@ -66,6 +67,7 @@ class Recheck(InNotebook, Record):
     parameters: tuple[Moved, ...]
     error_um: dict[str, float]
     made_um: dict[str, dict[str, float]]
+    other_machine: bool
     noise_um: dict[str, Any]
     since: str | None
     rows: int

@@ -15,6 +15,10 @@ from ptt.model.model import Term
 from ptt.run.view import View
 
 BY_CHANCE = 2.0  # standard errors of a difference, within which a value of the other sign counts as zero
+OTHER_MACHINE = (
+    "Most of what the model has is otherwise in this run, all at once: is it a run of another machine, or was this one "
+    "rebuilt? Then the model does not hold for it, and a diagnosis from the drawing tells more."
+)
 WORST = 3  # effects that are listed after a repair, largest tool error first
 
 
@@ -147,6 +151,21 @@ def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | N
     return f"Repaired: {body}." if repaired else f"{capital(body)}."
 
 
+def say_gone(words: str, effect: Effect, was: float, now: float) -> str:
+    """Sentence on a value that has changed sides, while its effect's tool error is gone.
+
+    Args:
+        words: on the change.
+        effect: whose value it is.
+        was: tool error that it would cause in this run with the model's values, um.
+        now: with those of this run, um.
+    """
+    return (
+        f"{words.removesuffix('.')}; with that the tool error by {effect.called or effect.key} falls from {was:.1f} to "
+        f"{now:.1f} um, as after a repair: its values count against each other."
+    )
+
+
 def _noun(effect: Effect, view: View) -> str:
     return effect.arm_noun if family(view) == "serial" else effect.noun
 
@@ -187,7 +206,7 @@ def explain(result: Any) -> str:
             f"Nothing that this run could show has changed since the model was made{made}: the error is {expected}; "
             f"{floor}."
         )
-    lines, told = [], set[str]()
+    lines, told = [OTHER_MACHINE] if result.other_machine else [], set[str]()
     for item in result.changed:
         if item.words in told:
             continue
@@ -195,7 +214,7 @@ def explain(result: Any) -> str:
         tie = tie_words(item.indistinguishable_from, f"{item.moved.effect} {item.moved.name}")
         sure = f"{abs(item.moved.z):.1f} standard errors of the difference"
         lines.append(f"{tie + ' ' if tie else ''}{item.words.removesuffix('.')} ({sure}).")
-    lines += _after_repair(result)
+    lines += [] if result.other_machine else _after_repair(result)
     if result.new is not None:
         lines.append(f"Something is new that {model_of(result.since)} does not have.")
         lines.append(result.new.words)

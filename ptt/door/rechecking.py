@@ -61,7 +61,7 @@ class Rechecked(Result):
         rows, table = self.result.outlier_rows, self.opened.problem.table
         left = f"\nleft out as gross errors: {named_rows(table, np.array(rows))}" if rows else ""
         names = [step[0] for step in self.result.suggested]
-        after = f"\nnext: {given_in(self.opened).add(names)}" if names else ""
+        after = f"\nnext: {given_in(self.opened).add(names)}" if names and not self.result.other_machine else ""
         return f"{self.result}{left}{after}"
 
     def to_frame(self) -> "pd.DataFrame":
