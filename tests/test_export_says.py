@@ -9,9 +9,9 @@ from test_export_c import network_over
 from test_export_firmware import ALL, FILE, GAPS, export, missed, sliders, targets
 from told_models import compensator
 
-from ptt.correct.exports.firmware import NOTHING_TO_GAIN, what_to_do
-from ptt.correct.exports.format import ErrorLeft, Options, said_held
-from ptt.correct.exports.held import said_left
+from ptt.correct.exports.firmware import what_to_do
+from ptt.correct.exports.format import NOTHING_TO_GAIN, USELESS, ErrorLeft, Options, said_held
+from ptt.correct.exports.held import said_left, untold_note
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import Compensator
 from ptt.model.model import Model
@@ -49,6 +49,24 @@ def test_a_file_says_what_it_holds_and_what_to_do_with_it(name: str, word: str, 
     assert scale.endswith("instead of loading this file")
     assert any(word in note and "everything else" in note for note in result.notes)
     assert any(note.startswith("or, instead of this file, ") and "ptt program" in note for note in result.notes)
+
+
+def test_a_table_of_play_alone_is_not_to_be_used_and_c_that_holds_it_is(tmp_path: Path) -> None:
+    model = compensator(FILE, backlash={"gap_mm": GAPS})
+    assert any(note.startswith(USELESS) for note in export("table", model, tmp_path / "out").notes)
+    assert not any(USELESS in note or NOTHING_TO_GAIN in note for note in export("c", model, tmp_path / "c").notes)
+    warm = compensator(
+        FILE, frame_growth={"radius_per_k": 2e-5, "link_per_k": 0.0}
+    )  # held, but judged where it is zero
+    assert NOTHING_TO_GAIN not in export("c", warm, tmp_path / "warm").notes
+
+
+def test_effects_that_are_judged_without_what_they_depend_on_are_named(tmp_path: Path) -> None:
+    model = compensator(FILE, frame_growth={"radius_per_k": 2e-5, "link_per_k": 0.0}, backlash={"gap_mm": GAPS}).model
+    (note,) = untold_note(model, None)
+    assert note.startswith("frame-growth depends on temperature") and "at the reference temperature" in note
+    assert "--run RUN.csv" in note and "backlash" not in note
+    assert untold_note(model, make_table(np.zeros((1, 3)), temp_c=np.array([25.0]))) == ()
 
 
 @pytest.mark.parametrize("name", [*DELTAS, "siemens"])

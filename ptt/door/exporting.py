@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ptt.correct.exports.format import ErrorLeft, Format, Options, Written, said_held
+from ptt.correct.exports.held import untold_note
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import load_compensator
 from ptt.door.given import require_number
@@ -143,6 +144,7 @@ def export_as(
     write = writer(chosen, model.file.machine.kind)
     _refuse_own(out, path)
     result = write(model.compensator, out, Options(path, step, table, progress=progress))
+    result = replace(result, notes=(*result.notes, *untold_note(model.physics, table)))
     if model.file.tracker.frame in ("fitted", "fitted-per-run") and model.physics.terms:
         result = replace(result, notes=(*result.notes, FREE))
     return Exported(result, chosen.name, called or str(path))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.correct.exports.delta import Delta, fit_delta, require_anticlockwise
-from ptt.correct.exports.format import ErrorLeft, Options, Written, said_held
+from ptt.correct.exports.format import LEAST_UM, NOTHING_TO_GAIN, USELESS, ErrorLeft, Options, Written, said_held
 from ptt.correct.exports.head import head_lines
 from ptt.correct.exports.held import cannot_hold, network_note
 from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, left_of_drawing, sample_workspace
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 SHAPE = "all towers stand upright at one radius, and their sliders have no tables"
 WORSE = 1.0  # um: a format that is worse than the drawing by less is not refused
-GAIN, LEAST_UM = 1.2, 1.0  # ratio to the error of the whole model, and excess in um, from which that is recommended
-NOTHING_TO_GAIN = "this file is no better than the drawing; there is nothing to gain by loading it"
 MEASURE = "then home, measure again and see `ptt evaluate BEFORE.csv AFTER.csv`"
 
 Printed = Callable[[Delta, WorkspaceSample], tuple[list[str], Delta]]
@@ -107,7 +105,6 @@ def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False, shape: float = 
     Returns:
         One line each; at least one, and a second is an alternative to the first.
     """
-    better = left.format >= max(GAIN * left.model, left.model + LEAST_UM)
     programs = "" if arm else "correct each program with `ptt program`, or "
     whole = f"send what `ptt predict` or --to c works out: the whole model leaves {left.model:.1f} um"
     model = f"keep the drawing's figures in the controller and {programs}{whole}"
@@ -118,8 +115,8 @@ def what_to_do(load: str, left: ErrorLeft, *, arm: bool = False, shape: float = 
         )
         model = f"{whole} (`ptt program` needs a controller that computes the drawing, which this one cannot)"
     if left.corrects:
-        return (load, f"or, instead of this file, {model}") if better else (load,)
-    return (f"this file corrects almost nothing, so do not use it; {model}",) if better else (NOTHING_TO_GAIN,)
+        return (load, f"or, instead of this file, {model}") if left.gains else (load,)
+    return (f"{USELESS}; {model}",) if left.gains else (NOTHING_TO_GAIN,)
 
 
 def judged(left: ErrorLeft, holds: tuple[str, ...], cannot: list[str]) -> list[str]:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 THREE_PTT, SERIAL = "three-ptt", "serial"
+GAIN, LEAST_UM = 1.2, 1.0  # ratio to the error of the whole model, and excess in um, from which that is recommended
+NOTHING_TO_GAIN = "this file is no better than the drawing; there is nothing to gain by loading it"
+USELESS = "this file corrects almost nothing, so do not use it"
 MORE = 0.95  # share of the drawing's error from which a file counts as correcting nothing
 
 
@@ -54,6 +57,11 @@ class ErrorLeft:
     def corrects(self) -> bool:
         """Whether the export corrects a noticeable part of the drawing's error."""
         return self.format < MORE * self.drawing
+
+    @property
+    def gains(self) -> bool:
+        """Whether the whole model would do noticeably better than the export."""
+        return self.format >= max(GAIN * self.model, self.model + LEAST_UM)
 
 
 def said_held(holds: Sequence[str], cannot: Sequence[str], left: ErrorLeft, *, network: bool = False) -> str:

@@ -4,10 +4,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ptt.correct.exports.format import NOTHING_TO_GAIN, USELESS, ErrorLeft
 from ptt.correct.exports.left import WorkspaceSample
 from ptt.correct.terms import split_terms
 from ptt.effects import Effect
+from ptt.effects.phrases import listed
 from ptt.model.chain import predict
+from ptt.model.model import Model
+from ptt.run.table import Table
 from ptt.run.viewing import build_view
 
 HELD = 0.05  # residual share of an effect's error up to which it counts as held
@@ -18,6 +22,12 @@ SHOWN_UM = 0.05  # less is printed as 0.0
 ALMOST_ALL = 0.95  # share of an effect's error that counts as all of it
 APART = "its table entries are too far apart for it, or it does not depend on one axis position alone"
 TOLD = {"payload": "payload_kg", "temperature": "temp_c", "speed": "feed_mm_s"}  # context -> the run's column of it
+JUDGED_AT = {  # context -> where errors are judged that no run states it for
+    "payload": "without a payload",
+    "temperature": "at the reference temperature",
+    "speed": "at rest",
+    "time": "at the start",
+}
 CONTEXTS = {
     "payload": "the format has no payload",
     "temperature": "the format has no temperature",
@@ -116,7 +126,55 @@ def network_note(sample: WorkspaceSample) -> tuple[str, ...]:
 
 def _untold(effect: Effect, sample: WorkspaceSample) -> bool:
     """Whether an effect needs a context that a run would state and the sample does not."""
-    return any(getattr(sample.table, TOLD[context]) is None for context in effect.requires if context in TOLD)
+    return any(context in TOLD for context in untold_contexts(effect, sample.table))
+
+
+def untold_contexts(effect: Effect, table: Table | None) -> tuple[str, ...]:
+    """Contexts that an effect needs and nothing states; time never is.
+
+    Args:
+        effect: of the model.
+        table: rows at which errors are judged; None for none.
+    """
+    told = {context for context, column in TOLD.items() if table is not None and getattr(table, column) is not None}
+    return tuple(context for context in effect.requires if context in JUDGED_AT and context not in told)
+
+
+def untold_note(model: Model, table: Table | None) -> tuple[str, ...]:
+    """Note on effects whose error is judged where it may be next to nothing, for lack of what they depend on.
+
+    Args:
+        model: what is exported.
+        table: rows at which errors are judged; None for none.
+    """
+    steady, reversing, _ = split_terms(model)
+    needs = {effect.key: untold_contexts(effect, table) for effect, _ in (*steady, *reversing)}
+    keys = [key for key, contexts in needs.items() if contexts]
+    if not keys:
+        return ()
+    contexts = [context for context in JUDGED_AT if any(context in needs[key] for key in keys)]
+    run = "; --run RUN.csv judges at those of a run" if set(contexts) & set(TOLD) else ""
+    return (
+        f"{listed(keys)} {'depend' if len(keys) > 1 else 'depends'} on {listed(contexts)}, which nothing states here: "
+        f"the figures are {listed([JUDGED_AT[context] for context in contexts])}, and the machine may miss by far more "
+        f"elsewhere{run}",
+    )
+
+
+def useless_note(sample: WorkspaceSample, left: ErrorLeft, holds: Sequence[str]) -> tuple[str, ...]:
+    """Note of a format without advice of its own, where the file corrects nothing.
+
+    Args:
+        sample: places and model.
+        left: remaining error of the file.
+        holds: keys of the effects that it holds; none is said where one of them was judged without what it depends on.
+    """
+    model = sample.compensator.model
+    acting = {term.effect.key for term in model.terms if untold_contexts(term.effect, sample.table)}
+    empty = not model.terms and sample.compensator.network is None
+    if left.corrects or not np.isfinite(left.format) or empty or acting & set(holds):
+        return ()
+    return (f"{USELESS}; send what `ptt predict` works out" if left.gains else NOTHING_TO_GAIN,)
 
 
 def _reason(

@@ -13,6 +13,7 @@ from ptt.correct.exports.graph_arm import CONTEXT, inverse_nodes
 from ptt.correct.exports.graph_effects import EFFECTS
 from ptt.correct.exports.graph_legs import GraphLegs, Vector, intersect_spheres, split_columns
 from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.held import useless_note
 from ptt.correct.exports.left import error_left, holdings, sample_workspace, solve, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
@@ -64,7 +65,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     written = write_all({out: model.SerializeToString()})
     q = solve(without(sample.compensator, cannot), sample.table, sample.nominal).q
     holds, left_out = holdings(sample, cannot)
-    return Written(written, holds, left_out, error_left(sample, q), network=compensator.network is not None)
+    left, network = error_left(sample, q), compensator.network is not None
+    return Written(written, holds, left_out, left, useless_note(sample, left, holds), network)
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:

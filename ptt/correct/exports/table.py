@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.held import HELD, rms_um, said_left, share_without_payload
+from ptt.correct.exports.held import HELD, rms_um, said_left, share_without_payload, useless_note
 from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, sample_workspace, solve, without
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
@@ -78,7 +78,8 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     loaded = {key: WHY["payload"] for key, share in share_without_payload(sample).items() if share < 1.0 - HELD}
     holds, lost = holdings(sample, fine | loaded | cannot)
     network = compensator.network is not None
-    return Written(written, holds, lost, error_left(sample, q), tuple(head[-3:]), network)
+    left = error_left(sample, q)
+    return Written(written, holds, lost, left, (*head[-3:], *useless_note(sample, left, holds)), network)
 
 
 def _cannot(compensator: "Compensator") -> dict[str, str]:

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from ptt.correct.exports.firmware import judged
 from ptt.correct.exports.format import Options, Written
 from ptt.correct.exports.head import head_lines
-from ptt.correct.exports.held import cannot_hold, network_note
+from ptt.correct.exports.held import cannot_hold, network_note, useless_note
 from ptt.correct.exports.left import WorkspaceSample, error_left, holdings, sample_workspace
 from ptt.correct.exports.whole import write_all
 from ptt.correct.terms import split_terms
@@ -53,7 +53,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     holds, cannot = holdings(sample, cannot_hold(sample, tangent, SHAPE))
     told = [*head_lines(compensator, options), *judged(left, holds, [item.effect for item in cannot])]
     written = write_all({out: _text(arm, origins(arm, geometry), [*told, UNKNOWN])})
-    return Written(written, holds, cannot, left, network_note(sample))
+    return Written(written, holds, cannot, left, (*useless_note(sample, left, holds), *network_note(sample)))
 
 
 def fit_links(sample: WorkspaceSample, arm: Serial) -> tuple[Array, Array]:

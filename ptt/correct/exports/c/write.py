@@ -12,6 +12,7 @@ from ptt.correct.exports.c.numbers import number, table
 from ptt.correct.exports.c.source import comment_of, source_of
 from ptt.correct.exports.format import Options, Written, said_held
 from ptt.correct.exports.head import head_lines
+from ptt.correct.exports.held import useless_note
 from ptt.correct.exports.left import (
     WorkspaceSample,
     error_left,
@@ -69,7 +70,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
             out / "ptt_selftest.c": _selftest(compensator.model.file, held, sample, comment_of(head)),
         }
     )
-    return Written(written, holds, left_out, left, _notes(compensator), network)
+    return Written(written, holds, left_out, left, (*_notes(compensator), *useless_note(sample, left, holds)), network)
 
 
 def _selftest(file: MachineFile, held: "Compensator", sample: WorkspaceSample, head: str) -> str:
