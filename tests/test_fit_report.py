@@ -10,6 +10,7 @@ from small_files import BARE
 from test_fit import fitted
 
 from ptt.errors import MachineError, ModelError, TableError
+from ptt.fitting.observability import Combination
 from ptt.fitting.report import Value, format_fit, report_fit
 from ptt.fitting.solve import fit
 from ptt.machine import format_machine, parse_machine
@@ -52,6 +53,27 @@ def test_a_long_curve_is_one_line_of_a_report_and_a_short_list_is_none() -> None
         "curve_mm 2.1 to 15 0.01 to 0.15, 15 values of a curve: 15 measured in combinations",
     ]
     assert [line.split()[1] for line in text.splitlines() if line.startswith("    scale ")] == ["1", "2", "3"]
+
+
+def test_a_share_beyond_a_thousand_percent_is_left_out() -> None:
+    problem, _ = hidden_backlash()
+    report = report_fit(fitted(["backlash"], problem), problem)
+    values = tuple(
+        Value("lead-scale", f"scale {n}", value, 2e-4, "yes") for n, value in ((1, 1e-4), (2, 2e-9), (3, 0.0))
+    )
+    lines = [line for line in format_fit(replace(report, values=values)).splitlines() if line.startswith("    scale ")]
+    assert [line.endswith("%)") for line in lines] == [True, False, False] and "(200.0%)" in lines[0]
+
+
+def test_many_combinations_without_a_trace_are_one_line() -> None:
+    problem, _ = hidden_backlash()
+    report = report_fit(fitted(["backlash"], problem), problem)
+    blind = tuple(Combination("screw-error-map", f"waves_mm 1.{n}", (), {}) for n in range(1, 6))
+    tied = Combination("screw-error-map", "straight_mm 1.1", ("lead-scale scale 1",), {})
+    text = format_fit(replace(report, unobservable=(*blind, tied, Combination("link-length", "length_mm 1", (), {}))))
+    lines = text.partition("[[what this run cannot tell]]\n")[2].splitlines()
+    assert len(lines) == 3 and lines[0].strip().startswith("screw-error-map: 5 values and combinations leave no trace")
+    assert "first waves_mm 1.1;" in lines[0] and "cannot be told from" in lines[1] and "length_mm 1 leaves" in lines[2]
 
 
 def test_report_in_words_and_figures() -> None:

@@ -22,6 +22,8 @@ from ptt.run.problem import Problem
 # share of a value's standard error below which its difference from the joints' mean counts as measured
 KNOWN_APART = 0.5
 UNMEASURED = 0.98  # share in unseen directions from which nothing of a parameter is measured
+MOST_SHARE = 10.0  # ratio of standard error to value beyond which a percentage says nothing
+FEW_TRACELESS = 3  # combinations of one effect without a trace that are listed; more are counted
 SHOWN_LINES = 12  # outliers and correlations that are listed
 MOST_LISTED = 8  # values of one curve that are listed: the picture of a longer one says more than its values
 MEASURED_WORDS = {
@@ -274,7 +276,8 @@ def _words(value: Value) -> str:
         return f"{text} against the mean of all joints, which is not measured (+- {value.std:.2g})"
     if value.measured == "no":
         return "not measured: held by its usual size"
-    share = f" ({abs(value.std / value.value):.1%})" if value.value else ""
+    seen = abs(value.std) <= MOST_SHARE * abs(value.value) and value.value != 0.0
+    share = f" ({abs(value.std / value.value):.1%})" if seen else ""
     text = f"{value.value:.6g} +- {value.std:.2g}{share}"
     return f"{text}  in part: only combinations are measured" if value.measured == "in part" else text
 
@@ -301,4 +304,16 @@ def _pairs(report: FitReport) -> list[str]:
 def _combinations(report: FitReport) -> list[str]:
     if not report.unobservable:
         return []
-    return ["[[what this run cannot tell]]", *(f"    {item.text}" for item in report.unobservable)]
+    traceless = Counter(item.effect for item in report.unobservable if not item.partners)
+    lines, counted = ["[[what this run cannot tell]]"], set[str]()
+    for item in report.unobservable:
+        count = traceless[item.effect]
+        if item.partners or count <= FEW_TRACELESS:
+            lines.append(f"    {item.text}")
+        elif item.effect not in counted:
+            counted.add(item.effect)
+            lines.append(
+                f"    {item.effect}: {count} values and combinations leave no trace in this run, first {item.what}; "
+                "to_dict() and --json have each"
+            )
+    return lines
