@@ -13,7 +13,7 @@ import torch
 
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.telling.words import sentence, sentences
-from ptt.effects import library
+from ptt.effects import Curve, library
 from ptt.effects.phrases import compose
 from ptt.fitting.gauge import GaugedTerm, sparsest
 from ptt.fitting.solve import fit
@@ -309,3 +309,34 @@ def test_values_that_are_chance_are_said_to_be_no_more():
     theta = torch.tensor([1e-6, -2e-6] + [0.0] * (arm.joints - 2), dtype=torch.float64)
     words = compose(KNOWN["lead-scale"]().say(theta, torch.full_like(theta, 3e-6), arm), "joint")
     assert "urad/rad not far enough" in words and "none of these alone is beyond chance" in words
+
+
+class Drift(Curve):
+    """What of slider 2 follows its height: an effect whose values have no words."""
+
+    name = "height-drift"
+    mechanisms = ("three-ptt",)
+    on, shape = "b2", "smooth"
+    between = (200.0, 350.0)
+
+
+def test_sizes_of_which_no_value_is_sure_are_named_in_one_line(tmp_path):
+    """But what was asked for by name has its own sentence, and so has a size with a value beyond its error."""
+    problem = hide(tmp_path, fault("drive", "homing_mm", 2, 0.25))
+    terms = fit(
+        Model(problem.file) + KNOWN["homing-offset"]() + KNOWN["tower-tilt"]() + KNOWN["link-length"](),
+        problem,
+        noise=NOISE,
+    ).model.terms
+    sizes = {term.effect.key for term in terms}
+    homing, last = sentences(terms, problem, NOISE, 20.0, brief=sizes)
+    assert homing.startswith("Slider 2 stands")
+    assert last == "Fitted as well, with no single value beyond its error: link-length and tower-tilt."
+    assert len(sentences(terms, problem, NOISE, 20.0, brief=sizes - {"link-length"})) == 3
+
+
+def test_an_effect_without_words_is_told_by_its_size_at_the_tool(tmp_path):
+    problem = hide(tmp_path, fault("drive", "scale_um_per_m", 2, 400.0))
+    terms = fit(Model(problem.file) + Drift(), problem, noise=NOISE).model.terms
+    (words,) = sentences(terms, problem, NOISE)
+    assert sized(words, rf"Height-drift moves the tool by {N} um rms in this run") > 1.0

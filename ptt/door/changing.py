@@ -52,6 +52,7 @@ class Changed(Result):
         verb: 'add', 'remove' or 'fit'.
         library: effects by name, those that were added included.
         notes: what was found on the way, a line each.
+        asked: keys of the effects that were named.
     """
 
     ladder: Ladder
@@ -59,6 +60,7 @@ class Changed(Result):
     verb: Verb
     library: Library
     notes: tuple[str, ...] = ()
+    asked: tuple[str, ...] = ()
 
     @cached_property
     def model(self) -> Model:
@@ -90,6 +92,7 @@ class Changed(Result):
             last.scatter**0.5,
             last.unnamed_covariance,
             cured=not more,
+            brief={term.effect.key for term in last.model.terms if term.effect.of_drawing} - {*self.asked},
         )
         if told and more:
             told.append(STAND_IN)
@@ -152,11 +155,11 @@ def add(
     machine, tell = as_model(model, usage), NoteCollector(note)
     opened = open_checked(machine, as_run(run, machine, usage), anyway=anyway, note=tell)
     new = [machine.make(effect) for effect in _named(effects, usage)]
-    machine = machine.knowing(new)
+    machine, asked = machine.knowing(new), tuple(effect.key for effect in new)
     if sizes:
         new += unnamed_sizes([*opened.model.keys, *(effect.key for effect in new)], opened.problem)
     ladder = climb(opened.model, opened.noisy(progress), new, progress=progress)
-    return _finish(ladder, opened, "add", machine, tell.lines)
+    return _finish(ladder, opened, "add", machine, tell.lines, asked)
 
 
 def remove(
@@ -226,7 +229,9 @@ def _named(effects: tuple[EffectLike, ...], usage: str) -> tuple[EffectLike, ...
     return effects
 
 
-def _finish(ladder: Ladder, opened: Opened, verb: Verb, machine: Model, said: list[str]) -> Changed:
+def _finish(
+    ladder: Ladder, opened: Opened, verb: Verb, machine: Model, said: list[str], asked: tuple[str, ...] = ()
+) -> Changed:
     if opened.compensator.network is not None:
         ladder = replace(ladder, notes=(*ladder.notes, STALE))
-    return Changed(ladder, opened, verb, machine.library, tuple(said))
+    return Changed(ladder, opened, verb, machine.library, tuple(said), asked)

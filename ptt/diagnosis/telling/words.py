@@ -1,6 +1,6 @@
 """Steps of a diagnosis in words for a machinist: what is off, in which direction, and what is tied with it."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import replace
 
 import torch
@@ -55,7 +55,7 @@ def _gauge(told: GaugedTerm, noun: str) -> str:
 
 def sentences(
     terms: Sequence[Term], problem: Problem, noise: Noise, widen: float = 1.0, extra: ExtraCovariance | None = None,
-    *, cured: bool = True,
+    *, cured: bool = True, brief: Set[str] = frozenset(),
 ) -> list[str]:  # fmt: skip
     """One sentence for every fitted effect of a model, all in the gauge with the fewest values off.
 
@@ -66,17 +66,34 @@ def sentences(
         widen: ratio of what the fit leaves to the noise, where that exceeds one.
         extra: further covariance of values by name, as of `ptt.fitting.gauge.sparsest`.
         cured: whether to say what to set right on the machine.
+        brief: keys of effects that are only named where none of their values is beyond its error.
 
     Returns:
-        One for each term.
+        One for each term, and one for those that are only named.
     """
     known = [term for term in terms if len(term.theta)]
-    words = []
+    words, within = [], []
     for term, free in zip(known, sparsest(known, problem, noise, widen, extra=extra), strict=True):
         told = _held(free, term)
+        parts, _ = _said(told, problem.view)
+        if term.effect.key in brief and parts and not any(part.sure for part in parts):
+            within.append(term.effect.key)
+            continue
+        if not parts:
+            words.append(f"{capital(_by_size(told.term, problem))}.")
+            continue
         set_right = remedy(told, problem.view) if cured else ""
         words.append(f"{capital(sentence(told, problem.view))}.{f' {SET_RIGHT}: {set_right}.' if set_right else ''}")
+    if within:
+        words.append(f"Fitted as well, with no single value beyond its error: {listed(within)}.")
     return words
+
+
+def _by_size(term: Term, problem: Problem) -> str:
+    """A sentence on an effect whose values have no words, as one of a user's own."""
+    what = "the readings" if term.effect.stage == "metrology" else "the tool"
+    makes = at_tool_um(term, problem)
+    return f"{term.effect.key} moves {what} by {makes:.{0 if makes >= 10.0 else 1}f} um rms in this run"
 
 
 def _held(told: GaugedTerm, term: Term) -> GaugedTerm:
