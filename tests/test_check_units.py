@@ -11,6 +11,7 @@ from setup_mistakes_runs import draw_run
 from ptt.machine import MachineFile
 from ptt.run.table import Table, make_table, take_rows
 from ptt.setup import check_setup
+from ptt.setup.candidates import slider_formulas
 
 
 def test_sixty_readings_of_one_pose_are_no_unit_mistake(sound: tuple[MachineFile, Table]) -> None:
@@ -134,3 +135,12 @@ def test_std_columns_of_zeros_are_said_to_say_nothing(sound: tuple[MachineFile, 
     found = check_setup(file, table.replace(std=np.zeros((table.rows, 3))))
     (said,) = found.findings
     assert said.mistake == "noise-implausible" and "treated as not stated" in said.words and found.ok
+
+
+def test_interchanged_sliders_are_swapped_and_others_are_written_by_the_old_values():
+    """'b1 = b2, b2 = b1' one after the other would make both alike."""
+    heights = np.random.default_rng(0).normal(size=(9, 3))
+    assert slider_formulas(heights, heights[:, [1, 0, 2]]) == "swap b1_cmd and b2_cmd"
+    turned = slider_formulas(heights, heights[:, [1, 2, 0]])
+    assert turned == "write all at once, by the old values, b1_cmd = b2_cmd, b2_cmd = b3_cmd, b3_cmd = b1_cmd"
+    assert slider_formulas(heights, heights) == ""

@@ -89,7 +89,7 @@ HANDS: dict[str, Hand] = {
     r"rename the columns? \(?([\w, .]*?)\)?": rename,
     r"negate ([\w ]+)": negate,
     r"swap (\w+) and (\w+)": swap,
-    r"write (b\d_cmd = .*)": compute,
+    r"write (?:all at once, by the old values, )?(b\d_cmd = .*)": compute,
     r"write (.*)": draw,
     r"move (the readings from row (\d+) on|all readings) (up|down) by (\d), and leave the row .* empty": move,
     r"subtract \((.*)\) mm from x_meas, y_meas, z_meas of rows (\d+) to (\d+), or empty those cells": take_off,

@@ -90,7 +90,7 @@ def test_a_later_run_stands_beside_the_first(folder: Path, told: tuple[dict, str
     assert pair["after"]["rms_um"]["total"] < pair["before"]["rms_um"]["total"]  # of a gap that was halved and more
     page = Page(told[1])
     assert "The run beside a later one" in page.text and "Before: run.csv; after: after.csv" in page.text
-    assert f"{pair['nearer_share']:.0%} of {pair['shared_poses']} poses" in page.text
+    assert f"{pair['nearer_share']:.0%} of {pair['shared_poses']} readings at poses" in page.text
     assert any("--after after.csv" in line for line in told[0]["commands"])
 
 

@@ -45,7 +45,7 @@ class BeforeAfter:
         before: the first run.
         after: the second.
         frame: how the tracker's frame was taken out of both.
-        shared: error lengths of poses measured in both, (s, 2) mm.
+        shared: error lengths of readings at poses that both runs measured, pair by pair, (s, 2) mm.
         names: of those poses, with file and row, (s,).
         unmatched: number of rows of each run without a counterpart.
     """
@@ -153,10 +153,9 @@ def format_pair(pair: BeforeAfter) -> str:
     rows.append(f"{'less by':<24}" + "".join(f"{value:>9}" for value in told))
     rows += [f"{zone['where']:<24}{zone['before_um']:>9.1f} -> {zone['after_um']:.1f}" for zone in data["where"]]
     if data["shared_poses"]:
-        share = (
-            f"{data['nearer_share']:.0%} of {data['shared_poses']} poses measured in both are nearer to their targets"
-        )
-        rows.append(f"{share}; rows without a counterpart: {pair.unmatched[0]} before, {pair.unmatched[1]} after")
+        share = f"{data['nearer_share']:.0%} of {data['shared_poses']} readings at poses measured in both"
+        left = f"rows without a counterpart: {pair.unmatched[0]} before, {pair.unmatched[1]} after"
+        rows.append(f"{share} are nearer to their targets; {left}")
     else:
         rows.append("no pose was measured in both: totals and parts of the workspace are compared")
     rows += [f"worse: {one['row']}, {one['before_um']:.1f} -> {one['after_um']:.1f} um" for one in data["worse"]]

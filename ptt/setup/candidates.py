@@ -203,7 +203,7 @@ def _reordered(order: tuple[int, ...], signs: np.ndarray) -> Undo:
 
 
 def slider_formulas(before: np.ndarray | None, after: np.ndarray | None) -> str:
-    """The change of the slider columns as formulas that a person can type: 'write b1_cmd = 542.3 - b1_cmd'.
+    """The change of the slider columns in words that a person can follow: 'write b1_cmd = 542.3 - b1_cmd'.
 
     Args:
         before: (n, 3) mm, or None.
@@ -225,8 +225,12 @@ def slider_formulas(before: np.ndarray | None, after: np.ndarray | None) -> str:
         column = f"b{way[1] + 1}_cmd"
         plus = f"{column} {'+' if zero > 0 else '-'} {abs(zero):g}" if zero else column
         told.append((f"b{leg + 1}_cmd", plus if way[0] > 0 else f"{zero:.7g} - {column}"))
-    changed = [f"{title} = {formula}" for title, formula in told if title != formula]
-    return f"write {', '.join(changed)}" if changed else ""
+    changed = {title: formula for title, formula in told if title != formula}
+    if len(changed) == 2 and all(changed.get(formula) == title for title, formula in changed.items()):
+        return f"swap {' and '.join(changed)}"  # as two formulas it reads as if both became alike
+    formulas = ", ".join(f"{title} = {formula}" for title, formula in changed.items())
+    mixed = any(title not in formula for title, formula in changed.items())
+    return f"write {'all at once, by the old values, ' if mixed else ''}{formulas}" if changed else ""
 
 
 def zeros_from_home(setup: Setup, counted: np.ndarray, signs: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ def pair_section(contents: Contents) -> Section:
     ]
     if data["shared_poses"]:
         left = "; rows without a counterpart: {before} before, {after} after".format(**data["unmatched"])
-        share = f"{data['nearer_share']:.0%} of {data['shared_poses']} poses measured in both"
+        share = f"{data['nearer_share']:.0%} of {data['shared_poses']} readings at poses measured in both"
         words = f"{share} are nearer to their targets{left}."
     else:
         words = "No pose was measured in both: totals and parts of the workspace are compared."

@@ -141,7 +141,7 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
         times = pair["arrows"]["times"]
         told = f"From above; errors {times:,.0f} times enlarged, one scale for both; {pretty(pair['frame'])}."
         if pair["shared_poses"]:
-            share = f"{percent(pair['nearer_share'])} of {pair['shared_poses']} poses measured in both"
+            share = f"{percent(pair['nearer_share'])} of {pair['shared_poses']} readings at poses measured in both"
             told += f" {share} are nearer to their targets."
         note(told)
         with ui.element("div").style("display: flex; flex-wrap: wrap; gap: 8px; width: 100%"):
