@@ -195,10 +195,11 @@ def draw(results: Results, first: Measured, out: Path) -> None:
     plot_reductions(chosen, list(LABELS.values()), out / "reductions.png", title=title)
     before, after = (_curve(table, first.problem) for table in (first.run, first.after))
     target = first.run.target[np.unique(pose_groups(first.run), return_index=True)[1]][1:]
-    noise = errors_of(first.after, first.problem.file).noise
-    floor = None if noise is None else {axis: 1e3 * s for axis, s in zip(AXES, noise.sigma, strict=True)}
-    title = "Experiment 1, mean over 7 repeats of each pose"
-    save(draw_error_curves(before, after, title=title, noise_um=floor), out / "errors.png")
+    errors = errors_of(first.after, first.problem.file)
+    noise, repeats = errors.noise, round(np.isfinite(errors.aligned).all(axis=1).sum() / len(after))
+    floor = None if noise is None else {a: 1e3 * s / repeats**0.5 for a, s in zip(AXES, noise.sigma, strict=True)}
+    title = f"Experiment 1, mean over {repeats} repeats of each pose"
+    save(draw_error_curves(before, after, title=title, noise_um=floor, repeats=repeats), out / "errors.png")
     plot_path(target, before, after, out / "path.png", title="Experiment 1: the path")
 
 

@@ -13,7 +13,12 @@ DPI = 130
 
 
 def draw_error_curves(
-    before: np.ndarray, after: np.ndarray, *, title: str = "", noise_um: Mapping[str, float] | None = None
+    before: np.ndarray,
+    after: np.ndarray,
+    *,
+    title: str = "",
+    noise_um: Mapping[str, float] | None = None,
+    repeats: int = 1,
 ) -> Figure:
     """Draw the error of each axis along the path: before in the upper row, after in the lower, each to its own scale.
 
@@ -21,7 +26,8 @@ def draw_error_curves(
         before: errors in travel order, (m, 3) mm; repeats of a pose averaged or not.
         after: errors of the same poses, (m, 3) mm.
         title: of the picture.
-        noise_um: axis -> standard deviation of one reading, um, drawn as a band; None for no band.
+        noise_um: axis -> standard deviation of what is drawn, um, drawn as a band; None for no band.
+        repeats: of how many readings each error is the mean.
 
     Returns:
         The figure.
@@ -29,12 +35,13 @@ def draw_error_curves(
     figure = Figure(figsize=(11.0, 5.6), dpi=DPI, layout="constrained")
     panels = figure.subplots(2, 3, sharex=True)
     number = np.arange(1, len(before) + 1)
+    label = f"noise floor{f' of a mean of {repeats}' if repeats > 1 else ''}, one sigma"
     for column, axis in enumerate(AXES):
         for row, (errors, colour, name) in enumerate(((before, BEFORE, "before"), (after, AFTER, "after"))):
             panel: Axes = panels[row, column]
             panel.axhline(0.0, color="#bbbbbb", linewidth=0.8)
             if row and noise_um is not None:
-                panel.axhspan(-noise_um[axis], noise_um[axis], color="#dddddd", label="noise floor, one sigma")
+                panel.axhspan(-noise_um[axis], noise_um[axis], color="#dddddd", label=label)
             values = 1e3 * errors[:, column]
             panel.plot(number, values, color=colour, linewidth=1.2)
             panel.set_title(f"{axis} {name}: mean |error| {np.abs(values).mean():.1f} um", fontsize=10)
