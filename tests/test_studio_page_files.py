@@ -38,6 +38,9 @@ def test_a_bad_file_gets_the_words_of_the_command_line(page: Page, tmp_path: Pat
     expect(alert).to_be_visible(timeout=WAIT)
     assert f"error: {alert.locator('.st-trouble').inner_text()}" == theirs.stderr.strip()
     assert "/" not in alert.locator(".st-trouble").inner_text().replace("a/b", "")
+    expect(page.locator(".st-drop-run")).to_contain_text("bad.csv was not opened; drop another", timeout=WAIT)
+    expect(page.locator(".st-drop-run.st-ready")).to_have_count(0)
+    expect(page.get_by_text("ready to open")).to_have_count(0)
     page.get_by_role("button", name="dismiss").click()
     expect(alert).to_be_hidden()
 

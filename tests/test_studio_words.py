@@ -19,6 +19,7 @@ from ptt.show.studio.page import doing
 from ptt.show.studio.page_again import change
 from ptt.show.studio.page_finish import trained_in_words
 from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
+from ptt.show.studio.page_model import rows_in_words
 from ptt.show.studio.results import Source
 from ptt.show.studio.seal_table import seal_html, truth_in_words
 from ptt.show.studio.tool_tables import dexterity_html
@@ -165,6 +166,10 @@ def test_words_have_prefixes_that_a_person_uses():
     assert parameter_in_words("gap_mm 1", 0.040223, 8.1e-5) == ("gap 1", f"40.22{KEPT}{micro}m", f"{off}{KEPT}0.08")
     assert parameter_in_words("link_per_k", 1.1e-5, 2e-7) == ("link", f"11.00{KEPT}{micro}m/m/K", f"{off}{KEPT}0.20")
     assert parameter_in_words("period_mm", 5.02, None) == ("period", f"5.02{KEPT}mm", "")
+    rows = rows_in_words(
+        [("gap_mm 1", 3.9e-5, 7.1e-5, ""), ("gap_mm 2", 0.03965, 1.7e-4, ""), ("turn_rad", 2e-6, None, "held")]
+    )
+    assert [row[1] for row in rows] == [f"0.04{KEPT}{micro}m", f"39.65{KEPT}{micro}m", f"2{KEPT}{micro}rad"]
     assert parameter_in_words("scale 2", 6.2e-5, 1e-6)[1] == f"62.0{KEPT}{micro}m/m"
     assert doing("x", 3, 12, 6.0) == "x: 3 of 12, 2 s each, 18 s left" and doing("x", 0, 0, 0.5) == "x"
 

@@ -137,13 +137,14 @@ SUFFIXES = (  # ending of a parameter's name, factor from its unit to the one th
 )  # fmt: skip
 
 
-def parameter_in_words(name: str, value: float, error: float | None) -> tuple[str, str, str]:
+def parameter_in_words(name: str, value: float, error: float | None, largest: float = 0.0) -> tuple[str, str, str]:
     """A parameter of a machine file in words.
 
     Args:
         name: as in the file, with its unit: 'gap_mm', 'gap_mm 2', 'scale 1'.
         value: in that unit.
         error: standard error in that unit; None where it has none.
+        largest: largest value or error that stands with it, so that all of them have one unit.
 
     Returns:
         Name without the unit, value with the unit that suits its size, and the error with a plus-minus sign or ''.
@@ -153,7 +154,7 @@ def parameter_in_words(name: str, value: float, error: float | None) -> tuple[st
         (each for each in SUFFIXES if stem.endswith(each[0])), ("", 1e6, "um/m") if stem == "scale" else ("", 1.0, "")
     )
     told = f"{stem.removesuffix(suffix).replace('_', ' ')} {number}".strip()
-    size = max(abs(value), error or 0.0)
+    size = max(abs(value), error or 0.0, largest)
     times, shown = scaled([factor * size], unit) if factor != 1.0 else prefixed([size], unit)
     times, shown = (times * factor, shown.replace("u", MICRO, 1)) if factor != 1.0 else (times, shown)
     if unit == "s":

@@ -35,12 +35,14 @@ class Staged:
         machine: text of the machine.toml; '' before there is one.
         question: what has to be answered before the run can be read.
         setup: mistakes of the set-up that were found when they were to be opened, as `ptt check --json` lists them.
+        refused: whether they could not be opened as they are.
     """
 
     source: Source | None = None
     machine: str = ""
     question: QuestionError | None = None
     setup: tuple[dict[str, Any], ...] = ()
+    refused: bool = False
 
 
 class Studio(JobRunner):
@@ -165,8 +167,11 @@ class Studio(JobRunner):
                 return False
             except PttError as error:
                 self.fail(str(error))
-                return False
+                look = None
             if look is None:
+                if self.trouble and self.staged.source == source:
+                    self.staged = replace(self.staged, refused=True)
+                    self.tell("staged")
                 return False
             self.staged, self.picked = Staged(), []
             self.session = fresh.remembering(look=look)

@@ -167,8 +167,9 @@ def _show_changed(recheck: Mapping[str, Any]) -> None:
 
 
 def _changed(one: Mapping[str, Any]) -> tuple[str, ...]:
-    name, before, _ = parameter_in_words(one["parameter"], one["before"], None)
-    _, now, error = parameter_in_words(one["parameter"], one["now"], one["std"])
+    largest = max(abs(one["before"]), abs(one["now"]), one["std"])
+    name, before, _ = parameter_in_words(one["parameter"], one["before"], None, largest)
+    _, now, error = parameter_in_words(one["parameter"], one["now"], one["std"], largest)
     return f"{one['effect']} {name}", before, now, error
 
 

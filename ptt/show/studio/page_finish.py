@@ -71,7 +71,7 @@ class FinishView:
 
     def _build_commands(self) -> None:
         with box("The same from the command line"):
-            self.commands = ui.label().classes("st-mono st-pre").props("tabindex=0").mark("commands")
+            self.commands = ui.label().classes("st-mono").mark("commands")
 
     def _button(self, words: str, act: Callable[[], object]) -> ui.button:
         return ui.button(words, icon="download", on_click=act).props("no-caps outline")

@@ -88,23 +88,24 @@ def _build_files(studio: Studio) -> None:
         staged, session = studio.staged, studio.session
         source, (of, with_) = staged.source, studio.at_hand
         named = parse_machine(staged.machine, "machine.toml").machine.name or MACHINE if staged.machine else ""
-        waiting.set_text(_waiting(source, with_, named, session.ready))
+        waiting.set_text(_waiting(source, with_, named, session.ready, refused=staged.refused))
         opening.set_enabled(bool(of and with_ and (source or staged.machine)) and studio.idle)
         open_ = (session.source.run, session.now.file.machine.name) if session.source and session.now else ("", "")
         for upload, label, there, used in (
             (run, RUN, source.run if source else "", open_[0]),
             (machine, MACHINE, named, open_[1]),
         ):
-            upload.props["label"] = dropped(label, there, used)
+            refused = staged.refused and upload is run
+            upload.props["label"] = dropped(label, there, used, refused=refused)
             upload.update()
-            upload.classes(add="st-ready") if there else upload.classes(remove="st-ready")
+            upload.classes(add="st-ready") if there and not refused else upload.classes(remove="st-ready")
 
     for topic in ("session", "busy", "staged"):
         studio.on(topic, update)
     update()
 
 
-def _waiting(source: Source | None, machine: str, staged: str, ready: bool) -> str:
+def _waiting(source: Source | None, machine: str, staged: str, ready: bool, *, refused: bool = False) -> str:
     """What is staged and what comes next, in a sentence.
 
     Args:
@@ -112,9 +113,12 @@ def _waiting(source: Source | None, machine: str, staged: str, ready: bool) -> s
         machine: text of the machine that it would be opened with; '' for none.
         staged: name of the staged machine; '' for none.
         ready: whether a session is open.
+        refused: whether the run could not be opened as it is.
     """
     here = [source.run] if source else []
     here += [f"machine '{staged}'"] if staged else []
+    if source and refused:
+        return f"{source.run} was not opened, for the reason above; drop another, or say what its columns hold."
     if source and machine:
         return f"{' and '.join(here)}: ready to open{'' if staged else ', on the machine that is open'}."
     if source:
@@ -145,19 +149,20 @@ def _build_more(studio: Studio) -> None:
     build_recent(studio)
 
 
-def dropped(label: str, there: str = "", used: str = "") -> str:
+def dropped(label: str, there: str = "", used: str = "", *, refused: bool = False) -> str:
     """Label of a box for a file.
 
     Args:
         label: what belongs there.
         there: the staged file; '' for none.
         used: the open file; '' for none.
+        refused: whether the staged file could not be opened as it is.
 
     Returns:
         The label, on the staged file, else on the open one, else on what belongs there.
     """
     if there:
-        return f"{there} is here; or drop another"
+        return f"{there} was not opened; drop another" if refused else f"{there} is here; or drop another"
     return f"{used} is open; or drop another" if used else f"{label}: drop here"
 
 

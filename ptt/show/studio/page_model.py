@@ -113,7 +113,7 @@ class ModelView:
                 remove = ui.button("Remove", icon="delete", on_click=lambda: self.studio.change("remove", key))
                 remove.props("flat dense no-caps size=sm").props["aria-label"] = f"remove {key}"
                 remove.set_enabled(on)
-            rows = [(*parameter_in_words(name, value, std), word) for name, value, std, word in parameter_rows(entry)]
+            rows = rows_in_words(parameter_rows(entry))
             with ui.element("div").classes("st-grid"):
                 ui.html(table_html((), rows), sanitize=False).classes("w-full")
 
@@ -147,6 +147,25 @@ class ModelView:
     async def _add(self) -> None:
         if self.which.value:
             await self.studio.change("add", str(self.which.value))
+
+
+def rows_in_words(rows: Sequence[tuple[str, float, float | None, str]]) -> list[tuple[str, str, str, str]]:
+    """Rows of a table of parameters, the values of one parameter in one unit.
+
+    Args:
+        rows: of `ptt.show.studio.snapshot.parameter_rows`.
+
+    Returns:
+        Name, value with its unit, error, and note.
+    """
+    largest: dict[str, float] = {}
+    for name, value, std, _ in rows:
+        stem = name.partition(" ")[0]
+        largest[stem] = max(largest.get(stem, 0.0), abs(value), std or 0.0)
+    return [
+        (*parameter_in_words(name, value, std, largest[name.partition(" ")[0]]), word)
+        for name, value, std, word in rows
+    ]
 
 
 def ladder_of(studio: Studio) -> tuple[tuple[Rung, ...], dict[str, float]]:
