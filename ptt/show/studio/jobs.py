@@ -61,6 +61,7 @@ def diagnose(source: Source, model: str, tell: Progress) -> Diagnosed:
     """As `ptt diagnose`, with what the page draws of it: the card, the data with fits, the ghosts."""
     from ptt.diagnosis.diagnose import diagnose_run
     from ptt.door.diagnosing import format_diagnosis
+    from ptt.door.next_command import Given
     from ptt.door.result import plain
     from ptt.fitting.drawn_sizes import unnamed_sizes
     from ptt.run.written import table_to_frame
@@ -80,7 +81,7 @@ def diagnose(source: Source, model: str, tell: Progress) -> Diagnosed:
     family = problem.file.machine.kind
     return Diagnosed(
         plain(result.to_dict() | opened.set_up),
-        format_diagnosis(result, problem),
+        format_diagnosis(result, problem, Given(source.run, options=source.options)),
         csv,
         card=plain(card_of_diagnosis(result, problem).to_dict()),
         fits=fits_of(result, opened.model, problem),
