@@ -36,6 +36,7 @@ def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings sc
         "period_mm": 3.1,
         "shape": "smooth",
         "place": None,
+        "moments": (),
     }
     found = SimpleNamespace(
         **{**found, "with_": None, "rivals": (), "acts_on": None, "unit": "mm", "words": "It is large.", **on}
@@ -51,6 +52,7 @@ def diagnosis(verdict, *, steps=0, ties=(), depends=0, reasons=("the readings sc
         noise=NOISE,
         rms_um={"before": {"total": 90.0}, "after": {"total": after}},
         rows=110,
+        not_testable={},
         wander=wander,
         elsewhere=None,
         perhaps=perhaps,

@@ -28,10 +28,12 @@ from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import plainest
 from ptt.diagnosis.search.switching import acts_over_time, switching_moments
+from ptt.diagnosis.search.turn import moment_beside
 from ptt.diagnosis.unknown.blocks import Block, field_over
 from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS, Jump, heights_of, passed_again, spells_of, switches_of
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
+from ptt.effects.sudden import Sudden
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
@@ -64,7 +66,8 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     if not (blocks or sudden or drifting or switching or scorer.system.errs_by_pose(state.memory)):
         return _of_rough_curves(scorer, state, tuple(key for key in curves if atoms[key].fine is not None))
     fewer = [without(state, *blocks), without(state, *blocks, *sudden, *drifting)]
-    wider, best = _with_laws(scorer, state, fewer, switching), state
+    moments = _moments(scorer, state)
+    wider, best = _with_laws(scorer, state, fewer, moments, switching), state
     for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *drifting, *curves))]):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone)
@@ -72,7 +75,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone, is_spell)
     happened = tuple(key for key in droppable(wider, best) if _is_timed(wider.system.atoms[key]))
-    best = _instead(wider, best, happened, is_spell) if len(_moments(scorer, state)) > MOST_EVENTS else best
+    best = _instead(wider, best, happened, is_spell) if len(moments) > MOST_EVENTS else best
     return wider, _switching_instead(wider, best) if switching else best
 
 
@@ -94,9 +97,17 @@ def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tupl
 
 
 def _moments(scorer: Scorer, state: State) -> list[float]:
-    """Moments of a set's new sudden effects, by the clock, ascending."""
-    moments = (scorer.system.atoms[key].moment for key in droppable(scorer, state))
-    return sorted({moment for moment in moments if moment is not None})
+    """Moments of a set's new sudden effects, by the clock, ascending; where it has none, the one that bends over time.
+
+    Smooth functions of time that vary over the workspace follow what changed once, and leave nothing of its moment.
+    """
+    atoms, free = scorer.system.atoms, droppable(scorer, state)
+    moments = {moment for key in free if (moment := atoms[key].moment) is not None}
+    bends = [key for key in free if (block := atoms[key].block) is not None and "time" in block.on]
+    if bends and not moments:
+        sudden = {atom.effect.key: atom.effect for atom in atoms.values() if isinstance(atom.effect, Sudden)}
+        moments = {float(moment_beside(scorer, state, bends, effect)["after"]) for effect in sudden.values()}
+    return sorted(moments)
 
 
 def _is_timed(atom: Atom) -> bool:
@@ -143,10 +154,12 @@ def _lasts(atom: Atom) -> bool:
     return not is_sudden(atom)
 
 
-def _with_laws(scorer: Scorer, state: State, sets: Sequence[Sequence[str]], switching: Sequence[float]) -> Scorer:
+def _with_laws(
+    scorer: Scorer, state: State, sets: Sequence[Sequence[str]], moments: Sequence[float], switching: Sequence[float]
+) -> Scorer:
     """A scorer with the best laws of each place beside some sets; all laws together would fill gigabytes."""
     system = rows_of(scorer.system)
-    places = list(laws_of(system.at.problem, system.at.chain, _moments(scorer, state), switching))
+    places = list(laws_of(system.at.problem, system.at.chain, moments, switching))
     known = sum(is_block(atom) for atom in system.atoms.values())
     odds = odds_of_block(known + sum(len({block.name for block in blocks}) for blocks in places))
     few = Scorer(system.only(state.keys), scorer.given)

@@ -174,7 +174,7 @@ def best_moments(
         frozenset(keys) for keys in ([], timely, unknown, changed, [*unknown, *timely], *([key] for key in happened))
     }
     sudden = [effect for effect in candidates if isinstance(effect, Sudden)]
-    found = [_moment_beside(scorer, state, sorted(keys), effect) for keys in gone for effect in sudden]
+    found = [moment_beside(scorer, state, sorted(keys), effect) for keys in gone for effect in sudden]
     return unlike([*found, *(shape for key in happened if (shape := atoms[key].shape) is not None)])
 
 
@@ -214,7 +214,7 @@ def unlike(moments: Sequence[Shape]) -> tuple[Shape, ...]:
     return tuple(found[moment] for moment in sorted(found))
 
 
-def _moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:
+def moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sudden) -> Shape:
     """The best moment of a sudden effect beside a set without some of its atoms."""
     system = rows_of(scorer.system)
     still = scorer.score(without(state, *gone), WHITE, state.variances)
