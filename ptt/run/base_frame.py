@@ -1,8 +1,7 @@
 """First rigid motion of each tracker frame: from the poses, or from reflectors fixed to the base."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -10,7 +9,8 @@ import torch
 from ptt.errors import TableError, TooFewError
 from ptt.machine import MachineFile
 from ptt.run.base_drawn import misplaced
-from ptt.run.base_visits import ENOUGH, rounds_apart, sound_visits
+from ptt.run.base_readings import BaseReadings
+from ptt.run.base_visits import ENOUGH, sound_visits, visits_scatter
 from ptt.run.frames import align
 from ptt.run.noise import DEFAULT_SIGMA
 from ptt.run.same_pose import number_rows
@@ -23,91 +23,6 @@ BASE_FIX = (
     'moved, or set frame = "fitted" under [tracker]'
 )
 MOST_VISITS = 400  # visits to base reflectors kept apart; where there are more, neighbouring rounds are averaged
-
-
-@dataclass(frozen=True)
-class BaseReadings:
-    """Readings of base reflectors in the course of a run, on which metrology effects act as on the poses.
-
-    Attributes:
-        view: one row for each of m visits, with its time and with the reflector's drawn position as p.
-        reading: (m, 3) mm, near the base frame.
-        frame: (m,) int, index of the frame.
-        point: (m,) int, index of the reflector.
-        round: (m,) int, equal for visits to different reflectors one after the other.
-        drawn: (m,) mm, standard deviation of a coordinate of the drawn position, an error common to all its visits.
-        apart: (m,) mm, standard deviation between rounds, an error common to all reflectors of a round.
-        aside: (n,) bool, rows of the run whose visit was left out as faulty.
-    """
-
-    view: View
-    reading: np.ndarray
-    frame: np.ndarray
-    point: np.ndarray
-    round: np.ndarray
-    drawn: np.ndarray
-    apart: np.ndarray
-    aside: np.ndarray
-
-    @property
-    def place(self) -> np.ndarray:
-        """Where the reflectors are drawn, (m, 3) mm."""
-        return self.view.p.numpy()
-
-    def whitened(self, values: np.ndarray, whitener: np.ndarray) -> np.ndarray:
-        """Whiten values of the visits by their covariance: of a single reading, of drawn positions and of rounds.
-
-        A tracker scatters along its beam a tenth as much as across, and the beam to a reflector has another direction
-        than those to the poses: so on every axis a visit is given the scatter of a pose on its worst axis.
-
-        Args:
-            values: (m, 3, c) mm.
-            whitener: (3, 3) 1/mm of one reading of a pose, its rows principal axes.
-
-        Returns:
-            (m, 3, c); rows are eigenvectors of the covariance over visits, no longer single visits.
-        """
-        common, ways = self._common
-        worst = float(np.square(whitener).sum(axis=1).min())  # 1/mm^2
-        wide = np.sqrt(1.0 / worst + common)
-        return np.asarray(np.tensordot(ways.T, values, axes=1) / wide[:, None, None])
-
-    @cached_property
-    def _common(self) -> tuple[np.ndarray, np.ndarray]:
-        """Eigenvalues (m,) mm^2 and eigenvectors (m, m) of the covariance between visits, without single readings."""
-        point, together = (one[:, None] == one[None, :] for one in (self.point, self.round))
-        common, ways = np.linalg.eigh(np.square(self.drawn) * point + np.square(self.apart) * together)
-        return np.maximum(common, 0.0), ways
-
-    def beside(self, told: np.ndarray, columns: np.ndarray) -> "BaseReadings":
-        """The visits with the scatter between rounds that a prediction leaves, where that is less.
-
-        A drift moves the rounds apart, and until it is known as such they tell little of where the frame is.
-
-        Args:
-            told: predicted readings, (m, 3) mm.
-            columns: derivative of the prediction by each number that was fitted, (m, 3, c) mm per unit.
-        """
-        left, apart = self.reading - told, self.apart.copy()
-        for index in np.unique(self.frame):
-            own = self.frame == index
-            scatter = rounds_apart(left[own], self.point[own], self.round[own], columns[own])
-            if scatter is not None:
-                apart[own] = np.minimum(apart[own], scatter)
-        return replace(self, apart=apart)
-
-    def frames_beside(self, told: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-        """Rigid motion of each frame given a prediction of the reflectors' readings.
-
-        Args:
-            told: predicted readings, (m, 3) mm.
-            frames: number of frames.
-
-        Returns:
-            R (f, 3, 3) and t (f, 3) mm, as of `ptt.run.frames.align`.
-        """
-        found = [align(told[self.frame == index], self.reading[self.frame == index]) for index in range(frames)]
-        return np.array([turn for turn, _ in found]), np.array([shift for _, shift in found])
 
 
 @dataclass(frozen=True)
@@ -271,7 +186,8 @@ def base_readings(
     aside = (table.role == "base") & np.isfinite(table.measured).all(axis=1) & ~seen.sound
     visits = view.of_rows(torch.as_tensor(own)).at(p=torch.as_tensor(place[point[kept]]))
     wide, none = np.full(len(own), np.inf), np.zeros((len(own), 3, 0))
-    loose = BaseReadings(visits, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], wide, aside)
+    scatter = visits_scatter(mean, point[kept], rounds[kept], place[point[kept]])
+    loose = BaseReadings(visits, mean, frame[own], point[kept], rounds[kept], drawn[point[kept]], wide, aside, scatter)
     return loose.beside(loose.place, none)
 
 

@@ -127,6 +127,38 @@ def _span_plane(place: np.ndarray) -> bool:
     return len(place) >= ENOUGH and bool(spread[1] > AS_LINE * spread[0])
 
 
+def visits_scatter(read: np.ndarray, point: np.ndarray, rounds: np.ndarray, place: np.ndarray) -> float:
+    """Scatter of single visits about a rigid motion of each round and a shift of each reflector.
+
+    A tracker that is farther from the reflectors than from the poses, or sees them through worse air, reads them worse.
+    However it drifts or is knocked, it moves the reflectors of a round as one body.
+
+    Args:
+        read: visits, (m, 3) mm.
+        point: (m,) int, index of the reflector.
+        rounds: (m,) int, equal for visits to different reflectors one after the other.
+        place: where the reflectors are drawn, (m, 3) mm.
+
+    Returns:
+        Its standard deviation in one coordinate, mm; zero where the visits are too few to tell.
+    """
+    size = max(float(np.abs(place).max()), 1.0)  # rotations move the reflectors about as far as shifts do
+    moves = rigid_columns(torch.as_tensor(place), length=size).numpy()
+    in_round, of_point = ((one[:, None] == np.unique(one)).astype(float) for one in (rounds, point))
+    free = np.concatenate(
+        [
+            np.einsum("mcw,mr->mcrw", moves, in_round).reshape(len(read), 3, -1),
+            np.einsum("cd,mp->mcpd", np.eye(3), of_point).reshape(len(read), 3, -1),
+        ],
+        axis=2,
+    )
+    ways, share, _ = np.linalg.svd(free.reshape(read.size, -1), full_matrices=False)
+    ways = ways[:, share > NOTICED * share[0]]
+    left = read.ravel() - ways @ (ways.T @ read.ravel())
+    freedom = read.size - ways.shape[1]
+    return float(np.sqrt(np.square(left).sum() / freedom)) if freedom else 0.0
+
+
 def rounds_apart(read: np.ndarray, point: np.ndarray, rounds: np.ndarray, columns: np.ndarray) -> float | None:
     """Scatter between rounds of visits that all reflectors have in common: the tracker drifts or is knocked.
 

@@ -8,7 +8,8 @@ from torch import Tensor
 
 from ptt.errors import TooFewError
 from ptt.machine import MachineFile
-from ptt.run.base_frame import BaseReadings, base_readings, from_base, from_poses, into_base, refuse_untrue
+from ptt.run.base_frame import base_readings, from_base, from_poses, into_base, refuse_untrue
+from ptt.run.base_readings import BaseReadings
 from ptt.run.copies import pasted_rows
 from ptt.run.driven import as_driven
 from ptt.run.frames import rotation
