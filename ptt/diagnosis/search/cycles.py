@@ -18,6 +18,7 @@ from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
 FEWEST_CYCLES = 3.0  # cycles in a run below which one is a drift
+FEWEST_OF_JOINT = 6.0  # the same of one joint: curves over time follow slower ones, and joints drift in many ways
 SAWTOOTH_HARMONICS = 6  # harmonics of a sawtooth that are taken off with its line
 ROWS_PER_CYCLE = 3.0  # readings for each cycle at the least: the residual of faster ones looks like noise
 
@@ -63,7 +64,7 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
     tool = [squares_over(time, axis, ones, FEWEST_CYCLES, FREQUENCY_STEP, len(turns)) for axis in white.T]
     joints = left_along(scorer, straight, problem, detail=False)
     along = [replace(joint, q=time).over(FEWEST_CYCLES, FREQUENCY_STEP, len(turns)) for joint in joints]
-    gains = np.array([np.sum(tool, axis=0), *along])
+    gains = np.array([np.sum(tool, axis=0), *(np.where(turns < FEWEST_OF_JOINT, 0.0, gain) for gain in along)])
     place, first = np.unravel_index(np.argmax(gains), gains.shape)
     nats = 0.5 * float(gains[place, first]) / straight.posterior.phi - odds_of_block(gains.size)
     if nats <= 0.0:

@@ -76,7 +76,13 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
             best = _instead(wider, best, gone, is_spell)
     happened = tuple(key for key in droppable(wider, best) if _is_timed(wider.system.atoms[key]))
     best = _instead(wider, best, happened, is_spell) if len(moments) > MOST_EVENTS else best
-    return wider, _switching_instead(wider, best) if switching else best
+    best = _switching_instead(wider, best) if switching else best
+    if not any(is_block(wider.system.atoms[key]) for key in best.keys):
+        return wider, best
+    # A law may be as good as a broader unknown that needs names beside it; and of laws tried one after the other, each
+    # may be a little less than the best.
+    most = max(wider.scored.values(), key=lambda each: each.total)
+    return wider, plainest(wider, max(most, best, key=lambda each: each.total), nothing=False)
 
 
 def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tuple[Scorer, State]:

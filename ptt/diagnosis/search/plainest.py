@@ -1,6 +1,6 @@
 """Parsimony: of the sets that score nearly as high as the best, the one with the fewest parts is reported."""
 
-from ptt.diagnosis.evidence.atoms import causes, is_block, is_drawn
+from ptt.diagnosis.evidence.atoms import causes, is_drawn
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import drifts
@@ -44,9 +44,15 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
 
 
 def _hides_sizes(scorer: Scorer, state: State, best: State) -> bool:
-    """Whether a set has an unknown where the best set has sizes of the drawing: it would have to be clearly better."""
+    """Whether a set has an unknown where the best set has sizes of the drawing: it would have to be clearly better.
+
+    Not where it is but another form of an unknown that the best set has beside them.
+    """
     atoms, more, less = scorer.system.atoms, set(state.keys) - set(best.keys), set(best.keys) - set(state.keys)
-    return any(is_block(atoms[key]) for key in more) and any(is_drawn(atoms[key]) for key in less)
+    gone = [block for key in less if (block := atoms[key].block) is not None]
+    new = [block for key in more if (block := atoms[key].block) is not None]
+    other = [block for block in new if not any(block.is_like(one) for one in gone)]
+    return bool(other) and any(is_drawn(atoms[key]) for key in less)
 
 
 def _drifts_instead(scorer: Scorer, state: State, first: State) -> bool:
