@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.run.base_readings import BaseReadings
 from ptt.run.base_visits import visits_scatter
 from ptt.run.frames import rigid_columns
 
@@ -29,3 +30,19 @@ def test_visits_scatter_by_themselves_whatever_moves_whole_rounds(reflectors: in
 
 def test_one_round_tells_no_scatter() -> None:
     assert visits_scatter(*visits(3, 1, 0.02)) == 0.0
+
+
+@pytest.mark.parametrize(("jump", "tightened"), [(0.0, False), (0.5, True)])
+def test_only_what_clearly_moved_the_rounds_lets_them_hold_the_frame(jump: float, tightened: bool) -> None:
+    """Some moment explains part of any wander from round to round, and half of it is no knock."""
+    random, rounds, apiece = np.random.default_rng(4), 6, 4
+    number, point = np.repeat(np.arange(rounds), apiece), np.tile(np.arange(apiece), rounds)
+    wander = np.cumsum(random.normal(0.0, 0.02, (rounds, 3)), axis=0)
+    after = (number >= 3).astype(float)[:, None]
+    reading = wander[number] + jump * after + random.normal(0.0, 0.005, (len(number), 3))
+    frame, drawn = np.zeros(len(number), dtype=int), np.full(len(number), 0.01)
+    loose = BaseReadings(None, reading, frame, point, number, drawn, np.full(len(number), np.inf), frame > 0, 0.005)
+    before = loose.beside(np.zeros_like(reading), np.zeros((len(number), 3, 0)))
+    told = after * (reading[number >= 3].mean(axis=0) - reading[number < 3].mean(axis=0))
+    beside = before.beside(told, after[:, :, None] * np.eye(3))
+    assert bool(beside.apart[0] < before.apart[0]) is tightened

@@ -9,6 +9,10 @@ from ptt.run.base_visits import rounds_apart
 from ptt.run.frames import align
 from ptt.run.view import View
 
+# Variance of the means of rounds beside an effect, over that without it, below which the effect is what moved them: a
+# tracker that wanders a little has a knock or a drift in most runs that explains half of it
+CLEARLY_LESS = 0.1
+
 
 @dataclass(frozen=True)
 class BaseReadings:
@@ -56,9 +60,10 @@ class BaseReadings:
         Returns:
             (m, 3, c); rows are eigenvectors of the covariance over visits, no longer single visits.
         """
-        common, ways = self._common
         worst = float(np.square(whitener).sum(axis=1).min())  # 1/mm^2
-        wide = np.sqrt(max(1.0 / worst, self.scatter**2) + common)
+        single = max(1.0 / worst, self.scatter**2)
+        common, ways = self._common
+        wide = np.sqrt(single + common)
         return np.asarray(np.tensordot(ways.T, values, axes=1) / wide[:, None, None])
 
     @cached_property
@@ -69,7 +74,7 @@ class BaseReadings:
         return np.maximum(common, 0.0), ways
 
     def beside(self, told: np.ndarray, columns: np.ndarray) -> "BaseReadings":
-        """The visits with the scatter between rounds that a prediction leaves, where that is less.
+        """The visits with the scatter between rounds that a prediction leaves, where that is clearly less.
 
         A drift moves the rounds apart, and until it is known as such they tell little of where the frame is.
 
@@ -81,8 +86,11 @@ class BaseReadings:
         for index in np.unique(self.frame):
             own = self.frame == index
             scatter = rounds_apart(left[own], self.point[own], self.round[own], columns[own])
-            if scatter is not None:
-                apart[own] = np.minimum(apart[own], scatter)
+            if scatter is None:
+                continue
+            alone = self.scatter**2 * len(np.unique(self.round[own])) / own.sum()  # of a mean, by its visits
+            if scatter**2 + alone < CLEARLY_LESS * (apart[own][0] ** 2 + alone):
+                apart[own] = scatter
         return replace(self, apart=apart)
 
     def frames_beside(self, told: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES, path_views
+from ptt.dependence.contexts import path_views
 from ptt.diagnosis.evidence.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
@@ -31,7 +31,7 @@ from ptt.diagnosis.search.switching import acts_over_time, switching_moments
 from ptt.diagnosis.search.turn import moment_beside
 from ptt.diagnosis.unknown.blocks import Block, field_over
 from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS, Jump, heights_of, passed_again, spells_of, switches_of
-from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of
+from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of, tool_axes
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.effects.sudden import Sudden
 from ptt.model.chain import Chain
@@ -44,6 +44,8 @@ OWN_COSINES, OTHER_COSINES, ARRIVAL_COSINES = 48, 16, 6
 NO_CURVES = ("run", "way", "turn")
 CHANGE_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 MOST_LAWS = 5  # laws kept of each place: it follows two or three variables, and one may look like another at first
+# Nats against a link that jumped once: a joint that slips is the common cause, and on a closed path it looks alike
+LINK_NATS = 8.0
 SHORTEST_MOVE = 1e-3  # share of the longest move below which moves count as that, before the logarithm
 
 
@@ -210,8 +212,9 @@ def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
 
 def _priced(atom: Atom, odds: float) -> Atom:
     """A law's atom with the odds of choosing the values at which it jumps."""
-    jumps = 0 if atom.block is None else len(atom.block.jumps)
-    return replace(atom, odds=odds + jumps * SHAPE_POWER * float(np.log(HEIGHTS)))
+    assert atom.block is not None
+    rare = LINK_NATS if atom.block.place.kind == "link" and atom.block.is_spell and len(atom.block.jumps) == 1 else 0.0
+    return replace(atom, odds=odds + len(atom.block.jumps) * SHAPE_POWER * float(np.log(HEIGHTS)) + rare)
 
 
 def laws_of(
@@ -260,9 +263,9 @@ def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
 
 
 def _switching(places: Sequence[Place], problem: Problem, moments: Sequence[float]) -> Iterator[Block]:
-    """Levels between moments; after a single one only of rails: a joint's is a slip, the tool's a knock."""
+    """Levels between moments; after a single one only of rails and links: a joint's is a slip, the tool's a knock."""
     for place in places:
-        if len(moments) > 1 or place.kind == "rail":
+        if len(moments) > 1 or place.kind in ("rail", "link"):
             yield from _jumps(place, list(switches_of(problem, moments)))
 
 
@@ -278,8 +281,7 @@ def _changes(problem: Problem, tool: Place, moments: Sequence[float]) -> Iterato
 def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
     """Places of laws, one direction each: axes of the tool, joints, both directions of rails, links."""
     tool, *joints = places_of_chain(problem, chain)
-    for axis, unit in zip(COORDINATES, np.eye(3), strict=True):
-        yield Place("tool", axis, tool.slopes @ unit[:, None])
+    yield from tool_axes(tool)
     for place in joints:
         yield from one_way_each(place)
 

@@ -22,8 +22,8 @@ from ptt.diagnosis.unknown.places import one_way_each, places_of_chain
 SURE_NATS = 10.0
 MOST_BINS = 600  # neighbouring rows that are taken together beyond, as every pair of rows is tried
 # Moments at the least: a single one of the tool or of a joint is a knock's or a slip's, which the library has; a rail
-# may come loose
-FEWEST_MOMENTS, FEWEST_OF_RAILS = 2, 1
+# or a link may come loose
+FEWEST_MOMENTS, FEWEST_OF_GEOMETRY = 2, 1
 ALIKE_ERRORS = 2.0  # standard errors of white noise by which neighbours have to be alike for levels to be looked for
 LEAST_SHARE = 0.5  # variance of the levels over the white one: smaller ones are not looked for
 LEAST_VARIANCE = 1e-12  # against division by zero, in units of the noise
@@ -81,7 +81,7 @@ def _directions(system: RowSystem, left: np.ndarray) -> Iterator[tuple[np.ndarra
     for axis in system.noise.whitener.T:
         yield left @ (axis / np.linalg.norm(axis))[:, None], FEWEST_MOMENTS
     for place in places_of_chain(system.at.problem, system.at.chain)[1:]:
-        fewest = FEWEST_OF_RAILS if place.kind == "rail" else FEWEST_MOMENTS
+        fewest = FEWEST_OF_GEOMETRY if place.kind in ("rail", "link") else FEWEST_MOMENTS
         for way in one_way_each(place):
             yield along_place(system, way, left)[:, None], fewest
 

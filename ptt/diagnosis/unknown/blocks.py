@@ -7,7 +7,7 @@ from functools import cache, partial
 import numpy as np
 
 from ptt.dependence.contexts import COORDINATES
-from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain
+from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, tool_axes
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
 from ptt.effects.hysterons import hysterons
@@ -214,12 +214,12 @@ def _named(place: Place, on: tuple[str, ...], make: Callable[[], np.ndarray], ho
 
 
 def _periodic(problem: Problem, places: list[Place], periods: Sequence[Period]) -> Iterator[Recipe]:
-    """Two harmonics of each period along its joint, or over time at the tool and at each joint."""
+    """Two harmonics of each period along its joint, or over time at the tool, each axis of it, and each other place."""
+    tool, *moving = places
     for joint, length in periods:
         if joint is None:
-            for place in places:
-                if place.kind in ("tool", "slider", "joint"):
-                    yield _waves(place, "time", problem.view.clock.numpy(), length)
+            for place in (tool, *tool_axes(tool), *(way for one in moving for way in one_way_each(one))):
+                yield _waves(place, "time", problem.view.clock.numpy(), length)
         else:
             place = next(place for place in places if place.joint == joint)
             yield _waves(place, f"{problem.file.machine.letter}{joint + 1}", problem.view.q.numpy()[:, joint], length)

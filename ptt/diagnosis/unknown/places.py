@@ -6,6 +6,7 @@ from typing import Literal, cast
 
 import numpy as np
 
+from ptt.dependence.contexts import COORDINATES
 from ptt.effects.dh_offsets import links_along
 from ptt.effects.geometry import ACROSS, across_axes
 from ptt.mechanisms.serial import Serial
@@ -77,6 +78,11 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
         if lever > STILL_LEVER:
             places.append(Place(kind, residual, slopes / lever, joint, lever))
     return places
+
+
+def tool_axes(tool: Place) -> list[Place]:
+    """The tool split into the axes of the base."""
+    return [Place("tool", axis, tool.slopes @ unit[:, None]) for axis, unit in zip(COORDINATES, np.eye(3), strict=True)]
 
 
 def one_way_each(place: Place) -> list[Place]:
