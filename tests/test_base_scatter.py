@@ -19,6 +19,7 @@ def visits(reflectors: int, rounds: int, sigma: float) -> tuple[np.ndarray, ...]
     knocks = random.normal(0.0, 0.05, (rounds, 6)) * [1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]
     moved = np.einsum("mcw,mw->mc", rigid_columns(torch.as_tensor(place)).numpy(), knocks[number])
     misplaced = random.normal(0.0, 0.1, (reflectors, 3))[point]
+    moved += place * random.normal(0.0, 3e-5, rounds)[number][:, None]  # the tracker's scale changes with the air
     return place + moved + misplaced + random.normal(0.0, sigma, place.shape), point, number, place
 
 

@@ -41,6 +41,12 @@ def found(on: str, shape: str, **more: object) -> dict[str, object]:
     return entry | {"with": None} | more
 
 
+@pytest.mark.parametrize("moments", [[30.0, 12.2], [30.0, 30.0], [np.inf], ["x"]])
+def test_moments_that_are_none_are_refused(moments: list[object]) -> None:
+    with pytest.raises(InputError, match="moments"):
+        prefilled("own-cause", [found("time", "levels", residual="z", acts_on="z", moments=moments)])
+
+
 def test_what_follows_the_feed_is_said_to(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="what follows the feed is not corrected"):
         prefilled("own-cause", [found("feed", "smooth")])

@@ -35,3 +35,5 @@ def test_what_follows_the_variable_of_an_untestable_effect_may_be_it(on: str, ac
 def test_what_switches_is_no_known_effect() -> None:
     found = Dependence("z", "time", 0.9, 1e-9, None, "levels", np.zeros((2, 3)), moments=(3.0, 5.0))
     assert not untested(SimpleNamespace(not_testable=LACKS), found)
+    jumped = Dependence("z", "time", 0.9, 1e-9, None, "step", np.zeros((2, 3)), place=(3.0, 4.0))
+    assert not untested(SimpleNamespace(not_testable=LACKS), jumped)

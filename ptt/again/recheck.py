@@ -237,7 +237,7 @@ def _rows_of(
         beyond = gone and not back and value.before * value.now < 0.0 and abs(value.now) > CLEAR * value.std
         words = say_change(change.effect, told, value, problem.view, since, repaired=(gone or back) and not beyond)
         words = say_gone(words, change.effect, was, now) if beyond else words
-        rows.append(ChangedValue(value, gone or back, alike, words))
+        rows.append(ChangedValue(value, (gone or back) and not beyond, alike, words))
     return rows
 
 

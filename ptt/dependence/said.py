@@ -76,8 +76,11 @@ def middle(low: float, high: float, unit: str) -> str:
 
 
 def switched_at(moments: Sequence[float], unit: str) -> str:
-    """Moments in ascending order with their unit; of more than `MOST_MOMENTS` the first ones, and how many follow."""
-    told = [f"{moment:.0f}" for moment in moments[:MOST_MOMENTS]]
+    """Moments in ascending order with their unit; of more than `MOST_MOMENTS` the first ones, and how many follow.
+
+    Without a unit they lie between rows, counted from 0, and the number of the row before is said, counted from 1.
+    """
+    told = [f"{moment:.0f}" if unit else f"{int(moment) + 1}" for moment in moments[:MOST_MOMENTS]]
     more = len(moments) - len(told)
     return f"{listed([*told, f'{more} more'] if more else told)} {unit}".strip()
 

@@ -253,8 +253,8 @@ def _next(result: Diagnosis, given: Given) -> list[str]:
             show = f"look for what changed at {between(*first.place, first.unit)}: a load, a clamp, the tool, a stop"
         if first.moments:
             moments = switched_at(first.moments, first.unit)
-            since = f"{moments} after the first row" if first.unit else f"rows {moments}"
-            show = f"look for what was switched at {since}: a pump, a clamp, a door, another machine"
+            since = f"{moments} after the first row" if first.unit else f"after rows {moments}"
+            show = f"look for what was switched {since}: a pump, a clamp, a door, another machine"
         lines.append("measure more poses, spread over the workspace" if mostly_untold(result) else show)
         if {where, *(first.together or (first.on,))} <= {*COORDINATES}:
             lines.append("a tracker that errs so over its own range looks the same: measure again from another stand")

@@ -1,8 +1,10 @@
 """The command that adds what was found, with the files as they were given."""
 
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from ptt.door.opened import Opened
 
@@ -32,8 +34,14 @@ class Given:
             For example 'ptt add june.csv backlash --model machine.toml --out M2.toml'.
         """
         more = [*(["--sizes"] if sizes else []), "--model", shlex.quote(self.model), *map(shlex.quote, self.options)]
-        words = ["ptt add", shlex.quote(self.run), *map(_as_word, effects), *more, "--out M2.toml"]
+        words = ["ptt add", shlex.quote(self.run), *map(_as_word, effects), *more, "--out", self._out]
         return " ".join(words)
+
+    @property
+    def _out(self) -> str:
+        """A name for the new model that is not the present one's: M2.toml, then M3.toml and so on."""
+        number = re.fullmatch(r"M([0-9]+)\.toml", Path(self.model).name)
+        return f"M{int(number[1]) + 1 if number else 2}.toml"
 
 
 def given_in(opened: Opened | None) -> Given:

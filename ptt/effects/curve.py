@@ -79,8 +79,8 @@ class Curve(Effect):
             raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
         if cls.shape == "period" and not cls.period > 0.0:
             raise TypeError("a period above zero is needed")
-        if cls.moments and (cls.on, cls.shape) != ("time", "levels"):
-            raise TypeError("only levels over time change at moments")
+        if cls.moments and ((cls.on, cls.shape) != ("time", "levels") or list(cls.moments) != sorted(cls.moments)):
+            raise TypeError("only levels over time change at moments, which are in ascending order")
         if cls.shape == "gradual" and not cls.on.startswith("direction"):
             raise TypeError("only what follows a direction turns over gradually")
         if cls.acts_on and not (PLACE.fullmatch(cls.acts_on) and fits(cls.mechanisms, cls.acts_on)):

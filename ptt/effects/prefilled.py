@@ -1,5 +1,6 @@
 """The file of a user's own effects, written for what a diagnosis found that no known effect describes."""
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -125,7 +126,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         at = [float(value) for value in dependence["curve"]["at"]]
         place = [] if free else [float(value) for value in dependence.get("place") or ()]
         period = 0.0 if free else float(dependence.get("period_mm") or 0.0)
-        moments = tuple(round(float(moment), 3) for moment in dependence.get("moments") or ())
+        moments = tuple(float(moment) for moment in dependence.get("moments") or ())
         low, high = place or [float(end) for end in dependence["curve"].get("between") or (at[0], at[-1])]
     except (KeyError, TypeError, ValueError, IndexError):
         raise InputError("the dependence has no proper curve, place, moments or period", fix=_FIX) from None
@@ -134,8 +135,11 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     reference = dependence.get("reference_c")
     warm = float(reference) if isinstance(reference, int | float) else REFERENCE_C
     shift = warm if (along or on) == "temperature" else 0.0
-    if not low < high or (shape == "period" and not period > 0.0):
-        raise InputError("the dependence has no proper curve, place or period", fix=_FIX)
+    proper_moments = all(map(math.isfinite, moments)) and list(moments) == sorted(set(moments))
+    if not low < high or (shape == "period" and not period > 0.0) or not proper_moments:
+        raise InputError("the dependence has no proper curve, place, moments or period", fix=_FIX)
+    if (on, shape) != ("time", "levels"):
+        moments = ()
     between = low - shift, high - shift
     return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
             "moments": moments, "between": between, "acts_on": acts_on}  # fmt: skip

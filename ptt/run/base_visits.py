@@ -128,10 +128,10 @@ def _span_plane(place: np.ndarray) -> bool:
 
 
 def visits_scatter(read: np.ndarray, point: np.ndarray, rounds: np.ndarray, place: np.ndarray) -> float:
-    """Scatter of single visits about a rigid motion of each round and a shift of each reflector.
+    """Scatter of single visits about a rigid motion with scale of each round, and a shift of each reflector.
 
     A tracker that is farther from the reflectors than from the poses, or sees them through worse air, reads them worse.
-    However it drifts or is knocked, it moves the reflectors of a round as one body.
+    However it drifts, warms or is knocked, it moves the reflectors of a round as one body that may grow.
 
     Args:
         read: visits, (m, 3) mm.
@@ -142,8 +142,9 @@ def visits_scatter(read: np.ndarray, point: np.ndarray, rounds: np.ndarray, plac
     Returns:
         Its standard deviation in one coordinate, mm; zero where the visits are too few to tell.
     """
-    size = max(float(np.abs(place).max()), 1.0)  # rotations move the reflectors about as far as shifts do
-    moves = rigid_columns(torch.as_tensor(place), length=size).numpy()
+    moves = _motion_columns(place).reshape(len(read), 3, MOTION)
+    size = np.sqrt(np.square(moves).mean(axis=(0, 1)))  # rotations move the reflectors far more than shifts
+    moves /= np.where(size > 0.0, size, 1.0)
     in_round, of_point = ((one[:, None] == np.unique(one)).astype(float) for one in (rounds, point))
     free = np.concatenate(
         [

@@ -9,6 +9,7 @@ from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.dependence.said import by_chance
+from ptt.diagnosis.evidence.noise_level import MACHINE_FILE
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System, holds_unknown
 from ptt.diagnosis.noise.wander import FAULT_SHARE
@@ -23,7 +24,8 @@ from ptt.run.problem import Problem
 QUIET_EXCESS = 1.5  # times a stated noise up to which the empty set may be reported though another is a little likelier
 # Times a stated noise from which an error is unexplained: a single stated figure is often half too small
 NOISE_EXCESS = 2.0
-# The same of one axis: a tracker's noise, stated as one figure, is at most sqrt(3) of it on one axis
+# The same of one axis beside a noise that is stated as one figure: all of it on one axis is sqrt(3) times that, and the
+# figure may be half too small
 AXIS_EXCESS = 2.5
 CHANCE_LACK = 1e-4  # p-value of the lack-of-fit test
 CHANCE_FIELD = 1e-4  # p-value at which a network over position predicts held-out residuals
@@ -118,7 +120,7 @@ class Rest:
             worst = int(np.argmax(ratios))
             if left.total > NOISE_EXCESS * stated.total:
                 reasons.append(beyond_noise("the remaining error", left.total / stated.total, stated.source))
-            elif ratios[worst] > AXIS_EXCESS:
+            elif stated.source == MACHINE_FILE and ratios[worst] > AXIS_EXCESS:
                 what = f"the remaining error in {COORDINATES[worst]}"
                 reasons.append(beyond_noise(what, float(ratios[worst]), stated.source))
         if objections.unexplained_error and not reasons:

@@ -142,10 +142,31 @@ def _levels(left: np.ndarray, along: np.ndarray, clock: Clock) -> tuple[float, n
         gained = 0.5 * levels.taken(begin, end) / noise - levels.log_noise(begin, end) - price * (tried > first)
         chosen = int(np.argmax(best[tried] + gained))
         best[last + 1], before[last + 1] = (best[tried] + gained)[chosen], tried[chosen]
-    begin = bounds[_followed(before)]
+    begin = _to_the_row(bounds[_followed(before)], levels, noise, clock)
     end, changes = np.append(begin[1:], rows), begin[~clock.starts[begin]]
     log_noise = float(levels.log_noise(begin, end).sum()) + price * len(changes)
     return white_likelihood(left, float(levels.taken(begin, end).sum()), log_noise), changes
+
+
+def _to_the_row(begin: np.ndarray, levels: _Levels, noise: float, clock: Clock) -> np.ndarray:
+    """First rows of levels, (k,), moved to the best row where rows were taken together; changes that do not pay go."""
+    rows, price = len(levels.sums) - 1, float(np.log(len(levels.sums) - 1))
+    reach, found = -(-rows // MOST_BINS), [int(begin[0])]
+    if reach == 1:
+        return begin
+
+    def gained(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return 0.5 * levels.taken(one, other) / noise - levels.log_noise(one, other)
+
+    for own, behind in zip(begin[1:], np.append(begin[2:], rows), strict=True):
+        tried = np.arange(max(found[-1] + 1, own - reach), min(behind, own + reach + 1))
+        first, last = np.full(len(tried), found[-1]), np.full(len(tried), behind)
+        both = gained(first, tried) + gained(tried, last) - price
+        if clock.starts[own]:
+            found.append(int(own))
+        elif len(tried) and both.max() > gained(first[:1], last[:1])[0]:
+            found.append(int(tried[np.argmax(both)]))
+    return np.array(found)
 
 
 def _followed(before: np.ndarray) -> list[int]:

@@ -165,12 +165,10 @@ def _of_several(
     Returns:
         As given where one variable is enough.
     """
-    if block.is_change:
-        place = _between(values, problem.view.clock.numpy() > block.jumps[0])
-        together = (found.on, *COORDINATES)
-        return replace(found, shape="step", place=place, together=together, alone_share=alone * found.share)
     if block.is_spell and len(block.jumps) == 1:
-        return replace(found, shape="step", place=_between(values, problem.view.clock.numpy() > block.jumps[0]))
+        step = replace(found, shape="step", place=_between(values, problem.view.clock.numpy() > block.jumps[0]))
+        together = (found.on, *COORDINATES)
+        return replace(step, together=together, alone_share=alone * found.share) if block.is_change else step
     if block.is_spell:
         curve = _curve_of_levels(problem.view.clock.numpy(), left, block.jumps)
         return replace(found, shape="levels", place=None, moments=block.jumps, curve=curve)

@@ -27,7 +27,7 @@ def untested(result: Any, strongest: Dependence) -> str:
         strongest: what the unknown depends on most.
 
     Returns:
-        With a blank before it; '' for none, and where the unknown switches, which no known effect does.
+        With a blank before it; '' for none, and where the unknown switches or jumps over time, as no such effect does.
     """
     known, stages = library(), ACTS_AT.get((strongest.acts_on or "").split(" ")[0])
     may_be = [
@@ -35,7 +35,8 @@ def untested(result: Any, strongest: Dependence) -> str:
         if name in known and (stages is None or known[name].stage in stages)
         and re.fullmatch(SHOWS_AS.get(card_of(known[name]).telling, ""), strongest.on)
     ]  # fmt: skip
-    if strongest.moments or not may_be:
+    sudden = strongest.on == "time" and strongest.shape in ("levels", "step")
+    if sudden or not may_be:
         return ""
     needs = listed(list(dict.fromkeys(result.not_testable[name] for name in may_be)))
     return f" It may be {listed(may_be, ' or ')}; to test that, `ptt diagnose` needs {needs}."

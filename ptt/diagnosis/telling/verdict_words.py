@@ -205,9 +205,11 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
     if strongest.place and strongest.shape == "step" and not strongest.with_:
         where = middle(*strongest.place, strongest.unit)
         return f"{rest} jumps where {name_of(strongest.on)} passes {where} {share}.{size}"
+    rivals = [name_of(rival.removeprefix(f"{strongest.residual} on ")) for rival in strongest.rivals]
+    alike = f" {capital(listed(rivals))} would describe it about as well on this run." if rivals else ""
     if strongest.moments:
         moments = switched_at(strongest.moments, strongest.unit)
-        return f"{rest} switches between levels, at {name_of(strongest.on)} = {moments} {share}.{size}"
+        return f"{rest} switches between levels, at {name_of(strongest.on)} = {moments} {share}.{size}{alike}"
     place = f" near {middle(*strongest.place, strongest.unit)}" if strongest.place else ""
     place = f", by an amount that varies with {name_of(strongest.with_)}" if strongest.with_ else place
     place = " and turns over gradually after a reversal" if strongest.shape == "gradual" else place
@@ -216,8 +218,6 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
         on = f"{listed([name_of(name) for name in strongest.together])} together"
     if strongest.on == f"direction{strongest.residual.split()[-1]}":
         on = f"its direction of arrival{f' ({on})' if on == strongest.on else ''}"
-    rivals = [name_of(rival.removeprefix(f"{strongest.residual} on ")) for rival in strongest.rivals]
-    alike = f" {capital(listed(rivals))} would describe it about as well on this run." if rivals else ""
     return f"{rest} depends on {on}{period}{place} {share}.{size}{alike}"
 
 

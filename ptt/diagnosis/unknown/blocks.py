@@ -76,7 +76,7 @@ class Block:
 
     @property
     def is_spell(self) -> bool:
-        """Whether it is a law of something that came and went, or changed once by amounts that vary by place."""
+        """Whether it is a law of something that changes at moments: comes and goes, switches, or jumps once."""
         return bool(self.jumps) and self.on == ("time",)
 
     @property
