@@ -7,6 +7,8 @@ import pytest
 from made_runs import SIGMA, machine, term
 
 from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.noise.wander import Clock
+from ptt.diagnosis.search.switching import _levels
 from ptt.effects import Curve
 from ptt.effects.contract import check_effect
 from ptt.model.chain import differentiate, predict
@@ -122,3 +124,12 @@ def test_what_flips_at_random_on_one_axis_is_more_than_a_stated_noise() -> None:
     found = diagnose(Model(file), problem)
     assert found.verdict == "unknown" and not found.suggested
     assert "in x is" in found.words and "depends on nothing recorded here" in found.words
+
+
+def test_a_long_run_has_moments_to_the_row_or_none() -> None:
+    """Rows are taken together where they are many, and then looked at one by one about each change."""
+    random, rows, clock = np.random.default_rng(1), 1500, Clock(np.arange(1500.0), np.arange(1500) == 0)
+    still = random.normal(size=(rows, 3))
+    assert len(_levels(still, still[:, :1], clock)[1]) == 0
+    moved = still + 5.0 * ((np.arange(rows) >= 401) & (np.arange(rows) < 703))[:, None] * [1.0, 0.0, 0.0]
+    assert _levels(moved, moved[:, :1], clock)[1].tolist() == [401, 703]

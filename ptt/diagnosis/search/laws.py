@@ -26,7 +26,7 @@ from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import LEAST_NATS, droppable
-from ptt.diagnosis.search.plainest import plainest
+from ptt.diagnosis.search.plainest import plainest, timed
 from ptt.diagnosis.search.switching import acts_over_time, switching_moments
 from ptt.diagnosis.search.turn import moment_beside
 from ptt.diagnosis.unknown.blocks import Block, field_over
@@ -82,9 +82,10 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     if not any(is_block(wider.system.atoms[key]) for key in best.keys):
         return wider, best
     # A law may be as good as a broader unknown that needs names beside it; and of laws tried one after the other, each
-    # may be a little less than the best.
+    # may be a little less than the best. But time is no cause, so it takes the place of none.
     most = max(wider.scored.values(), key=lambda each: each.total)
-    return wider, plainest(wider, max(most, best, key=lambda each: each.total), nothing=False)
+    plain = plainest(wider, max(most, best, key=lambda each: each.total), nothing=False)
+    return wider, plain if timed(wider, plain) <= timed(wider, best) else best
 
 
 def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tuple[Scorer, State]:

@@ -32,7 +32,7 @@ def plainest(scorer: Scorer, best: State, *, nothing: bool = True) -> State:
 
     def plain(state: State) -> tuple[float, int, int, float]:
         least = -state.total - SEEN_NATS * is_in_model(scorer, state)
-        return _parts(scorer, state), _bends(scorer, state), _timed(scorer, state), least
+        return _parts(scorer, state), _bends(scorer, state), timed(scorer, state), least
 
     near = [
         state for state in scorer.scored.values()
@@ -90,7 +90,7 @@ def _bends(scorer: Scorer, state: State) -> int:
     return _curves(scorer, state) + unknowns
 
 
-def _timed(scorer: Scorer, state: State) -> int:
+def timed(scorer: Scorer, state: State) -> int:
     """Number of unknowns of a set that depend on time."""
     blocks = [scorer.system.atoms[key].block for key in state.keys]
     return sum(block is not None and "time" in block.on for block in blocks)

@@ -158,7 +158,7 @@ def _to_the_row(begin: np.ndarray, levels: _Levels, noise: float, clock: Clock) 
     def gained(one: np.ndarray, other: np.ndarray) -> np.ndarray:
         return 0.5 * levels.taken(one, other) / noise - levels.log_noise(one, other)
 
-    for own, behind in zip(begin[1:], np.append(begin[2:], rows), strict=True):
+    for own, behind in zip(begin[1:], np.append(begin, rows)[2:], strict=True):
         tried = np.arange(max(found[-1] + 1, own - reach), min(behind, own + reach + 1))
         first, last = np.full(len(tried), found[-1]), np.full(len(tried), behind)
         both = gained(first, tried) + gained(tried, last) - price
