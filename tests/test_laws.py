@@ -16,9 +16,10 @@ from ptt.diagnosis.evidence.probability import near_sets, weigh_sets
 from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.search.laws import _arrivals, by_laws, laws_of
+from ptt.diagnosis.search.laws import by_laws
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.unknown.jumps import passed_again
+from ptt.diagnosis.unknown.laws import _arrivals, laws_of
 from ptt.effects import library
 from ptt.fitting.linear import linear_columns
 from ptt.fitting.solve import fit

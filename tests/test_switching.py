@@ -8,7 +8,7 @@ from made_runs import SIGMA, machine, term
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.noise.wander import Clock
-from ptt.diagnosis.search.switching import _levels
+from ptt.diagnosis.search.switching import _best_levels, _levels_of
 from ptt.effects import Curve
 from ptt.effects.contract import check_effect
 from ptt.model.chain import differentiate, predict
@@ -130,6 +130,14 @@ def test_a_long_run_has_moments_to_the_row_or_none() -> None:
     """Rows are taken together where they are many, and then looked at one by one about each change."""
     random, rows, clock = np.random.default_rng(1), 1500, Clock(np.arange(1500.0), np.arange(1500) == 0)
     still = random.normal(size=(rows, 3))
-    assert len(_levels(still, still[:, :1], clock)[1]) == 0
     moved = still + 5.0 * ((np.arange(rows) >= 401) & (np.arange(rows) < 703))[:, None] * [1.0, 0.0, 0.0]
-    assert _levels(moved, moved[:, :1], clock)[1].tolist() == [401, 703]
+    found = [_best_levels(read, _levels_of(read[:, :1], np.ones(rows), clock), clock)[1] for read in (still, moved)]
+    assert [each.tolist() for each in found] == [[], [401, 703]]
+
+
+def test_a_slip_that_a_lever_enlarges_as_the_tool_moves_is_one_change() -> None:
+    random, rows, clock = np.random.default_rng(2), 200, Clock(np.arange(200.0), np.arange(200) == 0)
+    lever = 1.0 + 0.08 * np.sin(np.linspace(0.0, 12.0, rows))
+    left = random.normal(size=(rows, 3))
+    left[110:, 0] += 50.0 * lever[110:]
+    assert _best_levels(left, _levels_of(left[:, :1], lever, clock), clock)[1].tolist() == [110]

@@ -55,7 +55,7 @@ def wander_of_joint(system: System, state: State) -> JointWander | None:
     fixed = max((_wandering(left, one_way, one, clock) - np.log(len(left)) for one in slow), default=-np.inf)
     tracker = max(tracker_likelihood(left, system.noise, clock), fixed)
     for place in joints:
-        along = along_place(system, place, left)
+        along, _ = along_place(system, place, left)
         beside = max(tracker, *(_louder(left, along, share) for share in shares))
         found += [JointWander(place.residual, one, _wandering(left, along, one, clock) - beside) for one in slow]
     best = max(found, key=lambda one: one.nats, default=None)
@@ -69,11 +69,15 @@ def _main_direction(left: np.ndarray, clock: Clock) -> np.ndarray:
     return np.asarray(np.linalg.eigh(alike + alike.T)[1][:, -1])
 
 
-def along_place(system: RowSystem, place: Place, left: np.ndarray) -> np.ndarray:
-    """Residuals (m, 3), whitened, along the way in which a place of one direction moves each of them, (m,)."""
+def along_place(system: RowSystem, place: Place, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (m, 3), whitened, along the way in which a place of one direction moves each of them, (m,).
+
+    And how far it moves each, (m,), over the root mean square of all.
+    """
     way = place.slopes[system.rows][:, :, 0] @ system.noise.whitener.T
-    unit = way / np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
-    return np.einsum("ni,ni->n", left, unit)
+    size = np.linalg.norm(way, axis=1)
+    along = np.einsum("ni,ni->n", left, way / np.maximum(size, 1e-300)[:, None])
+    return along, size / max(float(np.sqrt(np.square(size).mean())), 1e-300)
 
 
 def _wandering(left: np.ndarray, along: np.ndarray, wander: Wander, clock: Clock) -> float:

@@ -8,13 +8,12 @@ of freedom and scores higher. A rail of two pieces, a dent or a loose clamp is p
 and knocks, the last of them would be corrected as if it were permanent.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from ptt.dependence.contexts import path_views
 from ptt.diagnosis.evidence.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
@@ -29,24 +28,14 @@ from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import plainest, timed
 from ptt.diagnosis.search.switching import acts_over_time, switching_moments
 from ptt.diagnosis.search.turn import moment_beside
-from ptt.diagnosis.unknown.blocks import Block, field_over
-from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS, Jump, heights_of, passed_again, spells_of, switches_of
-from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of, tool_axes
-from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
+from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS
+from ptt.diagnosis.unknown.laws import Switching, laws_of
 from ptt.effects.sudden import Sudden
-from ptt.model.chain import Chain
-from ptt.run.problem import Problem
 
-# Cosines over a joint's own travel, where wear and joints of rails are short; over all else that varies; and over what
-# modulates the direction of arrival, which only fades or grows.
-OWN_COSINES, OTHER_COSINES, ARRIVAL_COSINES = 48, 16, 6
-# Variables that no place of the machine follows by a curve: fields and blocks have them
-NO_CURVES = ("run", "way", "turn")
-CHANGE_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 MOST_LAWS = 5  # laws kept of each place: it follows two or three variables, and one may look like another at first
 # Nats against a link that jumped once: a joint that slips is the common cause, and on a closed path it looks alike
 LINK_NATS = 8.0
-SHORTEST_MOVE = 1e-3  # share of the longest move below which moves count as that, before the logarithm
 
 
 def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
@@ -164,7 +153,11 @@ def _lasts(atom: Atom) -> bool:
 
 
 def _with_laws(
-    scorer: Scorer, state: State, sets: Sequence[Sequence[str]], moments: Sequence[float], switching: Sequence[float]
+    scorer: Scorer,
+    state: State,
+    sets: Sequence[Sequence[str]],
+    moments: Sequence[float],
+    switching: Switching,
 ) -> Scorer:
     """A scorer with the best laws of each place beside some sets; all laws together would fill gigabytes."""
     system = rows_of(scorer.system)
@@ -216,106 +209,3 @@ def _priced(atom: Atom, odds: float) -> Atom:
     assert atom.block is not None
     rare = LINK_NATS if atom.block.place.kind == "link" and atom.block.is_spell and len(atom.block.jumps) == 1 else 0.0
     return replace(atom, odds=odds + len(atom.block.jumps) * SHAPE_POWER * float(np.log(HEIGHTS)) + rare)
-
-
-def laws_of(
-    problem: Problem, chain: Chain, moments: Sequence[float] = (), switching: Sequence[float] = ()
-) -> Iterator[list[Block]]:
-    """Every law: each place times each variable.
-
-    Args:
-        problem: n rows.
-        chain: of the present model.
-        moments: at which something seems to have happened, by the clock, ascending.
-        switching: moments at which one thing seems to have switched, ascending.
-
-    Yields:
-        The laws of one place after another.
-    """
-    letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
-    passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
-    finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN_COSINES) for joint in range(problem.view.joints)}
-    for place in _places(problem, chain):
-        if place.joint is None:
-            yield [*(_law(place, (on,), shapes) for on, shapes in varied.items()), *_jumps(place, spells)]
-            continue
-        own, heights = f"{letter}{place.joint + 1}", q[:, place.joint]
-        here = varied | {on: finer[own] for on in varied if on == own}
-        laws = [_law(place, (on,), shapes) for on, shapes in here.items()]
-        laws += [_law(place, ons, shapes) for ons, shapes in _arrivals(problem, place.joint)]
-        jumps = [(own, (float(height),), heights > height) for height in heights_of(heights[problem.used])]
-        yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
-    tool, stand = places_of_chain(problem, chain)[0], stand_of(problem)
-    yield [*_jumps(stand, spells), *_changes(problem, tool, moments)]
-    yield list(_switching((tool, stand, *_places(problem, chain)), problem, switching))
-
-
-def _law(place: Place, on: tuple[str, ...], shapes: np.ndarray) -> Block:
-    return Block(f"law {place.residual} on {' and '.join(on)}", place, on, shapes, is_law=True)
-
-
-def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
-    """Step functions: zero on one side of a value and constant on the other."""
-    name = f"law {place.residual} jumps on"
-    return [
-        Block(f"{name} {on}", place, (on,), there.reshape(len(there), -1).astype(float), is_law=True, jumps=where)
-        for on, where, there in jumps
-    ]
-
-
-def _switching(places: Sequence[Place], problem: Problem, moments: Sequence[float]) -> Iterator[Block]:
-    """Levels between moments; after a single one only of rails and links: a joint's is a slip, the tool's a knock."""
-    for place in places:
-        if len(moments) > 1 or place.kind in ("rail", "link"):
-            yield from _jumps(place, list(switches_of(problem, moments)))
-
-
-def _changes(problem: Problem, tool: Place, moments: Sequence[float]) -> Iterator[Block]:
-    """Jumps over time by amounts that vary over the workspace, as by a load or a clamp that nobody noted."""
-    place, clock = problem.view.p.numpy(), problem.view.clock.numpy()
-    field = field_over(scaled(place, column_ends(place)), CHANGE_DEGREE)
-    for moment in moments:
-        shapes = (clock > moment)[:, None] * field
-        yield Block("law tool jumps by place on time", tool, ("time",), shapes, is_law=True, jumps=(moment,))
-
-
-def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
-    """Places of laws, one direction each: axes of the tool, joints, both directions of rails, links."""
-    tool, *joints = places_of_chain(problem, chain)
-    yield from tool_axes(tool)
-    for place in joints:
-        yield from one_way_each(place)
-
-
-def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
-    """Every variable and its basis functions, (n, s): rough enough to bend sharply."""
-    for name, values in path_views(problem).items():
-        if name.startswith("direction"):
-            yield name, values[:, None]
-        elif not name.startswith(NO_CURVES):
-            known = np.nan_to_num(values, nan=float(np.nanmean(values)))
-            if np.ptp(reined(known)) > 0.0:  # else one or two rows alone differ
-                yield name, _curve(known, OTHER_COSINES)
-
-
-def _arrivals(problem: Problem, joint: int) -> Iterator[tuple[tuple[str, str], np.ndarray]]:
-    """Direction of arrival of a joint, modulated by its position or by the length of its last move."""
-    if not problem.two_sided[joint]:
-        return
-    view, letter = problem.view, problem.file.machine.letter
-    q, side = view.q.numpy()[:, joint], view.direction.numpy()[:, joint : joint + 1]
-    step = np.abs(np.diff(q, prepend=q[:1]))
-    step[view.starts.numpy()] = 0.0
-    name, longest = f"direction{joint + 1}", step.max()
-    yield (name, f"{letter}{joint + 1}"), side * _curve(q, ARRIVAL_COSINES)
-    if longest > 0.0:  # zero where the table gives directions of a joint that never moves
-        step[view.starts.numpy()] = longest  # how far it came to a run's first row is unknown
-        far = np.log(np.maximum(step, SHORTEST_MOVE * longest))  # friction decays exponentially with travel
-        yield (name, "step"), side * _curve(far, ARRIVAL_COSINES)
-
-
-def _curve(values: np.ndarray, count: int) -> np.ndarray:
-    """Level, slope and cosines of a variable, (n, count + 2)."""
-    values = reined(values)
-    place = scaled(values, column_ends(values))
-    return np.column_stack([np.ones(len(place)), place, cosines(place, count)])

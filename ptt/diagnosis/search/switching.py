@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
@@ -21,16 +22,16 @@ from ptt.diagnosis.unknown.places import one_way_each, places_of_chain
 # ahead by 20 to 500.
 SURE_NATS = 10.0
 MOST_BINS = 600  # neighbouring rows that are taken together beyond, as every pair of rows is tried
-# Moments at the least: a single one of the tool or of a joint is a knock's or a slip's, which the library has; a rail
-# or a link may come loose
-FEWEST_MOMENTS, FEWEST_OF_GEOMETRY = 2, 1
 ALIKE_ERRORS = 2.0  # standard errors of white noise by which neighbours have to be alike for levels to be looked for
 LEAST_SHARE = 0.5  # variance of the levels over the white one: smaller ones are not looked for
 LEAST_VARIANCE = 1e-12  # against division by zero, in units of the noise
 
 
-def switching_moments(system: System, state: State) -> tuple[float, ...]:
+def switching_moments(system: System, state: State) -> dict[str, tuple[float, ...]]:
     """Moments between which the readings stay at a level, where that explains them better than a wander does.
+
+    At the tool and along a joint also better than a single change, which is a knock's or a slip's. A rail or a link,
+    which the library has none for, may come loose at a single moment.
 
     Args:
         system: the linearised problem; that of a long run, which holds no rows, tells nothing.
@@ -38,21 +39,21 @@ def switching_moments(system: System, state: State) -> tuple[float, ...]:
             levels too where poses are revisited one after another, nothing is told.
 
     Returns:
-        By the clock, ascending; empty where there are none.
+        Place of one direction, or 'tool' -> its moments by the clock, ascending; none for places that do not switch.
     """
-    clock = system.clock
+    clock, found = system.clock, dict[str, tuple[float, ...]]()
     if not isinstance(system, RowSystem) or state.memory.pose or not len(clock.constants):
-        return ()
+        return found
     left = _left_over_time(system, state)
-    ways = [(along, fewest) for along, fewest in _directions(system, left) if _is_alike(along, clock)]
-    if not ways:
-        return ()
-    most, moments = tracker_likelihood(left, system.noise, clock) + SURE_NATS, tuple[float, ...]()
-    for along, fewest in ways:
-        nats, rows = _levels(left, along, clock)
-        if len(rows) >= fewest and nats > most:
-            most, moments = nats, tuple((0.5 * (clock.time[rows - 1] + clock.time[rows])).tolist())
-    return moments
+    ways = [way for way in _directions(system, left) if _is_alike(way[1], clock)]
+    wandering = tracker_likelihood(left, system.noise, clock) if ways else np.inf
+    for residual, along, lever, may_jump_once in ways:
+        levels = _levels_of(along, lever, clock)
+        nats, rows = _best_levels(left, levels, clock)
+        least = wandering if may_jump_once else max(wandering, _one_change(left, levels))
+        if len(rows) and nats > least + SURE_NATS:
+            found[residual] = tuple((0.5 * (clock.time[rows - 1] + clock.time[rows])).tolist())
+    return found
 
 
 def acts_over_time(system: System, state: State) -> tuple[str, ...]:
@@ -72,18 +73,19 @@ def _left_over_time(system: RowSystem, state: State) -> np.ndarray:
     return system.residual(state.columns, values)
 
 
-def _directions(system: RowSystem, left: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
+def _directions(system: RowSystem, left: np.ndarray) -> Iterator[tuple[str, np.ndarray, np.ndarray, bool]]:
     """Residuals (m, d) along the axes of the tool, all together and each alone, and along the ways of joints and rails.
 
-    Each with the fewest moments that count there.
+    Each with the name of the place, how far it moves each reading, (m,), and whether a single moment counts there.
     """
-    yield left, FEWEST_MOMENTS
-    for axis in system.noise.whitener.T:
-        yield left @ (axis / np.linalg.norm(axis))[:, None], FEWEST_MOMENTS
+    alike = np.ones(len(left))
+    yield "tool", left, alike, False
+    for name, axis in zip(COORDINATES, system.noise.whitener.T, strict=True):
+        yield name, left @ (axis / np.linalg.norm(axis))[:, None], alike, False
     for place in places_of_chain(system.at.problem, system.at.chain)[1:]:
-        fewest = FEWEST_OF_GEOMETRY if place.kind in ("rail", "link") else FEWEST_MOMENTS
         for way in one_way_each(place):
-            yield along_place(system, way, left)[:, None], fewest
+            along, lever = along_place(system, way, left)
+            yield way.residual, along[:, None], lever, place.kind in ("rail", "link")
 
 
 def _is_alike(along: np.ndarray, clock: Clock) -> bool:
@@ -98,73 +100,96 @@ class _Levels:
     """Residuals of d directions that stay at levels with a normal prior, beside white noise.
 
     Attributes:
-        sums: of the residuals of the rows before each, (m + 1, d).
+        sums: of the products of residuals and levers of the rows before each, (m + 1, d).
+        weights: of the squared levers of the rows before each, (m + 1,).
         share: variance of the levels over the white one.
         noise: white variance.
     """
 
     sums: np.ndarray
+    weights: np.ndarray
     share: float
     noise: float
+
+    @property
+    def rows(self) -> int:
+        """Number m of rows."""
+        return len(self.sums) - 1
 
     def taken(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
         """What levels of some rows take off the sum of squares, (k,); these begin and end before the given rows."""
         squares = np.square(self.sums[end] - self.sums[begin]).sum(axis=1)
-        return np.asarray(self.share * squares / (1.0 + (end - begin) * self.share))
+        return np.asarray(self.share * squares / (1.0 + self.share * (self.weights[end] - self.weights[begin])))
 
     def log_noise(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
         """Half the log-determinant of the covariance of the rows of each level, (k,)."""
-        return np.asarray(0.5 * self.sums.shape[1] * np.log1p((end - begin) * self.share))
+        return np.asarray(0.5 * self.sums.shape[1] * np.log1p(self.share * (self.weights[end] - self.weights[begin])))
+
+    def gained(self, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
+        """Nats that levels of some rows gain over white noise, (k,)."""
+        return np.asarray(0.5 * self.taken(begin, end) / self.noise - self.log_noise(begin, end))
 
 
-def _levels(left: np.ndarray, along: np.ndarray, clock: Clock) -> tuple[float, np.ndarray]:
-    """Log evidence of levels along some directions beside white noise, and the first row of each level but the first.
+def _best_levels(left: np.ndarray, levels: _Levels, clock: Clock) -> tuple[float, np.ndarray]:
+    """Log evidence of the best levels beside white noise, and the first row of each but the first.
 
     Dynamic programming over the last change (Jackson et al., IEEE Signal Processing Letters 12 (2005) 105). Each change
     costs the choice of its row; runs begin anew at no cost.
 
     Args:
         left: residuals, (m, 3) whitened.
-        along: the same along the directions of the levels, (m, d).
+        levels: of these along some directions.
         clock: of the rows.
     """
-    rows, price = len(along), float(np.log(len(along)))
+    rows, price = levels.rows, float(np.log(levels.rows))
     edges = np.union1d(np.arange(0, rows, -(-rows // MOST_BINS)), np.flatnonzero(clock.starts))
-    noise = _quick_variance(along, clock)
-    share = max(float(np.square(along).mean()) / noise - 1.0, LEAST_SHARE)
-    levels = _Levels(np.vstack([np.zeros(along.shape[1]), np.cumsum(along, axis=0)]), share, noise)
     bounds, first = np.append(edges, rows), 0
     best, before = np.zeros(len(bounds)), np.zeros(len(bounds), dtype=int)
     for last in range(len(edges)):
         first = last if clock.starts[edges[last]] else first
         tried = np.arange(first, last + 1)
         begin, end = bounds[tried], bounds[last + 1]
-        gained = 0.5 * levels.taken(begin, end) / noise - levels.log_noise(begin, end) - price * (tried > first)
+        gained = levels.gained(begin, end) - price * (tried > first)
         chosen = int(np.argmax(best[tried] + gained))
         best[last + 1], before[last + 1] = (best[tried] + gained)[chosen], tried[chosen]
-    begin = _to_the_row(bounds[_followed(before)], levels, noise, clock)
+    begin = _to_the_row(bounds[_followed(before)], levels, clock)
     end, changes = np.append(begin[1:], rows), begin[~clock.starts[begin]]
     log_noise = float(levels.log_noise(begin, end).sum()) + price * len(changes)
     return white_likelihood(left, float(levels.taken(begin, end).sum()), log_noise), changes
 
 
-def _to_the_row(begin: np.ndarray, levels: _Levels, noise: float, clock: Clock) -> np.ndarray:
+def _one_change(left: np.ndarray, levels: _Levels) -> float:
+    """Log evidence of the best single change, as a slip or a knock makes; arguments as of `_best_levels`."""
+    rows = levels.rows
+    row, begin, end = np.arange(1, rows), np.zeros(rows - 1, dtype=int), np.full(rows - 1, rows)
+    best = int(np.argmax(levels.gained(begin, row) + levels.gained(row, end)))
+    bounds = np.array([0, row[best], rows])
+    log_noise = float(levels.log_noise(bounds[:-1], bounds[1:]).sum()) + float(np.log(rows))
+    return white_likelihood(left, float(levels.taken(bounds[:-1], bounds[1:]).sum()), log_noise)
+
+
+def _levels_of(along: np.ndarray, lever: np.ndarray, clock: Clock) -> _Levels:
+    """Levels of residuals (m, d) that move each row by a lever (m,), with the variance that they may have."""
+    noise = _quick_variance(along, clock)
+    share = max(float(np.square(along).mean()) / noise - 1.0, LEAST_SHARE)
+    sums = np.vstack([np.zeros(along.shape[1]), np.cumsum(along * lever[:, None], axis=0)])
+    return _Levels(sums, np.append(0.0, np.cumsum(np.square(lever))), share, noise)
+
+
+def _to_the_row(begin: np.ndarray, levels: _Levels, clock: Clock) -> np.ndarray:
     """First rows of levels, (k,), moved to the best row where rows were taken together; changes that do not pay go."""
-    rows, price = len(levels.sums) - 1, float(np.log(len(levels.sums) - 1))
+    rows, price = levels.rows, float(np.log(levels.rows))
     reach, found = -(-rows // MOST_BINS), [int(begin[0])]
     if reach == 1:
         return begin
 
-    def gained(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        return 0.5 * levels.taken(one, other) / noise - levels.log_noise(one, other)
-
     for own, behind in zip(begin[1:], np.append(begin, rows)[2:], strict=True):
         tried = np.arange(max(found[-1] + 1, own - reach), min(behind, own + reach + 1))
         first, last = np.full(len(tried), found[-1]), np.full(len(tried), behind)
-        both = gained(first, tried) + gained(tried, last) - price
+        both = levels.gained(first, tried) + levels.gained(tried, last) - price
         if clock.starts[own]:
             found.append(int(own))
-        elif len(tried) and both.max() > gained(first[:1], last[:1])[0]:
+        elif len(tried) and both.max() > levels.gained(first[:1], last[:1])[0]:
             found.append(int(tried[np.argmax(both)]))
     return np.array(found)
 
