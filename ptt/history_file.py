@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]  # text that reads as a number is none
 Figures = dict[str, float | str]  # by axis, um; NaN where nothing could be held out; the noise names its source
 
 

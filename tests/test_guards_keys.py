@@ -7,7 +7,7 @@ from pathlib import Path
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from small_files import BARE, QUICK
 
 from ptt.correct.training.notes import check_notes
@@ -65,6 +65,7 @@ STEP = {
 
 @QUICK
 @given(key=st.sampled_from(sorted(STEP)), inner=st.integers(0, 3), value=VALUES)
+@example(key="ranges", inner=1, value=[False, "0"])
 def test_any_value_in_a_step_of_the_history_is_taken_or_refused_by_the_file(key, inner, value):
     """What is taken can be used: a total that is a list was found out by the verb that needed it, as an accident."""
     held = STEP[key]
