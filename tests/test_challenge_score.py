@@ -180,6 +180,21 @@ def test_the_wrong_model_scores_wrong_and_makes_the_tool_worse() -> None:
     assert result["tool_error_um"]["after"]["total"] > result["tool_error_um"]["before"]["total"]
 
 
+def test_a_size_of_the_drawing_that_stays_near_zero_claims_nothing() -> None:
+    """`ptt add --sizes` keeps all sizes in the model, so that a target elsewhere knows how uncertain it is."""
+    drawn = drawn_with("backlash", seed=5)
+    truth, found = find_truth(drawn, KNOWN), fitted(drawn, "backlash")
+    words = []
+    for values, measured in (([2e-4, -1e-4, 0.0], True), ([0.3, -0.2, 0.0], False), ([0.3, -0.2, 0.0], True)):
+        zeros = Term(
+            make_effect(KNOWN, "homing-offset"), torch.tensor(values, dtype=torch.float64),
+            std=torch.full((3,), 1e-4, dtype=torch.float64), measured=torch.full((3,), measured),
+        )  # fmt: skip
+        result = score(found + zeros, truth)
+        words.append((result.judgement.named["homing-offset"], result.judgement.right))
+    assert words == [("unclaimed", True), ("unclaimed", True), ("wrong", False)]
+
+
 def test_metrology_is_never_sent_to_the_machine() -> None:
     drawn = drawn_with("setup-jump", seed=2)
     tool = remeasure(fitted(drawn, "setup-jump"), drawn).to_dict()

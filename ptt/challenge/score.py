@@ -1,18 +1,20 @@
 """How well a model names what is hidden in a rig: found, missed, added wrongly; and what compensation makes of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+import torch
 
 from ptt.challenge.remeasure import CorrectionAt, ToolError, remeasure
 from ptt.challenge.truth import UM_PER_MM, UNDETECTABLE, HiddenFault, Truth
-from ptt.model.model import Model, parameter_names, told_values
+from ptt.model.model import Model, Term, parameter_names, told_values
 from ptt.run.noise import Noise
 
 Found = Literal["found", "explained", "missed", "too small"]
-Named = Literal["right", "fair", "partial", "wrong"]
+Named = Literal["right", "fair", "partial", "unclaimed", "wrong"]
+CLAIMED = 3.0  # standard errors from zero from which a fitted value says that something is there
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,8 @@ class Judgement:
         faults: hidden fault -> 'found'; 'explained' (the named effects describe its share in the run, by a fit to the
             truth); 'missed'; 'too small' (it does not count, and was not named).
         named: effect -> 'right'; 'fair' (describes a fault under another name); 'partial' (describes a part of a fault
-            outside the library); 'wrong'.
+            outside the library); 'unclaimed' (nothing of the kind is hidden, and no value says that it is: a size of
+            the drawing that stays near zero); 'wrong'.
         instead: hidden fault -> named effects that describe it under other names.
     """
 
@@ -148,14 +151,28 @@ def score(model: Model, truth: Truth, correction_at: CorrectionAt | None = None)
     Returns:
         The score.
     """
+    judgement = judge(model.keys, truth)
+    unclaimed = {term.effect.key for term in model.terms if not _is_claimed(term)}
+    named: dict[str, Named] = {
+        key: "unclaimed" if word == "wrong" and key in unclaimed else word for key, word in judgement.named.items()
+    }
     return Score(
-        judge(model.keys, truth),
+        replace(judgement, named=named),
         truth.faults,
         _read_parameters(model),
         truth.noise,
         UM_PER_MM * truth.left_rms(model.keys),
         remeasure(model, truth.drawn, correction_at),
     )
+
+
+def _is_claimed(term: Term) -> bool:
+    """Whether a value of a term is measured as other than zero; all of what nobody fitted counts."""
+    if term.std is None or term.measured is None:
+        return True
+    known = torch.isfinite(term.std)
+    beyond = term.theta.abs() > CLAIMED * term.std
+    return not bool(known.any()) or bool((known & term.measured & beyond).any())
 
 
 def _explained(fault: HiddenFault, keys: Sequence[str], truth: Truth) -> bool:

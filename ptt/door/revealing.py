@@ -70,6 +70,7 @@ def _text(data: dict[str, Any]) -> str:
 _WORDS = {
     "fair": "fair: this run cannot tell it from what is hidden",
     "partial": "helps, but is not what is hidden",
+    "unclaimed": "not said to be there: none of its values is measured as other than zero",
     "wrong": "WRONG, nothing of the kind is hidden",
 }
 
