@@ -28,7 +28,11 @@ if TYPE_CHECKING:
 
 Next = Annotated[
     Path | None,
-    typer.Option("--measure-next", metavar="OUT.csv", help="Write poses that would tell tied effects apart."),
+    typer.Option(
+        "--measure-next",
+        metavar="OUT.csv",
+        help="Write poses that would tell tied effects apart, or show better what is unknown.",
+    ),
 ]
 ChunkRows = Annotated[
     int | None,
@@ -77,4 +81,4 @@ def _write_poses(result: "Diagnosed", out: Path) -> None:
     if poses:
         note(f"{out}: {poses} poses to measure; then diagnose both runs together with --also")
     else:
-        note("no poses to write: no effects are tied, or none that poses could tell apart")
+        note("no poses to write: nothing is tied or unknown that other poses would tell more about")

@@ -42,6 +42,7 @@ def plan(
     from ptt.door.model import load
     from ptt.door.options import parse_numbers
     from ptt.plan.first_run import plan_first_run
+    from ptt.plan.space import build_space
     from ptt.run.written import write_table
 
     model = load(machine, effects=effects or ())
@@ -53,8 +54,8 @@ def plan(
     size = None if not half else (half[0], half[1], half[2])
     with progress() as tell:
         result = plan_first_run(
-            model.physics, rows=rows, payloads=loads, freedom=repeats, half_size=size, seed=seed, known=model.library,
-            progress=tell,
+            model.physics, rows=rows, payloads=loads, freedom=repeats, space=build_space(model.physics.file, size),
+            seed=seed, known=model.library, progress=tell,
         )  # fmt: skip
     write_table(result.targets, out)
     show({**result.to_dict(), "out": str(out)}, format_plan(result, str(out)), json)

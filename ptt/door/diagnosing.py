@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ptt.dependence.said import between, by_chance, switched_at
+from ptt.dependence.said import between, by_chance
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.diagnosis.long import chunk_size
 from ptt.diagnosis.search.find import MOST_ADDED
 from ptt.diagnosis.telling.diagnosis import Diagnosis
-from ptt.diagnosis.telling.verdict_words import mostly_untold
 from ptt.diagnosis.telling.words import doubt_in_words
 from ptt.door.given import require_number
 from ptt.door.handed import RowsLike
@@ -21,16 +20,17 @@ from ptt.door.next_command import Given, given_in
 from ptt.door.opened import Opened, open_checked
 from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
-from ptt.effects.curve import COORDINATES, JOINT
 from ptt.effects.phrases import capital, listed
 from ptt.effects.prefilled import is_variable
 from ptt.errors import SetupError
 from ptt.fitting.opening import told_aside
 from ptt.machine import MachineFile
+from ptt.plan.again import plan_again
 from ptt.progress import Progress, unwatched
 from ptt.run.named import named_rows
 from ptt.run.noise import source_in_words
 from ptt.run.problem import Problem
+from ptt.run.table import Table
 from ptt.run.taken import frames_said, set_up
 from ptt.run.written import write_table
 from ptt.setup import Check, setup_verdict
@@ -121,20 +121,24 @@ class Diagnosed(Result):
 
         return draw_candidates(self.result)
 
+    def poses(self) -> Table | None:
+        """As `poses_of` this diagnosis; None where the set-up has to be corrected first."""
+        return None if self.result is None or self.opened is None else poses_of(self.result, self.opened.problem)
+
     def write_poses(self, out: str | Path) -> int:
-        """Write poses that would tell tied effects apart.
+        """Write `poses` as a CSV.
 
         Args:
             out: CSV to write.
 
         Returns:
-            How many; 0, and nothing written, where no effects are tied that poses could tell apart.
+            How many; 0, and nothing written, where there are none.
         """
-        separation = None if self.result is None else self.result.separation
-        if separation is None or separation.targets is None:
+        table = self.poses()
+        if table is None:
             return 0
-        write_table(separation.targets, out)
-        return int(separation.targets.rows)
+        write_table(table, out)
+        return int(table.rows)
 
 
 def diagnose(
@@ -185,6 +189,21 @@ def diagnose(
     return Diagnosed(result, opened, opened.check, machine.file, tuple(tell.lines))
 
 
+def poses_of(result: Diagnosis, problem: Problem) -> Table | None:
+    """Poses that would tell tied effects apart; else, of an unknown that poses would show better, a further run.
+
+    Args:
+        result: the diagnosis.
+        problem: the run; a further one stays within its joint ranges and loads.
+
+    Returns:
+        Targets in driving order; None where poses would tell no more.
+    """
+    if result.separation is not None and result.separation.targets is not None:
+        return result.separation.targets
+    return plan_again(result.model, problem) if result.asks_for_poses else None
+
+
 def format_diagnosis(result: Diagnosis, problem: Problem | None = None, given: Given = PLACEHOLDERS) -> str:
     """The diagnosis as text.
 
@@ -201,7 +220,8 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None, given: G
     lines += _meanings(result)
     lines += [*_dependences(result), ""] if result.depends_on else []
     if result.measure_next:
-        lines += ["measure next:", *(f"  {line}" for line in result.measure_next), ""]
+        lines += ["measure next:", *(f"  {line}" for line in result.measure_next)]
+        lines += ["  `--measure-next OUT.csv` writes such poses.", ""] if result.asks_for_poses else [""]
     lines += [*_next(result, given), ""] if result.verdict != "nothing-missing" and not result.unexplained else []
     if result.not_testable:
         lines.append("not testable on this run:")
@@ -241,29 +261,10 @@ def _next(result: Diagnosis, given: Given) -> list[str]:
         lines.append(f"next: {given.add(names, sizes=sizes)}")
         if sizes:
             lines.append("--sizes also fits all other sizes of the drawing, which improves commands at other poses")
-    if result.verdict == "unknown" and result.depends_on:
-        first = result.depends_on[0]
-        sides = ", each approached from both sides," if JOINT.fullmatch(first.on) or first.on in COORDINATES else ""
-        over = "" if first.on.startswith("direction") else f" over the range of {listed(first.together or (first.on,))}"
-        poses = f"more poses{over}{sides}"
-        more = "a longer run, or another one," if first.on == "time" else poses
-        where = (first.acts_on or first.residual).replace("set-up", "the set-up")
-        show = f"look for the cause in {where}; {more} would show it better"
-        if first.on == "time" and first.shape == "step" and first.place:
-            show = f"look for what changed at {between(*first.place, first.unit)}: a load, a clamp, the tool, a stop"
-        if first.moments:
-            moments = switched_at(first.moments, first.unit)
-            since = f"{moments} after the first row" if first.unit else f"after rows {moments}"
-            show = f"look for what was switched {since}: a pump, a clamp, a door, another machine"
-        lines.append("measure more poses, spread over the workspace" if mostly_untold(result) else show)
-        if {where, *(first.together or (first.on,))} <= {*COORDINATES}:
-            lines.append("a tracker that errs so over its own range looks the same: measure again from another stand")
-        if any(is_variable(each.on) for each in result.depends_on):
-            lines.append(
-                "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"
-            )
-    elif result.verdict == "unknown":
-        lines.append("measure again, and note what else changes meanwhile in columns of your own: loads, switches")
+    if result.verdict == "unknown" and any(is_variable(each.on) for each in result.depends_on):
+        lines.append(
+            "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"
+        )
     return lines
 
 

@@ -13,7 +13,7 @@ from ptt.model.model import Model
 from ptt.plan.arm import d_optimal_poses
 from ptt.plan.forecast import EffectForecast, forecast, see_plan
 from ptt.plan.pool import with_base
-from ptt.plan.space import Space, build_space, draw_poses
+from ptt.plan.space import Space, build_space, can_drive, draw_poses
 from ptt.plan.visits import Visit, both_ways, singles, table_of
 from ptt.progress import Progress
 from ptt.record import Record
@@ -63,7 +63,7 @@ def plan_first_run(
     rows: int = ROWS,
     payloads: Sequence[float] = (),
     freedom: int = ENOUGH,
-    half_size: tuple[float, float, float] | None = None,
+    space: Space | None = None,
     seed: int = 0,
     known: Library | None = None,
     progress: Progress | None = None,
@@ -75,7 +75,7 @@ def plan_first_run(
         rows: approximate number of rows, without base reflectors.
         payloads: loads to be put on one after the other, kg; empty: no load is stated.
         freedom: wanted degrees of freedom of true repeats.
-        half_size: half the size in x, y, z of a box about the middle of the workspace, mm; None for no box.
+        space: poses that may be driven; None for all of the machine's.
         seed: of poses and order.
         known: effects by name; None for the library.
         progress: told what is done, how much of how much.
@@ -93,7 +93,7 @@ def plan_first_run(
         raise InputError(f"{rows} rows are too few for {len(levels)} payloads" if payloads else
                          f"{rows} rows are too few", fix=fix)  # fmt: skip
     known = library() if known is None else known
-    space = build_space(model.file, half_size)
+    space = build_space(model.file) if space is None else space
     sigma = model.file.tracker.sigma_mm or DEFAULT_SIGMA
     random = np.random.default_rng([seed, 32])
     shares = np.diff(np.round(np.linspace(0, rows, len(levels) + 1)).astype(int))
@@ -179,7 +179,9 @@ def _with_datums(space: Space, parts: list[Visit]) -> list[Visit]:
 
 def _datum(space: Space) -> Visit:
     """A visit of the datum, the middle of the workspace, always approached from the same side."""
-    middle = space.mechanism.home() if space.by_tool else (space.lower + space.upper) / 2.0
+    home, middle = space.mechanism.home(), (space.lower + space.upper) / 2.0
+    if space.by_tool and can_drive(space, home[None])[0]:
+        middle = home
     before = middle - 0.03 * (space.upper - space.lower)
     return Visit(torch.stack([before, middle]), ("datum before", "datum"), "datum")
 

@@ -9,6 +9,8 @@ from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.noise.slow import Slow
 from ptt.diagnosis.search.rest import Rest
 from ptt.diagnosis.telling.explanation import Candidate
+from ptt.diagnosis.telling.next_look import asks_for_poses, next_look
+from ptt.diagnosis.telling.verdict_words import mostly_untold
 from ptt.effects.phrases import capital
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
@@ -83,8 +85,16 @@ class Diagnosis:
 
     @property
     def measure_next(self) -> tuple[str, ...]:
-        """What to measure next, in words."""
-        return tuple(self.separation.lines) if self.separation else ()
+        """What to measure next, and where to look, in words."""
+        lines = tuple(self.separation.lines) if self.separation else ()
+        if self.verdict != "unknown" or self.unexplained:
+            return lines
+        return (*lines, *next_look(self.depends_on, untold=mostly_untold(self)))
+
+    @property
+    def asks_for_poses(self) -> bool:
+        """Whether more poses would show an unknown better."""
+        return self.verdict == "unknown" and not self.unexplained and asks_for_poses(self.depends_on)
 
     @property
     def names_size(self) -> bool:

@@ -60,7 +60,7 @@ def compare(source: Source, model: str, tell: Progress) -> Compared:
 def diagnose(source: Source, model: str, tell: Progress) -> Diagnosed:
     """As `ptt diagnose`, with what the page draws of it: the card, the data with fits, the ghosts."""
     from ptt.diagnosis.diagnose import diagnose_run
-    from ptt.door.diagnosing import format_diagnosis
+    from ptt.door.diagnosing import format_diagnosis, poses_of
     from ptt.door.next_command import Given
     from ptt.door.result import plain
     from ptt.fitting.drawn_sizes import unnamed_sizes
@@ -75,7 +75,7 @@ def diagnose(source: Source, model: str, tell: Progress) -> Diagnosed:
     result = diagnose_run(opened.model, problem, opened.library, progress=lambda what: tell(_stage(what), 0, 0))
     result = result.with_unexplained(opened.check.unexplained)
     tell("drawing it", 0, 0)
-    poses = None if result.separation is None else result.separation.targets
+    poses = poses_of(result, problem)
     csv = "" if poses is None else table_to_frame(poses).to_csv(index=False, lineterminator="\n")
     steps = tuple(step[0] for step in result.suggested)
     family = problem.file.machine.kind

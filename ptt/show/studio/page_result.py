@@ -63,7 +63,7 @@ class ResultView:
         self.all = ui.button("Add all", icon="done_all", on_click=self._add_all).props("no-caps unelevated")
         self.whole = ui.button("Add with all sizes of the drawing", icon="architecture", on_click=self._add_whole)
         self.whole.props("no-caps outline").tooltip("They improve commands outside the measured region")
-        self.poses = ui.button("Poses that tell them apart (CSV)", icon="download", on_click=self._give_poses).props(
+        self.poses = ui.button("Poses to measure next (CSV)", icon="download", on_click=self._give_poses).props(
             "no-caps outline"
         )
         self.finish = ui.button("Take it to the machine", icon="task_alt", on_click=lambda: self.studio.go("Finish"))

@@ -15,7 +15,7 @@ SIGNS = {"n": "N", "nmm": "N mm", "k": "K", "c": "\N{DEGREE SIGN}C", "um": f"{MI
 TOLD = {
     "found": "found", "missed": "missed", "explained": "explained by others", "too small": "too small to count",
     "fair": "named in its place: this run cannot tell them apart", "partial": "helps, but is not what is hidden",
-    "wrong": "nothing of the kind is hidden",
+    "unclaimed": "not said to be there", "wrong": "nothing of the kind is hidden",
 }  # fmt: skip
 
 

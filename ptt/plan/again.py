@@ -1,0 +1,45 @@
+"""A further run over the region of one that showed something unknown."""
+
+import numpy as np
+
+from ptt.errors import WorkspaceError
+from ptt.model.model import Model
+from ptt.plan.first_run import LEAST_ROWS, ROWS, plan_first_run
+from ptt.plan.space import build_space, narrow_space
+from ptt.run.problem import Problem
+from ptt.run.table import Table
+
+MOST_LOADS = 3  # of those of the run: the ends tell a line, the middle whether it is one
+
+
+def plan_again(model: Model, problem: Problem) -> Table | None:
+    """Plan poses in random order, each joint arriving both ways, within the joint ranges and loads of a run.
+
+    A path that was driven once tells variables apart that run together on it only by chance; poses in random order part
+    them.
+
+    Args:
+        model: with what was found.
+        problem: the run.
+
+    Returns:
+        Targets in driving order; None where the run visited hardly a volume.
+    """
+    driven, loads = problem.view.q[problem.used], _loads(problem)
+    try:
+        space = narrow_space(build_space(problem.file), driven.amin(dim=0), driven.amax(dim=0))
+        return plan_first_run(model, rows=max(ROWS, LEAST_ROWS * len(loads)), payloads=loads, space=space).targets
+    except WorkspaceError:
+        return None
+
+
+def _loads(problem: Problem) -> tuple[float, ...]:
+    """Loads of the run, kg; the ends and one between of more than `MOST_LOADS`."""
+    stated = problem.table.payload_kg
+    if stated is None:
+        return ()
+    loads = np.unique(np.round(np.asarray(stated, dtype=float)[problem.used], 3))
+    loads = loads[np.isfinite(loads)]
+    if len(loads) > MOST_LOADS:
+        loads = loads[[0, len(loads) // 2, -1]]
+    return tuple(loads.tolist())
