@@ -122,11 +122,11 @@ class Diagnosed(Result):
         return draw_candidates(self.result)
 
     def poses(self) -> Table | None:
-        """As `poses_of` this diagnosis; None where the set-up has to be corrected first."""
+        """Poses that would tell tied effects apart, or show an unknown better, in driving order; None for none."""
         return None if self.result is None or self.opened is None else poses_of(self.result, self.opened.problem)
 
     def write_poses(self, out: str | Path) -> int:
-        """Write `poses` as a CSV.
+        """Write poses that would tell tied effects apart, or show an unknown better.
 
         Args:
             out: CSV to write.
