@@ -10,7 +10,9 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
+from ptt.challenge.remeasure import remeasure
 from ptt.challenge.truth import table_of
 from ptt.commands.main import app
 from ptt.dependence.dependence import Dependence, of_run
@@ -29,6 +31,8 @@ from ptt.rig.odd_schema import WarmBacklash
 from ptt.rig.simulate import simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
+from ptt.run.table import make_table
+from ptt.run.viewing import build_view
 
 RANGES = {name: [-50.0, 0.0, 50.0] if name in "xy" else [270.0, 283.0, 296.0] for name in ("b1", "b2", "b3", "x", "y")}
 WARM = [20.0, 23.0, 26.0]
@@ -80,6 +84,25 @@ def test_what_follows_the_feed_is_said_to(tmp_path: Path) -> None:
         found("direction2", "gradual", acts_on="slider 2", place=[240.0, 310.0], **{"with": "reversal"}),
         found("temperature", "smooth", residual="y", acts_on="set-up"),
         found("temperature", "smooth", residual="joint 2", acts_on="link 2"),
+        found("time", "smooth", acts_on="slider 2", together=["time", "b2"], ranges=[[0.0, 900.0], [270.0, 296.0]]),
+        found(
+            "temperature",
+            "smooth",
+            acts_on="rail 2 outward",
+            reference_c=21.0,
+            together=["temperature", "b2"],
+            ranges=[[20.0, 26.0], [270.0, 296.0]],
+        ),
+        found("z", "smooth", acts_on="joint 2", residual="joint 2", together=["x", "y", "z"], ranges=3 * [[-9.0, 9.0]]),
+        found(
+            "time",
+            "step",
+            residual="z",
+            acts_on="z",
+            place=[30.0, 31.0],
+            together=["time", "x", "y", "z"],
+            ranges=[[0.0, 900.0], *3 * [[-90.0, 90.0]]],
+        ),
     ],
     ids=lambda entry: f"{entry['on']}-{entry['shape']}-{entry.get('acts_on', '')}",
 )
@@ -89,6 +112,66 @@ def test_every_shape_makes_an_effect_that_keeps_the_contract(tmp_path: Path, ent
     (cls,) = (cls for name, cls in library(path).items() if name == "own-cause")
     broken = [f"{item.check}: {item.broken}" for item in check_effect(cls(), differentiate) if not item.passed]
     assert not broken
+
+
+def test_what_takes_several_variables_is_written_as_a_field_of_them(tmp_path: Path) -> None:
+    """A slider that moves with time, more the higher it stands, which no curve over one of the two describes."""
+    path = tmp_path / "own.py"
+    several = {"together": ["time", "b2"], "ranges": [[0.0, 900.0], [270.0, 296.0]]}
+    path.write_text(prefilled("own-cause", [found("time", "smooth", acts_on="slider 2", **several)]).text)
+    effect = library(path)["own-cause"]()
+    random = np.random.default_rng(4)
+    table = make_table(
+        random.uniform([-40.0, -40.0, 10.0], [40.0, 40.0, 50.0], (200, 3)), time_s=np.linspace(0, 900, 200)
+    )
+    view = build_view(MACHINE, table)
+    basis = effect.basis(view, {})[:, 1].numpy()
+    time, height = view.time.numpy() / 450.0 - 1.0, (view.q[:, 1].numpy() - 283.0) / 13.0
+    held = np.clip(height, -1.0, 1.0)
+    for wanted in (np.ones(200), time * held, time**2 * held**3):
+        left = wanted - basis @ np.linalg.lstsq(basis, wanted, rcond=None)[0]
+        assert np.abs(left).max() < 1e-9
+    assert (np.abs(height) > 1.0).any(), "beyond its range it stays as at the end"
+    assert not effect.basis(view, {})[:, [0, 2]].any()
+
+
+def test_an_unknown_of_two_variables_is_taken_away_by_the_field_that_is_written(tmp_path: Path) -> None:
+    """A slider off by a random function of time and height: over time alone 57 % of the tool's error go."""
+    (case,) = plan("unknown", 1, 6066, bench=None, visible=True)
+    drawn, _ = draw(case)
+    problem = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent))
+    told = diagnose(Model(drawn.rig.machine), problem)
+    first = told.depends_on[0]
+    assert (first.residual, first.together) == ("slider 1", ("time", "b1"))
+    time, height = problem.view.clock[problem.used], problem.view.q[problem.used][:, 0]
+    for (low, high), values in zip(first.ranges, (time, height), strict=True):  # but for a few rows set aside
+        assert values.min() <= low < high <= values.max() and high - low > 0.9 * (values.max() - values.min())
+    path = tmp_path / "own.py"
+    path.write_text(prefilled("own-cause", told.to_dict()["depends_on"]).text)
+    tool = remeasure(climb(told.model, problem, [library(path)["own-cause"]()]).model, drawn).to_dict()
+    assert tool["after"] is not None and tool["after"]["total"] < 0.3 * tool["before"]["total"]
+
+
+@pytest.mark.parametrize(
+    "several",
+    [
+        {"together": ["time", "b2"], "ranges": [[0.0, 900.0], [296.0, 270.0]]},
+        {"together": ["time", "time"], "ranges": 2 * [[0.0, 900.0]]},
+        {"together": ["b1", "b2"], "ranges": 2 * [[0.0, 900.0]]},
+        {"together": ["time", "b2"], "ranges": ["x", "y"]},
+    ],
+)
+def test_ranges_that_are_none_are_refused(several: dict[str, object]) -> None:
+    with pytest.raises(InputError, match="ranges"):
+        prefilled("own-cause", [found("time", "smooth", acts_on="slider 2", **several)])
+
+
+@pytest.mark.parametrize(
+    "several", [{}, {"ranges": [[0.0, 1.0]]}, {"together": ["time", "feed"], "ranges": 2 * [[0.0, 1.0]]}]
+)
+def test_a_field_that_no_effect_can_read_is_written_along_its_leading_variable(several: dict[str, object]) -> None:
+    text = prefilled("own-cause", [found("time", "smooth", acts_on="slider 2", together=["time", "b2"]) | several]).text
+    assert "together" not in text and 'on, shape = "time", "smooth"' in text
 
 
 @pytest.mark.parametrize(

@@ -40,13 +40,15 @@ class Dependence(Record):
         points: of an unknown, (m, 2) the readings that its curve stands for: the curve's variable, and mm or rad.
         together: variables that it takes all of to describe an unknown: a field of which this one alone explains less
             than half, or a change at one moment that varies over the workspace; the share is of all of them then.
+        ranges: of each variable of `together`, its lowest and highest value at the readings, in its unit; empty where
+            one of them is no column and no coordinate.
         moments: of shape 'levels' over time, the moments at which it switches, s; else empty.
         alone_share: share of the variance that this one alone explains then; None where one variable is enough.
     """
 
     keys: ClassVar[str] = (
-        "residual, on, unit, share, p_value, together, alone_share, period_mm, shape, place, moments, with: with_, "
-        "reference_c, rivals, acts_on, size, words, "
+        "residual, on, unit, share, p_value, together, ranges, alone_share, period_mm, shape, place, moments, "
+        "with: with_, reference_c, rivals, acts_on, size, words, "
         "curve.at: curve.T.0, curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
     )
 
@@ -66,6 +68,7 @@ class Dependence(Record):
     reference_c: float | None = None
     points: np.ndarray | None = None
     together: tuple[str, ...] = ()
+    ranges: tuple[tuple[float, float], ...] = ()
     alone_share: float | None = None
     moments: tuple[float, ...] = ()
 

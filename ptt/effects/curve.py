@@ -32,6 +32,8 @@ HATS = 13  # hat functions of a bump, since local damage has no shape that is kn
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
 DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace
+PAIR_DEGREE = 6  # the same in two variables: as many terms as there are of degree 4 in three, and finer
+STEP_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 FIELD = [powers for powers in product(range(DEGREE + 1), repeat=3) if 0 < sum(powers) <= DEGREE]
 CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
 
@@ -52,6 +54,9 @@ class Curve(Effect):
         between: range of the variable in the data (of 'varying': of the second variable; of 'gradual': of the joint
             that reverses), or ends of the step or bump; mm, rad, s, kg, or K above the drawing's temperature.
         period: of shape 'period', mm or rad.
+        together: of shape 'smooth' or 'step', the variables that it takes all of, `on` among them; a step over time is
+            by an amount that varies with the others.
+        ranges: of each of these, as `between`; beyond them it stays as at their ends.
         along: of shape 'varying', the second variable, on which the effect of a direction depends.
         stage: of what acts on the tool, 'structure', or 'metrology' where it is the tracker that errs: no command
             follows it then; of the others the place says it.
@@ -64,6 +69,8 @@ class Curve(Effect):
     period: ClassVar[float] = 0.0
     along: ClassVar[str] = ""
     moments: ClassVar[tuple[float, ...]] = ()
+    together: ClassVar[tuple[str, ...]] = ()
+    ranges: ClassVar[tuple[tuple[float, float], ...]] = ()
 
     def __init_subclass__(cls, **named: Any) -> None:
         """Derive stage, parameters and requirements from the class attributes.
@@ -72,7 +79,7 @@ class Curve(Effect):
             TypeError: no such variable, place, stage or shape, an empty range, or no period.
         """
         super().__init_subclass__(**named)
-        for name in filter(None, (cls.on, cls.along)):
+        for name in filter(None, (cls.on, cls.along, *cls.together)):
             if not (JOINT.fullmatch(name) or name in COORDINATES + OTHERS):
                 raise TypeError(f"a curve cannot follow '{name}'")
         if not cls.on or cls.shape not in CURVE_SHAPES or not cls.between[0] < cls.between[1]:
@@ -81,11 +88,16 @@ class Curve(Effect):
             raise TypeError("a period above zero is needed")
         if cls.moments and ((cls.on, cls.shape) != ("time", "levels") or list(cls.moments) != sorted(cls.moments)):
             raise TypeError("only levels over time change at moments, which are in ascending order")
+        if cls.together and not (
+            cls.shape in ("smooth", "step") and cls.on in cls.together and len(cls.ranges) == len(cls.together) > 1
+            and all(low < high for low, high in cls.ranges)
+        ):  # fmt: skip
+            raise TypeError("a smooth curve or step of several variables has one of them as 'on', and a range of each")
         if cls.shape == "gradual" and not cls.on.startswith("direction"):
             raise TypeError("only what follows a direction turns over gradually")
         if cls.acts_on and not (PLACE.fullmatch(cls.acts_on) and fits(cls.mechanisms, cls.acts_on)):
             raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot act on '{cls.acts_on}'")
-        for name in (cls.on, cls.along):
+        for name in (cls.on, cls.along, *cls.together):
             if not fits(cls.mechanisms, name):
                 raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot follow '{name}'")
         kind, _ = cls._place()
@@ -104,10 +116,10 @@ class Curve(Effect):
         size = {"tool": 3, "set-up": len(MOTIONS)}.get(kind, 1) * count
         usual, unit = (1e-4, "rad") if rad else (0.02, "mm")
         cls.parameters = (Parameter("size", unit, usual, words, count=size),)
-        wanted = {name.rstrip("0123456789") for name in (cls.on, cls.along)}
+        wanted = {name.rstrip("0123456789") for name in (cls.on, cls.along, *cls.together)}
         cls.requires = tuple(name for name in CONTEXTS if name in wanted)
         cls.reverses = cls.on.startswith("direction")
-        cls.follows_clock = cls.on in ("time", "temperature", "run")
+        cls.follows_clock = not {"time", "temperature", "run"}.isdisjoint((cls.on, *cls.together))
 
     @classmethod
     def _place(cls) -> tuple[str, int]:
@@ -125,7 +137,7 @@ class Curve(Effect):
     def basis(self, view: View, shape: Any) -> Tensor:
         """The basis functions of the variable, each in the outputs that it shifts."""
         kind, index = self._place()
-        followed = [int(joint[2]) for name in (self.on, self.along) if (joint := JOINT.fullmatch(name))]
+        followed = [int(joint[2]) for name in (self.on, self.along, *self.together) if (joint := JOINT.fullmatch(name))]
         last = max([*followed, index + 1 if kind in ("slider", "joint", "link") else 0])
         if last > view.joints:
             what = f"'{self.name}' follows or moves joint {last}, and the machine has {view.joints}"
@@ -178,6 +190,9 @@ class Curve(Effect):
             elements = hysterons(view, view.q.new_full((view.joints,), high - low))
             return elements[:, int(self.on.removeprefix("direction")) - 1]
         value = _value(view, self.on)
+        if self.together:
+            step = (value > 0.5 * (low + high)).to(value)[:, None] if self.shape == "step" else 1.0
+            return step * _products(view, *_factors(type(self)))
         if self.along:
             return value[:, None] * _smooth(_value(view, self.along), low, high)
         if self.shape == "period":
@@ -225,6 +240,9 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
     """Number of basis functions at each output, and their meaning."""
     if cls.on in COORDINATES and not cls.acts_on:
         return len(FIELD), f"of each product of up to {DEGREE} coordinates"
+    if cls.together:
+        names, _, degree = _factors(cls)
+        return len(_powers(len(names), degree)), f"of each product of {' and '.join(names)}"
     if cls.shape == "gradual":
         return HYSTERONS, "of each length over which it turns over"
     if cls.along:
@@ -240,6 +258,28 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
     if _proportional(cls):
         return 1, f"per unit of {cls.on}"
     return SMOOTH, f"bow, double bow, ..., slope and level along {cls.on}"
+
+
+def _factors(cls: type[Curve]) -> tuple[list[str], list[tuple[float, float]], int]:
+    """Variables of the products, their ranges, and the largest total degree."""
+    steps = cls.shape == "step"
+    wanted = [(name, ends) for name, ends in zip(cls.together, cls.ranges, strict=True) if not steps or name != cls.on]
+    degree = STEP_DEGREE if steps else DEGREE if len(wanted) > 2 else PAIR_DEGREE
+    return [name for name, _ in wanted], [ends for _, ends in wanted], degree
+
+
+def _powers(count: int, degree: int) -> list[tuple[int, ...]]:
+    """Powers of each product of a number of variables up to a total degree, the constant first."""
+    return [powers for powers in product(range(degree + 1), repeat=count) if sum(powers) <= degree]
+
+
+def _products(view: View, names: list[str], ranges: list[tuple[float, float]], degree: int) -> Tensor:
+    """Products of powers of variables, each scaled to -1..1 over its range and kept at its ends, (n, count)."""
+    middles = [(_value(view, name) - 0.5 * (low + high)) / (0.5 * (high - low)) for name, (low, high) in
+               zip(names, ranges, strict=True)]  # fmt: skip
+    scaled = torch.stack([middle.clamp(-1.0, 1.0) for middle in middles], dim=1)
+    powers = scaled.new_tensor(_powers(len(names), degree))
+    return (scaled[:, None] ** powers).prod(dim=2)
 
 
 def _smooth(value: Tensor, low: float, high: float) -> Tensor:

@@ -73,9 +73,10 @@ class UnreadableError(InputError):
 def _law(found: Mapping[str, Any]) -> str:
     """The class of one entry, its names left open."""
     kinds = _mechanisms(found)
-    for key in ("on", "along", "acts_on"):
-        if not fits(kinds, found[key]):
-            what = f"the dependence has no proper '{key}': no {' or '.join(kinds)} has '{shown(found[key])}'"
+    named = [(key, found[key]) for key in ("on", "along", "acts_on")]
+    for key, value in (*named, *(("together", each) for each in found["together"])):
+        if not fits(kinds, value):
+            what = f"the dependence has no proper '{key}': no {' or '.join(kinds)} has '{shown(value)}'"
             raise InputError(what, fix=_FIX)
     written = str(kinds).replace("'", '"')
     low, high = found["between"]
@@ -93,10 +94,20 @@ def _law(found: Mapping[str, Any]) -> str:
         *([f"    period = {found['period']:.9g}"] if found["period"] else []),
         *([f"    moments = {found['moments']}"] if found["moments"] else []),
         *([f'    along = "{found["along"]}"'] if found["along"] else []),
+        *_of_several(found["together"]),
         *([f'    acts_on = "{found["acts_on"]}"'] if found["acts_on"] else []),
         *([OF_READINGS] if _may_be_of_readings(found) else []),
     ]
     return "\n".join(lines)
+
+
+def _of_several(together: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Lines on the variables that it takes all of, if any."""
+    if not together:
+        return []
+    names = ", ".join(f'"{name}"' for name in together)
+    ranges = ", ".join(f"({low:.6g}, {high:.6g})" for low, high in together.values())
+    return [f"    together = ({names})", f"    ranges = ({ranges})"]
 
 
 def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
@@ -132,6 +143,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         raise InputError("the dependence has no proper curve, place, moments or period", fix=_FIX) from None
     if not along and shape != "gradual":
         shape, along, (low, high) = _with_size(dependence, shape, (low, high))
+    together = _together(dependence) if not free and not along and shape in ("smooth", "step") else {}
     reference = dependence.get("reference_c")
     warm = float(reference) if isinstance(reference, int | float) else REFERENCE_C
     shift = warm if (along or on) == "temperature" else 0.0
@@ -141,8 +153,28 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     if (on, shape) != ("time", "levels"):
         moments = ()
     between = low - shift, high - shift
+    if "temperature" in together:
+        together["temperature"] = (together["temperature"][0] - warm, together["temperature"][1] - warm)
     return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
-            "moments": moments, "between": between, "acts_on": acts_on}  # fmt: skip
+            "moments": moments, "between": between, "acts_on": acts_on, "together": together}  # fmt: skip
+
+
+def _together(dependence: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Ranges of the variables that it takes all of; none where the leading one is enough, or an effect reads not all.
+
+    Raises:
+        InputError: ranges that are none.
+    """
+    names = [str(name) for name in dependence.get("together") or ()]
+    try:
+        ranges = [(float(low), float(high)) for low, high in dependence.get("ranges") or ()]
+    except (TypeError, ValueError):
+        raise InputError("the dependence has no proper ranges", fix=_FIX) from None
+    if len(names) < 2 or len(ranges) != len(names) or not all(map(is_variable, names)):
+        return {}
+    if len({*names}) < len(names) or dependence.get("on") not in names or not all(low < high for low, high in ranges):
+        raise InputError("the dependence has no proper ranges", fix=_FIX)
+    return dict(zip(names, ranges, strict=True))
 
 
 def _with_size(

@@ -116,6 +116,7 @@ def _dependence(
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
     alone = max(explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE), 0.0)
     found = _of_several(found, item.block, alone, contexts[on], rests[residual], problem)
+    found = replace(found, ranges=_ranges(found.together, contexts, rests[residual]))
     size = size_of_unknown(item, alike, found, rest, problem, contexts)
     return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
@@ -178,6 +179,14 @@ def _of_several(
         found, shape="smooth", place=None, period_mm=None, with_=None, rivals=(), together=block.on,
         alone_share=alone * found.share,
     )  # fmt: skip
+
+
+def _ranges(names: Sequence[str], contexts: dict[str, np.ndarray], left: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """Lowest and highest value of each variable at the readings of a residual, (n,); none where one is no context."""
+    if not all(name in contexts for name in names):
+        return ()
+    read = [contexts[name][np.isfinite(left)] for name in names]
+    return tuple((float(np.nanmin(values)), float(np.nanmax(values))) for values in read)
 
 
 def _since_reversal(block: Block, problem: Problem) -> np.ndarray:
