@@ -20,6 +20,7 @@ from ptt.show.studio.page_again import change
 from ptt.show.studio.page_finish import trained_in_words
 from ptt.show.studio.page_machine import PRESETS, arm_text, three_ptt_text
 from ptt.show.studio.page_model import rows_in_words
+from ptt.show.studio.page_unknown import how_it_follows
 from ptt.show.studio.results import Source
 from ptt.show.studio.seal_table import seal_html, truth_in_words
 from ptt.show.studio.tool_tables import dexterity_html
@@ -223,6 +224,14 @@ def test_the_picture_of_an_unknown_has_the_unit_of_what_it_follows(on, unit, acr
         "points": {"at": at, "um": [1.0, 2.0, 3.0], "unit": unit},
     }  # fmt: skip
     assert unknown_figure(unknown, serial=False)["layout"]["xaxis"]["title"]["text"] == across
+
+
+def test_what_takes_several_variables_is_not_said_of_the_curve_over_one():
+    alone = {"residual": "slider 1", "on": "b1", "share": 0.7, "shape": "smooth", "together": []}
+    said = "70\N{NO-BREAK SPACE}% of the variance of the remaining error of slider 1 depends on"
+    assert how_it_follows(alone) == f"{said} it (smoothly)"
+    field = alone | {"together": ["time", "b1"], "alone_share": 0.26}
+    assert how_it_follows(field) == f"{said} time and b1 together; this curve over b1 alone shows 26\N{NO-BREAK SPACE}%"
 
 
 def test_a_variable_of_a_joint_has_an_article_in_prose_and_a_column_of_ones_own_has_none():

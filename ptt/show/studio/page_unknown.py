@@ -9,6 +9,7 @@ from nicegui import ui
 
 from ptt.dependence.said import who_is_off
 from ptt.diagnosis.search.rest import remaining_error
+from ptt.effects.phrases import listed
 from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
 from ptt.show.studio.controller import Studio
@@ -53,8 +54,7 @@ class UnknownView:
         self.plot.show(unknown_figure(diagnosis.unknown, self.studio.session.kind == "serial"))
         unknown = diagnosis.unknown
         rivals = f"; {', '.join(unknown['rivals'])} would explain it about as well" if unknown["rivals"] else ""
-        follows = f"{percent(unknown['share'])} of the variance of {remaining_error(unknown['residual'])} depends on it"
-        self.how.set_text(f"{follows} ({HOW[unknown['shape']]}){rivals}.{_seen_as(unknown)}")
+        self.how.set_text(f"{how_it_follows(unknown)}{rivals}.{_seen_as(unknown)}")
         self.code.set_visibility(False)
         self.add.set_visibility(False)
 
@@ -82,6 +82,22 @@ class UnknownView:
         if self.file not in source.effects:
             self.studio.with_source(replace(source, effects=(*source.effects, self.file)))
         await self.studio.change("add", *self.names)
+
+
+def how_it_follows(unknown: Mapping[str, Any]) -> str:
+    """How much of the error the curve describes; of what takes several variables, these and the curve's own part.
+
+    Args:
+        unknown: an entry of `depends_on`.
+
+    Returns:
+        A sentence without its stop.
+    """
+    left = remaining_error(unknown["residual"])
+    if not unknown["together"]:
+        return f"{percent(unknown['share'])} of the variance of {left} depends on it ({HOW[unknown['shape']]})"
+    several = f"{percent(unknown['share'])} of the variance of {left} depends on {listed(unknown['together'])} together"
+    return f"{several}; this curve over {unknown['on']} alone shows {percent(unknown['alone_share'])}"
 
 
 def _seen_as(unknown: Mapping[str, Any]) -> str:
