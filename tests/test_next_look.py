@@ -37,7 +37,11 @@ def follows(residual: str, on: str, shape: str = "smooth", **more) -> Dependence
         (follows("slider 2", "direction2"),
          ("Look for the cause in slider 2.", "More poses, each approached from both sides, would show it better.")),
         (follows("set-up", "payload"),
-         ("Look for the cause in the set-up.", "More poses over the range of payload would show it better.")),
+         ("Look for the cause in the set-up.", "More readings over the range of payload would show it better.")),
+        (follows("slider 2", "feed"),
+         ("Look for the cause in slider 2.", "More readings over the range of feed would show it better.")),
+        (follows("joint 1", "pause"),
+         ("Look for the cause in joint 1.", "More poses in another order would show it better.")),
         (follows("x", "z"),
          ("Look for what moves the readings along x.",
           "More poses over the range of z, each approached from both sides, would show it better.", OTHER_STAND)),
@@ -54,7 +58,7 @@ def follows(residual: str, on: str, shape: str = "smooth", **more) -> Dependence
 def test_where_to_look_and_what_would_show_it_better(first, told):
     assert next_look([first], untold=False) == told
     assert [latin(SAY(line)) for line in told] == [[]] * len(told)
-    assert asks_for_poses([first]) == (first.on != "time")
+    assert asks_for_poses([first]) == (first.on not in ("time", "feed"))
 
 
 def test_what_follows_next_to_nothing_asks_for_poses_everywhere_and_what_follows_nothing_for_columns():

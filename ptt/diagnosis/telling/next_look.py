@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 
 from ptt.dependence.dependence import Dependence
-from ptt.dependence.said import between, switched_at
+from ptt.dependence.said import MOVES, between, switched_at
 from ptt.effects.curve import COORDINATES, JOINT
 from ptt.effects.phrases import listed
 
@@ -35,8 +35,12 @@ def next_look(depends_on: Sequence[Dependence], *, untold: bool) -> tuple[str, .
 
 
 def asks_for_poses(depends_on: Sequence[Dependence]) -> bool:
-    """Whether more poses would show an unknown better: not one over time, nor one that follows nothing recorded."""
-    return bool(depends_on) and depends_on[0].on != "time"
+    """Whether more poses would show an unknown better, which follows places, directions, moves or loads."""
+    return bool(depends_on) and (_of_poses(depends_on[0]) or depends_on[0].on in (*MOVES, "payload"))
+
+
+def _of_poses(first: Dependence) -> bool:
+    return first.on in COORDINATES or (bool(JOINT.fullmatch(first.on)) and not first.on.startswith("speed"))
 
 
 def _place(first: Dependence) -> str:
@@ -51,13 +55,13 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
         return [f"Look for what was switched {since}: a pump, a clamp, a door, another machine."]
     if first.on == "time" and first.shape == "step" and first.place:
         return [f"Look for what changed at {between(*first.place, first.unit)}: a load, a clamp, the tool, a stop."]
-    sides = ", each approached from both sides," if JOINT.fullmatch(first.on) or first.on in COORDINATES else ""
     over = "" if first.on.startswith("direction") else f" over the range of {listed(variables)}"
-    more = "A longer run, or another one," if first.on == "time" else f"More poses{over}{sides}"
+    if first.on == "time":
+        more = "A longer run, or another one,"
+    elif first.on in MOVES:
+        more = "More poses in another order"
+    else:
+        more = f"More poses{over}, each approached from both sides," if _of_poses(first) else f"More readings{over}"
     where = WAY.sub(r" (\1)", _place(first)).replace("set-up", "the set-up")
-    look = (
-        f"Look for what moves the readings along {where}."
-        if where in COORDINATES
-        else f"Look for the cause in {where}."
-    )
-    return [look, f"{more} would show it better."]
+    look = f"what moves the readings along {where}" if where in COORDINATES else f"the cause in {where}"
+    return [f"Look for {look}.", f"{more} would show it better."]
