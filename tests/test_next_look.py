@@ -41,6 +41,9 @@ def follows(residual: str, on: str, shape: str = "smooth", **more) -> Dependence
         (follows("slider 2", "feed"),
          ("Look for the cause in slider 2.", "More readings over the range of feed would show it better.")),
         (follows("joint 1", "pause"),
+         ("Look for the cause in joint 1.",
+          "More readings after longer and after shorter rests would show it better.")),
+        (follows("joint 1", "step"),
          ("Look for the cause in joint 1.", "More poses in another order would show it better.")),
         (follows("x", "z"),
          ("Look for what moves the readings along x.",
@@ -58,7 +61,7 @@ def follows(residual: str, on: str, shape: str = "smooth", **more) -> Dependence
 def test_where_to_look_and_what_would_show_it_better(first, told):
     assert next_look([first], untold=False) == told
     assert [latin(SAY(line)) for line in told] == [[]] * len(told)
-    assert asks_for_poses([first]) == (first.on not in ("time", "feed"))
+    assert asks_for_poses([first]) == (first.on not in ("time", "feed", "pause"))
 
 
 def test_what_follows_next_to_nothing_asks_for_poses_everywhere_and_what_follows_nothing_for_columns():

@@ -17,7 +17,8 @@ FAR = 6.0  # robust standard deviations at which residuals are clipped
 CHANCE = 1e-3  # significance level of the Hausman test for removing the frame
 LEAST_ROWS = 3  # rows that each direction of arrival, or run, needs for the variable to vary
 COORDINATES = ("x", "y", "z")
-WIDE = 1.5  # ratio of the 95th to the 5th percentile, beyond which lengths or durations of moves vary
+WIDE = 1.5  # ratio of the longest to the shortest moves, beyond which their lengths or durations vary
+FEW_MOVES = 4  # moves at the least that count as the longest or the shortest: a few rests in a day are enough
 SHORT = 0.05  # least lever of a joint, as a share of its rms lever; least rms lever, as a share of the longest one
 
 
@@ -229,8 +230,9 @@ def moves_of(problem: Problem) -> dict[str, np.ndarray]:
     view, found = problem.view, {}
     far, since = last_moves(view.p.numpy(), view.time.numpy(), view.starts.numpy())
     for name, values in (("step", far), ("pause", since)):
-        low, high = np.nanpercentile(values, (5.0, 95.0)) if np.isfinite(values).any() else (0.0, 0.0)
-        if high > WIDE * low and name not in problem.table.watched:
+        known = np.sort(values[np.isfinite(values)])
+        varies = len(known) >= 2 * FEW_MOVES and known[-FEW_MOVES] > WIDE * known[FEW_MOVES - 1]
+        if varies and name not in problem.table.watched:
             found[name] = values
     return found
 

@@ -14,6 +14,7 @@ PHASES = 10  # bins of a curve over one period
 EDGE = 3.84  # chi-squared of one degree of freedom, 95 %
 HALF = 1.96  # half-width of a 95 % confidence interval, in standard errors
 MOST = 0.9  # share of what a cubic and a local shape explain that the cubic alone does, where that is a detail
+LEAST_BESIDE = 4  # rows that a bump has on either side
 LOCAL = ("step", "bump", "period")  # kinds with an unknown place or period
 
 
@@ -197,6 +198,7 @@ def _finish(
         place, share = _step(base, residual, values, float(kind.low[choice.index]))
     elif shape == "bump":
         place, share = _bump(base, residual, values, float(kind.low[choice.index]), float(kind.high[choice.index]))
+        shape, place, share = _with_both_sides(base, residual, values, place, share)
     if second is not None:
         curve = binned_curve(second, np.sign(values - 1e-9) * residual)
     elif period is not None:
@@ -252,6 +254,21 @@ def _bump(
     best = int(np.argmax(share))
     feet = (float(middles[best] - widths[best] / 2), float(middles[best] + widths[best] / 2))
     return feet, float(share[best])
+
+
+def _with_both_sides(
+    base: np.ndarray, residual: np.ndarray, values: np.ndarray, feet: tuple[float, float], share: float
+) -> tuple[str, tuple[float, float] | None, float]:
+    """Shape, place and share of a bump; of one that has hardly a row on one side a step, or no place where it is none.
+
+    A few readings after long rests would otherwise be told as a bump of all the others.
+    """
+    beside = int((values < feet[0]).sum()), int((values > feet[1]).sum())
+    if min(beside) >= LEAST_BESIDE:
+        return "bump", feet, share
+    towards = feet[1] if beside[0] < beside[1] else feet[0]
+    place, taken = _step(base, residual, values, 0.25 * (feet[0] + feet[1]) + 0.5 * towards)
+    return ("step", place, taken) if taken >= share else ("smooth", None, share)
 
 
 def _added_shares(base: np.ndarray, residual: np.ndarray, columns: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from ptt.dependence.periods import harmonics, trial_frequencies
 LEVELS = 8  # values of a variable up to which it is categorical
 CUTS = 40  # places at which a step is tried
 WIDTHS = (1 / 30, 1 / 20, 1 / 12, 1 / 8, 1 / 5)  # of bumps, from end to end, as shares of the range
-LEAST_ROWS = 4  # rows that a bump must hold
+LEAST_ROWS = 4  # rows that a bump, or one side of a step, must hold
 DEAD = 1e-3  # share of a column's length left beside the nuisances, below which it is collinear with them
 
 
@@ -139,7 +139,9 @@ def _bins(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _steps(values: np.ndarray, levels: np.ndarray) -> TrialFunctions:
-    last = np.unique(np.linspace(0.04 * len(levels), 0.96 * len(levels) - 1, CUTS).astype(int))
+    ends = LEAST_ROWS * 2 ** np.arange(max(int(np.log2(0.04 * len(levels) / LEAST_ROWS)) + 1, 0))  # a few rare values
+    inner = np.linspace(0.04 * len(levels), 0.96 * len(levels) - 1, CUTS).astype(int)
+    last = np.unique(np.concatenate([ends - 1, inner, len(levels) - 1 - ends]))
     last = last[last < len(levels) - 1]
     low, high = levels[last], levels[last + 1]
     return TrialFunctions("step", 1, (values[:, None] > (low + high) / 2).astype(np.float32), low, high)

@@ -124,13 +124,18 @@ def are_exceptions(far: np.ndarray, used: np.ndarray) -> bool:
 
 
 def places_of(problem: Problem) -> np.ndarray:
-    """Tool position, joint values, steps of the joints, load and feed of each row, (n, 2 k + 5).
+    """Tool position, joint values, steps of the joints, time since the last row, load and feed of each row.
 
-    Load and feed are zero where they were not recorded.
+    Load and feed are zero where they were not recorded; the time is left out where it is the same of all rows.
+
+    Returns:
+        (n, 2 k + 5), with the time (n, 2 k + 6).
     """
     q, p, table = problem.view.q.numpy(), problem.view.p.numpy(), problem.table
     levels = [np.zeros(len(q)) if each is None else np.nan_to_num(each) for each in (table.payload_kg, table.feed_mm_s)]
-    return np.column_stack([p, q, np.abs(np.diff(q, axis=0, prepend=q[:1])), *levels])
+    rest = _since_last(problem)
+    rests = [rest] if np.ptp(rest[1:]) > 0.0 else []
+    return np.column_stack([p, q, np.abs(np.diff(q, axis=0, prepend=q[:1])), *rests, *levels])
 
 
 def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int) -> np.ndarray:
@@ -160,19 +165,38 @@ def _under_one_load(far: np.ndarray, used: np.ndarray, places: np.ndarray) -> np
 
 def _crowded(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Far rows that are neighbours in a measure of place and off along one line, more often than by chance."""
-    crowded, rows = np.zeros_like(far), np.flatnonzero(used)
-    expected = far.sum() ** 2 / max(len(rows), 1) * _share_along(left[far & used])
-    chance = CROWD_CHANCE / (places.shape[1] - LEVEL_COLUMNS + 1)
+    crowded, chance = np.zeros_like(far), CROWD_CHANCE / (places.shape[1] - LEVEL_COLUMNS + 1)
     for column in places.T[:-LEVEL_COLUMNS]:
-        order = rows[np.argsort(column[rows], kind="stable")]
-        pairs = far[order[1:]] & far[order[:-1]]
-        one, two = order[1:][pairs], order[:-1][pairs]
-        along = _along(left[one], left[two])
-        if poisson_sf(along.sum() - 1, expected) < chance:
-            crowded[one[along]] = True
-            crowded[two[along]] = True
+        beside, accident = beside_each_other(far, left, used, column)
+        crowded |= beside & (accident < chance)
     near, accident = in_one_place(far, left, used, places[:, :3])
     return crowded | (near & (accident < chance))
+
+
+def beside_each_other(
+    far: np.ndarray, left: np.ndarray, used: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Far rows next to each other in the order of a variable that are off along one line.
+
+    Args:
+        far: (n,) bool.
+        left: how far each is off, (n, 3).
+        used: rows whose readings count, (n,) bool.
+        values: of the variable, (n,).
+
+    Returns:
+        (n,) bool; and the p-value of so many pairs if gross errors were spread at random.
+    """
+    beside, rows = np.zeros_like(far), np.flatnonzero(used | far)
+    expected = far.sum() ** 2 / max(len(rows), 1) * _share_along(left[far])
+    mixed = np.random.default_rng(0).permutation(len(rows))  # equal values in no order, least of all that of travel
+    order = rows[np.lexsort((mixed, values[rows]))]
+    pairs = far[order[1:]] & far[order[:-1]]
+    one, two = order[1:][pairs], order[:-1][pairs]
+    along = _along(left[one], left[two])
+    beside[one[along]] = True
+    beside[two[along]] = True
+    return beside, float(poisson_sf(along.sum() - 1, expected))
 
 
 def _along(one: np.ndarray, two: np.ndarray) -> np.ndarray:
@@ -222,12 +246,24 @@ def in_one_place(far: np.ndarray, left: np.ndarray, used: np.ndarray, tool: np.n
 
 
 def has_a_place(gross: np.ndarray, left: np.ndarray, problem: Problem) -> bool:
-    """Whether readings set aside are neighbours in space and off along one line, which broken beams are not.
+    """Whether readings set aside are off along one line and neighbours in space, or all come after a rest.
+
+    Broken beams do neither.
 
     Args:
         gross: (n,) bool.
         left: how far each is off, (n, 3); NaN where not known.
         problem: n rows.
     """
-    known = gross & np.isfinite(left).all(axis=1)
-    return in_one_place(known, left, problem.used, problem.view.p.numpy())[1] < PLACE_CHANCE
+    known, used = gross & np.isfinite(left).all(axis=1), problem.used
+    if in_one_place(known, left, used, problem.view.p.numpy())[1] < PLACE_CHANCE:
+        return True
+    rest = _since_last(problem)
+    rests = known.sum() > 1 and np.ptp(rest[1:]) > 0.0
+    return bool(rests and beside_each_other(known, left, used, rest)[1] < PLACE_CHANCE)
+
+
+def _since_last(problem: Problem) -> np.ndarray:
+    """Time since the row before, (n,); zero at the first row of a run."""
+    clock = problem.view.clock.numpy()
+    return np.where(problem.view.starts.numpy(), 0.0, np.diff(clock, prepend=clock[:1]))

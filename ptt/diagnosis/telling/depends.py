@@ -8,7 +8,7 @@ import numpy as np
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views
 from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence, of_run
-from ptt.dependence.following import depends_on
+from ptt.dependence.following import FAR, depends_on
 from ptt.dependence.way import since_reversal
 from ptt.diagnosis.evidence.atoms import is_block
 from ptt.diagnosis.evidence.score import Scorer
@@ -106,7 +106,8 @@ def _dependence(
     second = next((name for name in item.block.on[1:] if name in seconds and on.startswith("direction")), None)
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
-    tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel) if d.on == on]
+    reached = {residual: float(np.nanmax(np.abs(parts[residual]))) / FAR}  # what the unknown itself does is not clipped
+    tested = [d for d in depends_on({residual: rests[residual]}, shown, groups, travel, noise=reached) if d.on == on]
     tested.sort(key=lambda one: one.with_ != second)
     if item.block.gradual:
         contexts = contexts | {"reversal": _since_reversal(item.block, problem)}

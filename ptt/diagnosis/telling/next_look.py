@@ -36,7 +36,8 @@ def next_look(depends_on: Sequence[Dependence], *, untold: bool) -> tuple[str, .
 
 def asks_for_poses(depends_on: Sequence[Dependence]) -> bool:
     """Whether more poses would show an unknown better, which follows places, directions, moves or loads."""
-    return bool(depends_on) and (_of_poses(depends_on[0]) or depends_on[0].on in (*MOVES, "payload"))
+    first = depends_on[0] if depends_on else None
+    return first is not None and first.on != "pause" and (_of_poses(first) or first.on in (*MOVES, "payload"))
 
 
 def _of_poses(first: Dependence) -> bool:
@@ -58,6 +59,8 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
     over = "" if first.on.startswith("direction") else f" over the range of {listed(variables)}"
     if first.on == "time":
         more = "A longer run, or another one,"
+    elif first.on == "pause":
+        more = "More readings after longer and after shorter rests"
     elif first.on in MOVES:
         more = "More poses in another order"
     else:
