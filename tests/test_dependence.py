@@ -214,6 +214,19 @@ def test_a_bump_on_a_slope_is_a_detail_of_it_where_the_slope_is_most(slope: floa
     assert found.share > 0.98
 
 
+def test_a_few_readings_far_out_are_a_step_and_not_a_bump_of_all_the_others() -> None:
+    """Nine readings after rests of 700 s and more, 460 a few seconds after the one before."""
+    random = np.random.default_rng(0)
+    values = np.concatenate([random.uniform(9.0, 15.0, 460), random.uniform(700.0, 2300.0, 9)])
+    residual = np.where(values > 100.0, -0.2, 0.0) + random.normal(0.0, 0.003, len(values))
+    poses = find_poses(residual[:, None], np.arange(len(values)))
+    trials = build_trials(values, periodic=False)
+    (found,) = describe(residual[:, None], values, None, trials, np.array([float(one.dims) for one in trials]), poses)
+    low, high = found.place
+    assert found.shape == "step" and 9.0 < low < 15.0 and 690.0 < high < 2300.0
+    assert found.share > 0.98
+
+
 def test_a_slider_that_explains_as_much_comes_before_the_tool() -> None:
     found, leg, _ = draw("damage", "volume", 5, ratio=6.0)
     assert (found[0].residual, found[0].on) == (f"slider {leg + 1}", f"b{leg + 1}")

@@ -168,6 +168,26 @@ def test_an_axis_that_creeps_after_it_has_stopped_follows_the_pause_before_the_r
     assert "depends on the time since the row before (pause)" in found.words
 
 
+@pytest.mark.parametrize("rests", [(40, 61, 85, 120, 133, 151, 160), ()])
+def test_readings_that_are_off_alike_after_rests_are_no_gross_errors(rests: tuple[int, ...]) -> None:
+    """Seven of 180 readings, each after the machine has stood for a while; as many off to any side are broken beams."""
+    random = np.random.default_rng(8)
+    cloud, wait = random.uniform(-60.0, 60.0, (180, 3)).round(3), random.uniform(9.0, 12.0, 180)
+    wait[list(rests)] = random.uniform(700.0, 2000.0, len(rests))
+    mechanism = build_mechanism(MACHINE.machine)
+    away = 0.4 * mechanism.jacobian(mechanism.inverse(torch.as_tensor(cloud))).numpy()[:, :, 2]
+    hit = list(rests) or [40, 61, 85, 120, 133, 151, 160]
+    measured = cloud + random.normal(0.0, 0.005, cloud.shape)
+    measured[hit] += away[hit] if rests else 0.4 * np.eye(3)[[0, 1, 2, 0, 1, 2, 0]] * random.choice([-1, 1], (7, 1))
+    table = make_table(cloud, measured=measured, time_s=np.cumsum(wait))
+    found = diagnose(Model(MACHINE), build_problem(MACHINE, table))
+    if rests:
+        assert found.verdict == "unknown" and not found.outliers.any()
+        assert (found.depends_on[0].residual, found.depends_on[0].on) == ("slider 3", "pause")
+    else:
+        assert found.verdict == "nothing-missing" and found.outliers.sum() == 7
+
+
 def test_every_law_acts_one_way_at_one_place() -> None:
     problem = on_circles(0.5, slips=True)
     fitted = fit(Model(MACHINE), problem, robust=False)

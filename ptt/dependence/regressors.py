@@ -10,6 +10,7 @@ from ptt.dependence.periods import harmonics, trial_frequencies
 LEVELS = 8  # values of a variable up to which it is categorical
 CUTS = 40  # places at which a step is tried
 WIDTHS = (1 / 30, 1 / 20, 1 / 12, 1 / 8, 1 / 5)  # of bumps, from end to end, as shares of the range
+END_CUTS = 24  # cuts among the lowest and among the highest twenty-fifth of the levels
 LEAST_ROWS = 4  # rows that a bump, or one side of a step, must hold
 DEAD = 1e-3  # share of a column's length left beside the nuisances, below which it is collinear with them
 
@@ -139,7 +140,8 @@ def _bins(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _steps(values: np.ndarray, levels: np.ndarray) -> TrialFunctions:
-    ends = LEAST_ROWS * 2 ** np.arange(max(int(np.log2(0.04 * len(levels) / LEAST_ROWS)) + 1, 0))  # a few rare values
+    rare = max(0.04 * len(levels), LEAST_ROWS)
+    ends = np.unique(np.geomspace(LEAST_ROWS, rare, END_CUTS).astype(int))  # before a few readings far out
     inner = np.linspace(0.04 * len(levels), 0.96 * len(levels) - 1, CUTS).astype(int)
     last = np.unique(np.concatenate([ends - 1, inner, len(levels) - 1 - ends]))
     last = last[last < len(levels) - 1]
