@@ -114,11 +114,12 @@ def effect_atom(
     # Only for effects of one kind of value: a link off in all of its lengths and angles is no plainer than several
     # links off in one.
     one_kind = len({parameter.unit for parameter in effect.parameters if parameter.role == "linear"}) == 1
-    alike = one_kind and len(most) == 1 and (joint >= 0).all() and joint.max(initial=0) >= FEW_JOINTS
+    legs = _legs(group, joint)
+    alike = one_kind and legs is None and (joint >= 0).all() and joint.max(initial=0) >= FEW_JOINTS
     fine = np.isin(np.arange(len(most)), group[kinds.fine])
     return Atom(
         key, effect.key, columns, group, most, odds, kinds.non_negative, effect, shape,
-        joint=joint if alike else None, leg=_legs(group, joint), fine=fine if fine.any() else None,
+        joint=joint if alike else None, leg=legs, fine=fine if fine.any() else None,
         reach=effect.ratio_limit(problem.view), within=within if np.isfinite(within).any() else None,
     )  # fmt: skip
 

@@ -158,7 +158,7 @@ class Screen:
                 self.gains[atom.key] = Gain(most - atom.odds, atom.key, RATIOS[at : at + 1])
         for atoms, gram, side in beside:
             for place, atom in enumerate(atoms):
-                if atom.joint is not None:
+                if atom.joint is not None and atom.groups == 1:
                     self._at_few_joints(atom, atom.joint, gram[place], side[place])
 
     def _at_few_joints(self, atom: Atom, joint: np.ndarray, gram: np.ndarray, side: np.ndarray) -> None:

@@ -9,7 +9,7 @@ from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.moves import LEAST_NATS, SCREEN_ERROR, SEEN_NATS, TRIED, added, droppable, worth_a_try
 
-PLAIN_COLUMNS = 12  # columns up to which an effect is a plain one rather than a curve: four values a leg
+PLAIN_COLUMNS = 14  # columns up to which an effect is a plain one and no curve: two values of each of seven joints
 
 
 def refilled(scorer: Scorer, best: State) -> State:
