@@ -10,7 +10,7 @@ from told_models import term
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.evidence.witness import DRIFT_OPEN, GROWTH_OPEN, own_drift, unwitnessed
+from ptt.diagnosis.evidence.witness import DRIFT_OPEN, GROWTH_OPEN, WARMTH_OPEN, own_drift, unwitnessed
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.machine_schema import BasePoint, ThreePttSpec, TrackerSpec
 from ptt.mechanisms import build_mechanism
@@ -101,3 +101,17 @@ def test_what_a_growth_shifts_alike_may_be_a_drift_where_temperature_went_with_t
     said = unwitnessed(growth, problem, noise)
     assert [line.endswith("temperature went with the clock.") for line in said] == ([True] if ramp else [])
     assert (own_drift([growth], problem, noise) > 0.002) is ramp
+
+
+@pytest.mark.parametrize("along", [True, False])
+def test_a_drift_along_which_temperature_went_may_be_a_stand_that_follows_it(along: bool) -> None:
+    random, file, rows = np.random.default_rng(4), bench_machine(), 80
+    time = 30.0 * np.arange(rows)
+    warmth = 20.0 + (time / 300.0 if along else 4.0 * np.sin(time / 200.0))
+    place = random.uniform(-50.0, 50.0, (rows, 3))
+    table = make_table(place, measured=place, temp_c=warmth, time_s=time)
+    problem, noise = build_problem(file, table), Noise(np.eye(3) * 0.004**2, "machine file")
+    drift = term("tracker-drift", [0.05, -0.02, 0.01, 100.0 * float(time[-1]), float(time[-1])])
+    assert unwitnessed(drift, problem, noise) == [DRIFT_OPEN, *([WARMTH_OPEN] if along else [])]
+    steady = build_problem(file, make_table(place, measured=place, time_s=time))
+    assert unwitnessed(drift, steady, noise) == [DRIFT_OPEN]

@@ -19,6 +19,7 @@ WATCHED_SHARE = 0.5  # share of a frame's time that visits to base reflectors ha
 MACHINE_CHANCE = 0.5  # probability that it was the machine rather than the tracker: both are usual
 UNREAD = "Base reflectors were not read over at least half of the run, so"
 DRIFT_OPEN = f"{UNREAD} a machine that drifts as a whole would look the same."
+WARMTH_OPEN = "Temperature went along with it: a stand that follows temperature would look the same."
 GROWTH_OPEN = f"{UNREAD} a tracker that moves with temperature would look the same."
 PART_OPEN = (
     f"{UNREAD} the {{part:g}} um rms of it that are one shift of all readings may as well be a drift of the tracker: "
@@ -30,7 +31,7 @@ CLEAR_GROWTH = 30.0  # chi-squared from which the readings show that a growth is
 
 
 def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
-    """A sentence that a tracker's drift may be the machine's, or a growth the tracker's, where no reading tells.
+    """Sentences that a drift may be the machine's, or follow temperature, or a growth be the tracker's: nothing tells.
 
     Args:
         term: an effect at its values.
@@ -38,10 +39,11 @@ def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
         noise: the noise floor.
 
     Returns:
-        One sentence; none for other effects, or where base reflectors were read.
+        None for other effects. Where base reflectors were read, none but that on a drift with temperature.
     """
-    if _is_unwitnessed(term, problem):
-        return [DRIFT_OPEN]
+    if drifts(term.effect):
+        warm = [WARMTH_OPEN] if _follows_warmth(term, problem, noise) else []
+        return [*([DRIFT_OPEN] if _is_unwitnessed(term, problem) else []), *warm]
     if _moves_as_one(term, problem, noise):
         return [GROWTH_OPEN]
     part = _shared_with_drift(term, problem, noise)
@@ -111,6 +113,11 @@ def _off_means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
     """Values less the mean of their group, (m,)."""
     own = np.unique(group, return_inverse=True)[1].reshape(-1)
     return np.asarray(values - (np.bincount(own, values) / np.bincount(own))[own])
+
+
+def _follows_warmth(term: Term, problem: Problem, noise: Noise) -> bool:
+    """Whether a drift looks, in these readings, like a shift in proportion to temperature."""
+    return "temperature" in problem.view.varies and _beside_warmth(term, sampled_if_long(problem), noise) < CLEAR_GROWTH
 
 
 def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
