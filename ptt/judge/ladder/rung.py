@@ -98,6 +98,18 @@ def _other_starts(fitted: FitResult, rung: Model, problem: Problem) -> Iterator[
         if dated is not fitted.model:
             yield dated
         yield from exchanged(fitted)
+        yield from _sought_again(fitted.model, new)
+
+
+def _sought_again(model: Model, new: set[str]) -> Iterator[Model]:
+    """The model with the moment of one new sudden effect sought anew beside the others, as they came after it.
+
+    A knock that is added before the guide that errs is found where the guide errs most.
+    """
+    for index, term in enumerate(model.terms):
+        if isinstance(term.effect, Sudden) and term.effect.key in new and len(new) > 1:
+            empty = replace(term, theta=term.theta[:0], std=None, measured=None)
+            yield replace(model, terms=(*model.terms[:index], empty, *model.terms[index + 1 :]))
 
 
 def _other_forms(model: Model, new: set[str], problem: Problem) -> Iterator[Model]:
