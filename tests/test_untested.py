@@ -21,6 +21,7 @@ LACKS = {
         ("time", "link 1", "It may be frame-growth; "),
         ("time", None, "It may be screw-growth or frame-growth; "),
         ("q2", "joint 2", "It may be joint-error-map; to test that, `ptt diagnose` needs at least 600 rows."),
+        ("q4", "joint 1", ""),
         ("payload", "slider 1", "It may be axis-compliance; "),
         ("direction1", "slider 1", ""),
         ("x", None, ""),

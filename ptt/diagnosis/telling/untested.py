@@ -27,7 +27,8 @@ def untested(result: Any, strongest: Dependence) -> str:
         strongest: what the unknown depends on most.
 
     Returns:
-        With a blank before it; '' for none, and where the unknown switches or jumps over time, as no such effect does.
+        With a blank before it; '' for none, and where the unknown switches or jumps over time, or follows another joint
+        than the one that errs, as no such effect does.
     """
     known, stages = library(), ACTS_AT.get((strongest.acts_on or "").split(" ")[0])
     may_be = [
@@ -36,7 +37,14 @@ def untested(result: Any, strongest: Dependence) -> str:
         and re.fullmatch(SHOWS_AS.get(card_of(known[name]).telling, ""), strongest.on)
     ]  # fmt: skip
     sudden = strongest.on == "time" and strongest.shape in ("levels", "step")
-    if sudden or not may_be:
+    if sudden or _of_another_joint(strongest) or not may_be:
         return ""
     needs = listed(list(dict.fromkeys(result.not_testable[name] for name in may_be)))
     return f" It may be {listed(may_be, ' or ')}; to test that, `ptt diagnose` needs {needs}."
+
+
+def _of_another_joint(strongest: Dependence) -> bool:
+    """Whether one joint, slider, rail or link errs with a variable of another joint."""
+    place = re.search(r"\d+", strongest.acts_on or strongest.residual)
+    followed = re.fullmatch(r"(?:[bq]|speed|direction)(\d+)", strongest.on)
+    return place is not None and followed is not None and place[0] != followed[1]
