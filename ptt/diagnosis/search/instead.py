@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_effect, is_field, is_metrology
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
@@ -9,6 +11,7 @@ from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.moves import LEAST_NATS, SCREEN_ERROR, SEEN_NATS, TRIED, added, droppable, worth_a_try
 
+ZEROS = "homing-offset"
 PLAIN_COLUMNS = 14  # columns up to which an effect is a plain one and no curve: two values of each of seven joints
 
 
@@ -22,7 +25,7 @@ def refilled(scorer: Scorer, best: State) -> State:
     Returns:
         The best set found.
     """
-    best = _named_instead(scorer, best)
+    best = _zero_instead(scorer, _named_instead(scorer, best))
     if smooth := [key for key in droppable(scorer, best) if _goes_by_place(scorer.system.atoms[key])]:
         drawn = drawn_instead(scorer, best, smooth, best.memory)
         best = improve(scorer, drawn) if drawn.total > best.total + LEAST_NATS else best
@@ -50,6 +53,36 @@ def _named_instead(scorer: Scorer, best: State) -> State:
         if key in named.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
             named = _beside(scorer, named, key)
     return named if named.total > best.total + LEAST_NATS else best
+
+
+def _zero_instead(scorer: Scorer, best: State) -> State:
+    """The set with a zero that is off in the place of an unknown that is hardly more than the level of its joint.
+
+    A block has a level, so that no zero is named beside a fault that is large in one corner, and no usual size, so that
+    of a zero far off it scores higher than its name. What it has beside the level has to be worth its odds by itself.
+    """
+    for key in droppable(scorer, best):
+        atom = scorer.system.atoms[key]
+        if not _is_mostly_level(scorer, best, atom):
+            continue
+        keys = without(best, key)
+        opens = scorer.opens(keys)
+        zeros = [other.key for other in scorer.system.atoms.values() if other.name == ZEROS and opens(other)]
+        others = [scorer.score((*keys, zero), best.memory, best.variances) for zero in zeros]
+        if others and others[0].total > best.total - atom.odds:
+            best = others[0]
+    return best
+
+
+def _is_mostly_level(scorer: Scorer, best: State, atom: Atom) -> bool:
+    """Whether what an unknown of a joint has beside its level is worth less than the odds of an unknown."""
+    block = atom.block
+    if block is None or block.place.kind not in ("slider", "joint"):
+        return False
+    level = np.ptp(block.shapes, axis=0) == 0.0
+    values, covariance = best.amounts([atom], scorer.system.scale)
+    bends = values[~level] @ np.linalg.lstsq(covariance[np.ix_(~level, ~level)], values[~level])[0]
+    return bool(level.any()) and 0.5 * float(bends) < atom.odds
 
 
 def drawn_instead(scorer: Scorer, best: State, gone: Sequence[str], memory: Memory) -> State:
