@@ -19,7 +19,7 @@ from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
 from ptt.run.noise import Noise
-from ptt.run.problem import build_problem
+from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 
 DRIFT = np.array([0.15, -0.09, 0.06])  # mm
@@ -89,14 +89,19 @@ def test_a_frame_that_grows_more_than_any_metal_is_named_where_its_form_shows(pe
     np.testing.assert_allclose([told["radius_per_k"], told["link_per_k"]], per_k, rtol=0.1)
 
 
-@pytest.mark.parametrize("ramp", [True, False])
-def test_what_a_growth_shifts_alike_may_be_a_drift_where_temperature_went_with_the_clock(ramp: bool) -> None:
-    random, file, rows = np.random.default_rng(4), bench_machine(), 80
+def warming(evenly: bool) -> tuple[Problem, Noise, np.ndarray]:
+    """Poses at random in a room that warms up with the clock, or swings; with their times, s."""
+    random, rows = np.random.default_rng(4), 80
     time = 30.0 * np.arange(rows)
-    warmth = 20.0 + (time / 300.0 if ramp else 4.0 * np.sin(time / 200.0))
+    warmth = 20.0 + (time / 300.0 if evenly else 4.0 * np.sin(time / 200.0))
     place = random.uniform(-50.0, 50.0, (rows, 3))
     table = make_table(place, measured=place, temp_c=warmth, time_s=time)
-    problem, noise = build_problem(file, table), Noise(np.eye(3) * 0.004**2, "machine file")
+    return build_problem(bench_machine(), table), Noise(np.eye(3) * 0.004**2, "machine file"), time
+
+
+@pytest.mark.parametrize("ramp", [True, False])
+def test_what_a_growth_shifts_alike_may_be_a_drift_where_temperature_went_with_the_clock(ramp: bool) -> None:
+    problem, noise, _ = warming(ramp)
     growth = term("screw-growth", [8e-6, 12e-6, 16e-6, 0.002, -0.001, -0.003])
     said = unwitnessed(growth, problem, noise)
     assert [line.endswith("temperature went with the clock.") for line in said] == ([True] if ramp else [])
@@ -105,13 +110,8 @@ def test_what_a_growth_shifts_alike_may_be_a_drift_where_temperature_went_with_t
 
 @pytest.mark.parametrize("along", [True, False])
 def test_a_drift_along_which_temperature_went_may_be_a_stand_that_follows_it(along: bool) -> None:
-    random, file, rows = np.random.default_rng(4), bench_machine(), 80
-    time = 30.0 * np.arange(rows)
-    warmth = 20.0 + (time / 300.0 if along else 4.0 * np.sin(time / 200.0))
-    place = random.uniform(-50.0, 50.0, (rows, 3))
-    table = make_table(place, measured=place, temp_c=warmth, time_s=time)
-    problem, noise = build_problem(file, table), Noise(np.eye(3) * 0.004**2, "machine file")
+    problem, noise, time = warming(along)
     drift = term("tracker-drift", [0.05, -0.02, 0.01, 100.0 * float(time[-1]), float(time[-1])])
     assert unwitnessed(drift, problem, noise) == [DRIFT_OPEN, *([WARMTH_OPEN] if along else [])]
-    steady = build_problem(file, make_table(place, measured=place, time_s=time))
+    steady = build_problem(bench_machine(), problem.table.replace(temp_c=None))
     assert unwitnessed(drift, steady, noise) == [DRIFT_OPEN]
