@@ -96,7 +96,7 @@ def test_what_no_reading_near_a_reversal_tells_is_said(tmp_path) -> None:
 
     assert said(near()) == []
     (line,) = said(far())
-    assert "whether play of joints 1, 2 and 3 is taken up at once cannot be told from a wind-up over 2 mm" in line
+    assert "whether play of joints 1, 2 and 3 is taken up at once cannot be told from a wind-up over 4.7 mm" in line
 
 
 def test_commands_that_go_back_by_less_than_was_measured_are_uncertain(both) -> None:
@@ -183,7 +183,7 @@ def test_a_diagnosis_says_what_play_may_be_as_well(tmp_path) -> None:
         found = diagnose(Model(FILE), build_problem(FILE, read_table(run)))
         assert found.suggested[0][0] == "backlash"
         words.append(found.candidates[0].words)
-    assert "except wind-up that is complete within 2 mm of a reversal, where no reading was taken" in words[0]
+    assert "except wind-up that is complete within 4.7 mm of a reversal, where no reading was taken" in words[0]
     assert "wind-up" not in words[1]
 
 

@@ -12,7 +12,7 @@ from ptt.effects.usual import usual_values
 from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.kept import Kept
 from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES
-from ptt.fitting.turns import unturned
+from ptt.fitting.turns import likely_turns, unturned
 from ptt.fitting.unnamed import Unnamed
 from ptt.machine import MachineFile
 from ptt.model.chain import EffectTerms, Linearised, linearise, signature
@@ -57,8 +57,7 @@ def _sigma(kept: Kept, terms: EffectTerms, view: View, kind: str, seats: Sequenc
     if seats is not None:
         ways = [way - at.by_mount @ seat for way, seat in zip(ways, seats, strict=True)]
     if kept.turns:
-        lengths = torch.tensor(kept.turns, dtype=torch.float64)
-        ways.append(unturned(terms, view, at.jacobian, lengths))
+        ways.append(unturned(terms, view, at.jacobian, likely_turns(kept.turns, kind)))
     if terms:
         ways.append(unvisited(terms, view, at.jacobian))
     square = torch.stack([way.square().sum(dim=(1, 2)) for way in ways]).sum(dim=0)

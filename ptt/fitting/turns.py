@@ -26,8 +26,7 @@ from ptt.run.problem import Problem
 from ptt.run.view import View
 
 SEEN_CHI2 = 4.0  # chi-squared by which wind-up over a travel has to differ from play to be told from it
-# tried travels of a wind-up, as shares of the usual one: longer ones are less likely than play
-TRAVEL_SHARES = np.geomspace(1.0, 1e-3, 25)
+TRAVEL_SHARES = np.geomspace(10.0, 1e-3, 33)  # tried travels of a wind-up, as shares of the usual one
 LONG_TRAVEL = 0.25  # share of the usual travel from which an open wind-up is worth a word: hardly a command ends nearer
 LARGER_ERRORS = 5.0  # standard errors by which a gap is tried larger; a fifth of it at the least
 SMALL_GAP = 0.2  # share of the largest gap below which a gap is not spoken of
@@ -51,7 +50,7 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
     few = sampled_if_long(problem.masked(fitted.outliers))
     used, sigma = torch.as_tensor(few.used), fitted.noise.total / np.sqrt(3.0)
     jacobian = linearise(terms, few.view).jacobian
-    usual = _travel(fitted).usual
+    usual = _travel(fitted.model.file.machine.kind).usual
     open_yet, lengths = torch.ones(few.view.joints, dtype=torch.bool), torch.zeros(few.view.joints, dtype=torch.float64)
     for share in TRAVEL_SHARES:
         trial = torch.full_like(lengths, usual * float(share))
@@ -147,7 +146,8 @@ def like_play(fitted: FitResult, term: Term, problem: Problem) -> str:
     if not isinstance(term.effect, Windup):
         return ""
     view, used, sigma = problem.view, problem.used & ~fitted.outliers, fitted.noise.total / np.sqrt(3.0)
-    heights, length = term.theta.view(2, -1)[0].abs(), AT_ONCE * _travel(fitted).usual
+    usual = _travel(problem.file.machine.kind).usual
+    heights, length = term.theta.view(2, -1)[0].abs(), AT_ONCE * usual
     at_once = torch.cat([term.theta.view(2, -1)[0], torch.full_like(heights, length)])
     shift, play = (term.effect.shift(theta, view)[used].numpy() for theta in (term.theta, at_once))
     columns, like = view.jacobian[used].numpy() / sigma, list[str]()  # shape: (n, 3, k)
@@ -165,13 +165,24 @@ def _unseen(fitted: FitResult, term: Term) -> list[int]:
     """Numbers, from 1, of joints with play for which no reading tells how it is taken up."""
     if not isinstance(term.effect, Backlash) or not fitted.turns:
         return []
-    gap, long = gap_of(term.theta)[0].numpy(), np.array(fitted.turns) > LONG_TRAVEL * _travel(fitted).usual
+    usual = _travel(fitted.model.file.machine.kind).usual
+    gap, long = gap_of(term.theta)[0].numpy(), np.array(fitted.turns) > LONG_TRAVEL * usual
     return [int(joint) + 1 for joint in np.flatnonzero(long & (gap > SMALL_GAP * np.abs(gap).max()))]
 
 
 def _windup(fitted: FitResult, joints: Sequence[int]) -> str:
     """The longest travel of a wind-up of some joints that no reading tells from play."""
-    return f"{max(fitted.turns[joint - 1] for joint in joints):.2g} {_travel(fitted).unit}"
+    return f"{max(fitted.turns[joint - 1] for joint in joints):.2g} {_travel(fitted.model.file.machine.kind).unit}"
+
+
+def likely_turns(turns: Sequence[float], kind: str) -> Tensor:
+    """Travels of wind-ups that are as likely as play, (k,) mm or rad: no longer than the usual one.
+
+    Args:
+        turns: longest travels that no reading told from play.
+        kind: of the machine.
+    """
+    return torch.tensor(turns, dtype=torch.float64).clamp(max=_travel(kind).usual)
 
 
 def unturned(terms: EffectTerms, view: View, jacobian: Tensor, lengths: Tensor) -> Tensor:
@@ -197,7 +208,6 @@ def unturned(terms: EffectTerms, view: View, jacobian: Tensor, lengths: Tensor) 
     return found * WINDUP_CHANCE**0.5
 
 
-def _travel(fitted: FitResult) -> Parameter:
-    """The length of a wind-up on this kind of machine."""
-    length = next(parameter for parameter in Windup.parameters if parameter.stem == "length")
-    return length.on(fitted.model.file.machine.kind)
+def _travel(kind: str) -> Parameter:
+    """The length of a wind-up on a kind of machine."""
+    return next(parameter for parameter in Windup.parameters if parameter.stem == "length").on(kind)
