@@ -13,12 +13,14 @@ from ptt.run.problem import Problem
 
 CONDITIONS = ("payload", "temperature", "feed")  # beside a user's own columns
 AIR_SWING = 0.1  # K that room temperature goes up and down by itself, so rows near the moment may lie on the other side
+NEAR_ROWS = 2  # rows by which a moment may be misplaced where its size is a few times the noise
+RARE = 0.05  # share of the rows at which a variable that stays at levels changes them, at most
 LEAST_SIDE = 3  # rows on either side, of which a place would part any one by chance
 LEAST_SWINGS = 10.0  # swings that a variable has to cover before it has two sides
 
 
 def coincidences(term: Term, problem: Problem) -> list[str]:
-    """Say between which runs a sudden effect happens, and what passes a value then and at no other time.
+    """Say between which runs a sudden effect happens, and what passes a value then and at no other time, or changes.
 
     Args:
         term: an effect at its values.
@@ -40,7 +42,17 @@ def coincidences(term: Term, problem: Problem) -> list[str]:
             what, where = f"{name[:1].upper()}{name[1:]}", middle(*place, unit_of(problem, name))
             alike = "a step that depends on it would look the same until that value is passed again"
             found.append(f"{what} passes {where} at that moment and at no other: {alike}.")
+        elif name in views and _changes_near(after, views[name][problem.used]):
+            found.append(f"{name[:1].upper()}{name[1:]} changes about that moment, too: it may be the cause.")
     return found + _places(after, views, problem)
+
+
+def _changes_near(after: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a variable that stays at levels changes its level within `NEAR_ROWS` of a moment."""
+    steps, moment = np.flatnonzero(np.diff(values) != 0.0) + 1, np.flatnonzero(np.diff(after.astype(int)) != 0) + 1
+    if not len(moment) or not 0 < len(steps) <= RARE * len(values):
+        return False
+    return bool(np.abs(steps - moment[0]).min() <= NEAR_ROWS)
 
 
 def _places(after: np.ndarray, views: Mapping[str, np.ndarray], problem: Problem) -> list[str]:
