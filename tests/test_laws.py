@@ -165,7 +165,7 @@ def test_an_axis_that_creeps_after_it_has_stopped_follows_the_pause_before_the_r
     found = diagnose(Model(MACHINE), build_problem(MACHINE, table_of(frame)))
     assert (found.verdict, found.suggested) == ("unknown", ())
     assert (found.depends_on[0].residual, found.depends_on[0].on) == ("slider 3", "pause")
-    assert "depends on the time since the row before (pause)" in found.words
+    assert "depends on the time since the last reading elsewhere (pause)" in found.words
 
 
 @pytest.mark.parametrize("rests", [(40, 61, 85, 120, 133, 151, 160), ()])

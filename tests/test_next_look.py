@@ -40,6 +40,8 @@ def follows(residual: str, on: str, shape: str = "smooth", **more) -> Dependence
          ("Look for the cause in the set-up.", "More readings over the range of payload would show it better.")),
         (follows("slider 2", "feed"),
          ("Look for the cause in slider 2.", "More readings over the range of feed would show it better.")),
+        (follows("slider 2", "run"),
+         ("Look for the cause in slider 2.", "Another run would show it better.")),
         (follows("joint 1", "pause"),
          ("Look for the cause in joint 1.",
           "More readings after longer and after shorter rests would show it better.")),
@@ -61,12 +63,13 @@ def follows(residual: str, on: str, shape: str = "smooth", **more) -> Dependence
 def test_where_to_look_and_what_would_show_it_better(first, told):
     assert next_look([first], untold=False) == told
     assert [latin(SAY(line)) for line in told] == [[]] * len(told)
-    assert asks_for_poses([first]) == (first.on not in ("time", "feed", "pause"))
+    assert asks_for_poses([first], untold=False) == (first.on not in ("time", "feed", "run", "pause"))
 
 
 def test_what_follows_next_to_nothing_asks_for_poses_everywhere_and_what_follows_nothing_for_columns():
-    assert next_look([follows("slider 1", "b1")], untold=True) == (SPREAD,)
-    assert next_look([], untold=False) == (NOTE_MORE,) and not asks_for_poses([])
+    assert next_look([follows("slider 1", "time")], untold=True) == (SPREAD,)
+    assert asks_for_poses([follows("slider 1", "time")], untold=True)
+    assert next_look([], untold=False) == (NOTE_MORE,) and not asks_for_poses([], untold=False)
     assert [latin(SAY(line)) for line in (SPREAD, NOTE_MORE)] == [[], []]
 
 
@@ -81,16 +84,20 @@ def test_a_further_run_stays_within_the_joint_ranges_and_loads_of_the_first():
     table = plan_again(Model(bench()), problem)
     again = build_problem(bench(), table.replace(measured=table.target))
     driven, wider = problem.view.q.numpy(), again.view.q.numpy()
-    assert (wider.min(axis=0) >= driven.min(axis=0) - 1e-3).all()
-    assert (wider.max(axis=0) <= driven.max(axis=0) + 1e-3).all()
-    assert (np.ptp(wider, axis=0) > 0.9 * np.ptp(driven, axis=0)).all()
+    for one, other in ((wider, driven), (table.target, target)):
+        assert (one.min(axis=0) >= other.min(axis=0) - 1e-3).all()
+        assert (one.max(axis=0) <= other.max(axis=0) + 1e-3).all()
+    assert (np.ptp(table.target, axis=0) > 0.9 * np.ptp(target, axis=0)).all()
     assert set(np.unique(table.payload_kg)) == {0.0, 2.0, 5.0} and table.rows >= 3 * LEAST_ROWS
     up = (again.view.direction.numpy() > 0).mean(axis=0)
     assert ((up > 0.35) & (up < 0.65)).all()
 
 
-def test_a_run_that_never_left_a_place_asks_for_none():
-    assert plan_again(Model(bench()), run_of(np.tile([[0.0, 0.0, 30.0]], (20, 1)))) is None
+def test_a_run_along_a_line_asks_for_poses_on_it_and_one_at_a_place_for_none():
+    place, line = np.tile([[0.0, 0.0, 30.0]], (20, 1)), np.linspace([-40.0, 0.0, 30.0], [40.0, 0.0, 30.0], 20)
+    assert plan_again(Model(bench()), run_of(place)) is None
+    table = plan_again(Model(bench()), run_of(line))
+    np.testing.assert_allclose(table.target[:, 1:], np.tile([0.0, 30.0], (table.rows, 1)), atol=1e-3)
 
 
 def test_the_poses_that_are_advised_show_what_ran_together_on_the_first_path(tmp_path):

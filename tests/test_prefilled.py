@@ -152,12 +152,21 @@ def test_an_unknown_of_two_variables_is_taken_away_by_the_field_that_is_written(
     assert tool["after"] is not None and tool["after"]["total"] < 0.3 * tool["before"]["total"]
 
 
+def test_a_field_of_a_slider_of_which_its_own_travel_shows_most_is_written_at_the_slider(tmp_path: Path) -> None:
+    path, ranges = tmp_path / "own.py", [[-40.0, 40.0], [-30.0, 30.0], [10.0, 50.0]]
+    entry = found("b2", "smooth", acts_on=None, together=["x", "y", "z"], ranges=ranges, alone_share=0.4)
+    path.write_text(prefilled("own-cause", [entry]).text)
+    effect = library(path)["own-cause"]
+    assert (effect.on, effect.acts_on, effect.together) == ("x", "slider 2", ("x", "y", "z"))
+    assert "follows x, y and z together" in path.read_text()
+    assert all(item.passed for item in check_effect(effect(), differentiate))
+
+
 @pytest.mark.parametrize(
     "several",
     [
         {"together": ["time", "b2"], "ranges": [[0.0, 900.0], [296.0, 270.0]]},
         {"together": ["time", "time"], "ranges": 2 * [[0.0, 900.0]]},
-        {"together": ["b1", "b2"], "ranges": 2 * [[0.0, 900.0]]},
         {"together": ["time", "b2"], "ranges": ["x", "y"]},
     ],
 )

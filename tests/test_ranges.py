@@ -12,7 +12,7 @@ from told_models import with_effects
 from ptt.correct import blocks
 from ptt.correct.compensate import compensate
 from ptt.correct.context import beyond_context, beyond_lines
-from ptt.effects.curve import SMOOTH, Curve
+from ptt.effects.curve import Curve
 from ptt.machine import load_machine
 from ptt.model.model import Model, Term
 from ptt.run.problem import build_problem
@@ -97,7 +97,16 @@ class Sided(Curve):
     shape, between = "varying", (5.0, 6.0)
 
 
-def test_a_curve_along_a_load_is_not_known_at_none() -> None:
-    model = model_over("payload_kg", 5.0, 6.0) + Term(Sided(), torch.zeros(SMOOTH, dtype=torch.float64))
+class Bent(Curve):
+    """A slider that gives way by a law of load and height."""
+
+    name, mechanisms, on, acts_on = "bent", ("three-ptt",), "payload", "slider 2"
+    together, ranges, between = ("payload", "b2"), ((5.0, 6.0), (240.0, 310.0)), (5.0, 6.0)
+
+
+@pytest.mark.parametrize("effect", [Sided(), Bent()])
+def test_a_curve_along_a_load_is_not_known_at_none(effect: Curve) -> None:
+    size = effect.parameters[0].size(3)
+    model = model_over("payload_kg", 5.0, 6.0) + Term(effect, torch.zeros(size, dtype=torch.float64))
     table = make_table(np.array([[0.0, 0.0, 5.0], [10.0, 0.0, 5.0]]), payload_kg=[0.0, 5.0])
     assert compensate(model, table).status.tolist() == ["uncertain", "ok"]

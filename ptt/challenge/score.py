@@ -167,8 +167,8 @@ def score(model: Model, truth: Truth, correction_at: CorrectionAt | None = None)
 
 
 def _is_claimed(term: Term) -> bool:
-    """Whether a value of a term is measured as other than zero; all of what nobody fitted counts."""
-    if term.std is None or term.measured is None:
+    """Whether a term says that something is there: a size of the drawing does where a value is measured as not zero."""
+    if not term.effect.of_drawing or term.std is None or term.measured is None:
         return True
     known = torch.isfinite(term.std)
     beyond = term.theta.abs() > CLAIMED * term.std

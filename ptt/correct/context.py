@@ -152,7 +152,8 @@ def _known(model: Model, column: str, run: tuple[float, float]) -> tuple[float, 
     A curve along a load or speed need not vanish at zero.
     """
     curves = [term.effect for term in model.terms if isinstance(term.effect, Curve)]
-    curved = any(curve.along.startswith(QUANTITIES[column][0]) for curve in curves)
+    need = QUANTITIES[column][0]
+    curved = any(name.startswith(need) for curve in curves for name in (curve.along, *curve.together))
     return (min(run[0], 0.0) if column in FROM_ZERO and not curved else run[0]), run[1]
 
 

@@ -202,8 +202,8 @@ def path_views(problem: Problem) -> dict[str, np.ndarray]:
 
     Returns:
         As `context_views`, and 'way x'.., components of the tool's unit direction of arrival; 'turn x'.., of its
-        direction of departure less that; 'step' mm, length of the move to the row; 'pause' s, its duration;
-        'feed' mm/s.
+        direction of departure less that; 'step' mm, length of the move to the row; 'pause' s, its duration with any
+        rest before it; 'feed' mm/s.
     """
     came, turns = ways_of(problem.view.p.numpy(), problem.view.starts.numpy())
     named = {

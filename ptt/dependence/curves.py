@@ -259,12 +259,12 @@ def _bump(
 def _with_both_sides(
     base: np.ndarray, residual: np.ndarray, values: np.ndarray, feet: tuple[float, float], share: float
 ) -> tuple[str, tuple[float, float] | None, float]:
-    """Shape, place and share of a bump; of one that has hardly a row on one side a step, or no place where it is none.
+    """Shape, place and share; of a bump with most rows in it and hardly one on a side, a step or a smooth curve.
 
     A few readings after long rests would otherwise be told as a bump of all the others.
     """
     beside = int((values < feet[0]).sum()), int((values > feet[1]).sum())
-    if min(beside) >= LEAST_BESIDE:
+    if min(beside) >= LEAST_BESIDE or 2 * sum(beside) > len(values):
         return "bump", feet, share
     towards = feet[1] if beside[0] < beside[1] else feet[0]
     place, taken = _step(base, residual, values, 0.25 * (feet[0] + feet[1]) + 0.5 * towards)

@@ -11,7 +11,7 @@ LEVELS = 8  # values of a variable up to which it is categorical
 CUTS = 40  # places at which a step is tried
 WIDTHS = (1 / 30, 1 / 20, 1 / 12, 1 / 8, 1 / 5)  # of bumps, from end to end, as shares of the range
 END_CUTS = 24  # cuts among the lowest and among the highest twenty-fifth of the levels
-LEAST_ROWS = 4  # rows that a bump, or one side of a step, must hold
+LEAST_ROWS = 4  # rows that a bump must hold
 DEAD = 1e-3  # share of a column's length left beside the nuisances, below which it is collinear with them
 
 

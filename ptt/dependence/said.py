@@ -19,7 +19,7 @@ WAYS = {
 }
 MOVES = {f"{word} {axis}": text.format(axis) for word, text in WAYS.items() for axis in "xyz"} | {
     "step": "the length of the tool's last move",
-    "pause": "the time since the row before",
+    "pause": "the time since the last reading elsewhere",
     "reversal": "the travel since the last reversal",
 }  # variables that are no columns of a table, by what they are
 SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero, where it is largest

@@ -221,7 +221,8 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None, given: G
     lines += [*_dependences(result), ""] if result.depends_on else []
     if result.measure_next:
         lines += ["measure next:", *(f"  {line}" for line in result.measure_next)]
-        lines += ["  `--measure-next OUT.csv` writes such poses.", ""] if result.asks_for_poses else [""]
+        poses = result.asks_for_poses or (result.separation is not None and result.separation.targets is not None)
+        lines += ["  `--measure-next OUT.csv` writes poses to measure.", ""] if poses else [""]
     lines += [*_next(result, given), ""] if result.verdict != "nothing-missing" and not result.unexplained else []
     if result.not_testable:
         lines.append("not testable on this run:")

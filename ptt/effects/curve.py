@@ -1,4 +1,4 @@
-"""A free function of one variable as an effect: what `ptt effects new NAME --like D.json` writes for a dependence."""
+"""A free function of one variable, or a field of several: what `ptt effects new NAME --like D.json` writes."""
 
 import re
 from dataclasses import replace
@@ -39,7 +39,7 @@ CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
 
 
 class Curve(Effect):
-    """A free function of one variable that shifts a joint, a rail, a link, the tool or the readings.
+    """A free function of one variable, or a field of several: it shifts a joint, rail, link, the tool or the readings.
 
     A subclass sets the class attributes below; stage, parameters and requirements are derived from them.
 
@@ -118,7 +118,7 @@ class Curve(Effect):
         cls.parameters = (Parameter("size", unit, usual, words, count=size),)
         wanted = {name.rstrip("0123456789") for name in (cls.on, cls.along, *cls.together)}
         cls.requires = tuple(name for name in CONTEXTS if name in wanted)
-        cls.reverses = cls.on.startswith("direction")
+        cls.reverses = any(name.startswith("direction") for name in (cls.on, *cls.together))
         cls.follows_clock = not {"time", "temperature", "run"}.isdisjoint((cls.on, *cls.together))
 
     @classmethod

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptt.effects.curve import COORDINATES, CURVE_SHAPES, JOINT, OTHERS, PLACE, fits
+from ptt.effects.phrases import listed
 from ptt.effects.template import class_name, require_free_name
 from ptt.errors import InputError, shown
 
@@ -130,6 +131,11 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         raise UnreadableError(what, fix="keep it steady, at the tracker and at work")
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
+    together = _together(dependence) if not along and shape in ("smooth", "step") else {}
+    if together and not acts_on and residual not in COORDINATES:
+        acts_on = residual  # a field of one joint
+    if together and on not in together:  # the joint's own travel shows most of a field of other variables
+        on = next(iter(together))
     free = on in COORDINATES and not acts_on  # a field over the workspace, whatever shape one coordinate shows
     if free:
         shape = "smooth"
@@ -141,9 +147,12 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         low, high = place or [float(end) for end in dependence["curve"].get("between") or (at[0], at[-1])]
     except (KeyError, TypeError, ValueError, IndexError):
         raise InputError("the dependence has no proper curve, place, moments or period", fix=_FIX) from None
-    if not along and shape != "gradual":
+    if free:
+        together = {}
+    if on != dependence.get("on"):
+        low, high = together[on]
+    if not along and not together and shape != "gradual":
         shape, along, (low, high) = _with_size(dependence, shape, (low, high))
-    together = _together(dependence) if not free and not along and shape in ("smooth", "step") else {}
     reference = dependence.get("reference_c")
     warm = float(reference) if isinstance(reference, int | float) else REFERENCE_C
     shift = warm if (along or on) == "temperature" else 0.0
@@ -172,7 +181,7 @@ def _together(dependence: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
         raise InputError("the dependence has no proper ranges", fix=_FIX) from None
     if len(names) < 2 or len(ranges) != len(names) or not all(map(is_variable, names)):
         return {}
-    if len({*names}) < len(names) or dependence.get("on") not in names or not all(low < high for low, high in ranges):
+    if len({*names}) < len(names) or not all(low < high for low, high in ranges):
         raise InputError("the dependence has no proper ranges", fix=_FIX)
     return dict(zip(names, ranges, strict=True))
 
@@ -218,4 +227,5 @@ def _headline(found: Mapping[str, Any]) -> str:
     where = f" between {found['place'][0]:.4g} and {found['place'][1]:.4g}" if found["place"] else ""
     period = f" with a period of {found['period']:.4g}" if found["period"] else ""
     second = f" with {found['along']}" if found["along"] else ""
-    return f"What of {found['residual']} follows {found['on']}{second}{period}{where}"
+    on = f"{listed(list(found['together']))} together" if found["together"] else found["on"]
+    return f"What of {found['residual']} follows {on}{second}{period}{where}"

@@ -1,6 +1,9 @@
 """A further run over the region of one that showed something unknown."""
 
+from dataclasses import replace
+
 import numpy as np
+import torch
 
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model
@@ -13,7 +16,7 @@ MOST_LOADS = 3  # of those of the run: the ends tell a line, the middle whether 
 
 
 def plan_again(model: Model, problem: Problem) -> Table | None:
-    """Plan poses in random order, each joint arriving both ways, within the joint ranges and loads of a run.
+    """Plan poses in random order, each joint arriving both ways, where the tool and the joints of a run went.
 
     A path that was driven once tells variables apart that run together on it only by chance; poses in random order part
     them.
@@ -23,11 +26,14 @@ def plan_again(model: Model, problem: Problem) -> Table | None:
         problem: the run.
 
     Returns:
-        Targets in driving order; None where the run visited hardly a volume.
+        Targets in driving order; None where the run never left a place.
     """
-    driven, loads = problem.view.q[problem.used], _loads(problem)
+    driven, seen, loads = problem.view.q[problem.used], problem.view.p[problem.used], _loads(problem)
     try:
         space = narrow_space(build_space(problem.file), driven.amin(dim=0), driven.amax(dim=0))
+        reached = torch.stack([seen.amin(dim=0), seen.amax(dim=0)])  # joints alone would allow far more
+        box = torch.stack([torch.maximum(space.box[0], reached[0]), torch.minimum(space.box[1], reached[1])])
+        space = replace(space, box=box)
         return plan_first_run(model, rows=max(ROWS, LEAST_ROWS * len(loads)), payloads=loads, space=space).targets
     except WorkspaceError:
         return None

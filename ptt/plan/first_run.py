@@ -179,11 +179,12 @@ def _with_datums(space: Space, parts: list[Visit]) -> list[Visit]:
 
 def _datum(space: Space) -> Visit:
     """A visit of the datum, the middle of the workspace, always approached from the same side."""
-    home, middle = space.mechanism.home(), (space.lower + space.upper) / 2.0
-    if space.by_tool and can_drive(space, home[None])[0]:
-        middle = home
-    before = middle - 0.03 * (space.upper - space.lower)
-    return Visit(torch.stack([before, middle]), ("datum before", "datum"), "datum")
+    step, middle = 0.03 * (space.upper - space.lower), (space.lower + space.upper) / 2.0
+    places = (space.mechanism.home(), middle) if space.by_tool else (middle,)
+    tried = [torch.stack([place + side * step, place]) for place in places for side in (-1.0, 1.0)]
+    drivable = [way for way in tried if can_drive(space, way).all()]
+    way = drivable[0] if drivable else draw_poses(space, 2, np.random.default_rng(0))
+    return Visit(way, ("datum before", "datum"), "datum")
 
 
 def _numbered(visits: list[Visit]) -> list[Visit]:

@@ -25,7 +25,7 @@ PART_OPEN = (
     f"{UNREAD} the {{part:g}} um rms of it that are one shift of all readings may as well be a drift of the tracker: "
     "temperature went with the clock."
 )
-BY_THE_CLOCK = 0.9  # squared correlation of temperature and time from which a drift looks like a shift with temperature
+BY_THE_CLOCK = 0.9  # squared correlation with temperature from which a drift looks like a shift with temperature
 NOTED_PART = 1.5  # times the noise of one reading from which that part is worth a word and a doubt
 CLEAR_GROWTH = 30.0  # chi-squared from which the readings show that a growth is no shift common to all of them
 
@@ -117,13 +117,21 @@ def _off_means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
 
 def _follows_warmth(term: Term, problem: Problem, noise: Noise) -> bool:
     """Whether a drift looks, in these readings, like a shift in proportion to temperature."""
-    return "temperature" in problem.view.varies and _beside_warmth(term, sampled_if_long(problem), noise) < CLEAR_GROWTH
+    if "temperature" not in problem.view.varies:
+        return False
+    moved = moved_by(term, problem)
+    left = _beside_shift(moved, problem)
+    mostly = float(np.square(left).sum()) < (1.0 - BY_THE_CLOCK) * float(np.square(moved).sum())
+    return mostly and _is_shift_with_warmth(term, problem, noise)
 
 
 def _moves_as_one(term: Term, problem: Problem, noise: Noise) -> bool:
     """Whether a growth with temperature looks, in these readings, like a common shift with temperature."""
-    if not _grows_unwatched(term, problem):
-        return False
+    return _grows_unwatched(term, problem) and _is_shift_with_warmth(term, problem, noise)
+
+
+def _is_shift_with_warmth(term: Term, problem: Problem, noise: Noise) -> bool:
+    """Whether no reading shows that an effect is anything but a common shift in proportion to temperature."""
     few = sampled_if_long(problem)  # what a sample shows, all rows show
     if few is not problem and _beside_warmth(term, few, noise) >= CLEAR_GROWTH:
         return False

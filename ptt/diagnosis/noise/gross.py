@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ptt.dependence.way import last_moves
 from ptt.fitting.outliers import LOST_CHANCE, linear_residual
 from ptt.fitting.stretches import AGREE_SHARE, agree_by_chance, alike_visits
 from ptt.run.problem import Problem
@@ -124,18 +125,18 @@ def are_exceptions(far: np.ndarray, used: np.ndarray) -> bool:
 
 
 def places_of(problem: Problem) -> np.ndarray:
-    """Tool position, joint values, steps of the joints, time since the last row, load and feed of each row.
+    """Tool position, joint values, steps of the joints, duration of the last move, load and feed of each row.
 
-    Load and feed are zero where they were not recorded; the time is left out where it is the same of all rows.
+    Load and feed are zero where they were not recorded; the duration is left out where it is the same of all rows.
 
     Returns:
-        (n, 2 k + 5), with the time (n, 2 k + 6).
+        (n, 2 k + 5), with the duration (n, 2 k + 6).
     """
     q, p, table = problem.view.q.numpy(), problem.view.p.numpy(), problem.table
     levels = [np.zeros(len(q)) if each is None else np.nan_to_num(each) for each in (table.payload_kg, table.feed_mm_s)]
-    rest = _since_last(problem)
-    rests = [rest] if np.ptp(rest[1:]) > 0.0 else []
-    return np.column_stack([p, q, np.abs(np.diff(q, axis=0, prepend=q[:1])), *rests, *levels])
+    pause = _pauses(problem)
+    pauses = [pause] if np.ptp(pause) > 0.0 else []
+    return np.column_stack([p, q, np.abs(np.diff(q, axis=0, prepend=q[:1])), *pauses, *levels])
 
 
 def _again(far: np.ndarray, left: np.ndarray, used: np.ndarray, places: np.ndarray, gone: int) -> np.ndarray:
@@ -245,25 +246,28 @@ def in_one_place(far: np.ndarray, left: np.ndarray, used: np.ndarray, tool: np.n
     return near > 0, float(poisson_sf(near.sum() // 2 - 1, expected))
 
 
-def has_a_place(gross: np.ndarray, left: np.ndarray, problem: Problem) -> bool:
-    """Whether readings set aside are off along one line and neighbours in space, or all come after a rest.
-
-    Broken beams do neither.
+def common_place(gross: np.ndarray, left: np.ndarray, problem: Problem) -> str | None:
+    """Where readings set aside that are off along one line are neighbours, in words: broken beams come anywhere.
 
     Args:
         gross: (n,) bool.
         left: how far each is off, (n, 3); NaN where not known.
         problem: n rows.
+
+    Returns:
+        A clause; None where they are spread.
     """
     known, used = gross & np.isfinite(left).all(axis=1), problem.used
     if in_one_place(known, left, used, problem.view.p.numpy())[1] < PLACE_CHANCE:
-        return True
-    rest = _since_last(problem)
-    rests = known.sum() > 1 and np.ptp(rest[1:]) > 0.0
-    return bool(rests and beside_each_other(known, left, used, rest)[1] < PLACE_CHANCE)
+        return "lie next to each other in space"
+    pause = _pauses(problem)
+    if known.sum() < 2 or not np.ptp(pause):
+        return None
+    alike = beside_each_other(known, left, used, pause)[1] < PLACE_CHANCE
+    return "come after moves or rests of like duration" if alike else None
 
 
-def _since_last(problem: Problem) -> np.ndarray:
-    """Time since the row before, (n,); zero at the first row of a run."""
-    clock = problem.view.clock.numpy()
-    return np.where(problem.view.starts.numpy(), 0.0, np.diff(clock, prepend=clock[:1]))
+def _pauses(problem: Problem) -> np.ndarray:
+    """Duration of the last move to each row, with any rest before it, (n,); zero before the first move of a run."""
+    view = problem.view
+    return np.nan_to_num(last_moves(view.p.numpy(), view.time.numpy(), view.starts.numpy())[1])

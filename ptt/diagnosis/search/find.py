@@ -7,7 +7,7 @@ import numpy as np
 from ptt.diagnosis.evidence.atoms import is_block
 from ptt.diagnosis.evidence.noise_level import starting_noise
 from ptt.diagnosis.evidence.possible import beyond_machines
-from ptt.diagnosis.noise.gross import are_exceptions, has_a_place
+from ptt.diagnosis.noise.gross import are_exceptions, common_place
 from ptt.diagnosis.search.asked import Asked, scorer_at
 from ptt.diagnosis.search.bursts import broken_beams, crowded_moments, lost_rows
 from ptt.diagnosis.search.exact import by_names
@@ -62,7 +62,7 @@ def find(
     less = found.gross | broken
     if broken.any() and (crowded_moments(found) or _names_suffice(_masked(asked, less), first)):
         other = _without_rows(asked, first, less)
-        placed = has_a_place(other.gross, other.fitted.residual, problem)
+        placed = common_place(other.gross, other.fitted.residual, problem) is not None
         sound = are_exceptions(other.gross, problem.used) and not placed
         found = other if sound and is_denser(other, found) else found
     return found
@@ -132,7 +132,7 @@ def _without_lost_rows(asked: Asked, first: Turn) -> Found | None:
     _, named, masked = _beside_names(_masked(asked, lost), first)
     found, problem = follow(masked, named)
     gross = found.gross | lost
-    placed = has_a_place(gross, found.fitted.residual, asked.problem)
+    placed = common_place(gross, found.fitted.residual, asked.problem) is not None
     return replace(found, gross=gross) if names_suffice(found.scorer, found.state, problem) and not placed else None
 
 

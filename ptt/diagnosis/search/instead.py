@@ -66,11 +66,10 @@ def _zero_instead(scorer: Scorer, best: State) -> State:
         if not _is_mostly_level(scorer, best, atom):
             continue
         keys = without(best, key)
-        opens = scorer.opens(keys)
-        zeros = [other.key for other in scorer.system.atoms.values() if other.name == ZEROS and opens(other)]
-        others = [scorer.score((*keys, zero), best.memory, best.variances) for zero in zeros]
-        if others and others[0].total > best.total - atom.odds:
-            best = others[0]
+        zero = _addable(scorer, keys, {ZEROS})
+        other = scorer.score((*keys, *zero), best.memory, best.variances)
+        if zero and other.total > best.total - atom.odds:
+            best = other
     return best
 
 

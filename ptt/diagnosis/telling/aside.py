@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ptt.diagnosis.evidence.row_system import RowSystem
-from ptt.diagnosis.noise.gross import has_a_place
+from ptt.diagnosis.noise.gross import common_place
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.unknown.places import places_of_chain
 from ptt.run.problem import Problem
@@ -34,8 +34,8 @@ def against_gross(found: Found, problem: Problem) -> str | None:
         return f"are all displaced in the direction in which {place} moves the tool"
     if follow_direction(found, problem):
         return "change sign with the direction of arrival"
-    if isinstance(found.system, RowSystem) and has_a_place(found.gross, found.fitted.residual, problem):
-        return "lie next to each other in space"
+    if isinstance(found.system, RowSystem):
+        return common_place(found.gross, found.fitted.residual, problem)
     return None
 
 

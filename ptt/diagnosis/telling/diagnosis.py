@@ -94,7 +94,8 @@ class Diagnosis:
     @property
     def asks_for_poses(self) -> bool:
         """Whether more poses would show an unknown better."""
-        return self.verdict == "unknown" and not self.unexplained and asks_for_poses(self.depends_on)
+        unknown = self.verdict == "unknown" and not self.unexplained
+        return unknown and asks_for_poses(self.depends_on, untold=mostly_untold(self))
 
     @property
     def names_size(self) -> bool:

@@ -34,10 +34,17 @@ def next_look(depends_on: Sequence[Dependence], *, untold: bool) -> tuple[str, .
     return tuple(lines)
 
 
-def asks_for_poses(depends_on: Sequence[Dependence]) -> bool:
-    """Whether more poses would show an unknown better, which follows places, directions, moves or loads."""
+def asks_for_poses(depends_on: Sequence[Dependence], *, untold: bool) -> bool:
+    """Whether more poses would show an unknown better: it follows places, moves or loads, or next to nothing.
+
+    Args:
+        depends_on: as of `next_look`.
+        untold: as of `next_look`.
+    """
     first = depends_on[0] if depends_on else None
-    return first is not None and first.on != "pause" and (_of_poses(first) or first.on in (*MOVES, "payload"))
+    if first is None or untold:
+        return first is not None
+    return first.on != "pause" and (_of_poses(first) or first.on in (*MOVES, "payload"))
 
 
 def _of_poses(first: Dependence) -> bool:
@@ -56,11 +63,14 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
         return [f"Look for what was switched {since}: a pump, a clamp, a door, another machine."]
     if first.on == "time" and first.shape == "step" and first.place:
         return [f"Look for what changed at {between(*first.place, first.unit)}: a load, a clamp, the tool, a stop."]
-    over = "" if first.on.startswith("direction") else f" over the range of {listed(variables)}"
+    sided = JOINT.fullmatch(first.on) is not None and first.on.startswith("direction")
+    over = "" if sided else f" over the range of {listed(variables)}"
     if first.on == "time":
         more = "A longer run, or another one,"
     elif first.on == "pause":
         more = "More readings after longer and after shorter rests"
+    elif first.on == "run":
+        more = "Another run"
     elif first.on in MOVES:
         more = "More poses in another order"
     else:

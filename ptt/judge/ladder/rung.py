@@ -1,6 +1,6 @@
 """One rung of a ladder: a nested model must not fit worse than the one that it extends, so several starts are tried."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -98,11 +98,11 @@ def _other_starts(fitted: FitResult, rung: Model, problem: Problem) -> Iterator[
         if dated is not fitted.model:
             yield dated
         yield from exchanged(fitted)
-        yield from _sought_again(fitted.model, new)
+        yield from _sought_again(fitted.model, [t.effect.key for t in rung.terms if not len(t.theta)])
 
 
-def _sought_again(model: Model, new: set[str]) -> Iterator[Model]:
-    """The model with the moment of one new sudden effect sought anew beside the others, as they came after it.
+def _sought_again(model: Model, new: Sequence[str]) -> Iterator[Model]:
+    """The model with the moment of one new sudden effect sought anew beside the others, which may have come after it.
 
     A knock that is added before the guide that errs is found where the guide errs most.
     """

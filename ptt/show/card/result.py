@@ -91,7 +91,7 @@ class DiagnosisCard(Record):
         left_um: rms error with all findings.
         noise_um: noise of one reading, total.
         findings: in the order of the steps.
-        measure_next: what to measure to resolve ties, a line each.
+        measure_next: what to measure to resolve ties, or to show an unknown better, a line each.
     """
 
     verdict: str
