@@ -71,6 +71,7 @@ def test_what_follows_next_to_nothing_asks_for_poses_everywhere_and_what_follows
     assert asks_for_poses([follows("slider 1", "time")], untold=True)
     assert next_look([], untold=False) == (NOTE_MORE,) and not asks_for_poses([], untold=False)
     assert [latin(SAY(line)) for line in (SPREAD, NOTE_MORE)] == [[], []]
+    assert SAY("target x [mm], target y [mm], target z [mm]") == "目标 x [mm]、目标 y [mm]、目标 z [mm]"
 
 
 def run_of(target: np.ndarray, **columns) -> Problem:
