@@ -33,7 +33,7 @@ from ptt.run.holdout import blocks
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.reading import read_table
-from ptt.run.table import Table, concat_tables
+from ptt.run.table import Table, concat_tables, take_rows
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "ur10_ipa"
@@ -69,14 +69,6 @@ def read_series(name: str, stride: int = 1) -> Table:
     order = {"order": "time"} if name == "A" else None  # its last rows are poses that were measured again
     table = read_table(DATA / FILES[name], 6, joint_prefix="q", purpose="run", set_values=order)
     return table if stride == 1 else take_rows(table, np.arange(0, table.rows, stride))
-
-
-def take_rows(table: Table, rows: np.ndarray) -> Table:
-    """Some rows of a table."""
-    columns = {
-        key: value for key, value in vars(table).items() if isinstance(value, np.ndarray) and len(value) == table.rows
-    }
-    return replace(table, **{key: value[rows] for key, value in columns.items()})
 
 
 def open_series(table: Table, *, per_run: bool = False) -> Problem:
