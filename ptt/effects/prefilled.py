@@ -124,6 +124,9 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         "with": not along or is_variable(along),
         "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
+    if acts_on == "mount":
+        what = "no effect moves the tool in its holder"
+        raise UnreadableError(what, fix="fasten it, and measure where it is")
     if on and not proper["on"]:
         moves = on.startswith(("way ", "turn ")) or on in ("step", "pause")
         whose = "the tool's moves" if moves else "the feed" if on == "feed" else "a column of your own"

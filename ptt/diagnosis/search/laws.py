@@ -62,7 +62,9 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *drifting, *curves))]):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone)
-    for gone in (*combinations(sudden, 2), *combinations(sudden, 3)):
+    over_time = tuple(key for key in blocks if (block := atoms[key].block) is not None and "time" in block.on)
+    both = [(*sudden, *over_time)] if sudden and over_time else []  # each takes a part of what changed at one place
+    for gone in (*combinations(sudden, 2), *combinations(sudden, 3), *both):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone, is_spell)
     happened = tuple(key for key in droppable(wider, best) if _is_timed(wider.system.atoms[key]))

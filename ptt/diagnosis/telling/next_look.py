@@ -75,6 +75,6 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
         more = "More poses in another order"
     else:
         more = f"More poses{over}, each approached from both sides," if _of_poses(first) else f"More readings{over}"
-    where = WAY.sub(r" (\1)", _place(first)).replace("set-up", "the set-up")
+    where = WAY.sub(r" (\1)", _place(first)).replace("set-up", "the set-up").replace("mount", "the tool's holder")
     look = f"what moves the readings along {where}" if where in COORDINATES else f"the cause in {where}"
     return [f"Look for {look}.", f"{more} would show it better."]

@@ -153,8 +153,8 @@ def _size(
 
 
 def _off(found: Dependence) -> str:
-    """The part that is said to be off: the place of an unknown, but an axis of the tool for a set-up."""
-    return found.residual if found.acts_on in (None, "set-up") else found.acts_on
+    """The part that is said to be off: the place of an unknown, but an axis of the tool for a set-up or a mount."""
+    return found.residual if found.acts_on in (None, "set-up", "mount") else found.acts_on
 
 
 def _named(size: Size, on: str, along: str, problem: Problem) -> Size:

@@ -253,6 +253,8 @@ def acting(place: str | None, residual: str) -> str:
         return ""
     if place == "set-up":
         return ", as if tracker and machine moved against each other"
+    if place == "mount":
+        return ", as if the tool moved in its holder"
     if place.startswith("link"):
         return f", as if {place} changed its length"
     return f", as if {place.rsplit(' ', 1)[0]} moved {place.rsplit(' ', 1)[1]}"

@@ -7,7 +7,7 @@ import numpy as np
 from ptt.dependence.contexts import path_views
 from ptt.diagnosis.unknown.blocks import Block, field_over
 from ptt.diagnosis.unknown.jumps import Jump, heights_of, passed_again, spells_of, switches_of
-from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, stand_of, tool_axes
+from ptt.diagnosis.unknown.places import Place, mount_of, one_way_each, places_of_chain, stand_of, tool_axes
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
@@ -36,13 +36,13 @@ def laws_of(
         problem: n rows.
         chain: of the present model.
         moments: at which something seems to have happened, by the clock, ascending.
-        switching: place -> moments at which it seems to have switched, ascending; of the tool's also for the set-up.
+        switching: place -> moments at which it seems to have switched, ascending; the tool's also for set-up and mount.
 
     Yields:
         The laws of one place after another.
     """
     levels = dict(switching or {})
-    levels["set-up"] = levels.get("tool", ())
+    levels["set-up"] = levels["mount"] = levels.get("tool", ())
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
     passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN_COSINES) for joint in range(problem.view.joints)}
@@ -56,10 +56,14 @@ def laws_of(
         laws += [_law(place, ons, shapes) for ons, shapes in _arrivals(problem, place.joint)]
         jumps = [(own, (float(height),), heights > height) for height in heights_of(heights[problem.used])]
         yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
-    tool, stand = places_of_chain(problem, chain)[0], stand_of(problem)
-    yield [*_jumps(stand, spells), *_changes(problem, tool, moments)]
+    tool, mount = places_of_chain(problem, chain)[0], mount_of(problem, chain)
+    held = [stand_of(problem), *([] if mount is None else [mount])]
+    yield [*_jumps(held[0], spells), *_changes(problem, tool, moments)]
+    if mount is not None:  # a single moment is a knock's of the set-up, but no effect moves the tool in its holder
+        clock = problem.view.clock.numpy()
+        yield _jumps(mount, [*(("time", (moment,), clock > moment) for moment in moments), *spells])
     yield [
-        block for place in (tool, stand, *_places(problem, chain))
+        block for place in (tool, *held, *_places(problem, chain))
         for block in _jumps(place, list(switches_of(problem, levels.get(place.residual, ()))))
     ]  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Places where unknown physics may act: the tool, joints, rails sideways, links, the tracker's set-up."""
+"""Places where unknown physics may act: the tool and its mount, joints, rails sideways, links, the tracker's set-up."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -15,9 +15,10 @@ from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
 FEATURE_SIZE = 0.02  # mm at the tool: unit of a block's features, which the learned variance variances
+LEAST_TURN = 0.05  # rms by which the mount's directions turn, below which the tool in its holder moves as the tool does
 STILL_LEVER = 1e-6  # mm or less of the tool per mm or rad of a place: it moves nothing
 
-PlaceKind = Literal["tool", "slider", "joint", "rail", "link", "set-up"]
+PlaceKind = Literal["tool", "slider", "joint", "rail", "link", "set-up", "mount"]
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,12 @@ class Place:
     """Where something unknown may act.
 
     Attributes:
-        kind: a slider, the joint of an arm, a rail across its slider's travel, a link's length, the tool, or the
-            set-up.
-        residual: its name: 'slider 2', 'joint 2', 'link 2', 'rail 2' (both directions across it), 'tool' or 'set-up';
-            of a single direction 'rail 2 outward', 'rail 2 sideways', or 'x', 'y', 'z' of the tool.
+        kind: a slider, the joint of an arm, a rail across its slider's travel, a link's length, the tool, the
+            set-up, or the mount of an arm's tool in its holder.
+        residual: its name: 'slider 2', 'joint 2', 'link 2', 'rail 2' (both directions across it), 'tool', 'set-up'
+            or 'mount'; of a single direction 'rail 2 outward', 'rail 2 sideways', or 'x', 'y', 'z' of the tool.
         slopes: shift of the reading by each of its w directions, (n, 3, w), scaled to about unit size.
-        joint: the joint it belongs to, from 0; None for the tool and the set-up.
+        joint: the joint it belongs to, from 0; None for the tool, the set-up and the mount.
         lever: root mean square of the slopes before scaling, mm per mm or rad.
     """
 
@@ -98,3 +99,18 @@ def stand_of(problem: Problem) -> Place:
     middle = p.mean(dim=0)
     radius = max(float((p - middle).square().sum(dim=1).mean().sqrt()), 1e-9)
     return Place("set-up", "set-up", rigid_columns(p, middle, radius).numpy())
+
+
+def mount_of(problem: Problem, chain: Chain) -> Place | None:
+    """How the tool of an arm may move in its holder, as a place: along the directions of the last link.
+
+    Args:
+        problem: n rows.
+        chain: linearisation of the present model.
+
+    Returns:
+        None for a machine whose tool only translates, or a run in which it hardly turns.
+    """
+    slopes = chain.by_slot.numpy()[:, :, -3:]
+    turned = float(np.sqrt(np.square(slopes - slopes.mean(axis=0)).mean()))
+    return None if problem.file.machine.kind == "three-ptt" or turned < LEAST_TURN else Place("mount", "mount", slopes)
