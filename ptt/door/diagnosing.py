@@ -194,7 +194,7 @@ def poses_of(result: Diagnosis, problem: Problem) -> Table | None:
 
     Args:
         result: the diagnosis.
-        problem: the run; a further one stays within its joint ranges and loads.
+        problem: the run; a further one stays where its tool and joints went, under its loads.
 
     Returns:
         Targets in driving order; None where poses would tell no more.

@@ -34,7 +34,6 @@ ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-u
 DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace
 PAIR_DEGREE = 6  # the same in two variables: as many terms as there are of degree 4 in three, and finer
 STEP_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
-FIELD = [powers for powers in product(range(DEGREE + 1), repeat=3) if 0 < sum(powers) <= DEGREE]
 CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
 
 
@@ -239,7 +238,7 @@ def _proportional(cls: type[Curve]) -> bool:
 def _size(cls: type[Curve]) -> tuple[int, str]:
     """Number of basis functions at each output, and their meaning."""
     if cls.on in COORDINATES and not cls.acts_on:
-        return len(FIELD), f"of each product of up to {DEGREE} coordinates"
+        return len(_field_powers()), f"of each product of up to {DEGREE} coordinates"
     if cls.together:
         names, _, degree = _factors(cls)
         return len(_powers(len(names), degree)), f"of each product of {' and '.join(names)}"
@@ -273,11 +272,16 @@ def _powers(count: int, degree: int) -> list[tuple[int, ...]]:
     return [powers for powers in product(range(degree + 1), repeat=count) if sum(powers) <= degree]
 
 
+def _field_powers() -> list[tuple[int, ...]]:
+    """Powers of x, y and z in a free field over the workspace; its constant belongs to the frame."""
+    return _powers(3, DEGREE)[1:]
+
+
 def _products(view: View, names: list[str], ranges: list[tuple[float, float]], degree: int) -> Tensor:
     """Products of powers of variables, each scaled to -1..1 over its range and kept at its ends, (n, count)."""
-    middles = [(_value(view, name) - 0.5 * (low + high)) / (0.5 * (high - low)) for name, (low, high) in
-               zip(names, ranges, strict=True)]  # fmt: skip
-    scaled = torch.stack([middle.clamp(-1.0, 1.0) for middle in middles], dim=1)
+    low, high = torch.tensor(ranges, dtype=torch.float64).T
+    values = torch.stack([_value(view, name) for name in names], dim=1)
+    scaled = ((2.0 * values - low - high) / (high - low)).clamp(-1.0, 1.0)
     powers = scaled.new_tensor(_powers(len(names), degree))
     return (scaled[:, None] ** powers).prod(dim=2)
 
@@ -289,9 +293,9 @@ def _smooth(value: Tensor, low: float, high: float) -> Tensor:
 
 
 def _field(tool: Tensor, between: tuple[float, float]) -> Tensor:
-    """Monomials of the tool position, scaled by the range, (n, len(FIELD))."""
+    """Monomials of the tool position, scaled by the range, (n, count)."""
     x, y, z = (tool / max(abs(between[0]), abs(between[1]), 1.0)).T
-    return torch.stack([x**i * y**j * z**k for i, j, k in FIELD], dim=1)
+    return torch.stack([x**i * y**j * z**k for i, j, k in _field_powers()], dim=1)
 
 
 def _value(view: View, name: str) -> Tensor:

@@ -124,21 +124,11 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         "with": not along or is_variable(along),
         "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
-    if acts_on == "mount":
-        what = "no effect moves the tool in its holder"
-        raise UnreadableError(what, fix="fasten it, and measure where it is")
-    if on and not proper["on"]:
-        moves = on.startswith(("way ", "turn ")) or on in ("step", "pause")
-        whose = "the tool's moves" if moves else "the feed" if on == "feed" else "a column of your own"
-        what = f"no proper 'on': an effect cannot read '{shown(on)}'; what follows {whose} is not corrected"
-        raise UnreadableError(what, fix="keep it steady, at the tracker and at work")
+    _require_readable(on, acts_on)
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
     together = _together(dependence) if not along and shape in ("smooth", "step") else {}
-    if together and not acts_on and residual not in COORDINATES:
-        acts_on = residual  # a field of one joint
-    if together and on not in together:  # the joint's own travel shows most of a field of other variables
-        on = next(iter(together))
+    on, acts_on = _at_its_joint(on, acts_on, residual, together)
     free = on in COORDINATES and not acts_on  # a field over the workspace, whatever shape one coordinate shows
     if free:
         shape = "smooth"
@@ -169,6 +159,26 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         together["temperature"] = (together["temperature"][0] - warm, together["temperature"][1] - warm)
     return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
             "moments": moments, "between": between, "acts_on": acts_on, "together": together}  # fmt: skip
+
+
+def _require_readable(on: str, acts_on: str) -> None:
+    """Refuse what no effect can say: where it acts on the tool's holder, or follows what an effect's view has not."""
+    if acts_on == "mount":
+        what = "no effect moves the tool in its holder"
+        raise UnreadableError(what, fix="fasten it, and measure where it is")
+    if on and not is_variable(on):
+        moves = on.startswith(("way ", "turn ")) or on in ("step", "pause")
+        whose = "the tool's moves" if moves else "the feed" if on == "feed" else "a column of your own"
+        what = f"no proper 'on': an effect cannot read '{shown(on)}'; what follows {whose} is not corrected"
+        raise UnreadableError(what, fix="keep it steady, at the tracker and at work")
+
+
+def _at_its_joint(on: str, acts_on: str, residual: str, together: Mapping[str, Any]) -> tuple[str, str]:
+    """The leading variable of a field, one of its own, and its place: the joint that errs, unless another is told."""
+    if not together:
+        return on, acts_on
+    place = acts_on if acts_on or residual in COORDINATES else residual
+    return on if on in together else next(iter(together)), place
 
 
 def _together(dependence: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
