@@ -12,6 +12,7 @@ from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.next_look import next_look
 from ptt.diagnosis.telling.verdict_words import depends
+from ptt.door.diagnosing import format_diagnosis
 from ptt.effects.prefilled import UnreadableError, prefilled
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
@@ -45,6 +46,7 @@ def test_a_tool_that_moved_in_its_holder_is_told_with_the_moment(name: str) -> N
     assert (first.on, first.shape, first.acts_on) == ("time", "step", "mount") and first.share > 0.9
     assert first.place is not None and first.place[0] < MOVED <= first.place[1] + 1.0
     assert "as if the tool moved in its holder" in found.words
+    assert "ptt effects new" not in format_diagnosis(found)
     with pytest.raises(UnreadableError, match="no effect moves the tool in its holder"):
         prefilled("own-cause", found.to_dict()["depends_on"])
 

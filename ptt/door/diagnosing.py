@@ -262,7 +262,8 @@ def _next(result: Diagnosis, given: Given) -> list[str]:
         lines.append(f"next: {given.add(names, sizes=sizes)}")
         if sizes:
             lines.append("--sizes also fits all other sizes of the drawing, which improves commands at other poses")
-    if result.verdict == "unknown" and any(is_variable(each.on) for each in result.depends_on):
+    said = [each for each in result.depends_on if is_variable(each.on) and each.acts_on != "mount"]
+    if result.verdict == "unknown" and said:  # no effect moves a tool in its holder
         lines.append(
             "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"
         )
