@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from ptt.dependence.curves import bins_of
+from ptt.dependence.bins import bins_of
 from ptt.dependence.regressors import raised_cosine
 from ptt.effects.phrases import SIGNIFICANT
 from ptt.record import Record

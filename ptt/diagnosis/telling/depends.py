@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ptt.dependence.bins import binned_curve
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views
-from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence, of_run
 from ptt.dependence.following import FAR, depends_on
 from ptt.dependence.way import since_reversal

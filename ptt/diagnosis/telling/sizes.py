@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from ptt.dependence.bins import bins_of
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views, unit_of
-from ptt.dependence.curves import bins_of
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side, size_of_turn
 from ptt.diagnosis.telling.unknowns import LARGER_FACTOR, Unknown

@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from ptt.dependence.bins import binned_curve
 from ptt.dependence.contexts import context_views
-from ptt.dependence.curves import binned_curve
 from ptt.dependence.dependence import Dependence
 from ptt.judge.compare.comparison import Comparison
 from ptt.run.axes import AXES
