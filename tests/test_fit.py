@@ -17,10 +17,11 @@ from ptt.fitting.gauss_newton import HOPELESS, bounded_step, descend
 from ptt.fitting.observability import _large, correlations, unobservable
 from ptt.fitting.result import FitResult
 from ptt.fitting.search import open_terms
-from ptt.fitting.solve import fit, hold, rms
+from ptt.fitting.solve import fit, hold
 from ptt.fitting.stated import unseen_directions
 from ptt.fitting.whitened import build_whitened
 from ptt.model.model import Model, Term
+from ptt.run.axes import rms
 from ptt.run.noise import guessed_noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.viewing import build_view

@@ -12,11 +12,12 @@ from scipy.spatial.transform import Rotation
 from test_fit import fitted
 
 from ptt.errors import TableError
-from ptt.fitting.solve import residual_of, rms
+from ptt.fitting.solve import residual_of
 from ptt.machine import MachineFile
 from ptt.machine_schema import BasePoint
 from ptt.model.chain import predict
 from ptt.model.model import Model
+from ptt.run.axes import rms
 from ptt.run.frames import rigid_columns, rotation
 from ptt.run.problem import build_problem
 from ptt.run.table import Table, make_table

@@ -10,7 +10,7 @@ from ptt.again.recheck import recheck
 from ptt.again.result import Recheck
 from ptt.challenge.truth import table_of
 from ptt.effects import library
-from ptt.fitting.solve import residual_of, rms
+from ptt.fitting.solve import residual_of
 from ptt.fleet.again import recheck_or_diagnose
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb
@@ -22,6 +22,7 @@ from ptt.model.of_run import for_runs
 from ptt.rig import parse_rig, simulate
 from ptt.rig.nominal import ideal_machine
 from ptt.rig.targets import make_volume
+from ptt.run.axes import rms
 from ptt.run.problem import Problem, build_problem
 
 MACHINE = {"kind": "three-ptt", "base_radius_mm": 200, "platform_radius_mm": 100, "link_length_mm": 300,

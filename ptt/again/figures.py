@@ -12,8 +12,8 @@ from ptt.again.explanation import Explanation
 from ptt.diagnosis.noise.slow import share_within
 from ptt.fitting.evidence import UNGROUPED_VARIANCE
 from ptt.fitting.factor import inverse
-from ptt.fitting.solve import rms
 from ptt.record import Record
+from ptt.run.axes import rms
 
 TOTAL = "total"
 
@@ -142,11 +142,10 @@ def errors_of(found: Explanation) -> dict[str, float]:
         wander = share_within(memory.wander, system.clock.span / max(int(system.clock.starts.sum()), 1))
     noise = (1e3 * found.noise.total) ** 2 * (1.0 + wander)
     off = _residual_of_prior(found) - _shift_of(found, prior.values - prior.start) - found.shift_of(found.set_up)
-    every = np.ones(len(system.rows), dtype=bool)
     return {
         "expected": float(np.sqrt(noise + doubtful + prior.left**2)),
-        "now": rms(system.in_mm(off.reshape(-1, 3)), every)["total"],
-        "left": rms(system.in_mm(_left(found)), every)["total"],
+        "now": rms(system.in_mm(off.reshape(-1, 3)))["total"],
+        "left": rms(system.in_mm(_left(found)))["total"],
     }
 
 
@@ -205,5 +204,5 @@ def tool_error_by_effect(found: Explanation, values: np.ndarray) -> dict[str, fl
     for index, term in enumerate((*layout.terms, None)):
         mine = values if term is None else np.where(owner == index, values, 0.0)
         work = system.in_mm(_shift_of(found, mine).reshape(-1, 3))
-        made[TOTAL if term is None else term.effect.key] = rms(work, np.ones(len(work), dtype=bool))["total"]
+        made[TOTAL if term is None else term.effect.key] = rms(work)["total"]
     return made

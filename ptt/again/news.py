@@ -13,9 +13,10 @@ from ptt.diagnosis.search.rest import NOISE_EXCESS, look_for_rest
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects import Library
 from ptt.effects.registry import parse_key
-from ptt.fitting.solve import hold, rms
+from ptt.fitting.solve import hold
 from ptt.model.model import Model
 from ptt.progress import Tell
+from ptt.run.axes import rms
 from ptt.run.problem import Problem
 
 
@@ -66,7 +67,7 @@ def look_for_news(
 def size_of_new(found: Explanation) -> float:
     """Shift of the readings by what is new, in the run's own frame, rms of the vector, um."""
     off = found.system.in_mm(found.shift_of(found.new).reshape(-1, 3))
-    return rms(off, np.ones(len(off), dtype=bool))["total"]
+    return rms(off)["total"]
 
 
 def _nothing_of_machine(diagnosis: Diagnosis, known: Library) -> bool:

@@ -1,19 +1,20 @@
 """A rig measured again without noise, with the commands of a model: the errors of its tool."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from ptt.challenge.truth import READINGS, UM_PER_MM, in_base_frame, mount_columns, table_of, without_set_up
+from ptt.challenge.truth import READINGS, in_base_frame, mount_columns, table_of, without_set_up
 from ptt.correct.compensate import Correction, compensate
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model
 from ptt.rig import Rig, RunResult, simulate
 from ptt.rig.arm_odd_schema import SlippingTool
 from ptt.rig.draw import DrawnRig
+from ptt.run.axes import rms
 
 # Of nominal joint commands (n, k) or None, which a network over joints asks for.
 CorrectionAt = Callable[[np.ndarray | None], Correction | None]
@@ -43,7 +44,7 @@ class ToolError:
 
     def to_dict(self) -> dict[str, dict[str, float] | None]:
         """Root mean squares for JSON, um."""
-        return {"before": _rms(self.before), "after": None if self.after is None else _rms(self.after)}
+        return {"before": rms(self.before), "after": None if self.after is None else rms(self.after)}
 
 
 def remeasure(model: Model, drawn: DrawnRig, correction_at: CorrectionAt | None = None) -> ToolError:
@@ -129,9 +130,3 @@ def _error(run: RunResult, drawn: DrawnRig, read: np.ndarray, mount: np.ndarray 
         goal, here = wanted[rows] - wanted[rows].mean(axis=0), went[rows] - went[rows].mean(axis=0)
         error[rows] = Rotation.align_vectors(goal, here)[0].apply(here) - goal
     return error
-
-
-def _rms(error: np.ndarray) -> dict[str, float]:
-    squares = UM_PER_MM**2 * np.square(error).mean(axis=0)
-    axes: Mapping[str, float] = {axis: float(np.sqrt(square)) for axis, square in zip("xyz", squares, strict=True)}
-    return {**axes, "total": float(np.sqrt(squares.sum()))}

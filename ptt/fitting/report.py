@@ -11,12 +11,12 @@ from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.fitting.observability import Combination, Correlation, correlations, unobservable
 from ptt.fitting.orientation import orientation_rms
 from ptt.fitting.result import FitResult
-from ptt.fitting.solve import residual_of, rms
+from ptt.fitting.solve import residual_of
 from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.fitting.turns import open_turns
 from ptt.model.model import Model, parameter_names, told_values
 from ptt.record import Record
-from ptt.run.axes import AXES_TOTAL
+from ptt.run.axes import AXES_TOTAL, rms
 from ptt.run.problem import Problem
 
 # share of a value's standard error below which its difference from the joints' mean counts as measured

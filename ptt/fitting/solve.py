@@ -237,18 +237,3 @@ def _witness(system: WhitenedSystem | LongSystem, problem: Problem, kept: np.nda
     return lambda inverse, scatter: excess_scatter(
         system.jacobian[kept], system.residual[kept], times, inverse, scatter
     )
-
-
-def rms(residual: np.ndarray, rows: np.ndarray | Sequence[bool]) -> dict[str, float]:
-    """Root mean square of residuals per axis and in total, in micrometres.
-
-    Args:
-        residual: (n, 3) mm.
-        rows: which rows count, (n,) bool.
-
-    Returns:
-        x, y, z, and total = sqrt(x^2 + y^2 + z^2).
-    """
-    squares = np.mean(np.square(residual[np.asarray(rows)]), axis=0)
-    x, y, z = (float(value) * 1e3 for value in np.sqrt(squares))
-    return {"x": x, "y": y, "z": z, "total": float(np.sqrt(squares.sum())) * 1e3}

@@ -8,9 +8,10 @@ import numpy as np
 from ptt.again.recheck import recheck
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.effects import Library
-from ptt.fitting.solve import residual_of, rms
+from ptt.fitting.solve import residual_of
 from ptt.model.model import Model
 from ptt.progress import Tell
+from ptt.run.axes import rms
 from ptt.run.problem import Problem
 
 

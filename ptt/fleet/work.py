@@ -10,7 +10,7 @@ import numpy as np
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import PttError
-from ptt.fitting.solve import FitResult, fit, hold, residual_of, rms
+from ptt.fitting.solve import FitResult, fit, hold, residual_of
 from ptt.fleet.again import recheck_or_diagnose
 from ptt.fleet.runs import Opened, open_task, read_task
 from ptt.fleet.task import Outcome, Task
@@ -21,6 +21,7 @@ from ptt.machine import format_machine
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 from ptt.progress import Tell
+from ptt.run.axes import rms
 from ptt.run.problem import Problem
 
 

@@ -11,9 +11,10 @@ from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, inputs_of, learn_rest, step_of
 from ptt.fitting.chunks import LONG
 from ptt.fitting.long import held_out_residual
-from ptt.fitting.solve import hold_to_base, rms
+from ptt.fitting.solve import hold_to_base
 from ptt.model.model import Model
 from ptt.progress import Progress
+from ptt.run.axes import rms
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 

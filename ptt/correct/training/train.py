@@ -11,11 +11,11 @@ from ptt.correct.training.protocols import Protocol, block_protocol
 from ptt.correct.training.rest import Space, inputs_of, learn_rest, spaces_of
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.held_frame import with_frame_doubt
-from ptt.fitting.solve import rms
 from ptt.fitting.turns import with_turns
 from ptt.judge.ladder.rung import with_frames_of_base
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
+from ptt.run.axes import rms
 from ptt.run.problem import Problem
 
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.diagnosis.telling.verdict_words import held_to_base, with_free_mount
-from ptt.fitting.solve import residual_of, rms
+from ptt.fitting.solve import residual_of
 from ptt.model.model import Model
+from ptt.run.axes import rms
 from ptt.run.problem import Problem, build_problem
 
 # Share of the error that may be left with a free mount for it to be mentioned: else the model misses the rest

@@ -32,11 +32,11 @@ from ptt.diagnosis.telling.verdict_words import explain_verdict
 from ptt.effects import Library
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.chunks import numbers
-from ptt.fitting.solve import rms
 from ptt.model.model import Model
 from ptt.plan.elsewhere import elsewhere
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
+from ptt.run.axes import rms
 from ptt.run.problem import Problem
 
 MICRO = 1e3  # um in a mm
@@ -223,5 +223,5 @@ def _errors(found: Found, keys: tuple[str, ...]) -> dict[str, dict[str, float]]:
     system, errors = found.system, dict[str, dict[str, float]]()
     for name, state in (("before", found.scorer.score((), WHITE)), ("after", sent_state(found, keys))):
         left = system.in_mm(system.residual(state.columns, state.posterior.values))
-        errors[name] = rms(left, np.ones(len(left), dtype=bool))
+        errors[name] = rms(left)
     return errors

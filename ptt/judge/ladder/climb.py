@@ -18,12 +18,13 @@ from ptt.fitting.masked import masked_effects
 from ptt.fitting.opening import entering_rows, told_aside, untold_rows, without_opening
 from ptt.fitting.report import report_fit
 from ptt.fitting.result import FitResult
-from ptt.fitting.solve import fit, hold, hold_to_base, residual_of, rms
+from ptt.fitting.solve import fit, hold, hold_to_base, residual_of
 from ptt.fitting.turns import with_turns
 from ptt.judge.ladder.ladder import Ladder, LadderStep
 from ptt.judge.ladder.rung import fit_rung, log_density, with_frames_of_base
 from ptt.model.model import Model, Term, require_fits
 from ptt.progress import Progress, unwatched
+from ptt.run.axes import rms
 from ptt.run.given_noise import given_noise
 from ptt.run.holdout import blocks_beside, folds, pose_groups
 from ptt.run.noise import Noise
