@@ -12,12 +12,13 @@ from ptt.commands.main import run_alone
 from ptt.correct.compensate import compensate
 from ptt.correct.training.compensator import load_compensator, save_compensator
 from ptt.correct.training.heldout import evaluate_heldout
-from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.physics import fit_physics
 from ptt.correct.training.protocols import block_protocol, random_protocol
 from ptt.correct.training.rest import correction_of, learn_rest, training_set_of
 from ptt.correct.training.train import train
 from ptt.effects.registry import library, make_effect
 from ptt.errors import InputError, TableError
+from ptt.fitting.result import sound_rows
 from ptt.judge.evaluate import evaluate_pair
 from ptt.machine import load_machine
 from ptt.model.entries import read_model
@@ -78,7 +79,7 @@ def test_the_blocks_cover_every_pose_once(first):
 def test_the_network_learns_the_mean_step_of_each_pose_and_beside_it(first):
     file, table, problem = first
     fitted = fit_physics(read_model(file) + make_effect(library(), "homing-offset"), problem)
-    rows = sound(problem, fitted)
+    rows = sound_rows(problem, fitted)
     rest = training_set_of(problem, fitted, rows, pose_groups(table))
     assert len(rest.places) == 180 and len(rest.inputs) == 7 * 180
     here = pose_groups(table) == 17
@@ -142,7 +143,7 @@ def test_random_split_measured_again_on_the_rig(number, tmp_path):
     targets = read_table(DATA / "targets.csv", purpose="targets")
     for candidate in (read_model(file), model):
         fitted = fit_physics(candidate, shown)
-        network = learn_rest(shown, fitted, sound(shown, fitted), protocol.groups).network
+        network = learn_rest(shown, fitted, sound_rows(shown, fitted), protocol.groups).network
         cycles = make_table(np.tile(targets.target, (7, 1)))
         commands = compensate(fitted.model, cycles, correction=correction_of(network), inside=network.inside)
         after = measure_again(number, targets.target, targets.name, commands.q, tmp_path / "after.csv")

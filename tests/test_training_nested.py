@@ -5,10 +5,11 @@ import pytest
 
 from nets import RbfSettings
 from ptt.correct.training.nested import hold_out
-from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.physics import fit_physics
 from ptt.correct.training.protocols import random_protocol
 from ptt.correct.training.rest import learn_rest
 from ptt.correct.training.train import train
+from ptt.fitting.result import sound_rows
 from ptt.machine import MachineFile, parse_machine
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
@@ -67,7 +68,7 @@ def test_rows_that_are_judged_have_no_part_in_any_choice(trusted: MachineFile) -
     steps = []
     for problem in (one, two):
         fitted = fit_physics(Model(trusted), problem)
-        network = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups, SMALL)
+        network = learn_rest(problem, fitted, sound_rows(problem, fitted), protocol.groups, SMALL)
         assert network.learned.all()
         held = hold_out(Model(trusted), problem, protocol, {"tool": network}, SMALL)
         steps.append((held.whole - held.physics)[protocol.folds[0]])
@@ -86,7 +87,7 @@ def test_settings_tried_in_plenty_do_not_flatter_noise(trusted: MachineFile) -> 
         problem = build_problem(trusted, make_table(PLACES, measured=PLACES + error))
         protocol = random_protocol(problem, folds=3)
         fitted = fit_physics(Model(trusted), problem)
-        network = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups, wide)
+        network = learn_rest(problem, fitted, sound_rows(problem, fitted), protocol.groups, wide)
         figures = hold_out(Model(trusted), problem, protocol, {"tool": network}, wide).rms_um()
         gains.append(figures["rbf"]["total"] / figures["physics"]["total"])
     assert np.mean(gains) > 0.995

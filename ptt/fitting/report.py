@@ -10,7 +10,7 @@ import numpy as np
 from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.fitting.observability import Combination, Correlation, correlations, unobservable
 from ptt.fitting.orientation import orientation_rms
-from ptt.fitting.result import FitResult
+from ptt.fitting.result import FitResult, sound_rows
 from ptt.fitting.solve import residual_of
 from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.fitting.turns import open_turns
@@ -135,7 +135,7 @@ def report_fit(fitted: FitResult, problem: Problem, given: FitResult | None = No
     Returns:
         The report.
     """
-    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    rows = sound_rows(problem, fitted)
     bare = given is not None and not given.model.terms
     drawn = given if given and bare else residual_of(Model(fitted.model.file), problem, fitted.noise)
     read = problem.table.measured - problem.stated if problem.base is None else problem.measured - problem.target

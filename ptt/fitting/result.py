@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -10,7 +11,9 @@ from ptt.fitting.prior import Prior
 from ptt.fitting.unnamed import Unnamed
 from ptt.model.chain import Prediction
 from ptt.model.model import Model
+from ptt.run.axes import rms
 from ptt.run.noise import Noise
+from ptt.run.problem import Problem
 
 MOST_UNSEEN = 0.02  # share in unseen directions above which a parameter is not measured
 MEASURED_SHARE = 0.5  # share of its prior variance below which a value counts as measured
@@ -142,3 +145,25 @@ class FitResult:
         if self.unnamed is None:
             return told
         return told & (self.open <= MEASURED_SHARE * (self.sizes * self.layout.scale) ** 2)
+
+
+class Fitted(Protocol):
+    """What a fit says of each row: its residual, (n, 3) mm, and whether it is a gross error, (n,) bool."""
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured less predicted in the base frame, (n, 3) mm; NaN where not observed."""
+
+    @property
+    def outliers(self) -> np.ndarray:
+        """Rows left out as gross errors, (n,) bool."""
+
+
+def sound_rows(problem: Problem, fitted: Fitted) -> np.ndarray:
+    """Rows that count after a fit: observed, not masked, no gross error; (n,) bool."""
+    return np.asarray(problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1))
+
+
+def left_um(fitted: Fitted, problem: Problem) -> float:
+    """Root mean square length of the residual over the rows that count, um."""
+    return rms(fitted.residual, sound_rows(problem, fitted))["total"]

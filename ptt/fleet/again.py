@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ptt.again.recheck import recheck
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.effects import Library
+from ptt.fitting.result import left_um
 from ptt.fitting.solve import residual_of
 from ptt.model.model import Model
 from ptt.progress import Tell
-from ptt.run.axes import rms
 from ptt.run.problem import Problem
 
 
@@ -61,8 +59,7 @@ def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: T
     found = diagnose_run(model, problem, known, progress=tell)
     verdict = "same" if found.verdict == "nothing-missing" else "new"
     as_given = residual_of(model, problem, found.noise)  # a diagnosis fits the frame, even one that reflectors hold
-    rows = problem.used & ~as_given.outliers & np.isfinite(as_given.residual).all(axis=1)
-    added, now = [step[0] for step in found.suggested], rms(as_given.residual, rows)["total"]
+    added, now = [step[0] for step in found.suggested], left_um(as_given, problem)
     expected = 1e3 * found.noise.total
     result = {
         "verdict": verdict,

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import PttError
+from ptt.fitting.result import left_um
 from ptt.fitting.solve import FitResult, fit, hold, residual_of
 from ptt.fleet.again import recheck_or_diagnose
 from ptt.fleet.runs import Opened, open_task, read_task
@@ -21,8 +20,6 @@ from ptt.machine import format_machine
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 from ptt.progress import Tell
-from ptt.run.axes import rms
-from ptt.run.problem import Problem
 
 
 def work(task: Task, tell: Tell | None = None, effects: Sequence[str] = ()) -> Outcome:
@@ -80,7 +77,7 @@ def _diagnose(task: Task, opened: Opened, tell: Tell) -> Outcome:
     tell("add")
     solved, fitted, noise = _add(model, opened, [step[0] for step in found.suggested], task)
     return Outcome(
-        task.run, task.machine, "diagnosis", found.verdict, found.words, 0.0, _left(fitted, problem), None, noise,
+        task.run, task.machine, "diagnosis", found.verdict, found.words, 0.0, left_um(fitted, problem), None, noise,
         diagnosis=found.to_dict(), solved=solved, refit=solved, told=told_by(fitted),
     )  # fmt: skip
 
@@ -125,9 +122,3 @@ def _hold_shape(term: Term) -> Term:
     """A term whose searched parameters (a period, a settling length) are held fixed."""
     searched = {parameter.stem for parameter in term.effect.parameters if parameter.role == "searched"}
     return replace(term, fixed=term.fixed | searched)
-
-
-def _left(fitted: FitResult, problem: Problem) -> float:
-    """Rms residual over the used rows without gross errors, um."""
-    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
-    return float(rms(fitted.residual, rows)["total"])

@@ -11,7 +11,7 @@ from torch import Tensor
 from ptt.effects import Effect
 from ptt.fitting.chunks import stretches, view_chunks
 from ptt.fitting.linear import held_values, usual_sizes
-from ptt.fitting.result import FitResult
+from ptt.fitting.result import FitResult, sound_rows
 from ptt.model.chain import linearise, signature
 from ptt.plan.contest import triangle
 from ptt.run.frames import by_own, rigid_columns
@@ -178,7 +178,7 @@ def known_rows(design: DesignColumns) -> np.ndarray:
         (r, P): a triangle with the same sums of squares as all those rows.
     """
     problem = design.problem
-    used = problem.used & ~design.fitted.outliers & np.isfinite(design.fitted.residual).all(axis=1)
+    used = sound_rows(problem, design.fitted)
     stack = [np.diag(np.sqrt(design.prior)), _base_rows(design)]
     whole = design.fitted.layout.see(problem, design.fitted.unknowns)
     parts = stretches(whole.rows, CHUNK)

@@ -5,10 +5,11 @@ from typing import Literal
 from nets import RbfTraining
 from ptt.correct.training.compensator import Compensator
 from ptt.correct.training.nested import hold_out
-from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.physics import fit_physics
 from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, learn_rest
 from ptt.errors import PosesError
+from ptt.fitting.result import sound_rows
 from ptt.judge.evaluation import Evaluation
 from ptt.judge.ladder.rung import with_frames_of_base
 from ptt.judge.run_errors import refer_z
@@ -51,7 +52,7 @@ def evaluate_heldout(
     if compensator.network is not None:
         fitted = fit_physics(compensator.model, problem)
         space = compensator.space
-        networks[space] = learn_rest(problem, fitted, sound(problem, fitted), protocol.groups, space=space)
+        networks[space] = learn_rest(problem, fitted, sound_rows(problem, fitted), protocol.groups, space=space)
     held = hold_out(compensator.model, problem, protocol, networks, progress=progress)
     before, after = (
         refer_z(errors, problem.target, held.rows, z_datum)[held.rows] for errors in (bare.residual, held.whole)

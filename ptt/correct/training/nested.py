@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nets import RbfSettings, RbfTraining
-from ptt.correct.training.physics import fit_physics, keep_physics, sound
+from ptt.correct.training.physics import fit_physics, keep_physics
 from ptt.correct.training.protocols import Protocol
 from ptt.correct.training.rest import Space, inputs_of, learn_rest, step_of
 from ptt.fitting.chunks import LONG
 from ptt.fitting.long import held_out_residual
+from ptt.fitting.result import sound_rows
 from ptt.fitting.solve import hold_to_base
 from ptt.model.model import Model
 from ptt.progress import Progress
@@ -90,7 +91,7 @@ def hold_out(
     """
     problem = hold_to_base(model, problem)
     given = keep_physics(model, problem)
-    physics, rows = np.full((problem.table.rows, 3), np.nan), sound(problem, given)
+    physics, rows = np.full((problem.table.rows, 3), np.nan), sound_rows(problem, given)
     if not networks and model.terms and problem.table.rows > LONG:
         physics = _one_step_residual(model, problem, protocol)
         return HeldOut(protocol, given.residual, physics, physics, {}, rows & np.isfinite(physics).all(axis=1))
@@ -103,7 +104,7 @@ def hold_out(
         part, seen = fit_physics(model, rest, lean=True), hidden & rows
         physics[seen] = whole[seen] = part.residual[seen]
         again = {
-            space: learn_rest(rest, part, sound(rest, part), _groups(protocol, rest), settings, space)
+            space: learn_rest(rest, part, sound_rows(rest, part), _groups(protocol, rest), settings, space)
             for space, network in networks.items()
             if network.learned.any()
         }

@@ -69,8 +69,3 @@ def keep_physics(model: Model, problem: Problem) -> Physics:
     residual = problem.measured - predict(terms, problem.view).reading.numpy()
     gross = problem.used & ~inside(residual @ noise.whitener.T, problem.used, problem, noise)
     return Physics(model, residual, gross, noise, "nothing to fit")
-
-
-def sound(problem: Problem, fitted: Physics) -> np.ndarray:
-    """Rows that count: observed, not masked, no gross error; (n,) bool."""
-    return problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)

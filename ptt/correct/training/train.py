@@ -6,11 +6,12 @@ import numpy as np
 
 from nets import RbfSettings, RbfTraining, muted
 from ptt.correct.training.nested import Figures, better_space, hold_out
-from ptt.correct.training.physics import Physics, fit_physics, keep_physics, sound
+from ptt.correct.training.physics import Physics, fit_physics, keep_physics
 from ptt.correct.training.protocols import Protocol, block_protocol
 from ptt.correct.training.rest import Space, inputs_of, learn_rest, spaces_of
 from ptt.fitting.beside_unnamed import beside_unnamed
 from ptt.fitting.held_frame import with_frame_doubt
+from ptt.fitting.result import sound_rows
 from ptt.fitting.turns import with_turns
 from ptt.judge.ladder.rung import with_frames_of_base
 from ptt.model.model import Model
@@ -75,7 +76,7 @@ def train(
     steps = 1 + len(spaces) + len(protocol.folds)
     tell("fit", 0, steps)
     fitted = _with_full_covariance(fit_physics(model, problem), problem, free)
-    rows = sound(problem, fitted)
+    rows = sound_rows(problem, fitted)
     networks: dict[Space, RbfTraining] = {}
     for number, space in enumerate(spaces):
         tell("network", 1 + number, steps)

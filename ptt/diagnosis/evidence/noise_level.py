@@ -14,6 +14,7 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.noise.wander import FAULT_SHARE
 from ptt.effects import Library
 from ptt.errors import TooFewError
+from ptt.fitting.result import sound_rows
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.run.holdout import sharing_groups
@@ -294,7 +295,7 @@ def _saturated(
     fitted = fit(model, problem, noise=noise)
     candidates, _ = present_candidates(fitted, problem, known)
     short = [effect for effect in candidates if len(effect.search(problem.view)) < TOO_MANY_SHAPES]
-    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    rows = sound_rows(problem, fitted)
     system = build_row_system(fitted, problem, short, noise, 0.0, rows)
     one_each = {atom.name: key for key, atom in system.atoms.items()}
     if sum(len(system.atoms[key].columns) for key in one_each.values()) > MOST_COLUMNS_RATIO * 3.0 * rows.sum():

@@ -2,12 +2,10 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from ptt.diagnosis.telling.verdict_words import held_to_base, with_free_mount
+from ptt.fitting.result import left_um
 from ptt.fitting.solve import residual_of
 from ptt.model.model import Model
-from ptt.run.axes import rms
 from ptt.run.problem import Problem, build_problem
 
 # Share of the error that may be left with a free mount for it to be mentioned: else the model misses the rest
@@ -29,7 +27,7 @@ def other_setups(model: Model, problem: Problem) -> str:
 
 
 def _by_base(model: Model, problem: Problem) -> str:
-    return "" if problem.base is None else held_to_base(_error(model, problem))
+    return "" if problem.base is None else held_to_base(left_um(residual_of(model, problem), problem))
 
 
 def _by_mount(model: Model, problem: Problem) -> str:
@@ -39,11 +37,5 @@ def _by_mount(model: Model, problem: Problem) -> str:
         return ""
     free = replace(model, file=replace(model.file, tracker=tracker.model_copy(update={"tool": "fitted"})))
     there = build_problem(free.file, problem.table).masked(~problem.used)
-    before, after = _error(model, problem), _error(free, there)
-    return with_free_mount(after) if after < MUCH_LESS * before else ""
-
-
-def _error(model: Model, problem: Problem) -> float:
-    fitted = residual_of(model, problem)
-    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
-    return rms(fitted.residual, rows)["total"]
+    after = left_um(residual_of(free, there), there)
+    return with_free_mount(after) if after < MUCH_LESS * left_um(residual_of(model, problem), problem) else ""

@@ -10,6 +10,7 @@ from ptt.dependence.contexts import residual_views
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.dependence.where import WhereItFails, WorstRow, rows_by_size, where_it_fails
+from ptt.fitting.result import sound_rows
 from ptt.fitting.solve import residual_of
 from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.judge.compare.lack_of_fit import LackOfFit, lack_of_fit_of
@@ -155,7 +156,7 @@ def compare_run(
     progress("residual", 0, 3)
     fitted = residual_of(model, problem, noise)
     stretches, gross = name_stretches(fitted.outliers, fitted.residual, problem)
-    kept = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    kept = sound_rows(problem, fitted)
     residual = np.where(kept[:, None], fitted.residual, np.nan)
     progress("where it fails", 1, 3)
     where = where_it_fails(problem, residual)

@@ -12,7 +12,7 @@ from ptt.effects.parameter import Parameter
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import LONG
 from ptt.fitting.moment import exchanged, place_own_moments
-from ptt.fitting.result import FitResult
+from ptt.fitting.result import FitResult, sound_rows
 from ptt.fitting.solve import acts_on_base, fit, hold_to_base, with_rounds_beside
 from ptt.model.model import Model, Term
 from ptt.run.noise import Noise
@@ -146,6 +146,6 @@ def log_density(fitted: FitResult, problem: Problem) -> float:
         fitted: the fit.
         problem: its readings.
     """
-    rows = problem.used & ~fitted.outliers & np.isfinite(fitted.residual).all(axis=1)
+    rows = sound_rows(problem, fitted)
     left = np.square(fitted.residual[rows] @ fitted.noise.whitener.T).sum()
     return float(fitted.noise.log_density(int(rows.sum())) - 0.5 * left)

@@ -114,13 +114,13 @@ def look_at(
         The look.
     """
     from ptt.dependence.contexts import path_views, residual_views
+    from ptt.fitting.result import sound_rows
     from ptt.fitting.solve import residual_of
     from ptt.show.card.ghost import machine_lines
 
     if compared is None:
         fitted = residual_of(model, problem)
-        residual = fitted.residual
-        kept = problem.used & ~fitted.outliers & np.isfinite(residual).all(axis=1)
+        residual, kept = fitted.residual, sound_rows(problem, fitted)
     else:
         residual, kept = compared.residual, compared.kept
     noise = problem.noise if compared is None else compared.noise
