@@ -33,9 +33,7 @@ class News:
     notes: tuple[str, ...] = ()
 
 
-def look_for_news(
-    found: Explanation, model: Model, problem: Problem, known: Library, tell: Tell, seed: int = 0
-) -> News:
+def look_for_news(found: Explanation, model: Model, problem: Problem, known: Library, tell: Tell) -> News:
     """Diagnose what a run shows beside a solved model and its changes.
 
     Args:
@@ -44,7 +42,6 @@ def look_for_news(
         problem: the run.
         known: effects by name.
         tell: told what is being done.
-        seed: of the permutation tests.
 
     Returns:
         What is new; the diagnosis has to find it as well.
@@ -56,11 +53,11 @@ def look_for_news(
         return News(
             None, (f"{names} ({size:.1f} um) is no more than the {left:.1f} um that the model left unexplained {then}",)
         )
-    if not found.new and not _is_significant(found, problem, tell, seed):
+    if not found.new and not _is_significant(found, problem, tell):
         return News(None)
     tell("what is new")
     still = replace(model, terms=tuple(hold(term) for term in model.terms))
-    diagnosis = diagnose(still, problem.masked(found.gross), known, seed=seed)
+    diagnosis = diagnose(still, problem.masked(found.gross), known)
     return News(None if _nothing_of_machine(diagnosis, known) else diagnosis)
 
 
@@ -77,7 +74,7 @@ def _nothing_of_machine(diagnosis: Diagnosis, known: Library) -> bool:
     return all(known[parse_key(step[0])[0]].of_run for step in diagnosis.suggested)
 
 
-def _is_significant(found: Explanation, problem: Problem, tell: Tell, seed: int) -> bool:
+def _is_significant(found: Explanation, problem: Problem, tell: Tell) -> bool:
     """Whether the residual is more than noise, and more than a machine that has not changed would show."""
     system, state = found.system, found.state
     after, errors = noise_left(system, state).total, errors_of(found)
@@ -92,4 +89,4 @@ def _is_significant(found: Explanation, problem: Problem, tell: Tell, seed: int)
         return True
     tell("rest")
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), system.rows))
-    return look_for_rest(system, state, clean, seed=seed).significant
+    return look_for_rest(system, state, clean).significant

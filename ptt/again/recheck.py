@@ -37,9 +37,7 @@ Made = Mapping[str, Mapping[str, float]]  # 'before' and 'now' -> effect -> tool
 WHOLE = 10_000  # rows, beyond which a sample is used: linearising all hypotheses takes about 0.25 MB a row
 
 
-def recheck(
-    model: Model, problem: Problem, known: Library | None = None, *, progress: Tell | None = None, seed: int = 0
-) -> Recheck:
+def recheck(model: Model, problem: Problem, known: Library | None = None, *, progress: Tell | None = None) -> Recheck:
     """Compare a new run with a solved model.
 
     The posterior of the model's fit is the prior of a machine that has not changed; against it stand changes of single
@@ -50,7 +48,6 @@ def recheck(
         problem: the new run, whose set-up and noise are its own.
         known: effects by name; None for the library.
         progress: told what is being done.
-        seed: of the permutation tests.
 
     Returns:
         What has changed.
@@ -67,7 +64,7 @@ def recheck(
         notes.append(f"of {problem.table.rows} rows, about {SAMPLE_ROWS} were used, in stretches spread over the run")
         problem = take(problem, sample_stretches(problem, SAMPLE_ROWS))
     prior = build_prior(model, problem)
-    found, now, news = _explained(prior, problem, known, tell, seed)
+    found, now, news = _explained(prior, problem, known, tell)
     made = {
         "before": tool_error_by_effect(found, prior.values),
         "now": tool_error_by_effect(found, found.prior.start + _stands(found)),
@@ -104,26 +101,24 @@ def recheck(
     return replace(result, words=explain(result))
 
 
-def _explained(
-    prior: Prior, problem: Problem, known: Library, tell: Tell, seed: int
-) -> tuple[Explanation, Model, News]:
+def _explained(prior: Prior, problem: Problem, known: Library, tell: Tell) -> tuple[Explanation, Model, News]:
     """The best explanation, the model with the values of this run, and what is new beside it."""
     found = with_cures(find_explanation(prior, problem, known, tell), problem, known, tell)
-    now, news = _with_news(found, problem, known, tell, seed)
+    now, news = _with_news(found, problem, known, tell)
     if news.diagnosis is not None and found.changed:
         sure = drop_artefacts(found, news.diagnosis, problem, known, tell)
         if sure is not found:
-            then = _with_news(sure, problem, known, tell, seed)
+            then = _with_news(sure, problem, known, tell)
             if then[1].diagnosis is not None:  # else nothing is new without the changes: keep them
                 return sure, *then
     return found, now, news
 
 
-def _with_news(found: Explanation, problem: Problem, known: Library, tell: Tell, seed: int) -> tuple[Model, News]:
+def _with_news(found: Explanation, problem: Problem, known: Library, tell: Tell) -> tuple[Model, News]:
     """The model with the values of this run, and what is new beside it."""
     now = model_at(found.prior, _stands(found))
     whole = replace(now, terms=(*now.terms, *(_term_of(masked, found, problem) for masked in found.masked)))
-    return now, look_for_news(found, whole, problem, known, tell, seed)
+    return now, look_for_news(found, whole, problem, known, tell)
 
 
 def _term_of(masked: MaskedEffect, found: Explanation, problem: Problem) -> Term:

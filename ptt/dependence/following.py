@@ -26,24 +26,23 @@ FLAT = 1e-9  # range in the variable's own unit, below which it is constant but 
 OTHERS = 3  # rows with another than the commonest value, below which a variable is not tested
 
 
-def dependence_of(problem: Problem, residual: np.ndarray, *, seed: int = 0) -> tuple[Dependence, ...]:
+def dependence_of(problem: Problem, residual: np.ndarray) -> tuple[Dependence, ...]:
     """What the residual of a problem depends on.
 
     Args:
         problem: n rows.
         residual: (n, 3) mm, base frame, NaN on rows to leave out. Keep the outliers of a robust fit, which may be a
             local fault; gross errors are clipped here.
-        seed: of the permutations.
 
     Returns:
         Significant dependences, largest share first.
     """
-    views = residual_views(problem, remove_frame(problem, _thinned(residual, problem.used, seed)))
+    views = residual_views(problem, remove_frame(problem, _thinned(residual, problem.used)))
     noise = None
     if problem.noise is not None:
         noise = dict(zip(COORDINATES, map(float, problem.noise.sigma), strict=True))
     found = depends_on(
-        views, context_views(problem), pose_groups(problem.table), travel_blocks(problem.table), noise=noise, seed=seed
+        views, context_views(problem), pose_groups(problem.table), travel_blocks(problem.table), noise=noise
     )
     return tuple(of_run(item, problem) for item in found)
 
@@ -104,12 +103,12 @@ def _significant(scores: list[Score], slow: int) -> list[tuple[Score, int, float
     return found
 
 
-def _thinned(residual: np.ndarray, used: np.ndarray, seed: int) -> np.ndarray:
+def _thinned(residual: np.ndarray, used: np.ndarray) -> np.ndarray:
     """The residual of a random sample of rows, NaN elsewhere; of few rows the whole."""
     rows = np.flatnonzero(used & np.isfinite(residual).all(axis=1))
     if len(rows) <= MOST_ROWS:
         return residual
-    chosen = np.random.default_rng(seed).choice(rows, MOST_ROWS, replace=False)
+    chosen = np.random.default_rng(0).choice(rows, MOST_ROWS, replace=False)
     thinned = np.full_like(residual, np.nan)
     thinned[chosen] = residual[chosen]
     return thinned

@@ -42,7 +42,6 @@ def diagnose(
     *,
     steps: int = MOST_ADDED,
     progress: Tell | None = None,
-    seed: int = 0,
 ) -> Diagnosis:
     """Learn which physical effects are missing from all rows at once.
 
@@ -52,7 +51,6 @@ def diagnose(
         known: effects by name; None for the library.
         steps: how many may be added.
         progress: told what is being done.
-        seed: of the permutation tests.
 
     Returns:
         The diagnosis.
@@ -69,8 +67,8 @@ def diagnose(
     if problem.noise is None and noise_left(found.system, found.state).freedom < LEAST_FREEDOM:
         raise too_few(problem)
     tell("rest")
-    rest = look_for_rest(found.system, found.state, problem, seed=seed)
-    result = conclude(found, rest, model, problem, known, tell, seed, steps)
+    rest = look_for_rest(found.system, found.state, problem)
+    result = conclude(found, rest, model, problem, known, tell, steps)
     turned = f" {SMOOTHLY[0].upper()}{SMOOTHLY[1:]}." if model.file.machine.moves != given.file.machine.moves else ""
     words = result.words + turned + other_setups(given, whole)
     return replace(result, model=as_free_as(given, result.model), opening=opening, words=words)

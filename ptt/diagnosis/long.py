@@ -53,7 +53,6 @@ def diagnose_long(
     *,
     steps: int = MOST_ADDED,
     progress: Tell | None = None,
-    seed: int = 0,
     size: int = CHUNK,
     sample_rows: int | None = None,
 ) -> Diagnosis:
@@ -70,7 +69,6 @@ def diagnose_long(
         known: effects by name; None for the library.
         steps: how many may be added.
         progress: told what is being done.
-        seed: of the permutation tests.
         size: rows of a chunk.
         sample_rows: about how many rows the explanation is found on; None: as many as suit the kind of machine.
 
@@ -89,12 +87,12 @@ def diagnose_long(
     run = open_long_run(problem, cut(problem, size), _with_levers(span, told))
     found = find_everywhere(told, WholeSearch(run, sample, model, known, steps, tell))
     tell("rest")
-    rest = _rest(found, problem, seed)
+    rest = _rest(found, problem)
     if rest.significant and (new := _new(found, told)):  # what leaves a rest is not named for all rows' sake alone
         fewer = without(found.state, *new)
         found = replace(found, state=found.scorer.score(fewer, found.state.memory, found.state.variances))
-        rest = _rest(found, problem, seed)
-    result = conclude(found, rest, model, problem, known, tell, seed, steps)
+        rest = _rest(found, problem)
+    result = conclude(found, rest, model, problem, known, tell, steps)
     how = (
         f"Shapes, the unknown, the noise and the tests of the remaining error against repeats and position come from "
         f"{sample.table.rows} rows in stretches of travel; parameters, the search around them, held-out errors, gross "
@@ -120,13 +118,11 @@ def _with_levers(span: Span, told: Found) -> Span:
     return replace(span, levers={place.residual: place.lever for place in places})
 
 
-def _rest(found: Found, problem: Problem, seed: int) -> Rest:
+def _rest(found: Found, problem: Problem) -> Rest:
     """Tests of what the explanation leaves: on the sample, and of bins over all rows."""
     assert found.sample is not None
     residual = innovations_of(found.system, found.state, problem)
-    rest = rest_left(
-        residual[numbers(found.sample)], found.state, found.sample.with_noise(found.system.noise), seed=seed
-    )
+    rest = rest_left(residual[numbers(found.sample)], found.state, found.sample.with_noise(found.system.noise))
     rows = found.system.rows
     more = follow_in_all_rows(problem, residual, found.system.noise, rows)
     if found.state.memory.wander is not None:  # as in the sample's tests

@@ -99,8 +99,6 @@ def plan_separation(
     problem: Problem,
     confused: Sequence[Sequence[str]],
     known: Library | None = None,
-    *,
-    seed: int = 0,
 ) -> Separation | None:
     """Choose poses that tell apart what a run could not.
 
@@ -113,7 +111,6 @@ def plan_separation(
         problem: the rows it was fitted on.
         confused: for each step the pick's key and those of effects that fit as well; steps without others are skipped.
         known: effects by name; None for the library.
-        seed: of the candidate poses.
 
     Returns:
         The choice; None where nothing is confused.
@@ -124,7 +121,7 @@ def plan_separation(
     design, duels = find_duels(fitted, problem, confused, known)
     space = build_space(problem.file)
     conditions = conditions_for(problem, known, confused)
-    pool = make_pool(design, space, conditions, np.random.default_rng([seed, 31]))
+    pool = make_pool(design, space, conditions, np.random.default_rng([0, 31]))
     groups = planned_rows(design, pool, space, still=True)
     everything = groups.reshape(-1, groups.shape[-1])
     ceilings = {id(contest): contest.add(everything).separation for contest in _contests(duels)}

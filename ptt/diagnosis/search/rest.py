@@ -128,19 +128,18 @@ class Rest:
         return replace(self, reasons=tuple(reasons))
 
 
-def look_for_rest(system: System, state: State, problem: Problem, *, seed: int = 0) -> Rest:
+def look_for_rest(system: System, state: State, problem: Problem) -> Rest:
     """Test the innovations against repeats, against position, and against every context variable.
 
     Args:
         system: the linearised problem.
         state: the best set.
         problem: n rows.
-        seed: of the permutations.
 
     Returns:
         The rest.
     """
-    left = rest_left(innovations_of(system, state, problem), state, problem.with_noise(system.noise), seed=seed)
+    left = rest_left(innovations_of(system, state, problem), state, problem.with_noise(system.noise))
     wanders = None if holds_unknown(system, state.keys, state.memory) else wander_of_joint(system, state)
     if wanders is None:
         return left
@@ -148,14 +147,13 @@ def look_for_rest(system: System, state: State, problem: Problem, *, seed: int =
     return replace(left, reasons=(*left.reasons, moved), wanders=wanders)
 
 
-def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int = 0) -> Rest:
+def rest_left(residual: np.ndarray, state: State, problem: Problem) -> Rest:
     """Test the residuals of some rows.
 
     Args:
         residual: innovations, (n, 3) mm; NaN on rows left out.
         state: the best set.
         problem: the rows, with the noise.
-        seed: of the permutations.
 
     Returns:
         The rest.
@@ -169,9 +167,9 @@ def rest_left(residual: np.ndarray, state: State, problem: Problem, *, seed: int
         lack = lack_of_fit_of(problem, residual, round(state.effective_parameters), from_any_side=True).p_value
     field = _field(problem, residual)
     place, where = off_alike(problem, residual)
-    depends = dependence_of(problem, residual, seed=seed)
+    depends = dependence_of(problem, residual)
     if problem.rounding[1]:
-        depends = (*depends, *dependence_of(problem, _about_poses(every, problem), seed=seed))
+        depends = (*depends, *dependence_of(problem, _about_poses(every, problem)))
     if state.memory.wander is not None:  # a remaining dependence on time is the wander's, which is reported already
         depends = tuple(item for item in depends if item.on not in ("time", "run"))
     reasons = []

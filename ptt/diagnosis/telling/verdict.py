@@ -50,7 +50,6 @@ def conclude(
     problem: Problem,
     known: Library,
     tell: Tell,
-    seed: int,
     steps: int,
 ) -> Diagnosis:
     """Put the diagnosis together from the explanation and the residual tests.
@@ -62,7 +61,6 @@ def conclude(
         problem: the readings.
         known: effects by name.
         tell: callback for progress.
-        seed: of the poses to measure next.
         steps: how many effects could be added.
 
     Returns:
@@ -80,7 +78,7 @@ def conclude(
     noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
     verdict = _verdict(found, bool(named), rest)
     unnamed = unnamed_of(scorer, state, problem, rows)
-    depends = _depends_on(found, naming, unnamed, rest, shown, problem, seed) if verdict == "unknown" else ()
+    depends = _depends_on(found, naming, unnamed, rest, shown, problem) if verdict == "unknown" else ()
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
@@ -95,7 +93,7 @@ def conclude(
         not_testable=found.untestable,
         depends_on=depends,
         rest=rest,
-        separation=plan_separation(found.fitted, shown, suggested, known, seed=seed) if tied else None,
+        separation=plan_separation(found.fitted, shown, suggested, known) if tied else None,
         noise=noise,
         wander=_slow(found, problem),
         rms_um=rms_um,
@@ -171,7 +169,7 @@ def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error:
 
 
 def _depends_on(
-    found: Found, naming: Naming, unnamed: Unnamed, rest: Rest, shown: Problem, problem: Problem, seed: int
+    found: Found, naming: Naming, unnamed: Unnamed, rest: Rest, shown: Problem, problem: Problem
 ) -> tuple[Dependence, ...]:  # fmt: skip
     """What the unknown depends on.
 
@@ -183,7 +181,7 @@ def _depends_on(
     if not depends and rest.wanders is not None:
         return (wandering(rest.wanders, left, shown),)
     if not depends and (wanders_beyond(found.system, state) or (wanders and not naming.named.steps)):
-        found_in = tuple(item for item in dependence_of(shown, left, seed=seed) if item.residual in COORDINATES)
+        found_in = tuple(item for item in dependence_of(shown, left) if item.residual in COORDINATES)
         depends = sized(found_in[:MOST_LINES], left, shown)
     depends = depends or sized(rest.depends_on[:MOST_LINES], left, shown)
     if depends:
