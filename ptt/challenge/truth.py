@@ -19,7 +19,7 @@ from ptt.rig import Rig, simulate
 from ptt.rig.draw import DrawnRig
 from ptt.rig.platform import rotation_matrix
 from ptt.rig.schedule import TARGET
-from ptt.run.frames import rigid_columns
+from ptt.run.frames import rigid_columns, rigid_part, without_rigid_parts
 from ptt.run.from_columns import columns_to_table
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
@@ -191,8 +191,7 @@ def without_rigid_motion(shift: np.ndarray, place: np.ndarray) -> np.ndarray:
     Returns:
         (n, 3) mm.
     """
-    rigid = rigid_columns(torch.tensor(place)).numpy().reshape(-1, 6)
-    return np.asarray(shift - (rigid @ np.linalg.lstsq(rigid, shift.ravel(), rcond=None)[0]).reshape(-1, 3))
+    return np.asarray(shift - rigid_part(shift, place))
 
 
 def without_set_up(
@@ -219,11 +218,7 @@ def without_set_up(
         return np.asarray(shift - (columns @ np.linalg.lstsq(columns, shift.ravel(), rcond=None)[0]).reshape(-1, 3))
     if policy in ("trusted", "measured"):
         return shift
-    left = np.array(shift)
-    for label in np.unique(run) if policy == "fitted-per-run" else [None]:
-        rows = np.ones(len(left), dtype=bool) if label is None else run == label
-        left[rows] = without_rigid_motion(left[rows], place[rows])
-    return left
+    return without_rigid_parts(shift, place, run) if policy == "fitted-per-run" else without_rigid_motion(shift, place)
 
 
 def mount_columns(drawn: DrawnRig) -> np.ndarray | None:

@@ -6,6 +6,7 @@ from torch import Tensor
 
 TRIMS = 4  # rounds of leaving out outliers
 LINE = 0.03  # width by length below which points lie on a line, and their errors would determine the turn about it
+ROUNDING = 1e-12  # share of the largest inertia below which that about a line of points is rounding
 
 
 def align(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -74,6 +75,45 @@ def rigid_columns(p: Tensor, about: Tensor | None = None, length: float = 1.0) -
     arm = (p if about is None else p - about) / length
     turns = torch.einsum("cij,...j->...ic", _GENERATORS.to(p.dtype), arm)  # shape: (..., xyz, axis)
     return torch.cat([torch.eye(3, dtype=p.dtype).expand(turns.shape), turns], dim=-1)
+
+
+def rigid_part(moved: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Least-squares small rigid motion of points.
+
+    About the centroid shift and rotation decouple: the shift is the mean motion, and the rotation w solves
+    J w = sum p x m with the inertia J of the points p and their motions m. A rotation about a line on which all points
+    lie is set to zero.
+
+    Args:
+        moved: motion of each point, (n, 3) mm.
+        place: the points, (n, 3) mm.
+
+    Returns:
+        (n, 3) mm.
+    """
+    shift, arm = moved.mean(axis=0), place - place.mean(axis=0)
+    second = arm.T @ arm
+    inertia, moment = np.trace(second) * np.eye(3) - second, arm.T @ (moved - shift)
+    axial = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]])
+    turn = np.linalg.pinv(inertia, rcond=ROUNDING, hermitian=True) @ axial
+    return np.asarray(shift + np.cross(turn, arm))
+
+
+def without_rigid_parts(moved: np.ndarray, place: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    """Motions of points less the best small rigid motion of each group of them.
+
+    Args:
+        moved: motion of each point, (n, 3) mm.
+        place: the points, (n, 3) mm.
+        owner: (n,), frame or run of each.
+
+    Returns:
+        (n, 3) mm.
+    """
+    left = np.array(moved)
+    for one in np.unique(owner):
+        left[owner == one] -= rigid_part(moved[owner == one], place[owner == one])
+    return left
 
 
 def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarray]:

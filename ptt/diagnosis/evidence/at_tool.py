@@ -1,12 +1,10 @@
 """Size of errors and effects at the tool, after the rigid motion that a fitted tracker frame takes of them."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from ptt.fitting.factor import RANK_TOLERANCE
 from ptt.model.chain import predict
 from ptt.model.model import Term
+from ptt.run.frames import without_rigid_parts
 from ptt.run.problem import Problem
 
 
@@ -20,32 +18,8 @@ def without_rigid_motion(error: np.ndarray, problem: Problem) -> np.ndarray:
     Returns:
         (m, 3) mm; unchanged where no frame is fitted.
     """
-    left, place = error[problem.used].copy(), problem.view.p.numpy()[problem.used]
-    for own in _set_ups(problem):
-        left[own] -= _rigid_part(left[own], place[own])
-    return left
-
-
-def _rigid_part(moved: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Least-squares small rigid motion of points at `place` (n, 3) mm that moved by `moved` (n, 3) mm: (n, 3) mm.
-
-    About the centroid shift and rotation decouple: the shift is the mean motion, and the rotation w solves
-    J w = sum p x m with the inertia J of the points p and their motions m. A rotation about a line on which all points
-    lie is set to zero.
-    """
-    shift, arm = moved.mean(axis=0), place - place.mean(axis=0)
-    second = arm.T @ arm
-    inertia, moment = np.trace(second) * np.eye(3) - second, arm.T @ (moved - shift)
-    axial = np.array([moment[1, 2] - moment[2, 1], moment[2, 0] - moment[0, 2], moment[0, 1] - moment[1, 0]])
-    turn = np.linalg.pinv(inertia, rcond=RANK_TOLERANCE, hermitian=True) @ axial
-    return np.asarray(shift + np.cross(turn, arm))
-
-
-def _set_ups(problem: Problem) -> Iterator[np.ndarray]:
-    """For each fitted frame, which of the rows that count are in it, (m,) bool; none where no frame is fitted."""
-    if problem.frames:
-        frame = problem.frame[problem.used]
-        yield from (frame == index for index in np.unique(frame))
+    left, place = error[problem.used], problem.view.p.numpy()[problem.used]
+    return without_rigid_parts(left, place, problem.frame[problem.used]) if problem.frames else left
 
 
 def moved_by(term: Term, problem: Problem) -> np.ndarray:

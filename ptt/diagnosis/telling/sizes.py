@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from ptt.dependence.bins import bins_of
 from ptt.dependence.contexts import COORDINATES, path_views, residual_views, unit_of
@@ -13,8 +12,7 @@ from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_si
 from ptt.diagnosis.telling.unknowns import LARGER_FACTOR, Unknown
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
-from ptt.run.frames import rigid_columns
-from ptt.run.mounts import TURN_LENGTH
+from ptt.run.frames import without_rigid_parts
 from ptt.run.problem import Problem
 
 Contexts = dict[str, np.ndarray]
@@ -68,14 +66,9 @@ def _rms_beside_frames(part: np.ndarray, problem: Problem, rows: np.ndarray) -> 
 
     Errors are reported after alignment, and part of a slow or one-sided unknown is only a shift of the frame.
     """
-    left = part.copy()
-    for index in range(problem.frames) if problem.file.tracker.frame != "measured" else ():
-        own = problem.frame[rows] == index
-        p = problem.view.p[torch.as_tensor(rows)][torch.as_tensor(own)]
-        if own.any():
-            columns = rigid_columns(p, p.mean(dim=0), TURN_LENGTH).numpy().reshape(-1, 6)
-            taken = columns @ np.linalg.lstsq(columns, part[own].ravel(), rcond=None)[0]
-            left[own] -= taken.reshape(-1, 3)
+    left = part
+    if problem.frames and problem.file.tracker.frame != "measured":
+        left = without_rigid_parts(part, problem.view.p.numpy()[rows], problem.frame[rows])
     return float(np.sqrt(np.square(left).sum(axis=1).mean()))
 
 
