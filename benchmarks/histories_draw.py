@@ -15,7 +15,7 @@ from sweep_judge import SAME
 
 from ptt.challenge.cases import Case, draw, names_of, protocols_of
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
-from ptt.challenge.truth import READINGS, reading_noise, rms_length, table_of, without_set_up
+from ptt.challenge.truth import READINGS, reading_noise, table_of, without_set_up
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.floor import noise_floor
 from ptt.effects import library
@@ -31,6 +31,7 @@ from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.draw_machine import Foreign
 from ptt.rig.draw_noise import NOISES
 from ptt.rig.schedule import TARGET
+from ptt.run.axes import rms_length
 from ptt.run.problem import build_problem
 from ptt.run.table import Table
 from ptt.run.written import write_table

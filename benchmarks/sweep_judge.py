@@ -9,11 +9,12 @@ import numpy as np
 from ptt.challenge.hide import faults_of
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.score import judge
-from ptt.challenge.truth import READINGS, UM_PER_MM, Truth, mount_columns, rms_length, without_set_up
+from ptt.challenge.truth import READINGS, UM_PER_MM, Truth, mount_columns, without_set_up
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import DrawnRig
 from ptt.rig.motion import travel_direction
+from ptt.run.axes import rms_length
 
 GROUP = 3  # effects in a declared group, at most
 ALIKE = 0.9  # correlation with a true variable from which another says the same of this run

@@ -21,7 +21,7 @@ from ptt.challenge.challenge import (
 )
 from ptt.challenge.hide import FAULTS, clear_faults, hide_faults
 from ptt.challenge.score import judge, score
-from ptt.challenge.truth import find_truth, rms_length, table_of, without_rigid_motion
+from ptt.challenge.truth import find_truth, table_of, without_rigid_motion
 from ptt.diagnosis.diagnose import diagnose
 from ptt.effects import library
 from ptt.effects.registry import make_effect
@@ -31,6 +31,7 @@ from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
+from ptt.run.axes import rms_length
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 

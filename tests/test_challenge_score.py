@@ -21,7 +21,7 @@ from ptt.challenge.challenge import (
 )
 from ptt.challenge.remeasure import remeasure
 from ptt.challenge.score import judge, score
-from ptt.challenge.truth import READINGS, UM_PER_MM, find_truth, rms_length, table_of, without_rigid_motion
+from ptt.challenge.truth import READINGS, UM_PER_MM, find_truth, table_of, without_rigid_motion
 from ptt.commands.challenge import app
 from ptt.diagnosis.diagnose import diagnose
 from ptt.door.simulating import simulate as simulated
@@ -33,6 +33,7 @@ from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
+from ptt.run.axes import rms_length
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 

@@ -14,12 +14,13 @@ from ptt.challenge.challenge import (
     open_challenge,
 )
 from ptt.challenge.remeasure import remeasure
-from ptt.challenge.truth import UM_PER_MM, reading_noise, rms_length, table_of, without_rigid_motion, without_set_up
+from ptt.challenge.truth import UM_PER_MM, reading_noise, table_of, without_rigid_motion, without_set_up
 from ptt.effects import library
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.rig.draw import draw_rig
+from ptt.run.axes import rms_length
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
 

@@ -13,7 +13,6 @@ from ptt.challenge.truth import (
     find_truth,
     mount_columns,
     reading_noise,
-    rms_length,
     seen_place,
     without_set_up,
 )
@@ -27,6 +26,7 @@ from ptt.rig.draw_foreign import draw_foreign
 from ptt.rig.draw_foreign_arm import ARM_PROTOCOLS, draw_foreign_arm
 from ptt.rig.draw_machine import draw_machine_file
 from ptt.rig.draw_noise import NOISES, draw_noise
+from ptt.run.axes import rms_length
 
 RIGS, SIZES = 3, 6  # rigs, and sizes of each fault, that are drawn at the most until every fault can be seen
 ATTEMPT = 1_000_000  # between the seeds of two attempts: more than a sweep has cases

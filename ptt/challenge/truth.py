@@ -19,6 +19,7 @@ from ptt.rig import Rig, simulate
 from ptt.rig.draw import DrawnRig
 from ptt.rig.platform import rotation_matrix
 from ptt.rig.schedule import TARGET
+from ptt.run.axes import rms_length
 from ptt.run.frames import rigid_columns, rigid_part, without_rigid_parts
 from ptt.run.from_columns import columns_to_table
 from ptt.run.noise import Noise
@@ -250,11 +251,6 @@ def seen_place(rig: Rig, frame: pd.DataFrame) -> np.ndarray:
     """Positions of readings, (n, 3) mm, for small rigid motions: the targets; of an arm the readings themselves."""
     # The frame beside a bench is turned by milliradians, that beside an arm any way.
     return np.array(frame[TARGET if rig.serial is None else READINGS], dtype=float)
-
-
-def rms_length(shift: np.ndarray) -> float:
-    """Root mean square length of (n, 3) vectors."""
-    return float(np.sqrt(np.square(shift).sum(axis=1).mean()))
 
 
 def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library_has: bool) -> HiddenFault:

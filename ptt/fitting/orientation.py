@@ -7,6 +7,7 @@ from torch import Tensor
 from ptt.fitting.result import FitResult
 from ptt.mechanisms.rotations import from_quaternion, rotation_vector
 from ptt.mechanisms.serial import Serial
+from ptt.run.axes import rms_length
 from ptt.run.frames import rotation
 from ptt.run.problem import Problem
 
@@ -46,4 +47,4 @@ def _rms_mrad(measured: Tensor, predicted: Tensor, used: np.ndarray) -> float:
         angle = rotation_vector(measured @ (predicted @ torch.as_tensor(target)).mT).numpy()
         size = np.linalg.norm(angle, axis=1)
         kept = rows & (np.nan_to_num(size, nan=np.inf) <= TRIM_MEDIANS * np.median(size[rows]))
-    return float(np.sqrt(np.square(angle[kept]).sum(axis=1).mean()) * 1e3)
+    return 1e3 * rms_length(angle[kept])

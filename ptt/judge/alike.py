@@ -5,6 +5,7 @@ import numpy as np
 from ptt.errors import TableError
 from ptt.judge.evaluation import Evaluation
 from ptt.judge.run_errors import errors_of
+from ptt.run.axes import rms_length
 from ptt.run.repeats import SAME_FEED, SAME_LOAD, SAME_WARMTH
 from ptt.run.same_pose import same_places
 from ptt.run.table import Table
@@ -53,7 +54,7 @@ def _frames(before: Table, after: Table) -> tuple[str, ...]:
 
 def _size(error: np.ndarray) -> float:
     """Rms length of error vectors (n, 3) mm, in um; rows with NaN are left out."""
-    return 1e3 * float(np.sqrt(np.nanmean(np.square(error).sum(axis=1))))
+    return 1e3 * rms_length(error[np.isfinite(error).all(axis=1)])
 
 
 def _visits(before: Table, after: Table, result: Evaluation) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from ptt.judge.compare.comparison import figures
 from ptt.judge.match import match_rows
 from ptt.judge.run_errors import LEAST_ROWS, errors_of
 from ptt.machine import MachineFile
-from ptt.run.axes import AXES_TOTAL
+from ptt.run.axes import AXES_TOTAL, rms_length
 from ptt.run.same_pose import count_places
 from ptt.run.table import Table
 
@@ -167,4 +167,4 @@ def _percent(before: float, after: float) -> float | None:
 
 
 def _rms_um(side: Side, rows: np.ndarray) -> float:
-    return 1e3 * float(np.sqrt(np.mean((side.error[rows] ** 2).sum(axis=1))))
+    return 1e3 * rms_length(side.error[rows])

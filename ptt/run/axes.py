@@ -21,3 +21,8 @@ def rms(error: np.ndarray, rows: np.ndarray | Sequence[bool] | None = None) -> d
     squares = np.mean(np.square(error if rows is None else error[np.asarray(rows)]), axis=0)
     x, y, z = (float(value) * 1e3 for value in np.sqrt(squares))
     return {"x": x, "y": y, "z": z, "total": float(np.sqrt(squares.sum())) * 1e3}
+
+
+def rms_length(vectors: np.ndarray) -> float:
+    """Root mean square length of (n, 3) vectors, in their own unit."""
+    return float(np.sqrt(np.square(vectors).sum(axis=1).mean()))

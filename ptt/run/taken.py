@@ -7,6 +7,7 @@ import numpy as np
 import torch
 
 from ptt.mechanisms.rotations import rotation_vector
+from ptt.run.axes import rms_length
 from ptt.run.problem import Problem
 from ptt.run.rounded import rounded_to
 from ptt.run.target_frame import in_base
@@ -185,7 +186,7 @@ def _taken(problem: Problem) -> list[dict[str, Any]]:
 def _rms(way: np.ndarray) -> float | None:
     """Root mean square length, mm; None where there is nothing to measure."""
     known = way[np.isfinite(way).all(axis=1)]
-    return float(np.sqrt(np.square(known).sum(axis=1).mean())) if len(known) else None
+    return rms_length(known) if len(known) else None
 
 
 def _turned_about(turn_deg: np.ndarray, origin: np.ndarray) -> str:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ptt.run.axes import rms_length
 from ptt.run.target_frame import RunFrame, find_frame, stated_frame
 from ptt.setup.columns import said
 from ptt.setup.fitted import FRAME_SLIP, frame_words
@@ -45,7 +46,7 @@ def find_own_frames(setup: Setup) -> tuple[list[Finding], Setup]:
     if not own:
         return [], setup
     frame, points = own[0]
-    away = float(np.sqrt(np.mean(np.square(points - frame.into_base(points)).sum(axis=1))))
+    away = rms_length(points - frame.into_base(points))
     apart = "" if len(own) == len(frames) == 1 else f" in {len(own)} of {len(frames)} runs"
     words = f"targets and commands differ by {1e3 * away:,.0f} um{apart}; the targets are stated in {frame.words}"
     fix = f"nothing has to be done if the targets are a workpiece's; to state it, write {_told(frame)} under [targets]"

@@ -11,6 +11,7 @@ from ptt.effects import Effect
 from ptt.effects.phrases import listed
 from ptt.model.chain import predict
 from ptt.model.model import Model
+from ptt.run.axes import rms_length
 from ptt.run.table import Table
 from ptt.run.viewing import build_view
 
@@ -208,7 +209,7 @@ def said_left(whole: float, left: float, *, untold: bool = False) -> str:
 
 def rms_um(shift: np.ndarray) -> float:
     """Root mean square length of shifts (3 n,) mm, um."""
-    return 1e3 * float(np.sqrt(np.mean((shift.reshape(-1, 3) ** 2).sum(axis=1))))
+    return 1e3 * rms_length(shift.reshape(-1, 3))
 
 
 def _scaled(columns: np.ndarray) -> np.ndarray:

@@ -4,6 +4,7 @@ import numpy as np
 
 from ptt.model.chain import predict
 from ptt.model.model import Term
+from ptt.run.axes import rms_length
 from ptt.run.frames import without_rigid_parts
 from ptt.run.problem import Problem
 
@@ -37,4 +38,4 @@ def moved_by(term: Term, problem: Problem) -> np.ndarray:
 def at_tool_um(term: Term, problem: Problem) -> float:
     """Root mean square length of `moved_by`, um."""
     left = moved_by(term, problem)
-    return 1e3 * float(np.sqrt(np.square(left).sum(axis=1).mean())) if len(left) else 0.0
+    return 1e3 * rms_length(left) if len(left) else 0.0

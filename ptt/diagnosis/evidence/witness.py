@@ -12,6 +12,7 @@ from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import sampled_if_long
 from ptt.model.model import Term
+from ptt.run.axes import rms_length
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -105,7 +106,7 @@ def _shared_with_drift(term: Term, problem: Problem, noise: Noise) -> float:
         return 0.0
     moved = moved_by(term, problem)
     shared = moved - _beside_shift(moved, problem)
-    part = float(np.sqrt(np.square(shared).sum(axis=1).mean()))
+    part = rms_length(shared)
     return part if part > NOTED_PART * noise.total else 0.0
 
 

@@ -31,6 +31,7 @@ from ptt.effects import Library
 from ptt.fitting.solve import with_rounds_beside
 from ptt.model.model import Model
 from ptt.progress import Tell
+from ptt.run.axes import rms_length
 from ptt.run.problem import Problem
 
 MOST_ADDED = 12  # effects that may be added to a model
@@ -164,7 +165,7 @@ def _not_empty_for_plainness(found: Found, problem: Problem) -> Found:
     if droppable(scorer, state) or problem.noise is None:
         return found
     left = found.system.in_mm(found.system.residual(state.columns, state.posterior.values))
-    if np.sqrt(np.square(left).sum(axis=1).mean()) <= QUIET_EXCESS * stated_of(problem.noise, problem.rounding[1])[1]:
+    if rms_length(left) <= QUIET_EXCESS * stated_of(problem.noise, problem.rounding[1])[1]:
         return found
     best = max(scorer.scored.values(), key=lambda other: other.total)
     return replace(found, state=plainest(scorer, best, nothing=False))

@@ -12,6 +12,7 @@ from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_si
 from ptt.diagnosis.telling.unknowns import LARGER_FACTOR, Unknown
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
+from ptt.run.axes import rms_length
 from ptt.run.frames import without_rigid_parts
 from ptt.run.problem import Problem
 
@@ -38,9 +39,9 @@ def size_of_unknown(
     """
     rows = np.isfinite(rest).all(axis=1) & np.isfinite(contexts[found.on])
     part = np.sum([one.part for one in alike], axis=0)[rows]
-    rms = float(np.sqrt(np.square(part).sum(axis=1).mean()))
+    rms = rms_length(part)
     amounts = item.amounts
-    if amounts is None or rms > LARGER_FACTOR * float(np.sqrt(np.square(rest[rows]).sum(axis=1).mean())):
+    if amounts is None or rms > LARGER_FACTOR * rms_length(rest[rows]):
         # Binned readings have no context of the travel since a reversal: the size is then that of the two sides.
         second = None if item.block.gradual else found.with_
         return sized((replace(found, acts_on=None, with_=second),), rest, problem)[0].size
@@ -69,7 +70,7 @@ def _rms_beside_frames(part: np.ndarray, problem: Problem, rows: np.ndarray) -> 
     left = part
     if problem.frames and problem.file.tracker.frame != "measured":
         left = without_rigid_parts(part, problem.view.p.numpy()[rows], problem.frame[rows])
-    return float(np.sqrt(np.square(left).sum(axis=1).mean()))
+    return rms_length(left)
 
 
 def sized(found: tuple[Dependence, ...], left: np.ndarray, problem: Problem) -> tuple[Dependence, ...]:

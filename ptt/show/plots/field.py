@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ptt.judge.before_after import BeforeAfter, Side
 from ptt.judge.compare.comparison import Comparison
+from ptt.run.axes import rms_length
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
 from ptt.show.plots.common import COLOUR_MAP, DPI
@@ -69,7 +70,7 @@ def draw_pair(pair: BeforeAfter) -> Figure:
         panels, ("before", "after"), (pair.before, pair.after), sides, size, strict=True
     ):
         arrows = _draw_above(panel, place, error * factor, length, norm)
-        total = 1e3 * float(np.sqrt(np.mean((side.error**2).sum(axis=1))))
+        total = 1e3 * rms_length(side.error)
         panel.set_title(f"{words}: {total:.3g} um rms, {len(side.error)} readings", fontsize=11)
     _draw_key(panels[0], key, factor)
     figure.colorbar(arrows, ax=panels, label="size of the error [um]", shrink=0.85)
