@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from ptt.run.frames import kabsch, rigid_columns
+from ptt.run.means import about_means
 
 FAR = 8.0  # standard deviations of one coordinate: smaller misfits of a visit are no fault
 WORSE = 5.0  # times the misfit of the third best reflector, likewise: a wrong drawing puts all visits off alike
@@ -179,16 +180,16 @@ def rounds_apart(read: np.ndarray, point: np.ndarray, rounds: np.ndarray, column
         rounds to tell it by; zero where each was visited once; None where what is fitted may move rounds at will.
     """
     at = (rounds[:, None] == np.unique(rounds)).astype(float)  # shape: (m, rounds)
-    power, ways = np.linalg.eigh(at.T @ _about_own(at, point))
+    power, ways = np.linalg.eigh(at.T @ about_means(at, point))
     seen = power > RANK * len(read)
     if not seen.any():
         return 0.0
-    about, power = _about_own(read, point), power[seen]
+    about, power = about_means(read, point), power[seen]
     to_rounds = (ways[:, seen] / np.sqrt(power)).T @ at.T  # orthonormal: each way keeps the scatter of one visit
     common = to_rounds @ about  # shape: (ways, 3)
     others = 3 * (len(read) - len(np.unique(point)) - len(power))
     own = float(np.square(about).sum() - np.square(common).sum()) / others if others else 0.0
-    fitted = _span(to_rounds @ _about_own(columns.reshape(len(read), -1), point), columns)
+    fitted = _span(to_rounds @ about_means(columns.reshape(len(read), -1), point), columns)
     freedom = common.size - fitted.shape[1]
     if not freedom:
         return None
@@ -202,9 +203,3 @@ def _span(moved: np.ndarray, columns: np.ndarray) -> np.ndarray:
     size = np.sqrt(np.square(columns).sum(axis=(0, 1)))
     basis, share, _ = np.linalg.svd(moved.reshape(3 * len(moved), -1) / np.where(size > 0.0, size, 1.0), False)
     return np.asarray(basis[:, share > NOTICED])
-
-
-def _about_own(values: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Values of visits, (m, w), about the mean of each reflector's."""
-    of = (point[:, None] == np.unique(point)).astype(float)
-    return np.asarray(values - of @ (of.T @ values / of.sum(axis=0)[:, None]))

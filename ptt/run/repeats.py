@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ptt.run.holdout import pose_groups, visit_groups
+from ptt.run.means import group_means
 from ptt.run.noise import NOTHING, REPEATS, ROUNDING, Noise, at_least, step_of
 from ptt.run.same_pose import number_alike, number_rows
 from ptt.run.tails import chi2_isf, median_sigma
@@ -158,9 +159,8 @@ def first_rows(group: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _deviations(values: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, int]:
-    count = np.bincount(group)
-    mean = np.column_stack([np.bincount(group, column) for column in values.T]) / np.maximum(count, 1)[:, None]
-    return values - mean[group], int(len(values) - (count > 0).sum())
+    number, mean = group_means(values, group)
+    return values - mean[number], len(values) - len(mean)
 
 
 def _unbiased(deviation: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -11,6 +11,7 @@ from nets.selection import LEAST_PLACES
 from ptt.correct.training.physics import Physics
 from ptt.errors import TooFewError
 from ptt.run.holdout import pose_groups
+from ptt.run.means import group_means
 from ptt.run.problem import Problem
 
 Space = Literal["tool", "joints"]  # what the network's inputs are: tool positions, or an arm's joint commands
@@ -68,9 +69,7 @@ def training_set_of(
         Inputs, steps and groups.
     """
     pose = pose_groups(problem.table)[rows]
-    _, first, code = np.unique(pose, return_index=True, return_inverse=True)
-    count = np.bincount(code)[:, None]
-    steps = np.column_stack([np.bincount(code, column) for column in -fitted.residual[rows].T]) / count
+    first, steps = np.unique(pose, return_index=True)[1], group_means(-fitted.residual[rows], pose)[1]
     kept = _thin(len(first))
     places, steps, groups = inputs_of(problem, space)[rows][first][kept], steps[kept], groups[rows][first][kept]
     aside = _displacements(places) if space == "tool" else np.zeros((1, places.shape[1]))

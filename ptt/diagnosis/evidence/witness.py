@@ -13,6 +13,7 @@ from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import sampled_if_long
 from ptt.model.model import Term
 from ptt.run.axes import rms_length
+from ptt.run.means import about_means
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
@@ -100,7 +101,7 @@ def _shared_with_drift(term: Term, problem: Problem, noise: Noise) -> float:
         return 0.0
     frame = problem.frame[problem.used]
     time, warmth = (
-        _off_means(values.numpy()[problem.used], frame) for values in (problem.view.time, problem.view.warmth)
+        about_means(values.numpy()[problem.used], frame) for values in (problem.view.time, problem.view.warmth)
     )
     if float(time @ warmth) ** 2 <= BY_THE_CLOCK * float(time @ time) * float(warmth @ warmth):
         return 0.0
@@ -108,12 +109,6 @@ def _shared_with_drift(term: Term, problem: Problem, noise: Noise) -> float:
     shared = moved - _beside_shift(moved, problem)
     part = rms_length(shared)
     return part if part > NOTED_PART * noise.total else 0.0
-
-
-def _off_means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Values less the mean of their group, (m,)."""
-    own = np.unique(group, return_inverse=True)[1].reshape(-1)
-    return np.asarray(values - (np.bincount(own, values) / np.bincount(own))[own])
 
 
 def _follows_warmth(term: Term, problem: Problem, noise: Noise) -> bool:

@@ -18,6 +18,7 @@ from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.run.holdout import BLOCKS, blocks, pose_groups, sharing_groups
+from ptt.run.means import about_means, group_means
 from ptt.run.noise import Noise, source_in_words
 from ptt.run.problem import Problem
 
@@ -209,25 +210,16 @@ def _of_visits(residual: np.ndarray, state: State, problem: Problem) -> np.ndarr
         group = pose_groups(problem.table)
     elif not (by_visit and state.memory.pose):
         return residual
-    first, _, each = _means(residual, counted, group)
-    means = np.full_like(residual, np.nan)
-    means[first] = each
+    rows, means = np.flatnonzero(counted), np.full_like(residual, np.nan)
+    first = np.unique(group[rows], return_index=True)[1]
+    means[rows[first]] = group_means(residual[rows], group[rows])[1]
     return means
-
-
-def _means(residual: np.ndarray, counted: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First row of each group (g,), group number of each row that counts (m,), and means of the groups (g, 3) mm."""
-    rows = np.flatnonzero(counted)
-    _, first, number = np.unique(group[rows], return_index=True, return_inverse=True)
-    sums = np.stack([np.bincount(number, residual[rows, axis]) for axis in range(3)], axis=1)
-    return rows[first], number, sums / np.bincount(number)[:, None]
 
 
 def _about_poses(residual: np.ndarray, problem: Problem) -> np.ndarray:
     """Residuals (n, 3) mm about the mean of their pose, which are free of the rounding of commands."""
     counted, about = np.isfinite(residual).all(axis=1), np.full_like(residual, np.nan)
-    _, number, each = _means(residual, counted, pose_groups(problem.table))
-    about[counted] = residual[counted] - each[number]
+    about[counted] = about_means(residual[counted], pose_groups(problem.table)[counted])
     return about
 
 

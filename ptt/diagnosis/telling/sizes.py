@@ -14,6 +14,7 @@ from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
 from ptt.run.axes import rms_length
 from ptt.run.frames import without_rigid_parts
+from ptt.run.means import about_means
 from ptt.run.problem import Problem
 
 Contexts = dict[str, np.ndarray]
@@ -90,7 +91,7 @@ def sized(found: tuple[Dependence, ...], left: np.ndarray, problem: Problem) -> 
         rows = np.isfinite(views[item.residual]) & np.isfinite(contexts[item.on])
         readings = views[item.residual][rows]
         number, _ = bins_of(contexts[item.on][rows])
-        inside = readings - (np.bincount(number, readings) / np.bincount(number))[number]
+        inside = about_means(readings, number)
         sigma = float(np.sqrt(np.square(inside).sum() / max(len(inside) - number.max() - 1, 1)))
         size = _size(item, estimate_of(readings, sigma), problem, contexts, rows, item.with_)
         told.append(replace(item, size=size, points=points_of(item, views[item.residual], contexts)))

@@ -7,6 +7,7 @@ import numpy as np
 
 from ptt.run.axes import AXES
 from ptt.run.holdout import visit_groups
+from ptt.run.means import group_means
 from ptt.run.problem import Problem
 from ptt.run.repeats import ENOUGH, first_of_copies, first_rows, repeat_groups
 from ptt.run.tails import f_sf
@@ -60,13 +61,12 @@ def lack_of_fit_of(
     group = repeat_groups(problem.table, np.zeros_like(ways) if from_any_side else ways)
     rows = np.isfinite(residual).all(axis=1) & first_of_copies(problem.table, group)
     rows &= first_rows(visit_groups(problem.table), rows)
-    group = np.unique(group[rows], return_inverse=True)[1].reshape(-1)
-    values, size = residual[rows], np.bincount(group)
+    number, mean = group_means(residual[rows], group[rows])
+    values, size = residual[rows], np.bincount(number)
     freedom = float(len(size) - fitted / 3.0), float(len(values) - len(size))
     if freedom[1] < ENOUGH or freedom[0] < 1.0:
         return LackOfFit(None, None, freedom)
-    mean = np.column_stack([np.bincount(group, column) / size for column in values.T])
-    pure = np.square(values - mean[group]).sum(axis=0) / freedom[1]
+    pure = np.square(values - mean[number]).sum(axis=0) / freedom[1]
     lack = (np.square(mean) * size[:, None]).sum(axis=0) / freedom[0]
     ratio = lack / np.maximum(pure, 1e-300)
     chance = min(1.0, 3.0 * float(f_sf(ratio, *freedom).min()))

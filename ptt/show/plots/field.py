@@ -12,6 +12,7 @@ from ptt.judge.before_after import BeforeAfter, Side
 from ptt.judge.compare.comparison import Comparison
 from ptt.run.axes import rms_length
 from ptt.run.holdout import pose_groups
+from ptt.run.means import group_means
 from ptt.run.problem import Problem
 from ptt.show.plots.common import COLOUR_MAP, DPI
 from ptt.show.sizing import round_down, spread
@@ -94,14 +95,11 @@ def field_of(result: Comparison, problem: Problem) -> tuple[np.ndarray, np.ndarr
         Mean targets (m, 3) mm, mean errors (m, 3) mm, and how many poses there are in all.
     """
     rows = result.kept
-    number = np.unique(pose_groups(problem.table)[rows], return_inverse=True)[1].reshape(-1)
-    count = np.bincount(number)
     place, error = (
-        np.column_stack([np.bincount(number, column) / count for column in values[rows].T])
-        for values in (problem.target, result.residual)
+        group_means(values[rows], pose_groups(problem.table)[rows])[1] for values in (problem.target, result.residual)
     )
-    chosen = spread(len(count), MOST_ARROWS)
-    return place[chosen], error[chosen], len(count)
+    chosen = spread(len(place), MOST_ARROWS)
+    return place[chosen], error[chosen], len(place)
 
 
 def enlargement(place: np.ndarray, error: np.ndarray) -> tuple[float, float]:

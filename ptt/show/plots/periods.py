@@ -10,6 +10,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from ptt.dependence.periods import Periodogram, periodogram
 from ptt.judge.compare.comparison import Comparison
 from ptt.run.holdout import pose_groups
+from ptt.run.means import group_means
 from ptt.run.problem import Problem
 from ptt.show.plots.common import BLUE, DPI, ORANGE, legend_below, plain_log, thinned
 
@@ -71,7 +72,7 @@ def joint_periods(result: Comparison, problem: Problem, name: str) -> Periodogra
     place = np.column_stack([pose_groups(problem.table)[result.kept], direction])
     number = np.unique(place, axis=0, return_inverse=True)[1].reshape(-1)
     values = np.column_stack([q[:, index], result.joint[name][result.kept], direction, problem.target[result.kept]])
-    mean = np.column_stack([np.bincount(number, column) for column in values.T]) / np.bincount(number)[:, None]
+    mean = group_means(values, number)[1]
     mean = mean[thinned(np.ones(len(mean), dtype=bool))]
     height, error = mean[:, 0], mean[:, 1]
     columns = np.column_stack([_smooth(mean[:, -3:]), mean[:, 2:-3]])

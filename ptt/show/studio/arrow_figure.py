@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ptt.run.means import group_means
 from ptt.show.card.solids import Solid, arrows
 from ptt.show.card.words import length, prefixed
 from ptt.show.sizing import round_down
@@ -78,10 +79,7 @@ def _means(look: Look) -> Means:
     place, error = look.target[rows], look.residual[rows]
     owner = _owners(place)
     count = np.bincount(owner)
-    middle, mean = (
-        np.stack([np.bincount(owner, values[:, axis]) / count for axis in range(3)], axis=1)
-        for values in (place, error)
-    )
+    middle, mean = (group_means(values, owner)[1] for values in (place, error))
     order = np.lexsort((((place - middle[owner]) ** 2).sum(axis=1), owner))
     return Means(middle, mean, count, rows[order[np.searchsorted(owner[order], np.arange(len(count)))]])
 

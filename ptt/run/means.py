@@ -1,0 +1,26 @@
+"""Means of groups of rows, and what the rows are about them."""
+
+import numpy as np
+
+
+def group_means(values: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means of the rows of each group.
+
+    Args:
+        values: (n,) or (n, m).
+        group: (n,) int, groups in any numbering.
+
+    Returns:
+        Place of each row's group in the order of their numbers, (n,) int, and the mean of each, (g,) or (g, m).
+    """
+    number = np.unique(group, return_inverse=True)[1].reshape(-1)
+    size = np.bincount(number)
+    sums = np.zeros((len(size), *values.shape[1:]))
+    np.add.at(sums, number, values)
+    return number, np.ascontiguousarray((sums.T / size).T)
+
+
+def about_means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Values, (n,) or (n, m), less the mean of their group, (n,) int."""
+    number, mean = group_means(values, group)
+    return np.asarray(values - mean[number])
