@@ -143,6 +143,16 @@ def is_sudden(atom: Atom) -> bool:
     return isinstance(atom.effect, Sudden)
 
 
+def is_over_time(atom: Atom) -> bool:
+    """Whether an atom is a block over time."""
+    return atom.block is not None and "time" in atom.block.on
+
+
+def is_timely(atom: Atom) -> bool:
+    """Whether an atom is sudden, or an effect or a block over time."""
+    return is_sudden(atom) or is_over_time(atom) or (atom.effect is not None and "time" in atom.effect.requires)
+
+
 def is_metrology(atom: Atom) -> bool:
     """Whether an atom is an effect of the metrology: it changes the readings, not the machine."""
     return atom.effect is not None and atom.effect.stage == "metrology"

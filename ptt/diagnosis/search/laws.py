@@ -14,7 +14,16 @@ from itertools import combinations
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import SHAPE_POWER, Atom, atoms_of_blocks, is_any, is_block, is_sudden, odds_of_block
+from ptt.diagnosis.evidence.atoms import (
+    SHAPE_POWER,
+    Atom,
+    atoms_of_blocks,
+    is_any,
+    is_block,
+    is_over_time,
+    is_sudden,
+    odds_of_block,
+)
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Allowed
@@ -62,7 +71,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     for gone in dict.fromkeys([blocks, sudden, *((key,) for key in (*sudden, *drifting, *curves))]):
         if set(gone) <= set(best.keys):
             best = _instead(wider, best, gone)
-    over_time = tuple(key for key in blocks if (block := atoms[key].block) is not None and "time" in block.on)
+    over_time = tuple(key for key in blocks if is_over_time(atoms[key]))
     both = [(*sudden, *over_time)] if sudden and over_time else []  # each takes a part of what changed at one place
     for gone in (*combinations(sudden, 2), *combinations(sudden, 3), *both):
         if set(gone) <= set(best.keys):
@@ -103,7 +112,7 @@ def _moments(scorer: Scorer, state: State) -> list[float]:
     """
     atoms, free = scorer.system.atoms, droppable(scorer, state)
     moments = {moment for key in free if (moment := atoms[key].moment) is not None}
-    bends = [key for key in free if (block := atoms[key].block) is not None and "time" in block.on]
+    bends = [key for key in free if is_over_time(atoms[key])]
     if bends and not moments:
         sudden = {atom.effect.key: atom.effect for atom in atoms.values() if isinstance(atom.effect, Sudden)}
         moments = {float(moment_beside(scorer, state, bends, effect)["after"]) for effect in sudden.values()}

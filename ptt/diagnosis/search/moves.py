@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import Atom, is_effect
+from ptt.diagnosis.evidence.atoms import Atom, is_effect, is_timely
 from ptt.diagnosis.evidence.probability import TEMPER
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Allowed, Gain
@@ -28,13 +28,6 @@ MEMORY_FIRST = 60.0  # nats gained by another memory of the noise from which swa
 def droppable(scorer: Scorer, state: State) -> tuple[str, ...]:
     """Keys of a set's atoms that may be dropped: all but those of the model as given."""
     return without(state, *scorer.given)
-
-
-def _wanders(atom: Atom) -> bool:
-    """Whether an atom changes with time, as the tracker's wander does."""
-    if atom.effect is not None:
-        return atom.effect.card is not None and atom.effect.card.telling == "time"
-    return atom.block is not None and "time" in atom.block.on
 
 
 def added(scorer: Scorer, state: State, gain: Gain, least: float = -np.inf) -> State:
@@ -120,7 +113,7 @@ def _from_white(scorer: Scorer, white: State, allowed: Allowed) -> list[State]:
 
     A slow wander absorbs all slow changes and leaves nothing for the effect that caused them.
     """
-    leaders = scorer.screen(white, lambda atom: allowed(atom) and _wanders(atom))[:1]
+    leaders = scorer.screen(white, lambda atom: allowed(atom) and is_timely(atom))[:1]
     return [_with_best_memory(scorer, added(scorer, white, gain)) for gain in leaders if gain.nats > SEEN_NATS]
 
 
@@ -142,7 +135,7 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
         less.append((moves[-1], None))
         moves += _from_white(scorer, moves[-1], allowed)
     else:
-        moves += [with_memory_instead(scorer, state, key) for key in may_go if _wanders(scorer.system.atoms[key])]
+        moves += [with_memory_instead(scorer, state, key) for key in may_go if is_timely(scorer.system.atoms[key])]
     for fewer, few in less:
         moves += _swapped(scorer, state, fewer, partial(_is_among, few, allowed))
     return moves

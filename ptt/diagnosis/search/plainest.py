@@ -1,6 +1,6 @@
 """Parsimony: of the sets that score nearly as high as the best, the one with the fewest parts is reported."""
 
-from ptt.diagnosis.evidence.atoms import causes, is_drawn
+from ptt.diagnosis.evidence.atoms import causes, is_drawn, is_over_time
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import drifts
@@ -92,8 +92,7 @@ def _bends(scorer: Scorer, state: State) -> int:
 
 def timed(scorer: Scorer, state: State) -> int:
     """Number of unknowns of a set that depend on time."""
-    blocks = [scorer.system.atoms[key].block for key in state.keys]
-    return sum(block is not None and "time" in block.on for block in blocks)
+    return sum(is_over_time(scorer.system.atoms[key]) for key in state.keys)
 
 
 def _curves(scorer: Scorer, state: State) -> int:

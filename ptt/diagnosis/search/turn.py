@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import Atom, is_sudden
+from ptt.diagnosis.evidence.atoms import is_sudden, is_timely
 from ptt.diagnosis.evidence.row_system import RowSystem, rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
@@ -166,7 +166,7 @@ def best_moments(
         The moments, each to be tried for every sudden effect: when is known sooner than what.
     """
     atoms = scorer.system.atoms
-    timely = [key for key in may_go if _is_timely(atoms[key])]
+    timely = [key for key in may_go if is_timely(atoms[key])]
     happened = [key for key in timely if is_sudden(atoms[key])]
     unknown = [key for key in may_go if atoms[key].block is not None]
     changed = [key for key in timely if key not in happened]
@@ -192,7 +192,7 @@ def hidden_moments(scorer: Scorer, state: State, candidates: Sequence[Effect]) -
         The moments, each to be tried for every sudden effect.
     """
     atoms, memory = scorer.system.atoms, state.memory.wander
-    slow = [key for key in state.keys if _is_timely(atoms[key]) and not is_sudden(atoms[key])]
+    slow = [key for key in state.keys if is_timely(atoms[key]) and not is_sudden(atoms[key])]
     if not slow and (memory is None or not scorer.system.clock.is_slow(memory)):
         return ()
     return best_moments(scorer, state, slow, candidates)
@@ -223,9 +223,3 @@ def moment_beside(scorer: Scorer, state: State, gone: Sequence[str], effect: Sud
     frame = np.zeros((*left.shape, len(system.frame)))
     frame[system.rows] = system.columns[:, :, system.frame]
     return best_moment(system.at, frame, left, np.isin(np.arange(len(left)), system.rows), effect)
-
-
-def _is_timely(atom: Atom) -> bool:
-    """Whether an atom is sudden, or an effect or a block over time."""
-    over_time = atom.effect is not None and "time" in atom.effect.requires
-    return is_sudden(atom) or over_time or (atom.block is not None and "time" in atom.block.on)
