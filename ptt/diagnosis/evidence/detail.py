@@ -40,8 +40,8 @@ def with_detail(scorer: Scorer, problem: Problem) -> Scorer:
             continue
         columns, sizes = detailed_columns(system.at, atom.effect, atom.shape)
         straight = straight_sizes(atom.effect, problem)[: len(sizes)]
-        place = len(system.scale) + np.arange(len(sizes))
-        rough = effect_atom(f"{atom.key} in detail", place, atom.effect, problem, atom.odds + EFFECT_ODDS, atom.shape)
+        place, odds = np.arange(len(sizes)), atom.odds + EFFECT_ODDS
+        rough = effect_atom(f"{atom.key} in detail", place, atom.effect, problem, odds, atom.shape)
         own = {rough.key: replace(rough, tested=atom.tested)}
         system = system.widened(own, (columns * straight)[system.rows], sizes * straight)
     return scorer.widened(system)

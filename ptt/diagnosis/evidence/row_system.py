@@ -176,18 +176,21 @@ class RowSystem(System):
         """A system with further atoms; cached sums are extended.
 
         Args:
-            atoms: by key; their columns are numbered on from the present ones.
+            atoms: by key, in the order of their columns, which are numbered anew, on from the present ones.
             columns: of these atoms, (m, 3, w) whitened.
             scale: (w,) size of a unit of each.
             on_base: the same columns at the base reflectors, (b, 3, w); None where they do not act on these.
         """
-        more = np.ascontiguousarray(columns.transpose(2, 1, 0))
+        more, first, further = np.ascontiguousarray(columns.transpose(2, 1, 0)), len(self.scale), dict(atoms)
+        for key, atom in atoms.items():
+            further[key] = replace(atom, columns=np.arange(first, first + len(atom.columns)))
+            first += len(atom.columns)
         flat = np.concatenate([self.flat, more])
         still = np.zeros((*self.base_values.shape, len(more)))
         base = np.concatenate([self.base_columns, still if on_base is None else on_base], axis=2)
         wider = replace(
-            self, atoms=self.atoms | atoms, columns=flat.transpose(2, 1, 0), scale=np.concatenate([self.scale, scale]),
-            base_columns=base, _sums={},
+            self, atoms=self.atoms | further, columns=flat.transpose(2, 1, 0),
+            scale=np.concatenate([self.scale, scale]), base_columns=base, _sums={},
         )  # fmt: skip
         if "_means" in self.__dict__:
             wider.__dict__["_means"] = np.concatenate([self._means, flattened(self.poses.means(more))])

@@ -72,14 +72,14 @@ def _with_waves(scorer: Scorer, waves: Sequence[OncePerRev], problem: Problem) -
     """A scorer with atoms of further harmonics."""
     system = rows_of(scorer.system)
     names = {atom.effect.name for atom in system.atoms.values() if atom.effect is not None}
-    atoms, columns, scale = dict[str, Atom](), list[np.ndarray](), system.scale
+    atoms, columns, scale = dict[str, Atom](), list[np.ndarray](), list[np.ndarray]()
     for wave in waves:
         (shape,), sizes, key = wave.search(problem.view), tried_sizes(wave, problem), shape_key(wave.key, {})
-        place, odds = len(scale) + np.arange(len(sizes)), odds_of_effect(wave, len(names), 1)
-        atoms[key] = effect_atom(key, place, wave, problem, odds, shape)
+        odds = odds_of_effect(wave, len(names), 1)
+        atoms[key] = effect_atom(key, np.arange(len(sizes)), wave, problem, odds, shape)
         columns.append(system.at.columns(wave, shape)[system.rows])
-        scale = np.append(scale, sizes)
-    return scorer.widened(system.widened(atoms, np.concatenate(columns, axis=2), scale[len(system.scale) :]))
+        scale.append(sizes)
+    return scorer.widened(system.widened(atoms, np.concatenate(columns, axis=2), np.concatenate(scale)))
 
 
 def find_harmonics(

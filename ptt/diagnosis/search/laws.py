@@ -198,7 +198,7 @@ def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
 
     Args:
         scorer: of a linearised problem.
-        laws: atoms of blocks, their columns to be numbered anew.
+        laws: atoms of blocks.
 
     Returns:
         The scorer, as given where there are none.
@@ -207,12 +207,8 @@ def with_atoms(scorer: Scorer, laws: Sequence[Atom]) -> Scorer:
     if not blocks:
         return scorer
     system = rows_of(scorer.system)
-    first, own = system.columns.shape[2], dict[str, Atom]()
-    for law in laws:
-        own[law.key] = replace(law, columns=np.arange(first, first + len(law.columns)))
-        first += len(law.columns)
     columns = whitened(blocks, system.noise, system.rows)
-    return scorer.widened(system.widened(own, columns, np.ones(columns.shape[2])))
+    return scorer.widened(system.widened({law.key: law for law in laws}, columns, np.ones(columns.shape[2])))
 
 
 def _priced(atom: Atom, odds: float) -> Atom:

@@ -35,7 +35,6 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> Scorer
     system, atoms = rows_of(scorer.system), dict[str, Atom]()
     columns, base = list[np.ndarray](), list[np.ndarray]()
     like = {atom.name: atom for atom in system.atoms.values() if atom.shape is not None and atom.name in shapes}
-    first = system.columns.shape[2]
     for name, atom in like.items():
         assert atom.effect is not None
         by_key = {shape_key(name, shape): shape for shape in shapes[name]}
@@ -44,9 +43,7 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> Scorer
             continue
         columns.append(system.at.columns(atom.effect, *new.values())[system.rows])
         base.append(system.at.on_base(atom.effect, *new.values()))
-        for key, shape in new.items():
-            place = np.arange(first, first + len(atom.columns))
-            atoms[key], first = replace(atom, key=key, columns=place, shape=dict(shape)), first + len(place)
+        atoms |= {key: replace(atom, key=key, shape=dict(shape)) for key, shape in new.items()}
     size = [system.scale[like[atom.name].columns] for atom in atoms.values()]
     if atoms:
         rows, on_base = (np.concatenate(own, axis=2) for own in (columns, base))
@@ -86,13 +83,8 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
         columns = system.at.columns(effect, *others)[system.rows]
         if columns.shape[2] != len(others) * len(system.atoms[key].columns):  # some of its values are held
             continue
-        places = np.split(system.columns.shape[2] + np.arange(columns.shape[2]), len(others))
-        atoms = {
-            shape_key(key, shape): replace(
-                system.atoms[key], key=shape_key(key, shape), columns=place, shape=dict(shape)
-            )
-            for shape, place in zip(others, places, strict=True)
-        }
+        by_key = {shape_key(key, shape): shape for shape in others}
+        atoms = {each: replace(system.atoms[key], key=each, shape=dict(shape)) for each, shape in by_key.items()}
         sizes = np.tile(system.scale[system.atoms[key].columns], len(others))
         system = system.widened(atoms, columns, sizes, system.at.on_base(effect, *others))
     return scorer.widened(system)
