@@ -131,7 +131,6 @@ def test_a_correction_shifts_what_the_model_is_asked_for():
 def test_the_first_order_form_differs_by_the_third_order_of_the_correction(size):
     commands = compensate(with_effects(FILE), TARGETS, correction=lambda p: p + size / np.sqrt(3.0))
     assert 0 < commands.first_order_gap.max() < 5e-5 * size**3 / 2**3  # 0.05 um at 2 mm
-    np.testing.assert_allclose(commands.first_order, commands.q, atol=1e-4)
 
 
 def mixed() -> tuple[Table, np.ndarray]:

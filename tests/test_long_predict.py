@@ -77,8 +77,8 @@ def test_blocks_give_the_commands_of_the_whole(bench: MachineFile, monkeypatch, 
 def predict_text(file: MachineFile, targets: Table) -> str:
     commands = compensate(model_of(file), targets)
     assert 0 < (commands.status == "out of reach").sum() < 30
-    values = (commands.q, commands.reversal, commands.shift, commands.first_order, commands.nearest, commands.missed)
-    return repr([value.tolist() for value in values] + [commands.status.tolist()])
+    names = ("q", "reversal", "shift", "first_order_gap", "nearest", "missed", "status")
+    return repr([getattr(commands, name).tolist() for name in names])
 
 
 @pytest.mark.parametrize("clock", ["time_s", "feed_mm_s"])

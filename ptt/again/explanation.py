@@ -50,7 +50,6 @@ class Explanation:
         changes: all hypothetical changes.
         noise: the noise floor, last estimate.
         gross: rows left out as gross errors, (n,) bool.
-        untestable: effect -> what the run lacks.
         alike: key of a cured effect -> other effects whose cure explains the run as well.
     """
 
@@ -62,7 +61,6 @@ class Explanation:
     changes: tuple[Change, ...]
     noise: Noise
     gross: np.ndarray
-    untestable: dict[str, str]
     alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
@@ -153,7 +151,7 @@ def find_explanation(
     for turn in range(TURNS):
         tell(f"weigh {turn + 1}")
         at = expansion_point(prior, moved, problem.masked(gross), noise)
-        candidates, untestable = present_candidates(at.fitted, problem, known)
+        candidates, _ = present_candidates(at.fitted, problem, known)
         if turn == 0:
             gross = _find_gross(at, problem, candidates, noise) if beside is None else beside.gross
         rows = problem.used & ~gross & np.isfinite(at.fitted.residual).all(axis=1)
@@ -169,7 +167,7 @@ def find_explanation(
         state = _prefer_single_values(scorer, _value_by_value(scorer, _prefer_known(scorer, state), changes), changes)
         found = Explanation(
             prior=prior, at=at, linear_problem=linear_problem, scorer=scorer, state=state, changes=changes, noise=noise,
-            gross=gross, untestable=untestable,
+            gross=gross,
         )  # fmt: skip
         if turn == TURNS - 1:
             break

@@ -41,15 +41,14 @@ class HiddenFault:
     Attributes:
         name: of the effect, or of a fault outside the library.
         values: keys and values of the rig.
-        signature: (n, 3) mm, readings with all faults less readings without this one, less what the set-up may hold.
-        size: root mean square of its length, mm.
+        size: root mean square length of its signature, mm: of the readings with all faults less those without this
+            one, less what the set-up may hold.
         counts: whether it is at least COUNTED_SIZE times the noise of one reading.
         known: whether an effect of the library describes it.
     """
 
     name: str
     values: Mapping[str, Any]
-    signature: np.ndarray
     size: float
     counts: bool
     known: bool
@@ -261,15 +260,11 @@ def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library
     shift = (problem.table.measured - without.measured)[poses]
     if problem.base is not None:  # what moves base reflectors as well nobody sees
         shift = (problem.measured - build_problem(drawn.rig.machine, without).measured)[poses]
-    signature = np.full_like(problem.table.measured, np.nan)
     held = None if mount is None else mount[poses]
     if held is not None and problem.base is not None:  # readings in the base frame
         held = in_base_frame(drawn.rig, held)
-    signature[poses] = without_set_up(drawn.rig, shift, place[poses], problem.table.run[poses], held)
-    size = rms_length(signature[poses])
-    return HiddenFault(
-        called(drawn.rig, key), drawn.truth[key], signature, size, size >= COUNTED_SIZE * noise.total, library_has
-    )
+    size = rms_length(without_set_up(drawn.rig, shift, place[poses], problem.table.run[poses], held))
+    return HiddenFault(called(drawn.rig, key), drawn.truth[key], size, size >= COUNTED_SIZE * noise.total, library_has)
 
 
 def _by_run(columns: np.ndarray, run: np.ndarray, policy: str) -> np.ndarray:

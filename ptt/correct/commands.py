@@ -23,9 +23,8 @@ class Commands:
         in_domain: rows inside the training domain of the network, all True without one, (n,) bool.
         shift: size of the correction, reversal left aside: distance of the commands' nominal position from the target,
             (n,) mm; NaN where no command was found.
-        first_order: the commands by the first-order form H_m(b - db) = f(p) - J_a dp, (n, k); NaN where nothing is to
-            be sent.
-        first_order_gap: distance of their nominal position from that of the exact ones, (n,) mm; NaN likewise.
+        first_order_gap: distance of the nominal position of the commands by the first-order form
+            H_m(b - db) = f(p) - J_a dp from that of the exact ones, (n,) mm; NaN where nothing is to be sent.
         reversal_note: which reversal effects are in the commands and which are left to the controller, in words.
         missed: distance of the model's tool from what it was asked for, (n,) mm; more than rounding only where
             reversal effects leave a step that no command can make; NaN where nothing is to be sent.
@@ -41,7 +40,6 @@ class Commands:
     status: np.ndarray
     in_domain: np.ndarray
     shift: np.ndarray
-    first_order: np.ndarray
     first_order_gap: np.ndarray
     reversal_note: str
     missed: np.ndarray

@@ -154,7 +154,7 @@ def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Comm
     blank, reversed_ = np.where(sent[:, None], 0.0, np.nan), q - height.numpy()
     nothing, sigma = np.full(q.shape, np.nan), np.where(sent, sigma, np.nan)
     return Commands(
-        q + blank, reversed_ + blank, status, in_domain[own], shift, simple.numpy() + reversed_, gap, plan.words,
+        q + blank, reversed_ + blank, status, in_domain[own], shift, gap, plan.words,
         missed, nothing, nothing[:, 0].copy(), sigma, np.where(sent, approach[own], 0.0),
     )  # fmt: skip
 

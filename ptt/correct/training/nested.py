@@ -27,7 +27,6 @@ class HeldOut:
     """Errors of rows that neither physics nor network had seen, NaN elsewhere.
 
     Attributes:
-        protocol: which rows those are.
         given: residual of the model with the parameters it came with, (n, 3) mm.
         physics: residual of the refitted model, (n, 3) mm.
         whole: residual with the network, (n, 3) mm; of several networks, the one that the other rows choose.
@@ -35,7 +34,6 @@ class HeldOut:
         rows: the rows that count, (n,) bool.
     """
 
-    protocol: Protocol
     given: np.ndarray
     physics: np.ndarray
     whole: np.ndarray
@@ -94,7 +92,7 @@ def hold_out(
     physics, rows = np.full((problem.table.rows, 3), np.nan), sound_rows(problem, given)
     if not networks and model.terms and problem.table.rows > LONG:
         physics = _one_step_residual(model, problem, protocol)
-        return HeldOut(protocol, given.residual, physics, physics, {}, rows & np.isfinite(physics).all(axis=1))
+        return HeldOut(given.residual, physics, physics, {}, rows & np.isfinite(physics).all(axis=1))
     by_space: dict[Space, np.ndarray] = {space: physics.copy() for space in networks}
     whole = physics.copy()
     for number, hidden in enumerate(protocol.folds):
@@ -116,7 +114,7 @@ def hold_out(
         if networks:
             whole[seen] = by_space[better_space({space: again.get(space, networks[space]) for space in networks})][seen]
     scored = rows & np.isfinite(whole).all(axis=1)
-    return HeldOut(protocol, given.residual, physics, whole, by_space, scored)
+    return HeldOut(given.residual, physics, whole, by_space, scored)
 
 
 def _one_step_residual(model: Model, problem: Problem, protocol: Protocol) -> np.ndarray:

@@ -17,13 +17,11 @@ class Protocol:
     """Which rows are hidden, and how finely the network's settings are chosen on the others.
 
     Attributes:
-        name: 'blocks' or 'random'.
         text: what is hidden, in words.
         folds: (n,) bool each, hidden one after the other.
         groups: (n,) int; rows of one group are held out together when the settings are chosen; -1 never.
     """
 
-    name: str
     text: str
     folds: tuple[np.ndarray, ...]
     groups: np.ndarray
@@ -35,7 +33,7 @@ def block_protocol(problem: Problem) -> Protocol:
     names = np.unique(groups[groups >= 0])
     folds = tuple(np.isin(groups, part) for part in np.array_split(names, min(FOLDS, len(names))))
     text = f"{len(folds)} parts of contiguous travel held out in turn, all repeats of a pose together"
-    return Protocol("blocks", text, folds, groups)
+    return Protocol(text, folds, groups)
 
 
 def random_protocol(problem: Problem, seed: int = 0, folds: int = 1) -> Protocol:
@@ -57,7 +55,7 @@ def random_protocol(problem: Problem, seed: int = 0, folds: int = 1) -> Protocol
     size = max(1, round(TEST_SHARE * len(names)))
     drawn = [order[index * size : (index + 1) * size] for index in range(folds)]
     text = f"{size} of {len(names)} poses held out at random, all repeats of a pose together"
-    return Protocol("random", text, tuple(np.isin(groups, part) for part in drawn if len(part)), groups)
+    return Protocol(text, tuple(np.isin(groups, part) for part in drawn if len(part)), groups)
 
 
 PROTOCOLS: dict[str, Callable[[Problem], Protocol]] = {"blocks": block_protocol, "random": random_protocol}

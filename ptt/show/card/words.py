@@ -8,7 +8,7 @@ from typing import Any
 from ptt.dependence.said import MOVES
 from ptt.effects.phrases import UNTOLD, places, scaled
 
-MICRO, TIMES = "\N{MICRO SIGN}", "\N{MULTIPLICATION SIGN}"
+MICRO = "\N{MICRO SIGN}"
 PREFIXES = {-3: "n", -2: MICRO, -1: "m", 0: "", 1: "k", 2: "M"}  # of a base unit, by thousands
 UNIT = rf"(?:[n{MICRO}umk]?(?:m|rad|g|s|N)|K|h|min|days|deg|%|\N{{DEGREE SIGN}}C|\N{{PLUS-MINUS SIGN}}|MB)"
 # Spaces that must not be broken: between a number and its unit, or its error.
