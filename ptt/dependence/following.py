@@ -17,7 +17,6 @@ from ptt.run.problem import Problem
 from ptt.run.tails import median_sigma
 
 LEVEL = 0.005  # significance level of the family of all tests
-PERMUTATIONS = 128
 MOST_ROWS = 3000  # of more rows a random sample is tested: its power suffices
 FAR = 6.0  # robust standard deviations at which residuals are clipped
 NEAR = 0.9  # ratio of two shares, above which they are a tie
@@ -82,7 +81,7 @@ def depends_on(
     values = np.column_stack([_cut(column[rows], (noise or {}).get(name, 0.0)) for name, column in residuals.items()])
     data = (values / np.maximum(values.std(axis=0), 1e-15)).astype(np.float32)
     poses = find_poses(data, np.asarray(groups)[rows])
-    scores = build_scores(data, contexts, poses, permutations=PERMUTATIONS, seed=seed)
+    scores = build_scores(data, contexts, poses, seed=seed)
     found = _significant(scores, slow=max(4, len(np.unique(np.asarray(blocks)[rows]))))
     data_of = dict(zip(residuals, values.T, strict=True))
     described = _only_clear(_describe(found, data_of, contexts, poses), data_of, contexts)

@@ -12,6 +12,7 @@ CUTS = 40  # places at which a step is tried
 WIDTHS = (1 / 30, 1 / 20, 1 / 12, 1 / 8, 1 / 5)  # of bumps, from end to end, as shares of the range
 END_CUTS = 24  # cuts among the lowest and among the highest twenty-fifth of the levels
 LEAST_ROWS = 4  # rows that a bump must hold
+BINS = 16  # with about equally many rows
 DEAD = 1e-3  # share of a column's length left beside the nuisances, below which it is collinear with them
 
 
@@ -70,7 +71,7 @@ def build_trials(values: np.ndarray, *, periodic: bool) -> tuple[TrialFunctions,
         _steps(values, levels),
     ]
     if len(levels) >= 48:
-        kinds.append(_trial("bins", _bins(values, 16)))
+        kinds.append(_trial("bins", _bins(values)))
     kinds += _bumps(values, levels)
     frequency = trial_frequencies(values) if periodic else np.zeros(0)
     if len(frequency):
@@ -133,8 +134,8 @@ def _trial(kind: str, columns: np.ndarray) -> TrialFunctions:
     return TrialFunctions(kind, columns.shape[1], columns.astype(np.float32), unknown, unknown)
 
 
-def _bins(values: np.ndarray, count: int) -> np.ndarray:
-    edges = np.unique(np.quantile(values, np.linspace(0, 1, count + 1)[1:-1]))
+def _bins(values: np.ndarray) -> np.ndarray:
+    edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1]))
     number = np.searchsorted(edges, values, side="right")
     return (number[:, None] == np.unique(number)[1:]).astype(np.float32)
 

@@ -97,7 +97,7 @@ class Score:
 
 
 def build_scores(
-    residual: np.ndarray, contexts: dict[str, np.ndarray], poses: RepeatedPoses, *, permutations: int, seed: int
+    residual: np.ndarray, contexts: dict[str, np.ndarray], poses: RepeatedPoses, *, seed: int
 ) -> list[Score]:
     """Score every variable against every residual.
 
@@ -105,16 +105,15 @@ def build_scores(
         residual: (n, r), each of about unit variance, single precision.
         contexts: (n,) each.
         poses: repeated visits.
-        permutations: B.
         seed: of the permutations.
 
     Returns:
         A score for each variable, and for each interaction of a direction with temperature or payload.
     """
-    rows = build_stratum(residual, poses, means=False, permutations=permutations, seed=seed)
+    rows = build_stratum(residual, poses, means=False, seed=seed)
     means = rows
     if len(poses.size) < len(residual):
-        means = build_stratum(residual, poses, means=True, permutations=permutations, seed=seed)
+        means = build_stratum(residual, poses, means=True, seed=seed)
     return [_score(variable, residual.shape[1]) for variable in _variables(contexts, rows, means)]
 
 

@@ -11,6 +11,8 @@ SURELY = 0.99  # confidence of the lower bound of the common variance, of which 
 ENOUGH = 30  # degrees of freedom within poses, from which these tell slow error
 LEAST_POSES = 12  # independent rows below which a variable is not tested
 
+PERMUTATIONS = 128
+
 
 @dataclass(frozen=True)
 class RepeatedPoses:
@@ -117,14 +119,13 @@ def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
     return RepeatedPoses(number, np.sort(first), size, min(max(ratio, 0.0), LARGEST_RATIO))
 
 
-def build_stratum(residual: np.ndarray, poses: RepeatedPoses, *, means: bool, permutations: int, seed: int) -> Stratum:
+def build_stratum(residual: np.ndarray, poses: RepeatedPoses, *, means: bool, seed: int) -> Stratum:
     """Whiten residuals, and permute them.
 
     Args:
         residual: (n, r), each of about unit variance, single precision.
         poses: repeated visits.
         means: one row for each pose.
-        permutations: B.
         seed: of the permutations.
 
     Returns:
@@ -136,7 +137,7 @@ def build_stratum(residual: np.ndarray, poses: RepeatedPoses, *, means: bool, pe
     white = whiten(data, poses, means=means)
     white = white - flat @ (flat.T @ white)
     random = np.random.default_rng([seed, 7, int(means)])
-    order = np.argsort(random.random((permutations, len(white))), axis=1)
+    order = np.argsort(random.random((PERMUTATIONS, len(white))), axis=1)
     order = np.concatenate([np.arange(len(white))[None], order])
     shuffled = np.ascontiguousarray(white[order.T].reshape(len(white), -1))
     length = np.square(shuffled).sum(axis=0) - np.square(flat.T @ shuffled)[0]

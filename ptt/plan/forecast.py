@@ -224,12 +224,12 @@ def _prior_beside(model: Model, width: int) -> np.ndarray:
     free = np.sqrt(FREE) * np.eye(width)
     if model.file.tracker.frame != "measured":
         return np.asarray(free)
-    return np.concatenate([_base_rows(model.file, FRAME_USUAL, width), free])
+    return np.concatenate([_base_rows(model.file, width), free])
 
 
-def _base_rows(file: MachineFile, frame: Tensor, width: int) -> np.ndarray:
+def _base_rows(file: MachineFile, width: int) -> np.ndarray:
     points = file.tracker.base_point
-    rigid = rigid_columns(torch.tensor([point.xyz_mm for point in points], dtype=torch.float64)) * frame
+    rigid = rigid_columns(torch.tensor([point.xyz_mm for point in points], dtype=torch.float64)) * FRAME_USUAL
     weight = np.array([1.0 / point.sigma_mm for point in points])
     rows = np.zeros((3 * len(points), width))
     rows[:, -6:] = (rigid.numpy() * weight[:, None, None]).reshape(-1, 6)

@@ -52,16 +52,16 @@ def mirrors(side: Side) -> Iterator[Hypothesis]:
         yield Hypothesis("axes-swapped", words, fix, _turn(side, np.eye(3)[order]), cost(side))
 
 
-def turned_axes(side: Side) -> Iterator[Hypothesis]:
-    """Every other permutation of signed axes: rotations, which a fitted frame would absorb."""
+def turned_axes() -> Iterator[Hypothesis]:
+    """Every other permutation of signed axes of the readings: rotations, which a fitted frame would absorb."""
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         changes = sum(place != axis for place, axis in enumerate(order)) + sum(sign < 0 for sign in signs)
         if changes > 1 and (changes, min(signs)) != (2, 1.0):
             matrix = np.diag(signs) @ np.eye(3)[list(order)]
             axes = ", ".join(f"{'-' if sign < 0 else ''}{AXES[axis]}" for sign, axis in zip(signs, order, strict=True))
-            words = f"({axes}) read as (x, y, z){of(side)}"
-            fix = f"write ({axes}) into the columns {columns_of(side, 'x')}, y, z"
-            yield Hypothesis("axes-swapped", words, fix, _turn(side, matrix), 0.2 + cost(side))
+            words = f"({axes}) read as (x, y, z)"
+            fix = f"write ({axes}) into the columns {columns_of('readings', 'x')}, y, z"
+            yield Hypothesis("axes-swapped", words, fix, _turn("readings", matrix), 0.2)
 
 
 def units(side: Side) -> Iterator[Hypothesis]:

@@ -36,7 +36,7 @@ def mistakes_in(setup: Setup) -> list[Hypothesis]:
     found: list[Hypothesis] = []
     if read:
         found += [*mirrors("readings"), *units("readings")]
-        found += [] if setup.free else turned_axes("readings")
+        found += [] if setup.free else turned_axes()
     if wanted:
         found += units("targets")
         found += mirrors("targets") if sent or not read else []

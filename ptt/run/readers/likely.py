@@ -85,12 +85,12 @@ def likely_commands(export: Export, request: Request, ends: Ends | None) -> list
     return [
         {title: f"{request.letter}{joint}_cmd" for joint, title in enumerate(titles, 1)}
         for titles in whole
-        if count and all(_could_be_sent(export, title, request.letter) for title in titles)
+        if count and all(_could_be_sent(title, request.letter) for title in titles)
         if _moves(export, titles, request.letter, ends)
     ]
 
 
-def _could_be_sent(export: Export, title: str, letter: str) -> bool:
+def _could_be_sent(title: str, letter: str) -> bool:
     """Whether a title has a unit of the joints, or none and a word for what drives one."""
     unit, own = stated_unit(title), "length" if letter == "b" else "angle"
     if unit is not None:

@@ -65,7 +65,7 @@ def again(
     tell("what has changed", 1, 3)
     changed = _or_why(partial(_recheck, after))
     tell("values by date", 2, 3)
-    months = _or_why(lambda: _months(source, model, [(replace(source, also=()), first), *sound], tell))
+    months = _or_why(lambda: _months(model, [(replace(source, also=()), first), *sound], tell))
     return {"pair": pair, "recheck": changed, "months": months, "left": left}
 
 
@@ -156,7 +156,7 @@ def _recheck(last: "Opened") -> dict[str, Any]:
     return found
 
 
-def _months(source: Source, model: str, runs: Sequence[tuple[Source, str]], tell: Progress) -> dict[str, Any]:
+def _months(model: str, runs: Sequence[tuple[Source, str]], tell: Progress) -> dict[str, Any]:
     """Process all runs as a fleet of one machine, in a new store.
 
     A later run that the store refuses, such as the same file twice, is left out and listed in 'refused'.
