@@ -12,6 +12,7 @@ from test_diagnosis_search import as_found, hidden
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
+from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Gain
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.search import exact, first, follow, moves
@@ -55,6 +56,8 @@ class Endless:
     def screened_count(self) -> int:
         return self.screens
 
+    less = Scorer.less
+
     def score(
         self, keys: Sequence[str], memory: Memory, variances: object = None, least: float = 0.0
     ) -> SimpleNamespace:
@@ -86,6 +89,8 @@ class Crowded:
             atom.odds = 3.0
         self.system = SimpleNamespace(atoms=named)
         self.totals = {"a": 0.0, "b": -5.0, "ac": -9.0, "bc": -5.0 + after, "c": -90.0, "": -99.0}
+
+    less = Scorer.less
 
     def score(
         self, keys: Sequence[str], memory: Memory, variances: object = None, least: float = 0.0

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Gain
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.moves import plain_moves
@@ -20,6 +21,7 @@ class Noted:
     worth: dict[str, float] = field(default_factory=dict)
     given: tuple[str, ...] = ()
     asked: list[str] = field(default_factory=list)
+    less = Scorer.less
 
     @property
     def system(self) -> SimpleNamespace:

@@ -10,6 +10,7 @@ from test_diagnosis_search import hidden
 from ptt.challenge.challenge import bench as bench_machine
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.held_out_trial import HeldOutTrial
+from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.telling import steps
 from ptt.model.model import Model
@@ -44,6 +45,8 @@ class Sums:
                 parameters=(), name=key, stage="drive", reverses=False, of_drawing=False
             )
         self.system = SimpleNamespace(atoms=atoms, rows=range(50), errs_by_pose=lambda memory: memory.pose > 0.0)
+
+    less = Scorer.less
 
     def score(self, keys, memory, variances=None, least=None):
         named = tuple(sorted(keys))

@@ -14,7 +14,7 @@ from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.memories import best_memory, prior_of
 from ptt.diagnosis.evidence.possible import is_impossible, nats_of_form
 from ptt.diagnosis.evidence.screen import Basis, Gain, LastVariances, Screen
-from ptt.diagnosis.evidence.state import State
+from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import HeldOutBlock, Memory, MemorySums
 from ptt.effects.sudden import EDGE
@@ -111,6 +111,10 @@ class Scorer:
             seen = self._score(order, memory, (start or {}) if seen is None else seen.variances, least)
             self._keep(seen)
         return seen
+
+    def less(self, state: State, *keys: str, least: float = -np.inf) -> State:
+        """The set less some of its atoms, scored from its variances; `least` as in `score`."""
+        return self.score(without(state, *keys), state.memory, state.variances, least)
 
     def _keep(self, state: State) -> None:
         """Keep a set; of the oldest ones drop the factors, which would fill gigabytes, but no scores and gains."""

@@ -8,7 +8,7 @@ import numpy as np
 from ptt.diagnosis.evidence.atoms import odds_of_block
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.periods import MOST_PERIODS, SPECTRUM_ROWS, Line, find_period, free_in_place
 from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, left_along, place_line, squares_over
@@ -39,7 +39,7 @@ def line_left(
         waves: harmonics that are offered as named effects.
     """
     for gone in dict.fromkeys([(), free_in_place(state, scorer.system)]):
-        straight = scorer.score(without(state, *gone), state.memory, state.variances) if gone else state
+        straight = scorer.less(state, *gone) if gone else state
         lines = find_period(scorer, straight, problem, offered, waves), find_cycle(scorer, straight, problem, offered)
         found = [line for line in lines if line is not None]
         if found:
@@ -59,7 +59,7 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
     if "time" not in problem.view.varies or seen or len(time) < SPECTRUM_ROWS or np.ptp(time) == 0.0:
         return None
     bends = [key for key in state.keys if (block := system.atoms[key].block) is not None and block.on[0] == "time"]
-    straight = scorer.score(without(state, *bends), state.memory, state.variances)
+    straight = scorer.less(state, *bends)
     white, ones = system.innovation(straight.columns, straight.posterior.values, straight.memory), np.ones(len(time))
     tool = [squares_over(time, axis, ones, FEWEST_CYCLES, FREQUENCY_STEP, len(turns)) for axis in white.T]
     joints = left_along(scorer, straight, problem, detail=False)

@@ -10,7 +10,7 @@ from ptt.diagnosis.evidence.atoms import Atom, atoms_of_blocks
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.noise_level import starting_noise
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.summed import sum_up
 from ptt.diagnosis.evidence.summed_system import SummedSystem
 from ptt.diagnosis.search.found import Found, moved, settled
@@ -182,7 +182,7 @@ def _search(scorer: Scorer, state: State, known: set[str]) -> tuple[Scorer, Stat
         found = improve(scorer, state, partial(_is_other, frozenset(small)))
         atoms = scorer.system.atoms
         new = [key for key in found.keys if atoms[key].name not in known and key not in scorer.given]
-        less = {key: scorer.score(without(found, key), found.memory, found.variances).total for key in new}
+        less = {key: scorer.less(found, key).total for key in new}
         little = {
             atoms[key].name for key in new if found.total - less[key] < 0.5 * LEAST_VARIANCE_SHARE * scorer.system.count
         }

@@ -8,7 +8,7 @@ import torch
 
 from ptt.diagnosis.evidence.atoms import Atom, is_effect, is_sudden
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.asked import Asked, scorer_at
 from ptt.diagnosis.search.fits import fit_less
@@ -125,7 +125,7 @@ def _with_play(scorer: Scorer, state: State) -> list[State]:
     gradual = [key for key in droppable(scorer, state) if _is_gradual(atoms[key].effect)]
     if not gradual or any(_is_play(atoms[key].effect) for key in state.keys):
         return []
-    rest = scorer.score(without(state, *gradual), state.memory, state.variances)
+    rest = scorer.less(state, *gradual)
     found = scorer.screen(rest, lambda atom: _is_play(atom.effect))[:1]
     return [added(scorer, rest, gain) for gain in found if gain.nats > SEEN_NATS]
 
@@ -141,7 +141,7 @@ def _with_commoner(scorer: Scorer, state: State) -> list[State]:
         own = atoms[key]
         if own.effect is None or is_sudden(own) or np.abs(state.posterior.values[state.of(key)]).max() < LARGE_SIZES:
             continue
-        rest = scorer.score(without(state, key), state.memory, state.variances)
+        rest = scorer.less(state, key)
         others = scorer.screen(rest, partial(_is_commoner, own))[:TRIED]
         ways += [added(scorer, rest, gain) for gain in others if gain.nats > SEEN_NATS]
     return ways

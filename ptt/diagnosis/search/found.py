@@ -11,7 +11,7 @@ from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.candidates import first_of
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.moves import LEAST_NATS
 from ptt.diagnosis.search.shapes import shape_key, with_shapes
@@ -151,7 +151,7 @@ def _finest(found: Found, atom: Atom, problem: Problem) -> Shape:
         return atom.shape
     state = found.state
     scorer = with_shapes(Scorer(rows_of(found.system).only(state.keys), found.scorer.given), {atom.name: shapes})
-    rest = scorer.score(without(state, atom.key), state.memory, state.variances)
+    rest = scorer.less(state, atom.key)
     nats = {gain.key: gain.nats for gain in scorer.all_gains(rest, lambda other: other.name == atom.name)}
     gains = np.array([nats.get(shape_key(atom.name, shape), -np.inf) for shape in shapes])
     if meant:

@@ -47,7 +47,7 @@ def _named_instead(scorer: Scorer, best: State) -> State:
     blocks = [key for key in droppable(scorer, best) if scorer.system.atoms[key].block is not None]
     if not blocks:
         return best
-    fewer = scorer.score(without(best, *blocks), best.memory, best.variances)
+    fewer = scorer.less(best, *blocks)
     named = improve(scorer, fewer, is_effect, swaps=False)
     for key in droppable(scorer, named):
         if key in named.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
@@ -117,7 +117,7 @@ def _instead_of(scorer: Scorer, best: State, key: str) -> State:
 
     None of the plain effects alone is worth as much as the curve, so no swap finds them.
     """
-    fewer = scorer.score(without(best, key), best.memory, best.variances)
+    fewer = scorer.less(best, key)
     if not worth_a_try(scorer, fewer, is_plain):
         return best
     plain = improve(scorer, fewer, is_plain, swaps=False)
@@ -199,7 +199,7 @@ def _tracker_or_machine(scorer: Scorer, best: State) -> State:
     for key in droppable(scorer, best):
         atom = scorer.system.atoms[key]
         if key in best.keys and atom.effect is not None:
-            fewer = scorer.score(without(best, key), best.memory, best.variances)
+            fewer = scorer.less(best, key)
             other = improve(scorer, fewer, _is_of_machine if is_metrology(atom) else is_metrology, swaps=False)
             if other.total > best.total + LEAST_NATS:
                 best = improve(scorer, other)

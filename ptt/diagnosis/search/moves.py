@@ -66,7 +66,7 @@ def _less(scorer: Scorer, state: State, gone: Sequence[str], moves: Sequence[Sta
     found = list[State]()
     for key in gone:
         least = _least(state, [*moves, *found])
-        found.append(scorer.score(without(state, key), state.memory, state.variances, least))
+        found.append(scorer.less(state, key, least=least))
     return found
 
 
@@ -100,7 +100,7 @@ def with_memory_instead(scorer: Scorer, state: State, key: str) -> State:
         state: a set.
         key: of the atom that goes.
     """
-    return _with_best_memory(scorer, scorer.score(without(state, key), state.memory, state.variances))
+    return _with_best_memory(scorer, scorer.less(state, key))
 
 
 def _with_best_memory(scorer: Scorer, state: State) -> State:
@@ -129,7 +129,7 @@ def slow_moves(scorer: Scorer, state: State, allowed: Allowed) -> list[State]:
     less = list[tuple[State, set[str] | None]]()
     for key, others in replacements(scorer, state, may_go, allowed, SCREEN_ERROR).items():
         if others:
-            less.append((scorer.score(without(state, key), state.memory, state.variances), others))
+            less.append((scorer.less(state, key), others))
     if state.memory != WHITE:
         moves.append(scorer.score(state.keys, WHITE, state.variances))
         less.append((moves[-1], None))

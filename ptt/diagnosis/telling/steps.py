@@ -9,7 +9,7 @@ from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_metrolo
 from ptt.diagnosis.evidence.held_out import cross_validate, held_out_rms, lowers_held_out_error, residual_square
 from ptt.diagnosis.evidence.held_out_trial import HeldOutTrial
 from ptt.diagnosis.evidence.score import Scorer
-from ptt.diagnosis.evidence.state import State, without
+from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.laws import is_broad
@@ -84,7 +84,7 @@ def name_steps(scorer: Scorer, state: State) -> Named:
     """
     atoms, every = scorer.system.atoms, droppable(scorer, state)
     odd = holds_unknown(scorer.system, state.keys, state.memory)
-    worth = {key: state.total - _less(scorer, state, key).total for key in every if atoms[key].effect}
+    worth = {key: state.total - scorer.less(state, key).total for key in every if atoms[key].effect}
     clear = [key for key, nats in worth.items() if nats > (BESIDE_NATS if odd else 0.0)]
     ahead = _ahead_of_unknowns(scorer, state, clear)
     likely = [key for key in clear if not odd or ahead[key] > TIE_NATS]
@@ -168,7 +168,7 @@ def _with_unknown(scorer: Scorer, state: State, key: str) -> float:
     direction of arrival compete with a reversing effect, as they contain it. A curve also has to beat the mean, over
     the run, of an unknown that varies a curve.
     """
-    less, effect = _less(scorer, state, key), scorer.system.atoms[key].effect
+    less, effect = scorer.less(state, key), scorer.system.atoms[key].effect
     reverses = effect is not None and effect.reverses
 
     def is_rival(atom: Atom) -> bool:
@@ -249,10 +249,6 @@ def share_of(scorer: Scorer, key: str) -> float:
     return float(max(0.0, 1.0 - residual_square(scorer, alone) / max(residual_square(scorer, nothing), 1e-300)))
 
 
-def _less(scorer: Scorer, state: State, key: str) -> State:
-    return scorer.score(without(state, key), state.memory, state.variances)
-
-
 def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
     """Effects in greedy order of the held-out error; those with physically impossible values at a step wait.
 
@@ -283,7 +279,7 @@ def ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
     Returns:
         Their names, best first.
     """
-    atoms, less = scorer.system.atoms, _less(scorer, state, key)
+    atoms, less = scorer.system.atoms, scorer.less(state, key)
     own = atoms[key].name
 
     def other(atom: Atom) -> bool:

@@ -101,7 +101,7 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
     first = dict(zip(parts, np.cumsum([0, *(_block(system, key).width for key in parts)]), strict=False))
     found = list[Unknown]()
     for key, energy in _energies(scorer, state, list(parts), beside):
-        nats = state.total - scorer.score(without(state, key), state.memory, state.variances).total
+        nats = state.total - scorer.less(state, key).total
         block, own = _block(system, key), first[key] + np.arange(_block(system, key).width)
         found.append(Unknown(block, nats, energy, parts[key], None if key in back else amounts, own))
     return Unnamed(left, tuple(sorted(found, key=lambda item: -item.energy)))
