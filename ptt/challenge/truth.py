@@ -20,7 +20,7 @@ from ptt.rig.draw import DrawnRig
 from ptt.rig.platform import rotation_matrix
 from ptt.rig.schedule import TARGET
 from ptt.run.axes import rms_length
-from ptt.run.frames import rigid_columns, rigid_part, without_rigid_parts
+from ptt.run.frames import by_own, rigid_columns, rigid_part, without_rigid_parts
 from ptt.run.from_columns import columns_to_table
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
@@ -269,6 +269,4 @@ def _fault(key: str, drawn: DrawnRig, problem: Problem, noise: Noise, *, library
 
 def _by_run(columns: np.ndarray, run: np.ndarray, policy: str) -> np.ndarray:
     """Columns (n, 3, c), one set for each run where the policy is "fitted-per-run"."""
-    if policy != "fitted-per-run":
-        return columns
-    return np.concatenate([np.where((run == label)[:, None, None], columns, 0.0) for label in np.unique(run)], axis=-1)
+    return np.concatenate(by_own(columns, run), axis=-1) if policy == "fitted-per-run" else columns

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from ptt.dependence.way import last_moves, ways_of
-from ptt.run.frames import rigid_columns
+from ptt.run.frames import by_own, rigid_columns
 from ptt.run.mounts import mount_slopes
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf, median_sigma
@@ -61,12 +61,10 @@ def remove_frame(problem: Problem, residual: np.ndarray) -> np.ndarray:
     seen = problem.used & np.isfinite(residual).all(axis=1)
     columns = list[np.ndarray]()
     if problem.frames and problem.base is None:
-        place, member = problem.view.p[torch.as_tensor(seen)], problem.frame[seen]
-        rigid = rigid_columns(place, place.mean(dim=0)).numpy()
-        columns += [rigid * (member == frame)[:, None, None] for frame in np.unique(member)]
+        place = problem.view.p[torch.as_tensor(seen)]
+        columns += by_own(rigid_columns(place, place.mean(dim=0)).numpy(), problem.frame[seen])
     if problem.mounts:
-        turned, member = mount_slopes(problem.view)[seen], problem.mount[seen]
-        columns += [turned * (member == mount)[:, None, None] for mount in np.unique(member)]
+        columns += by_own(mount_slopes(problem.view)[seen], problem.mount[seen])
     together = np.concatenate(columns, axis=2) if columns else np.zeros((int(seen.sum()), 3, 0))
     if not together.shape[2] or seen.sum() < together.shape[2] + ENOUGH:
         return residual

@@ -116,20 +116,21 @@ def without_rigid_parts(moved: np.ndarray, place: np.ndarray, owner: np.ndarray)
     return left
 
 
-def by_own(columns: np.ndarray, owner: np.ndarray, count: int) -> list[np.ndarray]:
+def by_own(columns: np.ndarray, owner: np.ndarray, count: int | None = None) -> list[np.ndarray]:
     """Jacobian columns of each frame or mount: those given in its own rows, zero in the others.
 
     Args:
         columns: (n, 3, c).
         owner: (n,) int, frame or mount of each row.
-        count: how many there are.
+        count: how many there are; None for those that own a row, by whatever labels.
 
     Returns:
         (n, 3, c) for each.
     """
     if count == 1:
         return [columns]
-    return [np.where((owner == index)[:, None, None], columns, 0.0) for index in range(count)]
+    owners = np.unique(owner) if count is None else np.arange(count)
+    return [np.where((owner == one)[:, None, None], columns, 0.0) for one in owners]
 
 
 _GENERATORS = torch.tensor(
