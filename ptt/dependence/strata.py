@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ptt.run.same_pose import number_rows
 from ptt.run.tails import f_ppf
 
 LARGEST_RATIO = 1e4  # bound of the variance ratio
@@ -99,12 +100,9 @@ def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
     Returns:
         The poses, with the largest ratio of all residuals.
     """
-    _, first, inverse = np.unique(group, return_index=True, return_inverse=True)
-    rank = np.empty(len(first), dtype=int)
-    rank[np.argsort(first)] = np.arange(len(first))
-    number = rank[inverse.reshape(-1)]
+    number = number_rows(group[:, None])
     size, rows = np.bincount(number).astype(float), len(number)
-    poses = RepeatedPoses(number, np.sort(first), size, 0.0)
+    poses = RepeatedPoses(number, np.unique(number, return_index=True)[1], size, 0.0)
     if len(size) < 3 or rows - len(size) < 3:
         return poses
     mean = poses.mean(residual)
@@ -116,7 +114,7 @@ def find_poses(residual: np.ndarray, group: np.ndarray) -> RepeatedPoses:
     shared = between[told] / np.maximum(within[told], 1e-30) / chance - 1.0
     alike = 0.0 if told.any() or not between.any() else LARGEST_RATIO  # repeats are copies
     ratio = float(shared.max(initial=0.0) / usual) + alike
-    return RepeatedPoses(number, np.sort(first), size, min(max(ratio, 0.0), LARGEST_RATIO))
+    return RepeatedPoses(number, poses.first, size, min(max(ratio, 0.0), LARGEST_RATIO))
 
 
 def build_stratum(residual: np.ndarray, poses: RepeatedPoses, *, means: bool, seed: int) -> Stratum:

@@ -29,7 +29,7 @@ def columns_to_table(columns: Columns, file: str, run: str) -> Table:
     angle = "_rad" if prefix == "q" else ""
     joints = range(1, MOST_JOINTS + 1)
     rows = len(next(iter(columns.values())))
-    labels, codes = _runs(columns.get("run"), rows)
+    labels, codes = number_runs(columns.get("run"), rows)
     target = _stack(columns, [f"{axis}_cmd" for axis in AXES])
     fields: dict[str, Any] = {
         "run": codes,
@@ -61,8 +61,16 @@ def _stack(columns: Columns, names: list[str]) -> np.ndarray | None:
     return np.stack([columns.get(name, empty) for name in names], axis=1)
 
 
-def _runs(names: np.ndarray | None, rows: int) -> tuple[tuple[str, ...], np.ndarray]:
-    """Labels in order of appearance, and the code of each row."""
+def number_runs(names: np.ndarray | None, rows: int) -> tuple[tuple[str, ...], np.ndarray]:
+    """Number the runs of rows.
+
+    Args:
+        names: label of each row's run, (n,); None where all are of one.
+        rows: n.
+
+    Returns:
+        Labels in order of appearance, and the code of each row, (n,) int.
+    """
     if names is None:
         return ("",), np.zeros(rows, dtype=np.int64)
     labels, first, codes = np.unique(names, return_index=True, return_inverse=True)

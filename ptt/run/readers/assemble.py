@@ -8,6 +8,7 @@ import numpy as np
 
 from ptt.errors import TableError, shown
 from ptt.run.beside import rows_beside
+from ptt.run.from_columns import number_runs
 from ptt.run.readers.columns import file_title, split_joint
 from ptt.run.readers.export import Export
 from ptt.run.readers.required import (
@@ -46,7 +47,7 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
     target, command = _block(export, ["x_cmd", "y_cmd", "z_cmd"]), _commands(export, joints, prefix)
     require_columns(export, target, command, prefix, joints, purpose)
     require_cells(export, target, command, role == "base", prefix)
-    run, labels = _runs(export, role == "base")
+    labels, run = _runs(export, role == "base")
     if purpose == "run":
         _require_labels(export, run, labels)
     fields: dict[str, Any] = {
@@ -141,15 +142,10 @@ def _roles(export: Export) -> np.ndarray:
     return role
 
 
-def _runs(export: Export, is_base: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Run codes in order of first appearance, and labels; a base reflector without run gets the run around it."""
-    if "run" not in export.columns:
-        return np.zeros(export.n, dtype=np.int64), ("",)
-    run = export.columns["run"]
-    run = run[rows_beside((run != "") | ~is_base)]
-    labels, first, codes = np.unique(run, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    return np.argsort(order)[codes].astype(np.int64), tuple(str(label) for label in labels[order])
+def _runs(export: Export, is_base: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+    """Labels in order of appearance, and run codes; a base reflector without run gets the run around it."""
+    run = export.columns.get("run")
+    return number_runs(None if run is None else run[rows_beside((run != "") | ~is_base)], export.n)
 
 
 def _require_labels(export: Export, run: np.ndarray, labels: tuple[str, ...]) -> None:
