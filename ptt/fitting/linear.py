@@ -22,7 +22,7 @@ from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.effects.usual import usual_values
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.result import FitResult
-from ptt.fitting.whitened import Total, build_whitened, turned, whiten
+from ptt.fitting.whitened import Total, add_totals, build_whitened, sums_of, turned, whiten
 from ptt.model.chain import Chain, signature
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -97,10 +97,9 @@ class Linear:
         Args:
             times: how many rows each row stands for in a sample of a long run; base reflectors count once.
         """
-        gram, side, square, count = _sums(self.columns[self.rows], self.values[self.rows])
-        base = _sums(self.base_columns, self.base_values)
+        gram, side, square, count = sums_of(self.columns[self.rows], self.values[self.rows])
         rows = (times * gram, times * side, times * square, round(times * count))
-        return rows[0] + base[0], rows[1] + base[1], rows[2] + base[2], rows[3] + base[3]
+        return add_totals(rows, sums_of(self.base_columns, self.base_values))
 
     def without_rows(self) -> "Linear":
         """The description of the columns without their rows, which is kept of a chunk once it is summed."""
@@ -228,12 +227,6 @@ def _try(
             sizes.append(usual)
             start += len(usual)
     return trials, [at.join(blocks, np.concatenate(sizes))] if blocks else []
-
-
-def _sums(columns: np.ndarray, values: np.ndarray) -> Total:
-    """Normal equations of rows (m, 3, P) and their readings (m, 3); there may be none of either."""
-    flat, value = columns.reshape(values.size, columns.shape[2]), values.ravel()
-    return flat.T @ flat, flat.T @ value, float(value @ value), len(value)
 
 
 def usual_sizes(effect: Effect, problem: Problem) -> np.ndarray:

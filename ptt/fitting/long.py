@@ -15,7 +15,7 @@ from ptt.fitting.chunks import CHUNK, cut, map_beside, stretches
 from ptt.fitting.gauss_newton import bounded_step
 from ptt.fitting.layout import Layout
 from ptt.fitting.result import FitResult
-from ptt.fitting.whitened import Total, WhitenedSystem, build_whitened
+from ptt.fitting.whitened import Total, WhitenedSystem, add_totals, build_whitened
 from ptt.model.chain import Prediction
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
@@ -111,11 +111,6 @@ class LongEvaluator:
             return None
         system = build_whitened(self.layout, self._chunks[0](), self.noise.whitener, unknowns)
         return system.sums(np.zeros(len(system.residual), dtype=bool))
-
-
-def add_totals(one: Total, other: Total) -> Total:
-    """Sums over the rows of both."""
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2], one[3] + other[3]
 
 
 def add_lists(one: list[Total], other: list[Total]) -> list[Total]:

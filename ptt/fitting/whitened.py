@@ -54,7 +54,18 @@ class WhitenedSystem:
     def sums(self, kept: np.ndarray) -> Total:
         """J^T J, J^T r, r^T r and the number of coordinates of the rows that count and the base reflectors."""
         residual, jacobian = self.stacked(kept)
-        return jacobian.T @ jacobian, jacobian.T @ residual, float(residual @ residual), len(residual)
+        return sums_of(jacobian, residual)
+
+
+def sums_of(columns: np.ndarray, values: np.ndarray) -> Total:
+    """Normal sums of rows, (r, u) or (m, 3, u), and their readings, (r,) or (m, 3); there may be none of either."""
+    flat, value = columns.reshape(values.size, columns.shape[-1]), values.ravel()
+    return flat.T @ flat, flat.T @ value, float(value @ value), len(value)
+
+
+def add_totals(one: Total, other: Total) -> Total:
+    """Sums over the rows of both."""
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2], one[3] + other[3]
 
 
 class Evaluator:

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from ptt.fitting.layout import Layout
-from ptt.fitting.long import add_totals
 from ptt.fitting.outliers import MOST_EXCEPTIONS, limit_of
 from ptt.fitting.prior import design_effect_of_sums
-from ptt.fitting.whitened import Total, build_whitened
+from ptt.fitting.whitened import Total, add_totals, build_whitened
 from ptt.fleet.log import Log, LogState, Part, enter_part, hand_on, read_part
 from ptt.progress import Progress, unwatched
 from ptt.run.noise import Noise
