@@ -11,7 +11,7 @@ from ptt.fitting.factor import RANK_TOLERANCE
 from ptt.fitting.other_ways import other_ways
 from ptt.fitting.posterior import Posterior
 from ptt.fitting.result import FitResult
-from ptt.fitting.stated import fitted_terms
+from ptt.fitting.stated import with_fitted_terms
 from ptt.fitting.unnamed import Unnamed
 from ptt.run.problem import Problem
 
@@ -54,8 +54,7 @@ def beside_unnamed(fitted: FitResult, problem: Problem) -> FitResult:
     otherwise = dict.fromkeys((effect, way.size.effect.key) for way in others for effect in way.effects)
     effects = tuple(size.effect for size in beside)
     unnamed = Unnamed(effects, _whole(_factor(square), beside, fitted), tuple(otherwise))
-    result = replace(fitted, unnamed=unnamed)
-    return replace(result, model=replace(result.model, terms=fitted_terms(result)))
+    return with_fitted_terms(replace(fitted, unnamed=unnamed))
 
 
 def _moved(base: Posterior, best: Posterior) -> np.ndarray:

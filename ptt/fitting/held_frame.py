@@ -10,7 +10,7 @@ from ptt.fitting.layout import lay_out
 from ptt.fitting.long import LongEvaluator
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import with_rounds_beside
-from ptt.fitting.stated import fitted_terms
+from ptt.fitting.stated import with_fitted_terms
 from ptt.fitting.whitened import Evaluator
 from ptt.run.problem import Problem
 
@@ -41,5 +41,4 @@ def with_frame_doubt(fitted: FitResult, problem: Problem) -> FitResult:
     rows, count = system.sums(kept)[0] - base, len(fitted.unknowns)
     moved = np.linalg.solve(rows[:count, :count] + np.diag(fitted.prior.weight), rows[:count, count:])
     spread = inverse(base[count:, count:] + np.eye(6 * problem.frames))
-    result = replace(fitted, doubt=moved @ np.linalg.cholesky(spread))
-    return replace(result, model=replace(result.model, terms=fitted_terms(result)))
+    return with_fitted_terms(replace(fitted, doubt=moved @ np.linalg.cholesky(spread)))

@@ -8,7 +8,6 @@ import torch
 
 from ptt.fitting.factor import inverse
 from ptt.fitting.result import FitResult
-from ptt.model.model import Term
 
 SEEN_INFORMATION = 1.0  # information from which a direction counts as seen: the data know it better than its usual size
 INFORMATION_ROUNDING = 1e-13  # share of the strongest direction's information that is rounding
@@ -52,17 +51,17 @@ def state_fit(
         fitted, unknowns=unknowns, covariance=covariance * np.outer(layout.scale, layout.scale), information=informed,
         chi2=chi2, freedom=round(freedom), rank=len(unknowns) - unseen.shape[1], unseen=unseen,
     )  # fmt: skip
-    return replace(result, model=replace(result.model, terms=fitted_terms(result)))
+    return with_fitted_terms(result)
 
 
-def fitted_terms(result: FitResult) -> tuple[Term, ...]:
-    """Terms at a fit's unknowns, with what is known of their accuracy.
+def with_fitted_terms(result: FitResult) -> FitResult:
+    """A fit whose model has the effects at the fit's unknowns, with what is known of their accuracy.
 
     Args:
         result: the fit.
 
     Returns:
-        The terms.
+        The same with that model.
     """
     layout, terms, start = result.layout, [], 0
     for term, free, theta in zip(layout.terms, layout.free, layout.thetas(result.unknowns), strict=True):
@@ -73,7 +72,7 @@ def fitted_terms(result: FitResult) -> tuple[Term, ...]:
         measured[mask] = torch.as_tensor(result.measured[part])
         terms.append(replace(term, theta=theta, std=std, measured=measured))
         start = part.stop
-    return tuple(terms)
+    return replace(result, model=replace(result.model, terms=tuple(terms)))
 
 
 def unseen_directions(information: np.ndarray) -> np.ndarray:

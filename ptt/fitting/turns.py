@@ -19,7 +19,7 @@ from ptt.effects.reversal import Backlash, Windup, gap_of
 from ptt.fitting.chunks import sampled_if_long
 from ptt.fitting.observability import Combination
 from ptt.fitting.result import FitResult
-from ptt.fitting.stated import fitted_terms
+from ptt.fitting.stated import with_fitted_terms
 from ptt.model.chain import EffectTerms, linearise
 from ptt.model.model import Term, parameter_names
 from ptt.run.problem import Problem
@@ -61,7 +61,7 @@ def with_turns(fitted: FitResult, problem: Problem) -> FitResult:
     own, covariance = np.flatnonzero(np.isin(fitted.layout.names, least)), fitted.covariance.copy()
     covariance[own, own] += fitted.layout.scale[own] ** 2
     turned = replace(fitted, turns=tuple(lengths.tolist()), least=tuple(least), covariance=covariance)
-    return replace(turned, model=replace(turned.model, terms=fitted_terms(turned))) if least else turned
+    return with_fitted_terms(turned) if least else turned
 
 
 def marked(fitted: FitResult, term: Term) -> Term:

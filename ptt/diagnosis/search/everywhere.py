@@ -23,7 +23,7 @@ from ptt.fitting.layout import lay_out
 from ptt.fitting.linear import Shape
 from ptt.fitting.moment import at_rows
 from ptt.fitting.result import FitResult
-from ptt.fitting.stated import fitted_terms
+from ptt.fitting.stated import with_fitted_terms
 from ptt.model.model import Model
 from ptt.progress import Tell
 from ptt.run.problem import Problem
@@ -129,8 +129,8 @@ def _refit(fitted: FitResult, system: SummedSystem, state: State) -> FitResult:
     unknowns[state.columns[frame]] += state.posterior.values[frame]
     own = ~frame & (state.columns < len(unknowns))
     unknowns[state.columns[own]] = state.posterior.values[own]
-    moved_to = replace(fitted, unknowns=np.clip(unknowns, layout.lower, layout.upper), noise=system.noise)
-    return replace(moved_to, model=replace(fitted.model, terms=fitted_terms(moved_to)))
+    unknowns = np.clip(unknowns, layout.lower, layout.upper)
+    return with_fitted_terms(replace(fitted, unknowns=unknowns, noise=system.noise))
 
 
 def _opened(found: Found, task: WholeSearch) -> FitResult:
