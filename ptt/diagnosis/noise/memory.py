@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import linalg
 
+from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock, Wander, innovations
 from ptt.run.noise import Noise
 
@@ -203,13 +204,11 @@ def pose_parts(flat: np.ndarray, pose: np.ndarray) -> PoseParts:
         flat: columns, and the readings as the last, (3 m, P + 1) whitened.
         pose: (m,) int, equal for visits of one pose.
     """
-    order = np.argsort(pose, kind="stable")
-    first = np.flatnonzero(np.diff(pose[order], prepend=pose[order[:1]] - 1))
-    visits = np.diff(np.append(first, len(order)))
-    cross = np.add.reduceat(flat.reshape(len(order), -1)[order], first, axis=0)
+    poses = poses_of(pose)
+    cross = np.add.reduceat(flat.reshape(len(pose), -1)[poses.order], poses.first, axis=0)
     parts = []
-    for count in np.unique(visits):
-        own = cross[visits == count].reshape(-1, flat.shape[1])
+    for count in np.unique(poses.visits):
+        own = cross[poses.visits == count].reshape(-1, flat.shape[1])
         parts.append((int(count), len(own) // 3, own.T @ own))
     return parts
 
