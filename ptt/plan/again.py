@@ -1,14 +1,11 @@
 """A further run over the region of one that showed something unknown."""
 
-from dataclasses import replace
-
 import numpy as np
-import torch
 
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model
 from ptt.plan.first_run import LEAST_ROWS, ROWS, plan_first_run
-from ptt.plan.space import build_space, narrow_space
+from ptt.plan.space import boxed, build_space, narrow_space
 from ptt.run.problem import Problem
 from ptt.run.table import Table
 
@@ -31,9 +28,7 @@ def plan_again(model: Model, problem: Problem) -> Table | None:
     driven, seen, loads = problem.view.q[problem.used], problem.view.p[problem.used], _loads(problem)
     try:
         space = narrow_space(build_space(problem.file), driven.amin(dim=0), driven.amax(dim=0))
-        reached = torch.stack([seen.amin(dim=0), seen.amax(dim=0)])  # joints alone would allow far more
-        box = torch.stack([torch.maximum(space.box[0], reached[0]), torch.minimum(space.box[1], reached[1])])
-        space = replace(space, box=box)
+        space = boxed(space, seen.amin(dim=0), seen.amax(dim=0))  # joints alone would allow far more
         return plan_first_run(model, rows=max(ROWS, LEAST_ROWS * len(loads)), payloads=loads, space=space).targets
     except WorkspaceError:
         return None

@@ -73,8 +73,7 @@ def build_space(file: MachineFile, half_size: tuple[float, float, float] | None 
         return space
     half = torch.tensor(half_size, dtype=torch.float64)
     centre = mechanism.forward(mechanism.home()[None])[0] if by_tool else space.box.mean(dim=0)
-    box = torch.stack([torch.maximum(space.box[0], centre - half), torch.minimum(space.box[1], centre + half)])
-    return replace(space, box=box)
+    return boxed(space, centre - half, centre + half)
 
 
 def narrow_space(space: Space, lower: Tensor, upper: Tensor) -> Space:
@@ -96,9 +95,12 @@ def narrow_space(space: Space, lower: Tensor, upper: Tensor) -> Space:
     if not len(reached):
         fix = "widen travel, limits or box"
         raise WorkspaceError("no pose is inside the travel and away from singularities", [], where="[machine]", fix=fix)
-    box = torch.stack([reached.amin(dim=0), reached.amax(dim=0)])
-    box = torch.stack([torch.maximum(space.box[0], box[0]), torch.minimum(space.box[1], box[1])])
-    return replace(part, box=box)
+    return boxed(part, reached.amin(dim=0), reached.amax(dim=0))
+
+
+def boxed(space: Space, low: Tensor, high: Tensor) -> Space:
+    """A space within a further box, whose corners are (3,) mm."""
+    return replace(space, box=torch.stack([torch.maximum(space.box[0], low), torch.minimum(space.box[1], high)]))
 
 
 def can_drive(space: Space, q: Tensor) -> np.ndarray:
