@@ -4,8 +4,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-OK, UNCERTAIN = "ok", "uncertain"
-OUT_OF_REACH, OUT_OF_TRAVEL, NEAR_SINGULAR, TOO_LARGE = "out of reach", "out of travel", "near singular", "too large"
+from ptt.mechanisms.workspace import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL
+
+UNCERTAIN, TOO_LARGE = "uncertain", "too large"
 NOTE = "reversal_note"  # the one attribute that has no entry for each row
 ROUNDING = 1e-3  # mm: a smaller miss is below the resolution of any machine
 NO_TARGET = ""  # status of a row of a base reflector, at which the machine stands

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ptt.correct.commands import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, TOO_LARGE, sent_rows
+from ptt.correct.commands import TOO_LARGE, sent_rows
 from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_lines
 from ptt.correct.newton import MISSED, gaps_of, invert, invert_together, open_gaps
@@ -15,7 +15,7 @@ from ptt.effects.memory import TravelBefore
 from ptt.fitting.chunks import CHUNK, enter, stretches
 from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.protocol import Mechanism
-from ptt.mechanisms.workspace import near_singular, translation_rank
+from ptt.mechanisms.workspace import NEAR_SINGULAR, OK, OUT_OF_REACH, OUT_OF_TRAVEL, near_singular, translation_rank
 from ptt.model.chain import EffectTerms, predict
 from ptt.run.beside import rows_beside
 from ptt.run.table import take_rows

@@ -12,7 +12,7 @@ from ptt.mechanisms.dexterity import condition_number, determinant, manipulabili
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_inverse import middle, sample_joints
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.mechanisms.workspace import reach, workspace_map
+from ptt.mechanisms.workspace import NEAR_SINGULAR, OK, reach, workspace_map
 
 GRID = 41  # points along x and along y
 HEIGHTS = 9  # points along z
@@ -92,7 +92,7 @@ def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
     if not len(values):
         return {"poses": 0}
     grid = torch.stack(torch.meshgrid(heights, across, across, indexing="ij")[::-1], -1)[inside]
-    near = reach(mechanism, grid) == "near singular"
+    near = reach(mechanism, grid) == NEAR_SINGULAR
     return {
         "poses": len(values),
         "condition": {"least": float(values.min()), "median": float(values.median()), "largest": float(values.max())},
@@ -106,7 +106,7 @@ def _arm_at_middle(arm: Serial) -> list[dict[str, Any]]:
 
     q = middle(arm)[None]
     jacobian = scaled_jacobian(arm, q)
-    entry = {"q": q[0].tolist(), "p_mm": arm.forward(q)[0].tolist(), "status": "ok"}
+    entry = {"q": q[0].tolist(), "p_mm": arm.forward(q)[0].tolist(), "status": OK}
     return [entry | {"condition": float(condition_number(jacobian)), "manipulability": float(manipulability(jacobian))}]
 
 

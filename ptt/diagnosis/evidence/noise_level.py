@@ -18,7 +18,7 @@ from ptt.fitting.result import sound_rows
 from ptt.fitting.solve import fit
 from ptt.model.model import Model
 from ptt.run.holdout import sharing_groups
-from ptt.run.noise import SATURATED, VISITED, Noise, at_least, guessed_noise, least_variance
+from ptt.run.noise import REPEATS, SATURATED, VISITED, Noise, at_least, guessed_noise, least_variance
 from ptt.run.problem import Problem
 from ptt.run.tails import f_cdf, f_sf
 
@@ -52,7 +52,7 @@ def starting_noise(problem: Problem) -> tuple[Noise, float]:
         least = least_variance(problem.table.measured[problem.used])
         guess = guessed_noise()
         return replace(guess, covariance=at_least(guess.covariance, least), least=least), 0.0
-    if given.source != "repeats":
+    if given.source != REPEATS:
         return given, STATED_FREEDOM
     if sharing_groups(problem.table, problem.used)[1]:  # repeats within a visit do not show what differs between visits
         return given, 0.0
@@ -167,7 +167,7 @@ def noise_again(
     given, left = problem.noise, noise_left(system, state, beside)
     if given is None:
         return left
-    if given.source == "repeats":
+    if given.source == REPEATS:
         return left if outdone(given, left) else given
     if settled:
         return replace(system.noise, covariance=left.covariance)
@@ -194,7 +194,7 @@ def noise_after(problem: Problem, system: System, state: State) -> Noise:
     given, left = problem.noise, noise_left(system, state)
     if given is None:
         return left
-    if given.source == "repeats" and system.by_visit and state.memory.pose > 0.0:
+    if given.source == REPEATS and system.by_visit and state.memory.pose > 0.0:
         return replace(left, source=VISITED)
     if outdone(given, left):
         return replace(left, source=f"{SATURATED}; repeats scatter by more, through what changed between them")
@@ -213,7 +213,7 @@ def outdone(given: Noise, left: Noise) -> bool:
     Returns:
         False unless repeats are the source.
     """
-    if given.source != "repeats":
+    if given.source != REPEATS:
         return False
     whitener = given.whitener
     least = float(np.linalg.eigvalsh(whitener @ left.covariance @ whitener.T)[0])

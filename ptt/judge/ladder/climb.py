@@ -27,7 +27,7 @@ from ptt.progress import Progress, unwatched
 from ptt.run.axes import rms
 from ptt.run.given_noise import given_noise
 from ptt.run.holdout import blocks_beside, folds, pose_groups
-from ptt.run.noise import Noise
+from ptt.run.noise import REPEATS, Noise
 from ptt.run.problem import Problem
 from ptt.run.ranges import ranges_of
 from ptt.run.smooth import LIKELIER, SMOOTHLY, smoothly
@@ -198,7 +198,7 @@ def _quieter_noise(fitted: FitResult, problem: Problem) -> Noise | None:
     A knock between two rounds makes the repeats differ; counted as noise, that difference would hide the knock.
     """
     given, view = problem.noise, problem.view
-    if given is None or given.source != "repeats":
+    if given is None or given.source != REPEATS:
         return None
     left = np.where(problem.used[:, None], fitted.residual, np.nan)
     again = given_noise(problem.table, left, view.direction.numpy(), problem.file.tracker.sigma_mm)
