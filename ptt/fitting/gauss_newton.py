@@ -16,6 +16,7 @@ FIRST_DAMPING, DAMPING_RATIO, EASING, LEAST_DAMPING = 0.01, 10.0, 0.1, 1e-6
 # Steps in succession, none of them whole, that gain less than a share of chi-squared each, after which it ends: the
 # predicted gain lies in a direction in which the model bends at once
 SLOW_STEPS, SLOW_SHARE = 3, 1e-6
+COARSE_SLOW_SHARE = 1e-3  # the same share of a coarse fit, half a nat in 500 readings
 TRIES = 8  # trial steps of an iteration
 FEW_TRIES = 6  # the same of a coarse fit
 # tolerance per unit of chi-squared left, times `done`: where more than noise is left, less accuracy is needed
@@ -67,6 +68,8 @@ def descend(
     at = np.clip(start, lower, upper)
     sums = equations(at)
     gained, damping, slow, fine = np.inf, 0.0, 0, max(FINE_GAIN, done)
+    coarse = fine > FINE_GAIN
+    slow_share = COARSE_SLOW_SHARE if coarse else SLOW_SHARE
     for _ in range(MOST_ITERATIONS):
         cost, whole = sums[2], _step(at, sums, lower, upper, 0.0)
         decrease = _decrease(sums, whole)
@@ -74,7 +77,7 @@ def descend(
             return Descent(at, "converged")
         if cost - PROMISE_FACTOR * min(decrease, gained) > hopeless:
             return Descent(at, HOPELESS)
-        tries = 1 if decrease <= fine else FEW_TRIES if fine > FINE_GAIN else TRIES
+        tries = 1 if decrease <= fine else FEW_TRIES if coarse else TRIES
         taken = None
         for step, its_damping in islice(_trial_steps(at, sums, lower, upper, whole, damping), tries):
             there = equations(at + step)
@@ -87,7 +90,7 @@ def descend(
         at, sums, gained = at + taken, there, cost - there[2]
         if decrease <= max(FINE_GAIN, 10.0 * done) and gained < 0.5 * decrease:
             return Descent(at, "converged")
-        slow = slow + 1 if taken is not whole and gained < SLOW_SHARE * cost else 0
+        slow = slow + 1 if taken is not whole and gained < slow_share * cost else 0
         if slow == SLOW_STEPS:
             return Descent(at, "not converged: steps gain next to nothing")
         damping = EASING * damping if damping > LEAST_DAMPING else 0.0
