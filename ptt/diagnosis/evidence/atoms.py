@@ -62,6 +62,7 @@ class Atom:
         within: (m, 2) bounds of its values, in units of its columns: below the first the cause must be another one,
             above the second it probably is. None for no bounds.
         largest: (m,) largest possible values in this shape, in units of its columns; None for no limit.
+        begin: prior variances from which the learning starts, (g,); None for those of the usual sizes.
     """
 
     key: str
@@ -83,6 +84,7 @@ class Atom:
     reach: float | None = None
     within: np.ndarray | None = None
     largest: np.ndarray | None = None
+    begin: np.ndarray | None = None
 
     @property
     def moment(self) -> float | None:
@@ -93,6 +95,11 @@ class Atom:
     def groups(self) -> int:
         """Number of learned variances."""
         return len(self.most)
+
+    @property
+    def first_variances(self) -> np.ndarray:
+        """Prior variances from which the learning starts, (g,)."""
+        return np.ones(self.groups) if self.begin is None else self.begin
 
     def amplitudes(self, values: np.ndarray, scale: np.ndarray) -> np.ndarray:
         """The atom's linear values in their units, (w,), from the values of its columns.

@@ -50,7 +50,8 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         atom = effect_atom(key, columns, own.effect, problem, odds, None, free)
         atom = _in_shape(atom, shape_of(own.effect, own.theta, problem.view.joints), problem, free)
         since = float(own.theta[-1]) if is_sudden(atom) else None
-        atoms[key] = replace(atom, since=since, tested=_is_tested(atom, problem))
+        begin = _fitted_variances(atom, fitted.unknowns[columns])
+        atoms[key] = replace(atom, since=since, tested=_is_tested(atom, problem), begin=begin)
     like: dict[str, Atom] = {}  # key of an effect -> atom of its first shape
     for number, trial in enumerate(linear.trials):
         key, name = f"{trial.effect.key}#{number}", trial.effect.key
@@ -61,6 +62,16 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         atom = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
         atoms[key] = _in_shape(atom, trial.shape, problem, slice(0, len(trial.columns)))
     return atoms
+
+
+def _fitted_variances(atom: Atom, values: np.ndarray) -> np.ndarray:
+    """Mean squares of the fitted values that share a prior variance, those of the usual sizes at least, (g,).
+
+    Learned from usual sizes on, the variance of values hundreds of times as large may stay small, the noise large: the
+    evidence has a maximum there too.
+    """
+    squares = np.bincount(atom.group, np.square(values), atom.groups) / np.bincount(atom.group, minlength=atom.groups)
+    return np.clip(squares, 1.0, atom.most)
 
 
 def _in_shape(atom: Atom, shape: Mapping[str, Tensor], problem: Problem, chosen: np.ndarray | slice) -> Atom:

@@ -133,7 +133,7 @@ class Scorer:
         columns = np.concatenate([system.frame, *(atom.columns for atom in atoms)]).astype(int)
         frame = np.full(len(system.frame), -1)
         owner = np.concatenate([frame, *(np.full(len(a.columns), i) for i, a in enumerate(atoms))])
-        begin = np.concatenate([np.zeros(0), *(start.get(a.key, np.ones(a.groups)) for a in atoms)])
+        begin = np.concatenate([np.zeros(0), *(start.get(a.key, a.first_variances) for a in atoms)])
         first = np.cumsum([0, *(atom.groups for atom in atoms)])
         sums = system.sums_of(columns, memory)
         odds = sum(atom.odds for atom in atoms if atom.key not in self.given)
