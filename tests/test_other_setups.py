@@ -7,14 +7,20 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.diagnosis.telling.other_setups import other_setups
+import ptt
+from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.telling.other_setups import by_base, by_mount
+from ptt.door.diagnosing import format_diagnosis
 from ptt.machine import load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
+from ptt.run.written import table_to_frame
+from ptt.show.report.about_verdict import in_short
 
-ARM = load_machine(Path(__file__).resolve().parents[1] / "data" / "machines" / "kuka_iiwa.toml")
+KUKA = Path(__file__).resolve().parents[1] / "data" / "machines" / "kuka_iiwa.toml"
+ARM = load_machine(KUKA)
 
 
 def read(tool: tuple[float, float, float], zeros: float, trusted: str) -> tuple[Model, Problem]:
@@ -41,6 +47,21 @@ def read(tool: tuple[float, float, float], zeros: float, trusted: str) -> tuple[
 def test_a_trusted_reflector_is_asked_for_where_its_place_would_explain_the_error(
     tool: tuple[float, float, float], zeros: float, trusted: str, told: bool
 ) -> None:
-    words = other_setups(*read(tool, zeros, trusted))
-    assert ('tool = "fitted" the error of the model as given is only 3' in words) is told
+    model, problem = read(tool, zeros, trusted)
+    words = by_mount(model, problem)
+    assert ("the error of the model as given is 3" in words and 'tool = "fitted"' in words) is told
     assert (words == "") is not told
+    assert by_base(model, problem) == ""
+
+
+def test_a_free_reflector_is_said_before_an_effect_is_added(tmp_path: Path) -> None:
+    """The diagnosis begins with it and offers no command; the ladder notes it."""
+    model, problem = read((0.6, -0.5, 0.0), 0.0, "trusted")
+    found = diagnose(model, problem)
+    assert found.first.startswith('With tool = "trusted"') and found.words.startswith(found.first)
+    assert "next: ptt add" not in format_diagnosis(found) and found.first in in_short(found)
+    text = KUKA.read_text().replace('frame = "fitted"\ntool = "fitted"', 'frame = "trusted"\nsigma_mm = 0.02')
+    (tmp_path / "machine.toml").write_text(text)
+    rows, notes = table_to_frame(problem.table.replace(joint_prefix="q")), list[str]()
+    ptt.add(ptt.load(tmp_path / "machine.toml"), rows, "homing-offset", note=notes.append)
+    assert found.first in notes

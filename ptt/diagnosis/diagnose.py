@@ -9,7 +9,7 @@ from ptt.diagnosis.search.rest import look_for_rest
 from ptt.diagnosis.search.smooth_way import on_smooth_way
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.given import as_free_as, prepare
-from ptt.diagnosis.telling.other_setups import other_setups
+from ptt.diagnosis.telling.other_setups import with_other_setups
 from ptt.diagnosis.telling.verdict import conclude
 from ptt.effects import Library
 from ptt.fitting.opening import without_opening
@@ -70,5 +70,5 @@ def diagnose(
     rest = look_for_rest(found.system, found.state, problem)
     result = conclude(found, rest, model, problem, known, tell, steps)
     turned = f" {SMOOTHLY[0].upper()}{SMOOTHLY[1:]}." if model.file.machine.moves != given.file.machine.moves else ""
-    words = result.words + turned + other_setups(given, whole)
-    return replace(result, model=as_free_as(given, result.model), opening=opening, words=words)
+    result = replace(result, model=as_free_as(given, result.model), opening=opening)
+    return with_other_setups(result, given, whole, turned)

@@ -13,7 +13,7 @@ from ptt.diagnosis.search.rest import Rest, innovations_of, rest_left
 from ptt.diagnosis.telling.bins import follow_in_all_rows
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.given import as_free_as, prepare
-from ptt.diagnosis.telling.other_setups import other_setups
+from ptt.diagnosis.telling.other_setups import with_other_setups
 from ptt.diagnosis.telling.verdict import conclude
 from ptt.diagnosis.unknown.span import Span, span_of
 from ptt.effects import Library
@@ -101,8 +101,8 @@ def diagnose_long(
     times = share_of_rows(problem.table.rows)
     if times > 1 and found.state.memory == WHITE:
         how += f" What else may be missing was searched for in one row in {times}."
-    words = f"{result.words}{other_setups(given, whole)} {how}"
-    return replace(result, model=as_free_as(given, result.model), words=words, opening=opening)
+    result = replace(result, model=as_free_as(given, result.model), opening=opening)
+    return with_other_setups(result, given, whole, f" {how}")
 
 
 def _new(found: Found, told: Found) -> list[str]:

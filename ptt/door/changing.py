@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from ptt.diagnosis.telling.other_setups import by_mount
 from ptt.diagnosis.telling.words import SET_RIGHT, sentences
 from ptt.door.handed import RowsLike
 from ptt.door.model import EffectLike, Model, as_model, model_of
@@ -158,6 +159,8 @@ def add(
     machine, asked = machine.knowing(new), tuple(effect.key for effect in new)
     if sizes:
         new += unnamed_sizes([*opened.model.keys, *(effect.key for effect in new)], opened.problem)
+    if mount := by_mount(opened.model, opened.problem):
+        tell(mount)
     ladder = climb(opened.model, opened.noisy(progress), new, progress=progress)
     return _finish(ladder, opened, "add", machine, tell.lines, asked)
 

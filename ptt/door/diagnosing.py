@@ -223,7 +223,8 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None, given: G
         lines += ["measure next:", *(f"  {line}" for line in result.measure_next)]
         poses = result.asks_for_poses or (result.separation is not None and result.separation.targets is not None)
         lines += ["  `--measure-next OUT.csv` writes poses to measure.", ""] if poses else [""]
-    lines += [*_next(result, given), ""] if result.verdict != "nothing-missing" and not result.unexplained else []
+    ready = result.verdict != "nothing-missing" and not (result.unexplained or result.first)
+    lines += [*_next(result, given), ""] if ready else []
     if result.not_testable:
         lines.append("not testable on this run:")
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]

@@ -45,6 +45,7 @@ class Diagnosis:
         model: the model as given with the steps, at the values that they have without unknowns beside them.
         fitted: the fit that everything was linearised at.
         words: the verdict for a machinist.
+        first: words on what to settle before any effect is added, which the words begin with; '' for nothing.
         unexplained: words on columns that disagree beyond any machine's errors, from the set-up check; '' for none.
         perhaps: effects that are not certain enough to be suggested, or too large to be true: those of the best set
             beside an unknown; where something is missing, those that are likelier than not.
@@ -69,6 +70,7 @@ class Diagnosis:
     words: str
     elsewhere: Elsewhere | None = None
     opening: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    first: str = ""
     unexplained: str = ""
     perhaps: tuple[str, ...] = ()
     oversized: tuple[str, ...] = ()

@@ -157,15 +157,17 @@ def held_to_base(error_um: float) -> str:
     )
 
 
-def with_free_mount(error_um: float) -> str:
-    """A sentence on an arm's reflector, which the machine file trusts to be at the tool point.
+def with_free_mount(before_um: float, after_um: float) -> str:
+    """Sentences on an arm's reflector, which the machine file trusts to be at the tool point.
 
     Args:
-        error_um: of the model as given, the reflector free to sit elsewhere.
+        before_um: error of the model as given.
+        after_um: the same, the reflector free to sit elsewhere.
     """
     return (
-        ' (With tool = "trusted" the machine file says that the reflector sits exactly at the tool point; with '
-        f'tool = "fitted" the error of the model as given is only {error_um:.1f} um: measure where the reflector sits.)'
+        'With tool = "trusted" the machine file says that the reflector sits exactly at the tool point. With tool = '
+        f'"fitted" under [tracker] the error of the model as given is {after_um:.1f} um instead of {before_um:.1f} um: '
+        "measure where the reflector sits, or let it be fitted, before any effect is added."
     )
 
 

@@ -144,8 +144,8 @@ def _title(found: Diagnosis, findings: Sequence[Cause]) -> str:
 
 
 def _set_up(found: Diagnosis) -> str:
-    """Sentence on errors in the set-up that nothing explains, or ''."""
-    return f"{capital(found.unexplained)} " if found.unexplained else ""
+    """Sentences on errors in the set-up that nothing explains, and on what to settle first, or ''."""
+    return "".join(f"{capital(said)} " for said in (found.unexplained, found.first) if said)
 
 
 def _words(found: Diagnosis, problem: Problem) -> str:
@@ -189,8 +189,9 @@ def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Pro
         words=pretty(f"{capital(words)}."),
         cause=card.cause,
         values=values,
-        # Columns of the run that disagree by more than any machine error are no reason to adjust the machine.
-        cure="" if found.unexplained else pretty(remedy(told, problem.view) or card.remedy.rstrip(".")),
+        # Columns that disagree by more than any machine error, or a reflector beside the tool point, are no reason to
+        # adjust the machine.
+        cure="" if found.unexplained or found.first else pretty(remedy(told, problem.view) or card.remedy.rstrip(".")),
         probability=float(one.probability),
         tie=pretty(headline(one.effect, tied[1:], one.sum_of)),
         others=tuple(tied[1:]),
