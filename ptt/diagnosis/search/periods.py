@@ -22,8 +22,8 @@ from ptt.diagnosis.unknown.blocks import Period
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
-# Periods in the range of a joint: slower waves are curves, finer ones need too many rows
-FEWEST_PERIODS, MOST_PERIODS = 8.0, 300.0
+# Periods in the range of a joint: slower waves are curves; the finest are those of an encoder's scale, below 0.5 mm
+FEWEST_PERIODS, MOST_PERIODS = 8.0, 1000.0
 # Highest frequency in turns per reading: random poses tell them apart; of aliases the slowest counts
 TURNS_PER_ROW = 2.0
 ALIAS_NATS = 0.5  # nats by which a slower line may be behind its alias and still be taken
