@@ -2,16 +2,30 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from ptt.commands.main import run
+from ptt.door.evaluating import measured
+from ptt.door.model import Model, as_model
 from ptt.errors import TableError
-from ptt.judge.before_after import compare_pair
-from ptt.machine import load_machine
+from ptt.judge.aimed import aim, lent_in_words
+from ptt.judge.before_after import compare_pair, format_pair
+from ptt.machine import MachineFile, load_machine
+from ptt.mechanisms import build_mechanism
 from ptt.run.reading import read_table
+from ptt.run.table import Table
+from ptt.show.report.about_use import pair_section
+from ptt.show.report.blocks import Words
+from ptt.show.report.words import words_of
+
+ARM = Path(__file__).resolve().parents[1] / "data" / "arm" / "machine.toml"
+OFF = np.array([0.11, -0.07, 0.09, 0.13, -0.08, 0.1])  # mm; hundredths of that in rad
+TARGET = ("x_cmd", "y_cmd", "z_cmd")
 
 MACHINE = """[machine]
 kind = "three-ptt"
@@ -89,3 +103,84 @@ def test_a_run_without_targets_is_refused(folder: Path) -> None:
     blind = table.replace(target=np.full((20, 3), np.nan), command=np.full((20, 3), 290.0))
     with pytest.raises(TableError, match="no targets"):
         compare_pair(table, blind, file)
+
+
+def driven(file: MachineFile, path: Path, seed: int, told: np.ndarray, *, bare: bool = True) -> Table:
+    """A machine whose joints all stand a little off: commands as told, readings of where that is; repeats of each."""
+    random = np.random.default_rng(seed)
+    mechanism = build_mechanism(file.machine)
+    off = told - OFF[: told.shape[1]] * (1.0 if file.machine.kind == "three-ptt" else 1e-2)
+    place, reached = (mechanism.forward(torch.as_tensor(q)).numpy() for q in (told, off))
+    reading = reached + 1e-3 * random.normal(size=place.shape)
+    columns = {"name": [f"p{row}" for row in range(len(told))]} | (
+        {} if bare else dict(zip(TARGET, place.T, strict=True))
+    )
+    unit = "_cmd" if file.machine.kind == "three-ptt" else "_cmd_rad"
+    columns |= {f"{file.machine.letter}{i + 1}{unit}": told[:, i] for i in range(told.shape[1])}
+    columns |= dict(zip(("x_meas", "y_meas", "z_meas"), reading.T, strict=True))
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return read_table(path, file.machine.joints, joint_prefix=file.machine.letter)
+
+
+Log = tuple[Model, np.ndarray, np.ndarray]
+
+
+@pytest.fixture(params=["three-ptt", "arm"])
+def log(request: pytest.FixtureRequest, folder: Path) -> Log:
+    """A machine, its commands, and the same with the correction."""
+    random, arm = np.random.default_rng(6), request.param == "arm"
+    model = as_model(str(ARM if arm else folder / "machine.toml"), "")
+    sent = random.uniform(-1.2, 1.2, (40, 6)) if arm else 330.0 + random.uniform(-20.0, 20.0, (40, 3))
+    return model, sent, sent + OFF[: sent.shape[1]] * (1e-2 if arm else 1.0)
+
+
+def test_a_log_of_commands_alone_is_judged_against_where_the_run_before_was_told_to_go(
+    log: Log, tmp_path: Path
+) -> None:
+    """Where the corrected commands would put the drawing's tool is no target: it is off by the correction."""
+    model, sent, corrected = log
+    file = model.file
+    for bare in (True, False):
+        before = driven(file, tmp_path / "before.csv", 1, sent, bare=bare)
+        after = driven(file, tmp_path / "after.csv", 2, corrected)
+        told = measured(before, after, model)
+        assert told.to_dict()["total"]["reduction_percent"] > 90.0
+        assert told.to_dict()["protocol"]["targets_from_before"] == 40
+        assert told.notes == (lent_in_words(40),)
+        pair = compare_pair(before, after, file)
+        assert pair.to_dict()["reduction_percent"]["total"] > 90.0
+        assert pair.to_dict()["targets_from_before"] == 40 and lent_in_words(40) in format_pair(pair)
+        assert Words(f"{lent_in_words(40)}.") in pair_section(SimpleNamespace(pair=pair)).blocks
+        nameless = [table.replace(name=np.full(40, "", dtype=object)) for table in (before, after)]
+        assert measured(*nameless, model).to_dict()["total"]["reduction_percent"] > 90.0
+
+
+def test_a_log_of_the_commands_before_the_correction_lends_nothing(log: Log, tmp_path: Path) -> None:
+    model, sent, _ = log
+    file = model.file
+    before, after = (driven(file, tmp_path / f"{seed}.csv", seed, sent) for seed in (1, 2))
+    told = measured(before, after, model)
+    assert told.notes == () and abs(told.to_dict()["total"]["reduction_percent"]) < 5.0
+    assert compare_pair(before, after, file).lent == 0
+
+
+def test_another_pose_of_the_same_name_or_number_lends_no_target(log: Log, tmp_path: Path) -> None:
+    model, sent, corrected = log
+    file = model.file
+    before = driven(file, tmp_path / "before.csv", 1, sent)
+    after = driven(file, tmp_path / "after.csv", 2, np.roll(corrected, 1, axis=0))
+    for table in (after, after.replace(name=np.full(40, "", dtype=object))):
+        assert aim(before, table, file).lent == 0
+        with pytest.raises(TableError, match="no pose in common") as refused:
+            measured(before, table, model)
+        assert "--targets" in refused.value.fix
+        with pytest.raises(TableError, match="no targets to judge against"):
+            compare_pair(before, table, file)
+
+
+def test_what_is_told_of_lent_targets() -> None:
+    assert lent_in_words(0) == ""
+    assert lent_in_words(1).startswith("1 row of AFTER states no target and has other commands than BEFORE")
+    assert lent_in_words(2).startswith("2 rows of AFTER state no target and have other")
+    for rows in (1, 2):
+        assert "按之前的目标位置评判" in words_of("zh")(f"{lent_in_words(rows)}.")

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from test_commands_main import error_line, invoke
 from test_compensate import PLAY
 
@@ -117,6 +118,17 @@ def test_postures_of_an_arm_have_base_reflectors_between_them_too(tmp_path):
     np.testing.assert_array_equal(np.delete(mixed.q, 4, axis=0), plain.q)
     assert np.isnan(mixed.q[4]).all() and mixed.status[4] == "" and not mixed.sent[4]
     assert mixed.to_dict()["base_rows"] == 1 and mixed.plot().axes
+
+
+def test_commands_of_an_arm_have_the_place_that_they_are_to_reach(tmp_path):
+    """Read back, corrected commands alone would tell another target."""
+    drawing = DATA / "machines" / "ur10.toml"
+    joints = np.linspace(0.1, 0.5, 60).reshape(10, 6) + np.array([0.0, -1.5, 1.2, 0.0, 0.4, 0.0])
+    write_table(make_table(None, joints, joint_prefix="q"), tmp_path / "t.csv")
+    told = ptt.predict(drawing, tmp_path / "t.csv")
+    place = ptt.load(drawing).mechanism.forward(torch.as_tensor(joints)).numpy()
+    np.testing.assert_allclose(told.to_frame()[["x_cmd", "y_cmd", "z_cmd"]], place, atol=1e-6)
+    assert any(line.startswith("10 rows have joint commands and no x_cmd") for line in told.notes)
 
 
 @pytest.mark.parametrize("long", [False, True])

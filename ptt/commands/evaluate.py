@@ -78,7 +78,9 @@ def evaluate(
             run_rows(path, machine, how, asker(how), note) for path, how in ((run, reading), (after, second))
         )
         way: Policy | None = None if frame is None else frame.value
-        result = measured(before_rows, after_rows, machine, frame=way, z_datum=z_datum.value, goals=goals)
+        result = measured(
+            before_rows, after_rows, machine, frame=way, z_datum=z_datum.value, goals=goals, note=note
+        )  # fmt: skip
     elif model is None:
         raise InputError("one run and nothing to hold it against", fix="name AFTER.csv, or --model M")
     elif frame is not None:

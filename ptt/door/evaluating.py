@@ -19,6 +19,7 @@ from ptt.door.result import Note, NoteCollector, ignore_note
 from ptt.door.run import Rows, Run
 from ptt.door.words import as_run, read_for
 from ptt.errors import InputError
+from ptt.judge.aimed import lent_in_words
 from ptt.judge.alike import hints_on
 from ptt.judge.evaluate import evaluate_pair
 from ptt.judge.evaluation import GOALS, Evaluation, compare_errors
@@ -87,7 +88,7 @@ def evaluate(
         raise InputError(f"{USAGE}: got a run first and the model after it", fix="exchange them")
     machine_file = None if model is None else as_model(model, USAGE)
     before, after = (_rows_of(each, machine_file) for each in (first, second))
-    return measured(before, after, machine_file, frame=frame, z_datum=z_datum, goals=goals)
+    return measured(before, after, machine_file, frame=frame, z_datum=z_datum, goals=goals, note=note)
 
 
 def measured(
@@ -98,16 +99,19 @@ def measured(
     frame: Frame | None = None,
     z_datum: Datum = "absolute",
     goals: Mapping[str, float] | None = None,
+    note: Note = ignore_note,
 ) -> Evaluated:
     """Compare two runs as they were measured; arguments as `evaluate`."""
-    file = None if model is None else model.file
+    file, tell = None if model is None else model.file, NoteCollector(note)
     result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum)
     data = result.to_dict()
+    if lent := lent_in_words(data["protocol"]["targets_from_before"]):
+        tell(lent)
     said = [_few_matched(data), _interchanged(data), _frame_known_false(model, frame), *_gross(before, after, result)]
     said += [NO_SEAT] if file is None and "q" in (before.joint_prefix, after.joint_prefix) else []
     hints = hints_on(before, after, result, told=file is not None or frame is not None)
     warnings = (*(one for one in said if one), *hints)
-    return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None, warnings=warnings)
+    return Evaluated(replace(result, goals=goals or GOALS), {}, goals is not None, tuple(tell.lines), warnings)
 
 
 def computed(

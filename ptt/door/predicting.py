@@ -26,7 +26,7 @@ from ptt.fitting.kept import why_not_kept
 from ptt.progress import Progress, unwatched
 from ptt.run.table import Table
 from ptt.run.target_frame import RunFrame, target_frames
-from ptt.run.wanted import placed_rows, standing, with_places
+from ptt.run.wanted import placed, placed_rows, standing, with_places
 from ptt.run.written import text_parts
 
 if TYPE_CHECKING:
@@ -155,12 +155,13 @@ def predict(
     table = with_places(machine.file, rows.table)
     frames, asked = target_frames(machine.file, table), standing(table)
     require_context(machine.physics, asked)
-    note_places(placed_rows(rows.table, table), tell)
+    told = placed(machine.file, table)
+    note_places(placed_rows(rows.table, told), tell)
     note_frames(frames, tell)
     commands = without(_invert(machine, asked, reversal, limit_mm, progress), table.role == "base")
     network = machine.compensator.network is not None
     warnings = warnings_of(machine, asked, tally(table, commands))
-    return Predicted(commands, table, network, tuple(frames), limit_mm, tuple(tell.lines), warnings)
+    return Predicted(commands, told, network, tuple(frames), limit_mm, tuple(tell.lines), warnings)
 
 
 def require_options(reversal: str | None, limit_mm: float) -> None:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from ptt.errors import TableError
+from ptt.judge.aimed import MISSING, aim, lent_in_words
 from ptt.judge.compare.comparison import figures
-from ptt.judge.match import match_rows
+from ptt.judge.match import match_rows, targets_of
 from ptt.judge.run_errors import LEAST_ROWS, errors_of
 from ptt.machine import MachineFile
 from ptt.run.axes import AXES_TOTAL, rms_length
@@ -48,6 +49,7 @@ class BeforeAfter:
         shared: error lengths of readings at poses that both runs measured, pair by pair, (s, 2) mm.
         names: of those poses, with file and row, (s,).
         unmatched: number of rows of each run without a counterpart.
+        lent: rows of the second run that state no target and are judged against that of their counterpart.
     """
 
     before: Side
@@ -56,6 +58,7 @@ class BeforeAfter:
     shared: np.ndarray
     names: tuple[str, ...]
     unmatched: tuple[int, int]
+    lent: int = 0
 
     @property
     def gained(self) -> np.ndarray:
@@ -79,6 +82,7 @@ class BeforeAfter:
             "reduction_percent": fall,
             "shared_poses": len(self.shared),
             "unmatched": {"before": self.unmatched[0], "after": self.unmatched[1]},
+            "targets_from_before": self.lent,
             "nearer_share": float(np.mean(self.gained > 0.0)) if len(self.shared) else None,
             "worse": worse,
             "where": self.where(),
@@ -107,7 +111,8 @@ class BeforeAfter:
 def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
     """Compare two runs of one machine, whether or not they have the same poses.
 
-    Errors are against the targets, since a compensation changes the commands on purpose.
+    Errors are against the targets, since a compensation changes the commands on purpose. Where a row of `after` has
+    joint commands only, its target is that of its counterpart; without one it does not count.
 
     Args:
         before: the first run.
@@ -120,25 +125,27 @@ def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
     Raises:
         TableError: a run without targets or with too few readings.
     """
-    errors = [errors_of(table, file) for table in (before, after)]
+    aimed = aim(before, after, file)
+    before, after = runs = aimed.before, aimed.after
+    errors = [errors_of(table, file) for table in runs]
     found = [np.isfinite(each.aligned).all(axis=1) for each in errors]
-    for table, rows in zip((before, after), found, strict=True):
-        if not np.isfinite(table.target[rows]).all():
-            raise TableError("no targets to judge against", where=table.source, fix="give them with --targets T.csv")
     first, second, left = match_rows(before, after, *found)
-    sides = [
-        Side(table.source, table.target[rows], each.aligned[rows])
-        for table, rows, each in zip((before, after), found, errors, strict=True)
-    ]
-    if any(left.values()) and count_places(before.target[first]) >= LEAST_ROWS:
+    places = [targets_of(table, file) for table in runs]
+    found[1] &= aimed.told | np.isin(np.arange(after.rows), second)
+    if not found[1].any():
+        raise TableError("no targets to judge against", where=after.source, fix=MISSING)
+    one, two = (
+        Side(table.source, place[rows], each.aligned[rows])
+        for table, place, rows, each in zip(runs, places, found, errors, strict=True)
+    )
+    if any(left.values()) and count_places(places[0][first]) >= LEAST_ROWS:
         # Frames from the shared poses alone: poses of one run only would turn its frame.
-        pairs = zip((before, after), (first, second), strict=True)
+        pairs = zip(runs, (first, second), strict=True)
         errors = [errors_of(table, file, rows=np.isin(np.arange(table.rows), own)) for table, own in pairs]
     lengths = [np.linalg.norm(each.aligned[rows], axis=1) for each, rows in zip(errors, (first, second), strict=True)]
     names = tuple(f"{before.place(int(row))} {before.name[row]}".strip() for row in first)
-    return BeforeAfter(
-        sides[0], sides[1], errors[0].frame, np.column_stack(lengths), names, (len(left["before"]), len(left["after"]))
-    )
+    unmatched = len(left["before"]), len(left["after"])
+    return BeforeAfter(one, two, errors[0].frame, np.column_stack(lengths), names, unmatched, aimed.lent)
 
 
 def format_pair(pair: BeforeAfter) -> str:
@@ -158,6 +165,7 @@ def format_pair(pair: BeforeAfter) -> str:
         rows.append(f"{share} are nearer to their targets; {left}")
     else:
         rows.append("no pose was measured in both: totals and parts of the workspace are compared")
+    rows += [words] if (words := lent_in_words(pair.lent)) else []
     rows += [f"worse: {one['row']}, {one['before_um']:.1f} -> {one['after_um']:.1f} um" for one in data["worse"]]
     return "\n".join(rows)
 

@@ -6,6 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from ptt.errors import TableError, TooFewError
+from ptt.judge.aimed import MISSING, aim
 from ptt.judge.evaluation import Evaluation
 from ptt.judge.gross import gross_rows
 from ptt.judge.match import match_rows, targets_of
@@ -37,16 +38,18 @@ def evaluate_pair(
         rows: rows of `before` that count, (n,) bool; None for all. Frames are fitted to all matched rows.
 
     Returns:
-        The evaluation.
+        The evaluation; rows of `after` that state no target are judged against that of their counterpart.
 
     Raises:
         TableError: no pose in common, or a run that cannot be evaluated.
     """
-    runs = (before, after)
+    aimed = aim(before, after, file)
+    before, after = runs = aimed.before, aimed.after
     whole = [errors_of(table, file, frame) for table in runs]
     first, second, unmatched = match_rows(before, after, *map(_found, whole))
     if not len(first) or (rows is not None and not rows[first].any()):
         fix = "run both on the same targets, or name the points alike"
+        fix += "" if aimed.told.any() else "; AFTER states no targets: " + MISSING
         raise TableError(f"no pose in common with {before.source}", where=after.source, fix=fix)
     wanted = targets_of(before, file)
     _require_poses(before, after, count_places(wanted[first]), frame or (file.tracker.frame if file else "fitted"))
@@ -71,6 +74,7 @@ def evaluate_pair(
         "held_out": None,
         "before": before.source,
         "after": after.source,
+        "targets_from_before": aimed.lent,
     }
     aligned = _pair([errors.aligned for errors in counted], runs, matched, z_datum)
     raw = _pair([errors.raw for errors in counted], runs, matched, z_datum)

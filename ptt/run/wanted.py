@@ -26,7 +26,12 @@ def with_places(file: MachineFile, table: Table) -> Table:
     Raises:
         WorkspaceError: commands at which the mechanism cannot be assembled, by line.
     """
-    if file.machine.kind != "three-ptt" or table.command is None:
+    return table if file.machine.kind != "three-ptt" else placed(file, table)
+
+
+def placed(file: MachineFile, table: Table) -> Table:
+    """As `with_places`, of arms too: where the drawing puts the tool."""
+    if table.command is None:
         return table
     rows = np.isfinite(table.command).all(axis=1) & ~np.isfinite(table.target).all(axis=1)
     if not rows.any():

@@ -1,5 +1,6 @@
 """Sections of the report on errors before and after compensation, and on the figures of ISO 9283."""
 
+from ptt.judge.aimed import lent_in_words
 from ptt.judge.iso.pose_figures import named_figures
 from ptt.run.axes import AXES_TOTAL
 from ptt.show.report.blocks import Block, Picture, Section, Words, grid
@@ -33,6 +34,7 @@ def pair_section(contents: Contents) -> Section:
     else:
         words = "No pose was measured in both: totals and parts of the workspace are compared."
     blocks.append(Words(words))
+    blocks += [Words(f"{lent}.")] if (lent := lent_in_words(contents.pair.lent)) else []
     if data["worse"]:
         worse = [(one["row"], um(one["before_um"]), um(one["after_um"])) for one in data["worse"]]
         blocks.append(grid("Poses that got worse the most, um", ("row", "before", "after"), worse))

@@ -11,6 +11,7 @@ from nicegui import ui
 
 from ptt.errors import PttError
 from ptt.files import write_text
+from ptt.judge.aimed import lent_in_words
 from ptt.run.axes import AXES_TOTAL
 from ptt.show.card.words import length, parameter_in_words, percent, pretty, together
 from ptt.show.studio.controller import Studio
@@ -143,6 +144,8 @@ def _show_pair(pair: Mapping[str, Any]) -> None:
         if pair["shared_poses"]:
             share = f"{percent(pair['nearer_share'])} of {pair['shared_poses']} readings at poses measured in both"
             told += f" {share} are nearer to their targets."
+        if lent := lent_in_words(pair["targets_from_before"]):
+            told += f" {lent}."
         note(told)
         with ui.element("div").style("display: flex; flex-wrap: wrap; gap: 8px; width: 100%"):
             for when, run in zip(WHEN, pair["runs"], strict=True):

@@ -1,0 +1,122 @@
+"""Targets of a run that has joint commands only, where it is compared with a run before it.
+
+Commands of a compensated run differ from those before it on purpose. Where they would put the drawing's tool is no
+target: it is off by the correction, and judged against it no compensation does any good.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ptt.machine import MachineFile
+from ptt.run.same_pose import SAME_POSE
+from ptt.run.table import Table
+from ptt.run.target_frame import in_base, target_frames
+from ptt.run.wanted import placed
+
+NEAR_MM = 20.0  # corrections move the tool by far less, poses of other programs are mostly farther apart
+MISSING = "give them with --targets T.csv, or name the points as BEFORE does"
+
+
+@dataclass(frozen=True, eq=False)
+class Aimed:
+    """Two runs, the second with targets wherever the first or its own commands tell them.
+
+    Attributes:
+        before: n rows.
+        after: m rows.
+        told: rows of `after` whose target is stated or that of their counterpart, (m,) bool.
+        lent: how many have the target of their counterpart and other commands.
+    """
+
+    before: Table
+    after: Table
+    told: np.ndarray
+    lent: int = 0
+
+
+def aim(before: Table, after: Table, file: MachineFile | None) -> Aimed:
+    """Give the rows of the later run that state no target that of their counterpart in the run before.
+
+    Args:
+        before: n rows.
+        after: m rows, as compensated.
+        file: the machine; None: both runs stay as they are.
+
+    Returns:
+        Both runs; a row without counterpart has the place where the drawing puts the tool for its target.
+
+    Raises:
+        WorkspaceError: commands at which the mechanism cannot be assembled, by line.
+    """
+    told = np.isfinite(after.target).all(axis=1)
+    if file is None or told[after.role != "base"].all():
+        return Aimed(before, after, told)
+    given, own = placed(file, before), placed(file, after)
+    first, second = _counterparts(given, own, _drawn(file, before), _drawn(file, after))
+    first, second = first[~told[second]], second[~told[second]]
+    target, told = own.target.copy(), told.copy()
+    moved = np.linalg.norm(target[second] - given.target[first], axis=1) > SAME_POSE
+    target[second], told[second] = given.target[first], True
+    return Aimed(given, after.replace(target=target), told, int(moved.sum()))
+
+
+def lent_in_words(rows: int) -> str:
+    """What is told of rows that are judged against the targets of the run before; '' of none."""
+    if not rows:
+        return ""
+    count = "1 row of AFTER states no target and has" if rows == 1 else f"{rows} rows of AFTER state no target and have"
+    return f"{count} other commands than BEFORE: judged against where BEFORE was told to go"
+
+
+def _drawn(file: MachineFile, table: Table) -> np.ndarray:
+    """Where the drawing puts the tool at each row, in the base frame, (n, 3) mm; its target where it has no command."""
+    bare = table if table.command is None else table.replace(target=np.full_like(table.target, np.nan))
+    place, target = placed(file, bare).target, in_base(table, target_frames(file, table)).target
+    return np.where(np.isfinite(place), place, target)
+
+
+def _counterparts(
+    before: Table, after: Table, place: np.ndarray, later: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Rows of both runs that are the same pose, by name, else in order.
+
+    Args:
+        before: n rows.
+        after: m rows.
+        place: where the commands of `before` put the tool, (n, 3) mm.
+        later: the same of `after`, (m, 3) mm.
+    """
+    rows = [_read(table) for table in (before, after)]
+    names = set(before.name[rows[0]]) & set(after.name[rows[1]]) - {""}
+    first, second = _by_name(before, after, *rows) if names else rows
+    if len(first) != len(second) or not len(first):
+        return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+    near = np.linalg.norm(later[second] - place[first], axis=1) <= NEAR_MM
+    alike = np.mean(near) > 0.5 if names else near.all()  # in order, a missing row would shift all the rest
+    return first[near & alike], second[near & alike]
+
+
+def _read(table: Table) -> np.ndarray:
+    """Indices of the rows that have a target and a reading."""
+    known = np.isfinite(table.target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
+    return np.flatnonzero(known & (table.role != "base"))
+
+
+def _by_name(before: Table, after: Table, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of equal names, repeats by their order; of the rows `first` and `second`."""
+    row_of = dict(_numbered(after, second))
+    pairs = [(row, row_of[key]) for key, row in _numbered(before, first) if key in row_of]
+    return np.array([row for row, _ in pairs], dtype=int), np.array([row for _, row in pairs], dtype=int)
+
+
+def _numbered(table: Table, rows: np.ndarray) -> Iterator[tuple[tuple[str, int], int]]:
+    """((name, occurrence), row) of each row that has a name."""
+    seen: Counter[str] = Counter()
+    for row in rows.tolist():
+        name = str(table.name[row])
+        if name:
+            yield (name, seen[name]), row
+            seen[name] += 1
