@@ -190,6 +190,20 @@ def test_a_run_that_stands_twice_in_its_file_is_said_to_count_once_and_does(tmp_
     assert build_problem(file, both).used.sum() == 15
 
 
+def test_a_run_that_stands_twice_in_its_file_counts_once_when_it_was_sorted_by_time(tmp_path) -> None:
+    """Copies stand side by side then, where equal readings may be repeats; their lines of the file tell them."""
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / "sealed_one" / "machine.toml")
+    place = np.random.default_rng(1).uniform(-40.0, 40.0, (15, 3))
+    clock = np.arange(15) * 10.0
+    write_table(make_table(place, measured=place + 0.1 * place[:, ::-1] / 40.0, time_s=clock), tmp_path / "run.csv")
+    title, *lines = (tmp_path / "run.csv").read_text().splitlines()
+    (tmp_path / "run.csv").write_text("\n".join([title, *lines, *lines]) + "\n")
+    for order in ("time", "rows"):
+        table = read_table(tmp_path / "run.csv", set_values={"order": order})
+        assert any("count once" in line for line in table.understood.lines)
+        assert build_problem(file, table).used.sum() == 15
+
+
 def test_before_and_after_are_matched_across_the_edge_of_a_cell() -> None:
     random = np.random.default_rng(2)
     place = np.round(random.uniform(-50, 50, (40, 3)), 3) + 5e-4  # on edges between cells of a micrometre
