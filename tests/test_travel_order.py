@@ -10,9 +10,15 @@ from typer.testing import CliRunner
 
 from ptt.commands.main import app
 from ptt.errors import TableError
+from ptt.machine import load_machine
 from ptt.run.reading import read_table
+from ptt.run.restarts import restarts
+from ptt.run.table import Table
+from ptt.setup.order import find_disorder
+from ptt.setup.setup import Setup
 
 DATA = Path(__file__).resolve().parents[1] / "data"
+MACHINE = load_machine(DATA / "sealed_one" / "machine.toml")
 PLACES = np.random.default_rng(0).uniform(-50, 50, (8, 3)).round(3)
 
 
@@ -110,6 +116,68 @@ def test_rows_without_a_time_stay_where_they_were(tmp_path: Path) -> None:
     with pytest.raises(TableError, match="time goes back"):
         read_table(path)
     assert "".join(read_table(path, set_values={"order": "time"}).name) == "adebc"
+
+
+def sessions(folder: Path, clocks: list[np.ndarray], places: list[np.ndarray]) -> Path:
+    """Sessions of one machine, one behind another."""
+    frame = pd.DataFrame(np.concatenate(places), columns=["x_cmd", "y_cmd", "z_cmd"])
+    for axis in "xyz":
+        frame[f"{axis}_meas"] = frame[f"{axis}_cmd"] + 0.1
+    frame.assign(time_s=np.concatenate(clocks)).to_csv(folder / "run.csv", index=False)
+    return folder / "run.csv"
+
+
+WALK = np.random.default_rng(1).uniform(-50, 50, (60, 3)).round(3)
+
+
+@pytest.mark.parametrize("other", [10.0, 10.7])
+def test_two_sessions_with_clocks_of_their_own_are_not_sorted_into_one(other: float, tmp_path: Path) -> None:
+    """Sorted by time their rows alternate, and the cures that keep them apart are named first."""
+    path = sessions(tmp_path, [np.arange(20) * 10.0, np.arange(25) * other], [WALK[:20], WALK[20:45]])
+    with pytest.raises(TableError, match="time goes back") as told:
+        read_table(path)
+    fix = told.value.fix
+    assert "starts anew at row 22," in told.value.what and fix.index("column 'run'") < fix.index(
+        "order=rows"
+    ) < fix.index("order=t")
+    (warning,) = [line for line in read_table(path, set_values={"order": "time"}).understood.lines if "warning" in line]
+    assert "starts anew at row 22, and rows of different sessions alternate" in warning and "'run'" in warning
+    (found,), cured = find_disorder(Setup(MACHINE, read_table(path, judge_order=False)))
+    assert not found.sure and "row 22" in found.words and "column 'run'" in found.fix
+    three = sessions(tmp_path, [np.arange(20) * each for each in (10.0, other, 9.0)], np.split(WALK, 3))
+    (found,), cured = find_disorder(Setup(MACHINE, read_table(three, judge_order=False)))
+    assert not found.sure and "rows 22, 42" in found.words
+    assert np.array_equal(cured.table.line, np.arange(2, 62))
+
+
+def test_rows_of_two_sessions_that_were_shuffled_are_said_to_be_at_two_places_at_once(tmp_path: Path) -> None:
+    mixed = np.random.default_rng(2).permutation(40)
+    clock = np.tile(np.arange(20) * 10.0, 2)[mixed]
+    table = read_table(sessions(tmp_path, [clock], [WALK[:40][mixed]]), set_values={"order": "time"})
+    assert any("20 rows have the time of the row before them and are elsewhere" in line for line in said(table))
+    alone = np.random.default_rng(2).permutation(20)  # one session, and one whose clock shows whole minutes
+    table = read_table(sessions(tmp_path, [10.0 * alone], [WALK[:20][alone]]), set_values={"order": "time"})
+    assert said(table) == []
+    minutes = np.repeat(np.arange(8) * 60.0, 5)[[*range(20), 25, *range(20, 25), *range(26, 40)]]
+    assert said(read_table(sessions(tmp_path, [minutes], [WALK[:40]]), set_values={"order": "time"})) == []
+
+
+def said(table: Table) -> list[str]:
+    return [line for line in table.understood.lines if line.startswith("warning")]
+
+
+def test_a_run_that_stands_twice_in_its_file_is_no_two_sessions(tmp_path: Path) -> None:
+    path = sessions(tmp_path, [np.arange(20) * 10.0] * 2, [WALK[:20]] * 2)
+    (warning,) = said(read_table(path, set_values={"order": "time"}))
+    assert "all rows come again" in warning
+
+
+def test_a_clock_starts_anew_near_the_start_of_the_rows_before() -> None:
+    clock = np.arange(10) * 10.0
+    assert restarts(np.concatenate([clock, clock + 5.0])).tolist() == [10]
+    assert restarts(np.concatenate([clock[:4], [np.nan], clock])).tolist() == [5]
+    for other in (clock, np.concatenate([clock + 1e4, clock]), np.concatenate([clock, clock + 50.0]), clock[::-1]):
+        assert restarts(other).tolist() == []  # never, back to an earlier session, halfway, backwards
 
 
 def test_an_order_that_is_none_is_refused(tmp_path: Path) -> None:

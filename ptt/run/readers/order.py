@@ -7,9 +7,15 @@ import numpy as np
 from ptt.errors import TableError, shown
 from ptt.run.readers.export import Export
 from ptt.run.readers.required import title_of
+from ptt.run.restarts import restarts
 
 AS_ROWS, BY_TIME = "rows", "time"
 ORDERS = (AS_ROWS, BY_TIME)
+SORTED = "--set order=time sorts each run by its clock"
+KEPT = "--set order=rows keeps the rows as they stand"
+FAR = 0.02  # share of the size of the workspace: rows that are farther apart are at different poses
+AT_ONCE = 0.01  # of the usual time from row to row: within that, no machine goes from pose to pose
+MIXED = 0.1  # share of the rows from which sessions are told to be mixed
 
 
 class OrderError(TableError):
@@ -48,12 +54,12 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
         return export, ["time goes back; the rows are taken to be in travel order, as --set order=rows says"]
     if not refuse:
         return export, ["time goes back; the rows are used in their present order"]
+    what, fix = _told(export, time, run)
     raise OrderError(
         f"time goes back{_of_run(export, late[1])} (from {time[late[0]]:.12g} to {time[late[1]]:.12g} s, after row "
-        f"{export.line[late[0]]}), so the rows may not be in travel order",
+        f"{export.line[late[0]]}){what}",
         where=f"{export.source} row {export.line[late[1]]}, column {title_of(export, 'time')}",
-        fix="--set order=time sorts each run by its clock, --set order=rows keeps the rows as they stand; where the "
-        "clock was restarted, number the runs in a column 'run'",
+        fix=fix,
     )
 
 
@@ -81,6 +87,32 @@ def _first_that_goes_back(time: np.ndarray, run: np.ndarray) -> tuple[int, int] 
     return min(found, key=lambda pair: pair[1], default=None)
 
 
+def _told(export: Export, time: np.ndarray, run: np.ndarray) -> tuple[str, str]:
+    """What time that goes back looks like, and what to do about it, the likelier cure first."""
+    anew = _anew(time, run)
+    if not len(anew):
+        cures = f"{SORTED}, {KEPT}; where the clock was restarted, number the runs in a column 'run'"
+        return ", so the rows may not be in travel order", cures
+    looks = f": the clock starts anew at {_rows_in_words(export, anew)}, as where sessions are put one behind another"
+    return looks, f"number the sessions in a column 'run', or {KEPT}; {SORTED}, which would mix them"
+
+
+def _anew(time: np.ndarray, run: np.ndarray) -> np.ndarray:
+    """Rows of all runs at which the clock starts anew, (m,) int; none where a run goes back in another way."""
+    found = []
+    for code in np.unique(run):
+        rows = np.flatnonzero(run == code)
+        own = restarts(time[rows])
+        if not len(own) and _first_that_goes_back(time[rows], run[rows]) is not None:
+            return np.zeros(0, dtype=int)
+        found.append(rows[own])
+    return np.sort(np.concatenate(found))
+
+
+def _rows_in_words(export: Export, rows: np.ndarray) -> str:
+    return f"row{'s' if len(rows) > 1 else ''} {', '.join(str(line) for line in export.line[rows])}"
+
+
 def _sorted_by_time(export: Export, time: np.ndarray, run: np.ndarray) -> tuple[Export, list[str]]:
     """Each run sorted in the places that it has in the file; rows without a time stay behind the row before them."""
     order = np.arange(export.n)
@@ -93,7 +125,41 @@ def _sorted_by_time(export: Export, time: np.ndarray, run: np.ndarray) -> tuple[
     columns = {name: values[order] for name, values in export.columns.items()}
     extra = {title: values[order] for title, values in export.extra.items()}
     sorted_ = replace(export, columns=columns, extra=extra, line=export.line[order])
-    return sorted_, [f"rows sorted by time within each run: {moved} of {export.n} moved"]
+    said = [f"rows sorted by time within each run: {moved} of {export.n} moved"]
+    return sorted_, said + _mixed(export, time, run, order)
+
+
+def _mixed(export: Export, time: np.ndarray, run: np.ndarray, order: np.ndarray) -> list[str]:
+    """A warning where rows of different sessions now stand between each other.
+
+    Args:
+        export: as the file has it, n rows.
+        time: (n,) s.
+        run: (n,) int.
+        order: the rows as sorted, (n,) int.
+    """
+    anew, moves = _anew(time, run), _moves(export, order) & (np.diff(run[order]) == 0)
+    cure = "if sessions stand in it one behind another, number them in a column 'run', or give --set order=rows"
+    session, steps = np.cumsum(np.isin(np.arange(export.n), anew))[order], np.diff(time[order])
+    own = np.append(True, moves | (steps != 0.0))  # without copies, which stand side by side now
+    if (np.diff(session[own]) != 0).sum() > len(anew) + MIXED * export.n:
+        rows = _rows_in_words(export, anew)
+        return [f"warning: the clock starts anew at {rows}, and rows of different sessions alternate now; {cure}"]
+    moment = AT_ONCE * float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    at_once = int((moves & (steps <= moment)).sum())
+    as_filed = _moves(export, np.arange(export.n)) & (np.diff(run) == 0) & (np.abs(np.diff(time)) <= moment)
+    if at_once - as_filed.sum() <= MIXED * export.n:  # a clock of whole minutes shows one time at several poses
+        return []
+    said = f"{at_once} rows have the time of the row before them and are elsewhere, which no machine can"
+    return [f"warning: sorted by time, {said}; {cure}"]
+
+
+def _moves(export: Export, order: np.ndarray) -> np.ndarray:
+    """Whether the tool is elsewhere than at the row before, of the second row on, (n - 1,) bool."""
+    place = np.column_stack([export.columns.get(f"{axis}_meas", np.full(export.n, np.nan)) for axis in "xyz"])[order]
+    known = np.isfinite(place).all(axis=1)
+    reach = float(np.linalg.norm(np.ptp(place[known], axis=0))) if known.any() else 0.0
+    return np.asarray(np.linalg.norm(np.diff(place, axis=0), axis=1) > FAR * reach)
 
 
 def _of_run(export: Export, row: int) -> str:
