@@ -1,12 +1,13 @@
 """Set-up mistakes of serial arms, on arms whose truth comes from the virtual machine."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ptt.machine import MachineFile, load_machine, parse_machine
+from ptt.machine import MachineFile, SerialSpec, load_machine, parse_machine
 from ptt.rig.draw_arm import draw_arm
 from ptt.run.table import Table, make_table, take_rows
 from ptt.setup import check_setup
@@ -71,6 +72,60 @@ def test_mistakes_of_an_arm_are_named_and_cured(title: str, name: str) -> None:
     assert found.findings[0].after_um < 100.0
     assert found.table is not None
     assert check_setup(found.file, found.table).ok
+
+
+def drawn_in(file: MachineFile, factor: float, *, tool: bool = True) -> MachineFile:
+    """The machine file as someone writes it who has its lengths in a unit of so many mm."""
+    spec = file.machine
+    assert isinstance(spec, SerialSpec)
+    joints = tuple(
+        each.model_copy(update={"a_mm": each.a_mm / factor, "d_mm": each.d_mm / factor}) for each in spec.joint
+    )
+    own = tuple(value / factor for value in spec.tool_mm) if tool else spec.tool_mm
+    return replace(file, machine=spec.model_copy(update={"joint": joints, "tool_mm": own}))
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "change"),
+    [
+        ("metres", 1e3, None),
+        ("inches", 25.4, None),
+        ("centimetres", 10.0, None),  # an arm that size may be built: the lengths alone explain the readings
+        ("metres", 1e3, "two joints interchanged"),
+        ("inches", 25.4, "two joints interchanged"),
+    ],
+)
+def test_a_machine_file_in_another_unit_is_no_run_in_micrometres(unit: str, factor: float, change: str | None) -> None:
+    """The readings are those of an arm, and the drawing is not."""
+    file, table = arm("kuka_iiwa")
+    found = check_setup(drawn_in(file, factor), CASES[change][0](table) if change else table)
+    assert [item.mistake for item in found.findings] == ["unit-scale", *(["joint-order"] if change else [])], str(found)
+    assert all(item.sure and f"lengths taken as {unit}" in item.words for item in found.findings)
+    assert found.findings[0].fix.startswith("write d_mm = ")
+    assert isinstance(found.file.machine, SerialSpec) and isinstance(file.machine, SerialSpec)
+    for one, other in zip(found.file.machine.joint, file.machine.joint, strict=True):
+        assert (one.a_mm, one.d_mm) == pytest.approx((other.a_mm, other.d_mm), abs=1e-6)
+    assert found.table is not None
+    np.testing.assert_array_equal(found.table.measured, table.measured)
+
+
+def test_a_tool_that_is_longer_than_all_links_is_in_mm_already() -> None:
+    file, table = arm("kuka_iiwa")
+    assert isinstance(file.machine, SerialSpec)
+    long = replace(file, machine=file.machine.model_copy(update={"tool_mm": (30.0, 0.0, 80.0)}))
+    (found,) = check_setup(drawn_in(long, 1e3, tool=False), table).findings
+    assert found.mistake == "unit-scale" and "lengths taken as metres" in found.words
+
+
+def test_links_of_no_arm_are_remarked_on_without_a_run() -> None:
+    file, _ = arm("kuka_iiwa")
+    assert describe_machine(file).remarks == () and "remark" not in str(describe_machine(file))
+    said = describe_machine(drawn_in(file, 1e3))
+    (remark,) = said.remarks
+    assert "mm long together, as of no arm" in remark and "mm if in metres" in remark and "inches" not in remark
+    assert str(said).endswith(f"remark: {remark}")
+    (remark,) = describe_machine(drawn_in(file, 1e-3)).remarks
+    assert "mm if in micrometres" in remark
 
 
 @pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])

@@ -13,6 +13,7 @@ import numpy as np
 from ptt.machine import SerialSpec
 from ptt.mechanisms.serial import Serial
 from ptt.setup.arm_fit import arm_spec, judge_arm, linear, linear_many, pose_many
+from ptt.setup.arm_lengths import is_no_arm, other_lengths
 from ptt.setup.candidates import UNITS, is_near, mirrors, units
 from ptt.setup.judged import undo_all
 from ptt.setup.proof import FALL
@@ -45,14 +46,11 @@ def find_arm(setup: Setup) -> tuple[list[Finding], Setup]:
     rows = choose_rows(setup)
     if len(rows) < LEAST_ROWS:
         return [], setup
-    before = judge_arm(setup, rows)
-    reach = Serial.from_spec(arm_spec(setup)).reach_mm
+    before, reach = judge_arm(setup, rows), Serial.from_spec(arm_spec(setup)).reach_mm
     if before < BROKEN * reach:
         return [], setup
-    judged = _tried(setup, rows, _leaders(setup, rows))
-    if not _is_proof(judged, before, reach):
-        judged = _tried(setup, rows, _slips_from(setup, rows))
-    if not _is_proof(judged, before, reach):
+    judged = next(filter(None, (_explained(*each, rows, before) for each in _starts(setup, rows, before))), None)
+    if judged is None:
         return [], setup
     after, steps, cured = judged[0]
     ties = [" and ".join(step.undone for step in other[1]) for other in judged[1:] if other[0] < TIE * after]
@@ -94,6 +92,33 @@ def unexplained_arm(setup: Setup) -> list[str]:
     return [f"the readings differ from the commands by {1e3 * left:,.0f} um, beyond ordinary link errors: {why}"]
 
 
+def _starts(setup: Setup, rows: np.ndarray, before: float) -> list[tuple[list[Hypothesis], Setup]]:
+    """What is undone before further mistakes are sought: the unit of lengths of no arm, or one that alone is proof."""
+    units = other_lengths(setup, rows)
+    if not is_no_arm(arm_spec(setup)):
+        units = [(left, item) for left, item in units if _falls(left, before, item.undo(setup))][:1]
+    return [([item], item.undo(setup)) for _, item in units] or [([], setup)]
+
+
+def _explained(
+    first: list[Hypothesis], start: Setup, rows: np.ndarray, before: float
+) -> list[Judged] | None:  # fmt: skip
+    """What was undone first and what else explains an arm's readings, the best first; None where nothing does."""
+    left = judge_arm(start, rows) if first else before
+    if first and _falls(left, before, start):
+        return [(left, first, start)]
+    for sought in (_leaders, _slips_from):
+        judged = _tried(start, rows, sought(start, rows))
+        if judged and judged[0][1] and _falls(judged[0][0], left, start):
+            return [(after, [*first, *steps], cured) for after, steps, cured in judged]
+    return None
+
+
+def _falls(after: float, before: float, setup: Setup) -> bool:
+    """Whether a correction reduces the error enough to prove a mistake, mm."""
+    return after <= min(before / FALL, BROKEN * Serial.from_spec(arm_spec(setup)).reach_mm)
+
+
 def _tried(setup: Setup, rows: np.ndarray, hypotheses: list[Hypothesis]) -> list[Judged]:
     """Each hypothesis alone and with axes and units of the readings corrected, judged by exact fits, best first."""
     judged = []
@@ -103,11 +128,6 @@ def _tried(setup: Setup, rows: np.ndarray, hypotheses: list[Hypothesis]) -> list
             cured = undo_all(steps, setup)
             judged.append((judge_arm(cured, rows), [step for step in steps if step.undone], cured))
     return sorted(judged, key=lambda item: np.log(item[0] + LEAST_MM) + sum(step.cost + 0.1 for step in item[1]))
-
-
-def _is_proof(judged: list[Judged], before: float, reach: float) -> bool:
-    """Whether the best hypothesis is a mistake whose correction reduces the error enough."""
-    return bool(judged and judged[0][1]) and judged[0][0] <= min(before / FALL, BROKEN * reach)
 
 
 def choose_rows(setup: Setup) -> np.ndarray:

@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from ptt.machine import MachineFile, ThreePttSpec
+from ptt.machine import MachineFile, SerialSpec, ThreePttSpec
 from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.dexterity import NEAR_RATIO, singularities
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_reach import reach_within_limits
 from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.setup.arm_lengths import remarks_on
 
 DIRECTIONS = 72  # every 5 degrees
 STEPS = 200  # of the search for the reach: 0.5 % of a link sideways, 1 % in z
@@ -58,7 +59,8 @@ class MachineSaid:
             sideways, low, high = self.reach_mm
             reach = f"at most {sideways:.0f} mm from the base's z axis; z from {low:.0f} to {high:.0f} mm"
             limits = "within the limits" if np.isfinite(self.travel_mm).all() else "a joint without limits turns once"
-            return f"{self.name}: {len(self.home_mm)} joints\nreach: {reach} ({limits})"
+            lines = [f"{self.name}: {len(self.home_mm)} joints", f"reach: {reach} ({limits})"]
+            return "\n".join([*lines, *(f"remark: {remark}" for remark in self.remarks)])
         home = ", ".join(f"b{leg + 1} = {value:.3f}" for leg, value in enumerate(self.home_mm))
         ends = ", ".join(f"{low:g} to {high:g}" for low, high in dict.fromkeys(map(tuple, self.travel_mm.T.tolist())))
         sideways, low, high = self.reach_mm
@@ -92,7 +94,9 @@ def describe_machine(file: MachineFile) -> MachineSaid:
     if not isinstance(mechanism, ThreePtt) or not isinstance(file.machine, ThreePttSpec):
         assert isinstance(mechanism, Serial)
         home, ends = mechanism.home().numpy(), mechanism.limits().numpy()
-        return MachineSaid("serial", file.machine.name, home, ends, reach_within_limits(mechanism))
+        assert isinstance(file.machine, SerialSpec)
+        reach, remarks = reach_within_limits(mechanism), remarks_on(file.machine)
+        return MachineSaid("serial", file.machine.name, home, ends, reach, remarks)
     home, ends = mechanism.home().numpy(), mechanism.limits().numpy()
     return MachineSaid(
         "three-ptt", file.machine.name, home, ends, reach_of(mechanism), tuple(_remarks(file.machine, home, ends))
