@@ -54,3 +54,18 @@ def test_a_score_is_what_the_rows_pull_with_and_not_what_a_curve_is_defined_with
     pull = (squares(2, place, usual) - squares(2, place, -usual)) / -4.0 / wider
     assert said.score[index] == pytest.approx(pull, rel=1e-3)
     assert abs(said.values[index] / usual) > 5e-3 * pull  # so much would be off if what holds it were counted
+
+
+def test_the_error_of_a_value_that_is_measured_in_combinations_only_is_that_of_the_value_itself() -> None:
+    """The frame takes up what three offsets have in common: a third of each may be as large as is usual."""
+    random, mechanism = np.random.default_rng(5), build_mechanism(MACHINE.machine)
+    file = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"frame": "fitted", "sigma_mm": 1e-3}))
+    targets = random.uniform(-60.0, 60.0, (60, 3))
+    command = mechanism.inverse(torch.as_tensor(targets)).numpy()
+    problem = build_problem(file, make_table(targets, command, measured=targets + random.normal(0.0, 1e-3, (60, 3))))
+    model = Model(file)
+    for name in ("homing-offset", "lead-scale"):
+        model = model + library()[name]()
+    said = told_by(fit(model, problem, robust=False))
+    offsets = np.array(["homing-offset" in name for name in said.names])
+    np.testing.assert_allclose(said.std[offsets] / said.usual[offsets], np.sqrt(1.0 / 3.0), rtol=0.02)

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from ptt.fleet.alarms import Names, alarm_of_movement, amount, unlike
-from ptt.fleet.overview import Standing, _series
+from ptt.fleet.overview import Standing, _beside_sisters, _series
 from ptt.fleet.past import Past, alarms_of_changes, alarms_of_runs
 from ptt.fleet.trends import Moves, Series, movements
 from ptt.fleet.words import machine_in_words
@@ -225,10 +225,39 @@ def test_what_the_last_run_shows_otherwise_is_an_alarm_before_it_is_a_trend():
 
 def test_a_value_that_no_run_tells_is_shown_as_none():
     names = Names(("a x 1", "a x 2"), ("x of joint 1", "x of joint 2"), ("rad", "rad"), np.full(2, 1e-4))
-    moves = Moves((), np.array([[1.0, -2e3], [1.1, 3e3]]), np.array([[0.1, 5e3], [0.1, np.inf]]), np.zeros((2, 2)), 1.0)
+    values, std = np.array([[1.0, np.nan], [1.1, np.nan]]), np.array([[0.1, np.inf], [0.1, np.inf]])
+    unseen = np.array([[0.0, np.nan], [0.0, 0.99]])
+    moves = Moves((), values, std, unseen, np.zeros((2, 2)), 1.0)
     text = machine_in_words(Standing("arm", "", (past(1, "same"), past(2, "same")), (), names, np.arange(2.0), moves))
     told, untold = (line.split() for line in text.splitlines() if line.startswith("x of joint"))
-    assert told[4:6] == ["100", "+-"] and untold[4:] == ["-", "-"]
+    assert told[4:6] == ["100", "+-"] and untold[4:] == ["-", "not", "measured"]
+
+
+def test_a_value_of_which_a_run_sees_next_to_nothing_is_not_told_as_measured():
+    """Two values that are seen only together, one of them in a hundredth of their common direction, and one alone."""
+    way = np.array([np.sqrt(0.99), 0.1, 0.0])
+    information = 1e8 * np.outer(way, way) + np.diag([0.0, 0.0, 1e8])
+    found = movements(Series(tuple("abc"), np.zeros(1), information[None], 0.5 * information.sum(axis=1)[None]))
+    np.testing.assert_allclose(found.unseen[0], [0.01, 0.99, 0.0], atol=1e-9)
+    assert np.isfinite(found.values[0]).tolist() == [True, False, True]
+    np.testing.assert_allclose(found.marginal_std[0, [0, 2]], [0.1, 1e-4], rtol=1e-3)
+
+
+def test_what_is_seen_of_a_value_in_combinations_is_told_with_the_error_of_the_value_itself():
+    """Three sliders whose common height the frame takes up: a third of each is not seen, and may be as is usual."""
+    known = series(np.random.default_rng(3), runs=1)
+    found = movements(known)
+    np.testing.assert_allclose(found.unseen[0, :3], 1.0 / 3.0, atol=0.01)
+    assert (found.std[0, :3] < 0.01).all() and (np.abs(found.marginal_std[0, :3] - np.sqrt(1.0 / 3.0)) < 0.01).all()
+
+
+@pytest.mark.parametrize(("unseen", "compared"), [(1.0 / 3.0, True), (0.9, False)])
+def test_what_is_mostly_unseen_of_a_value_is_not_compared_with_sisters(unseen: float, compared: bool):
+    names, one = Names(("a x 1",), ("x of joint 1",), ("rad",), np.full(1, 1e-4)), np.ones((1, 1))
+    values = (0.1, 0.11, 0.09, 0.1, 0.12, 0.08, 0.1, 5.0)
+    moves = [Moves((), value * one, 1e-3 * one, unseen * one, 0.0 * one, 1.0) for value in values]
+    some = [Standing(f"arm {n}", "", (), (), names, np.zeros(1), each) for n, each in enumerate(moves)]
+    assert [bool(each.alarms) for each in _beside_sisters(some)] == [*[False] * 7, compared]
 
 
 def test_runs_stored_in_other_usual_sizes_are_one_series():

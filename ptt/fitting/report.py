@@ -10,7 +10,7 @@ import numpy as np
 from ptt.fitting.indices import Indices, observability_indices, project_off
 from ptt.fitting.observability import Combination, Correlation, correlations, unobservable
 from ptt.fitting.orientation import orientation_rms
-from ptt.fitting.result import FitResult, sound_rows
+from ptt.fitting.result import UNMEASURED, FitResult, sound_rows
 from ptt.fitting.solve import residual_of
 from ptt.fitting.stretches import Stretch, name_stretches
 from ptt.fitting.turns import open_turns
@@ -21,7 +21,6 @@ from ptt.run.problem import Problem
 
 # share of a value's standard error below which its difference from the joints' mean counts as measured
 KNOWN_APART = 0.5
-UNMEASURED = 0.98  # share in unseen directions from which nothing of a parameter is measured
 MOST_SHARE = 10.0  # ratio of standard error to value beyond which a percentage says nothing
 FEW_TRACELESS = 3  # combinations of one effect without a trace that are listed; more are counted
 SHOWN_LINES = 12  # outliers and correlations that are listed

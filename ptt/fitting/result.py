@@ -16,6 +16,7 @@ from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
 MOST_UNSEEN = 0.02  # share in unseen directions above which a parameter is not measured
+UNMEASURED = 0.98  # share in them above which nothing of it is: below it, combinations with others are
 MEASURED_SHARE = 0.5  # share of its prior variance below which a value counts as measured
 
 

@@ -51,8 +51,8 @@ class Testimony:
         information: I, (p, p).
         score: h, (p,).
         values: the fitted values, (p,) in their units.
-        std: their standard errors in the directions that the rows determine, (p,) in their units; NaN where the rows
-            say nothing of a value.
+        std: their standard errors, (p,) in their units: where only combinations with others are measured, nearly the
+            usual size; NaN where the rows do not measure a value.
     """
 
     names: tuple[str, ...]

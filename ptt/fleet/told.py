@@ -7,7 +7,7 @@ import numpy as np
 from ptt.effects.dated import is_dated
 from ptt.effects.parameter import Parameter
 from ptt.fitting.solve import FitResult
-from ptt.fleet.seen import seen_inverse
+from ptt.fleet.seen import seen_by
 from ptt.fleet.task import Testimony
 from ptt.model.model import parameter_names
 
@@ -39,14 +39,14 @@ def told_by(fitted: FitResult) -> Testimony:
     usual = layout.scale[own]
     return Testimony(
         named.names, named.labels, named.units, usual, information,
-        (score[own] - follow.T @ score[rest]) / fitted.scatter, fitted.values[own], _seen_std(information) * usual,
+        (score[own] - follow.T @ score[rest]) / fitted.scatter, fitted.values[own], _std(information) * usual,
     )  # fmt: skip
 
 
-def _seen_std(information: np.ndarray) -> np.ndarray:
-    """Standard errors in usual sizes, in the directions that the rows determine; NaN for values outside of them."""
-    inverse, told = seen_inverse(information)
-    return np.where(told, np.sqrt(np.maximum(np.diag(inverse), 0.0)), np.nan)
+def _std(information: np.ndarray) -> np.ndarray:
+    """Standard errors of the values in usual sizes, (p,); NaN for values that the rows do not measure."""
+    seen = seen_by(information)
+    return np.where(seen.told, seen.marginal_std, np.nan)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from ptt.fleet.scatter import RIDGE, scatter_of_all, scatter_of_one
-from ptt.fleet.seen import seen_inverse
+from ptt.fleet.seen import seen_by
 
 ALPHA = 0.01  # significance level for one machine: chance of a false movement
 MOST_MOVEMENTS = 8  # looked for on one machine
@@ -68,8 +68,10 @@ class Moves:
     Attributes:
         movements: in the order in which they were found.
         values: (n, p), of each run alone; along directions that it does not determine, as fitted to all runs; NaN where
-            it says nothing of a value.
-        std: their stated standard errors, (n, p); infinite where a run says nothing of a value.
+            it does not measure a value.
+        std: stated standard errors of what each run determines of them, (n, p); infinite where it does not measure a
+            value.
+        unseen: share of each value that a run does not determine, (n, p), 0 to 1; NaN where its model lacks the value.
         course: as fitted to all runs (level, drifts and jumps), (n, p).
         scatter: how much more than their stated errors the runs scatter, at least one.
     """
@@ -77,8 +79,14 @@ class Moves:
     movements: tuple[Movement, ...]
     values: np.ndarray
     std: np.ndarray
+    unseen: np.ndarray
     course: np.ndarray
     scatter: float
+
+    @property
+    def marginal_std(self) -> np.ndarray:
+        """Standard errors of the values themselves, (n, p): in what is not determined each may be as large as usual."""
+        return np.asarray(np.hypot(self.std, np.sqrt(self.unseen)))
 
 
 @dataclass(frozen=True)
@@ -206,24 +214,26 @@ def _told(series: Series, chosen: Sequence[Candidate], chances: Sequence[float])
     scatter = scatter_of_all(series.information, rest, len(chosen)).birge_ratio
     course = _course(series, values, chosen)
     count, moves = len(series.names), []
-    seen, std = _by_run(series, course, rest)
+    values_of_runs, std, unseen = _by_run(series, course, rest)
     for number, each in enumerate(chosen):
         wide = max(scatter, scatter_of_one(series.information, rest, each.place, each.regressor).birge_ratio)
         error = wide * float(np.sqrt(max(inverse[count + number, count + number], 0.0)))
         size = float(values[count + number])
         moves.append(Movement(each.place, each.kind, each.day, each.before, size, error, chances[number]))
-    return Moves(tuple(moves), seen, std, course, scatter)
+    return Moves(tuple(moves), values_of_runs, std, unseen, course, scatter)
 
 
-def _by_run(series: Series, course: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values of each run and their standard errors, (n, p) each; NaN and infinite where it says nothing of a value.
+def _by_run(series: Series, course: np.ndarray, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Values of each run, their standard errors, and the share of each that it does not determine, (n, p) each.
 
-    The values of a run are fitted jointly: fitted one by one, a change of one that no movement describes would also
-    shift those that are correlated with it.
+    NaN and infinite where it does not measure a value. The values of a run are fitted jointly: fitted one by one, a
+    change of one that no movement describes would also shift those that are correlated with it.
     """
     values, std = np.full(course.shape, np.nan), np.full(course.shape, np.inf)
+    unseen = np.full(course.shape, np.nan)
     for number, information in enumerate(series.information):
-        inverse, told = seen_inverse(information)
-        values[number, told] = (course[number] + inverse @ rest[number])[told]
-        std[number, told] = np.sqrt(np.maximum(np.diag(inverse), 0.0))[told]
-    return values, std
+        seen, known = seen_by(information), np.diag(information) > 0.0
+        values[number, seen.told] = (course[number] + seen.inverse @ rest[number])[seen.told]
+        std[number, seen.told] = seen.std[seen.told]
+        unseen[number, known] = seen.unseen[known]
+    return values, std, unseen

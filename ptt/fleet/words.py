@@ -1,9 +1,12 @@
 """One machine of a fleet as text: its runs, its values in the first and the last of them, its alarms."""
 
-from ptt.fitting.stated import SEEN_INFORMATION
+import math
+
 from ptt.fleet.alarms import amount
 from ptt.fleet.overview import Standing
 from ptt.fleet.store import shown
+
+NOT_MEASURED = "not measured"
 
 
 def machine_in_words(machine: Standing) -> str:
@@ -29,14 +32,7 @@ def machine_in_words(machine: Standing) -> str:
         plain = [place for place, label in enumerate(machine.names.labels) if "." not in label.rpartition(" ")[2]]
         for place in plain:
             label = machine.names.labels[place]
-            usual, unit = float(machine.names.usual[place]), machine.names.units[place]
-            values, errors = machine.moves.values[:, place], machine.moves.std[:, place]
-            ends = [
-                amount(float(values[row]) * usual, unit, float(errors[row]) * usual)
-                if SEEN_INFORMATION * errors[row] ** 2 < 1.0
-                else "-"
-                for row in (0, -1)
-            ]
+            ends = [_shown(machine, row, place) for row in (0, -1)]
             lines.append(f"{label:<44}  {ends[0]:>16}  {ends[1]:>16}")
         if left := len(machine.names.labels) - len(plain):
             lines.append(f"and {left} values of curves (in --json)")
@@ -46,3 +42,13 @@ def machine_in_words(machine: Standing) -> str:
     if last is not None and last.words:
         lines += ["", f"the run of {last.date.date().isoformat()}:", last.words]
     return "\n".join(lines)
+
+
+def _shown(machine: Standing, row: int, place: int) -> str:
+    """One value in one run: its size where the run measures it; '-' where the run's model lacks it."""
+    moves, usual = machine.moves, float(machine.names.usual[place])
+    assert moves is not None
+    value, std = float(moves.values[row, place]), float(moves.marginal_std[row, place])
+    if not math.isfinite(value):
+        return NOT_MEASURED if math.isfinite(moves.unseen[row, place]) else "-"
+    return amount(value * usual, machine.names.units[place], std * usual)

@@ -11,8 +11,7 @@ from ptt.effects import Effect, Library
 from ptt.effects.metrology import TrackerFrame
 from ptt.effects.usual import usual_values
 from ptt.fitting.chunks import stretches, view_chunks
-from ptt.fitting.report import UNMEASURED
-from ptt.fitting.result import MOST_UNSEEN
+from ptt.fitting.result import MOST_UNSEEN, UNMEASURED
 from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.machine import MachineFile
 from ptt.model.chain import Chain, linearise, trace
