@@ -10,10 +10,11 @@ import pytest
 import torch
 
 import ptt
+from ptt.again.another import looks_like_another, values_say_another
 from ptt.again.explanation import find_explanation
 from ptt.again.news import look_for_news
 from ptt.again.prior import build_prior
-from ptt.again.recheck import looks_like_another, recheck
+from ptt.again.recheck import recheck
 from ptt.again.result import Recheck
 from ptt.challenge.truth import table_of
 from ptt.commands import main as commands
@@ -168,7 +169,44 @@ def test_where_most_is_otherwise_at_once_the_text_asks_for_another_machine(homed
 )
 def test_two_repairs_are_no_other_machine(changed: set[str], new: int, asks: bool) -> None:
     before = {"a": 20.0, "b": 10.0, "c": 9.0, "d": 1.0, "total": 25.0}
-    assert looks_like_another(before, changed, new, {"total": 5.0}) == asks
+    assert looks_like_another(before, changed, new, 5.0) == asks
+
+
+@pytest.mark.parametrize(
+    ("changed", "asks"),
+    [
+        ({"a": {"1", "2", "3"}, "b": {"4", "5"}}, True),
+        ({"a": {"1", "2", "3"}, "b": {"4"}}, False),  # half of what b had
+        ({"a": {"1", "2", "3"}}, False),
+        ({"a": {"1"}, "b": {"4", "5"}}, False),
+    ],
+)
+def test_where_most_values_of_all_effects_changed_a_model_of_two_effects_asks_too(changed, asks) -> None:
+    clear = {"a": {"1", "2", "3"}, "b": {"4", "5"}}
+    assert values_say_another({"a", "b"}, changed, clear) == asks
+    assert not values_say_another({"a"}, changed, clear)
+
+
+def test_a_run_of_another_machine_is_asked_about_with_a_model_of_two_effects(solved: SimpleNamespace) -> None:
+    other = {"drive": {"backlash_mm": (0.0, 0.08, 0.0)}, "geometry": {"link_mm": (-0.06, 0.09, 0.12)}}
+    found = look(solved, run_of(21, 90, **other))
+    assert found.verdict == "changed" and found.other_machine
+    assert found.words.startswith("Most of what the model has is otherwise")
+    assert any(item.repaired for item in found.changed) and "epaired" not in found.words and "repair" not in found.words
+
+
+def test_a_repair_of_all_that_a_model_has_is_no_other_machine(solved: SimpleNamespace) -> None:
+    sound = {"drive": {"backlash_mm": (0.0, 0.0, 0.0)}, "geometry": {"link_mm": (0.0, 0.0, 0.0)}}
+    found = look(solved, run_of(22, 90, **sound))
+    assert not found.other_machine and "The repair helped" in found.words
+
+
+def test_a_value_that_was_not_measured_does_not_change_with_its_effect(solved: SimpleNamespace) -> None:
+    """The third link was as drawn: a share of all links says nothing of it."""
+    found = look(solved, run_of(23, 90, geometry={"link_mm": (0.0, 0.0, 0.0)}))
+    (third,) = (one for one in found.parameters if one.name == "length_mm 3")
+    assert "length_mm 3" not in [item.moved.name for item in found.changed]
+    assert third.std > 1e-3 and abs(third.z) < 4.0
 
 
 def test_what_the_model_does_not_have_is_new_and_diagnosed_and_a_change_beside_it_is_named(

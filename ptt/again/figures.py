@@ -16,6 +16,7 @@ from ptt.record import Record
 from ptt.run.axes import rms
 
 TOTAL = "total"
+CLEAR = 3.0  # standard errors beyond which a difference is clear
 
 
 @dataclass(frozen=True)
@@ -108,15 +109,38 @@ def _prior_of(change: Change, found: Explanation) -> np.ndarray:
 
 
 def every_value(found: Explanation) -> tuple[Moved, ...]:
-    """All values: those said to have changed estimated jointly, each other one as if it alone had changed as well."""
+    """All values: those said to have changed estimated jointly, each other one as if it alone had changed as well.
+
+    A share of an effect as a whole says nothing of a value that the model did not measure.
+    """
     named, rows = found.changed, dict[tuple[str, str], Moved]()
     for change in found.changes:
         if not change.whole and change not in named:
             rows |= {(one.effect, one.name): one for one in estimate_moves(found, [change])}
+    sure = {(change.effect.key, name) for change in named for name in clear_then(found, change)}
     for one in estimate_moves(found, named) if named else ():
-        if (one.effect, one.name) not in rows or one.std > 0.0:
+        key = one.effect, one.name
+        if key not in rows or (one.std > 0.0 and key in sure):
             rows[one.effect, one.name] = one
     return tuple(rows.values())
+
+
+def clear_then(found: Explanation, change: Change) -> tuple[str, ...]:
+    """Names of a change's values; of a whole effect only those that were clearly not zero in the model, if any were."""
+    if not change.whole:
+        return change.names
+    prior, own = found.prior, change.places
+    clear = np.abs(prior.values[own]) > CLEAR * prior.std[own]
+    return tuple(name for name, sure in zip(change.names, clear, strict=True) if sure) or change.names
+
+
+def clear_values(found: Explanation) -> dict[str, set[str]]:
+    """Names of the values that were clearly not zero in the model, by effect."""
+    prior, names = found.prior, dict[str, set[str]]()
+    for change in found.changes:
+        clear = np.abs(prior.values[change.places]) > CLEAR * prior.std[change.places]
+        names.setdefault(change.effect.key, set()).update(np.array(change.names)[clear].tolist())
+    return names
 
 
 def errors_of(found: Explanation) -> dict[str, float]:

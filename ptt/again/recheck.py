@@ -1,19 +1,19 @@
 """Recheck: has a machine changed since its model was fitted, and in what?"""
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import torch
 
+from ptt.again.another import is_another
 from ptt.again.artefacts import drop_artefacts
 from ptt.again.changes import CHANGED_PREFIX, Change
 from ptt.again.contexts import context_notes, scatter_notes
 from ptt.again.cures import with_cures
 from ptt.again.explanation import Explanation, displacement_of, find_explanation
 from ptt.again.extrapolation import extrapolation_notes
-from ptt.again.figures import TOTAL, Moved, errors_of, estimate_moves, every_value, tool_error_by_effect
+from ptt.again.figures import CLEAR, Moved, clear_then, errors_of, estimate_moves, every_value, tool_error_by_effect
 from ptt.again.linear_problem import model_at
 from ptt.again.masked_effects import MASKED_PREFIX, MaskedEffect
 from ptt.again.news import News, look_for_news
@@ -31,8 +31,6 @@ from ptt.progress import Tell
 from ptt.run.problem import Problem
 
 GONE = 0.2  # share of its former size below which a value, or a whole effect, is called repaired
-CLEAR = 3.0  # standard errors beyond which a difference is clear
-OTHERWISE = 3  # effects changed or new, from which the run may be of another machine: a repair is of one or two
 Made = Mapping[str, Mapping[str, float]]  # 'before' and 'now' -> effect -> tool error, um
 WHOLE = 10_000  # rows, beyond which a sample is used: linearising all hypotheses takes about 0.25 MB a row
 
@@ -80,7 +78,7 @@ def recheck(model: Model, problem: Problem, known: Library | None = None, *, pro
         parameters=every_value(found),
         error_um=errors_of(found),
         made_um=made,
-        other_machine=looks_like_another(made["before"], {item.moved.effect for item in changed}, len(steps), noise),
+        other_machine=is_another(found, changed, made["before"], len(steps), noise["total"]),
         noise_um=noise,
         since=prior.since,
         rows=len(found.system.rows),
@@ -198,20 +196,11 @@ def _plainly(name: str) -> str:
     )
 
 
-def _clear_then(found: Explanation, change: Change) -> tuple[str, ...]:
-    """Names of a change's values; of a cured effect only those that were clearly not zero in the model."""
-    prior, own = found.prior, change.places
-    if change.effect.key not in prior.cured:
-        return change.names
-    clear = np.abs(prior.values[own]) > CLEAR * prior.std[own]
-    return tuple(name for name, sure in zip(change.names, clear, strict=True) if sure)
-
-
 def _rows_of(
     found: Explanation, change: Change, values: Values, pairs: Sequence[tuple[Moved, int]], problem: Problem, made: Made
 ) -> list[ChangedValue]:
     """Values of one change that differ clearly, each with its words; those of a whole effect share one sentence."""
-    since, alike, known = found.prior.since, _alike(found, change), _clear_then(found, change)
+    since, alike, known = found.prior.since, _alike(found, change), clear_then(found, change)
     was, now = (made[when][change.effect.key] for when in ("before", "now"))
     gone = now < GONE * was
     clear = [pair for pair in pairs if abs(pair[0].z) > CLEAR and pair[0].before != pair[0].now]
@@ -234,22 +223,6 @@ def _rows_of(
         words = say_gone(words, change.effect, was, now) if beyond else words
         rows.append(ChangedValue(value, (gone or back) and not beyond, alike, words))
     return rows
-
-
-def looks_like_another(before: Mapping[str, float], changed: Set[str], new: int, noise: Mapping[str, Any]) -> bool:
-    """Whether so much is otherwise at once that the run may be of another machine.
-
-    Args:
-        before: tool error that each effect of the model would cause in this run, um.
-        changed: effects of which values have changed.
-        new: number of effects that the model does not have.
-        noise: of this run, um.
-
-    Returns:
-        Whether most effects that would show have changed, two at least, and three things or more are otherwise.
-    """
-    shown = {key for key, size in before.items() if key != TOTAL and size > noise["total"]}
-    return len(changed) > 1 and 2 * len(changed & shown) > len(shown) and len(changed) + new >= OTHERWISE
 
 
 def is_repaired(was: float, now: float, std: float) -> bool:

@@ -19,6 +19,7 @@ OTHER_MACHINE = (
     "Most of what the model has is otherwise in this run, all at once: is it a run of another machine, or was this one "
     "rebuilt? Then the model does not hold for it, and a diagnosis from the drawing tells more."
 )
+REPAIRED = "Repaired: "  # another machine is not a repaired one
 WORST = 3  # effects that are listed after a repair, largest tool error first
 
 
@@ -115,14 +116,14 @@ def say_change(
     then, noun = on_date(since), _noun(effect, view)
     if told is None:
         body = f"{moved.effect} {moved.name} is {moved.now:.4g} {moved.unit}; {then} it was {moved.before:.4g}"
-        return f"{'Repaired: ' if repaired else ''}{body}."
+        return f"{REPAIRED if repaired else ''}{body}."
     error = figure(told[1].error)
     before, now = (replace(part, error=0.0) for part in told)  # `explain` states the significance
     if repaired:
         beyond = moved.now * moved.before < 0.0 and before.text != now.text and before.size > 0.0
         left = replace(now, size=-now.size) if beyond else now
         now_words = f"{sizes_in_words([left])} (+- {error}) in this run"
-        return f"Repaired: {compose([before], noun)} in {model_of(since)}, and {now_words}."
+        return f"{REPAIRED}{compose([before], noun)} in {model_of(since)}, and {now_words}."
     less = min(before.size, now.size)
     if before.text != now.text and less < BY_CHANCE * told[1].error:  # the other sign is by chance
         before, now = (replace(part, size=0.0) if part.size == less else part for part in (before, now))
@@ -148,7 +149,7 @@ def say_whole(values: Values, moved: Sequence[Moved], view: View, since: str | N
     what = f" (then: {compose(said, _noun(effect, view))})" if said else ""
     name = effect.called or effect.key
     body = f"{name} as a whole is {100.0 * share:.0f} % (+- {100.0 * error:.1g}) of what it was {on_date(since)}{what}"
-    return f"Repaired: {body}." if repaired else f"{capital(body)}."
+    return f"{REPAIRED}{body}." if repaired else f"{capital(body)}."
 
 
 def say_gone(words: str, effect: Effect, was: float, now: float) -> str:
@@ -213,7 +214,8 @@ def explain(result: Any) -> str:
         told.add(item.words)
         tie = tie_words(item.indistinguishable_from, f"{item.moved.effect} {item.moved.name}")
         sure = f"{abs(item.moved.z):.1f} standard errors of the difference"
-        lines.append(f"{tie + ' ' if tie else ''}{item.words.removesuffix('.')} ({sure}).")
+        words = capital(item.words.removeprefix(REPAIRED)) if result.other_machine else item.words
+        lines.append(f"{tie + ' ' if tie else ''}{words.removesuffix('.')} ({sure}).")
     lines += [] if result.other_machine else _after_repair(result)
     if result.new is not None:
         lines.append(f"Something is new that {model_of(result.since)} does not have.")
