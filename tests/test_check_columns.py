@@ -69,6 +69,26 @@ def test_a_column_that_is_hot_or_heavy_throughout_or_grows_so_has_no_stray_value
     assert [item.mistake for item in check_setup(file, grams).findings] == ["payload-unit"]
 
 
+@pytest.mark.parametrize(
+    ("loads", "told"),
+    [
+        ((24.516625, 49.03325), "sure"),  # 2.5 and 5 kg
+        ((24.52, 49.03), "sure"),
+        ((4.9, 9.8), "perhaps"),  # half a kilogram and one, but one load in fifty of one decimal would be so
+        ((4.9, 9.7), ""),
+        ((4.93, 9.8), ""),  # 0.503 kg is not round where hundredths are written
+        ((5.0, 9.5), ""),
+    ],
+)
+def test_loads_are_called_newtons_where_they_are_round_weights_to_their_last_digit(
+    sound: tuple[MachineFile, Table], loads: tuple[float, float], told: str
+) -> None:
+    file, table = sound
+    found = check_setup(file, table.replace(payload_kg=np.resize([0.0, *loads], table.rows)))
+    own = [item for item in found.findings if item.mistake == "payload-unit"]
+    assert [item.sure for item in own] == {"sure": [True], "perhaps": [False], "": []}[told]
+
+
 def test_a_target_far_from_its_own_commands_is_named(sound: tuple[MachineFile, Table]) -> None:
     file, table = sound
     target = table.target.copy()

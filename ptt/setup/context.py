@@ -14,8 +14,9 @@ KELVIN = (230.0, 350.0)  # K: -43 to 77 deg C
 FAHRENHEIT = (50.0, 140.0)  # 10 to 60 deg C; no workshop is that warm in deg C
 GRAVITY = (9.80665, 9.81, 9.8)  # N/kg, as people round it
 ROUND = 0.5  # kg: test weights are multiples of it
-CLOSE = 0.01  # share of it: two loads are this near to multiples by chance once in some thousand runs
-CLOSER = 2e-4  # the same for a single load
+CLOSE = 0.01  # share of it, within which a load is a multiple: as people write one in kilograms
+DIGITS = 6  # of a load that are looked at
+BY_CHANCE = 0.01  # chance of loads in kilograms to be those of round weights in newtons, below which they are sure
 
 
 def find_units(setup: Setup) -> tuple[list[Finding], Setup]:
@@ -68,17 +69,44 @@ def _payload(setup: Setup) -> Result | None:
         )
         finding = said(setup, "payload-unit", words, "rename the column payload_g", most / 1e3 <= limit)
         return finding, shifted("payload_kg", 1e-3, 0.0)
-    close = CLOSE if len(loads) > 1 else CLOSER
-    gravity = next((g for g in GRAVITY if _is_round(loads / g, close) and not _is_round(loads, CLOSE)), None)
-    if gravity is None:
+    step = _step(loads)
+    gravity = next((g for g in GRAVITY if _are_round(loads, g, step)), None)
+    if gravity is None or (np.abs(loads / ROUND - np.round(loads / ROUND)) < CLOSE).all():
         return None
-    shown = ", ".join(f"{load:g}" for load in loads[:4])
-    masses = ", ".join(f"{load / gravity:.3g}" for load in loads[:4])
-    words = f"payload_kg holds {shown}: taken as newtons these are round weights, {masses} kg"
+    masses = _weights(loads, gravity)
+    shown, taken = (", ".join(f"{one:g}" for one in each[:4]) for each in (loads, masses))
+    words = f"payload_kg holds {shown}: taken as newtons these are round weights, {taken} kg"
     fix = f"divide the column by {gravity:g}"
-    return said(setup, "payload-unit", words, fix, len(loads) > 1), shifted("payload_kg", 1.0 / gravity, 0.0)
+    sure = len(loads) > 1 and _chance(masses, step) < BY_CHANCE
+    return said(setup, "payload-unit", words, fix, sure), shifted("payload_kg", 1.0 / gravity, 0.0)
 
 
-def _is_round(values: np.ndarray, close: float) -> bool:
-    steps = values / ROUND
-    return bool((np.abs(steps - np.round(steps)) < close).all() and (np.round(steps) > 0).all())
+def _step(loads: np.ndarray) -> float:
+    """Step of the last digit that any of some loads has, kg."""
+    digits = next((n for n in range(DIGITS) if np.allclose(loads, np.round(loads, n), rtol=0.0, atol=1e-9)), DIGITS)
+    return float(10.0**-digits)
+
+
+def _weights(loads: np.ndarray, gravity: float) -> np.ndarray:
+    """The round weights nearest to loads in newtons, (n,) kg."""
+    return np.asarray(np.round(loads / (gravity * ROUND)) * ROUND)
+
+
+def _are_round(loads: np.ndarray, gravity: float, step: float) -> bool:
+    """Whether loads in newtons are those of round weights, each to its last digit."""
+    masses = _weights(loads, gravity)
+    return bool((np.abs(loads - masses * gravity) <= 0.5 * step * (1.0 + 1e-6)).all() and (masses > 0.0).all())
+
+
+def _chance(masses: np.ndarray, step: float) -> float:
+    """Chance of loads in kilograms to look like round weights in newtons, for any of the usual gravities.
+
+    Args:
+        masses: the weights that they would be, n different ones, kg.
+        step: of the loads' last digit.
+    """
+    # Loads are often multiples of the smallest one: those are no further coincidence.
+    apart = masses[(np.arange(len(masses)) == 0) | (np.remainder(masses, masses[0]) > 0.0)]
+    near = np.minimum(len(GRAVITY) * step, step + (max(GRAVITY) - min(GRAVITY)) * apart)
+    each = near / (ROUND * GRAVITY[0])
+    return float(np.prod(np.minimum(each, 1.0)))
