@@ -367,6 +367,28 @@ def test_a_diagnosis_says_where_the_drawing_holds(on: str, along: str | None, re
     assert of_run(item, problem).to_dict()["reference_c"] == reference
 
 
+def test_what_follows_the_rows_of_a_run_without_a_clock_is_left_out_and_why() -> None:
+    """No effect can be tested on the number of a row; what else the error follows is written."""
+    rows = found("time", "smooth", unit="", by_rows=True)
+    with pytest.raises(InputError, match=r"has no clock.*time_s"):
+        prefilled("own-cause", [rows])
+    written = prefilled("own-cause", [found("b1", "smooth"), rows])
+    assert written.names == ("own-cause",) and "has no clock" in written.left_out[0] and "# left out" in written.text
+    assert "time" in prefilled("own-cause", [found("time", "smooth", unit="s", by_rows=False)]).text
+
+
+@pytest.mark.parametrize("on", ["time", "x"])
+@pytest.mark.parametrize("clock", [True, False])
+def test_a_diagnosis_says_where_its_time_is_the_number_of_the_row(on: str, clock: bool) -> None:
+    drawn = draw_rig(5, MACHINE, "volume", rows=40)
+    table = table_of(simulate(drawn.rig, drawn.targets).frame, drawn.absent)
+    problem = build_problem(MACHINE, table.replace(time_s=np.arange(40.0) if clock else None))
+    item = Dependence("x", on, 0.9, 1e-9, None, "smooth", np.zeros((2, 3)))
+    assert of_run(item, problem).to_dict()["by_rows"] == (on == "time" and not clock)
+    field = replace(item, on="x", together=("x", "time"))
+    assert of_run(field, problem).to_dict()["by_rows"] == (not clock)
+
+
 def test_what_acts_on_the_tool_may_be_the_trackers(tmp_path: Path) -> None:
     """Then commands leave it alone; a joint's own error is never the tracker's."""
     path = tmp_path / "own.py"

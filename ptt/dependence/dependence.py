@@ -44,11 +44,12 @@ class Dependence(Record):
             one of them is no column and no coordinate.
         moments: of shape 'levels' over time, the moments at which it switches, s; else empty.
         alone_share: share of the variance that this one alone explains then; None where one variable is enough.
+        by_rows: whether it is of the time of a run without a clock, which is the number of the row.
     """
 
     keys: ClassVar[str] = (
         "residual, on, unit, share, p_value, together, ranges, alone_share, period_mm, shape, place, moments, "
-        "with: with_, reference_c, rivals, acts_on, size, words, "
+        "with: with_, by_rows, reference_c, rivals, acts_on, size, words, "
         "curve.at: curve.T.0, curve.mean_um: curve.T.1 [um], curve.half_width_um: curve.T.2 [um]"
     )
 
@@ -71,6 +72,7 @@ class Dependence(Record):
     ranges: tuple[tuple[float, float], ...] = ()
     alone_share: float | None = None
     moments: tuple[float, ...] = ()
+    by_rows: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Its figures for JSON; the error of a joint that turns is in urad."""
@@ -107,7 +109,7 @@ class Dependence(Record):
 
 
 def of_run(item: Dependence, problem: Problem) -> Dependence:
-    """A dependence with the unit of its variable and, where that is a temperature, the reference temperature.
+    """A dependence with the unit of its variable, the reference temperature of one of warmth, and what its time is.
 
     Args:
         item: a dependence.
@@ -116,4 +118,5 @@ def of_run(item: Dependence, problem: Problem) -> Dependence:
     seconds = (item.with_, None if item.size is None else item.size.along)
     warm = "temperature" in (item.on, *seconds)
     reference = problem.file.machine.reference_temp_c if warm else None
-    return replace(item, unit=unit_of(problem, item.on), reference_c=reference)
+    timed = "time" in (item.on, *seconds, *item.together) and not unit_of(problem, "time")
+    return replace(item, unit=unit_of(problem, item.on), reference_c=reference, by_rows=timed)

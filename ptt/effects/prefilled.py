@@ -125,6 +125,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
     _require_readable(on, acts_on)
+    _require_clock(dependence)
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
     together = _together(dependence) if not along and shape in ("smooth", "step") else {}
@@ -171,6 +172,13 @@ def _require_readable(on: str, acts_on: str) -> None:
         whose = "the tool's moves" if moves else "the feed" if on == "feed" else "a column of your own"
         what = f"no proper 'on': an effect cannot read '{shown(on)}'; what follows {whose} is not corrected"
         raise UnreadableError(what, fix="keep it steady, at the tracker and at work")
+
+
+def _require_clock(dependence: Mapping[str, Any]) -> None:
+    """Refuse a law over the time of a run that has none: `ptt add` would refuse it on that run."""
+    if dependence.get("by_rows") is True:
+        what = "the run has no clock: its time is the number of the row, which no effect can read"
+        raise UnreadableError(what, fix="give the run a column time_s, and diagnose it again")
 
 
 def _at_its_joint(on: str, acts_on: str, residual: str, together: Mapping[str, Any]) -> tuple[str, str]:
