@@ -18,6 +18,7 @@ from ptt.effects.cards import card_of
 from ptt.effects.case import make_case
 from ptt.effects.layout import linear_size
 from ptt.effects.phrases import MANY, MOST_VALUES, ONE, capital, compose, doubt, remedies, worth_saying
+from ptt.judge.run_errors import frame_words
 from ptt.model.chain import differentiate
 from ptt.plan.separation import BASE
 from ptt.plan.words import say_ambiguity
@@ -247,3 +248,11 @@ def test_a_sentence_of_several_parts_keeps_each_side():
     assert SAY("raise slider 2 by 199 um (9.0 deg of its screw) and lower slider 1 by 147 um") == (
         "将滑块 2 调高 199 um（丝杠转 9.0°）；将滑块 1 调低 147 um"
     )
+
+
+@pytest.mark.parametrize("policy", ["fitted", "fitted-per-run", "measured", "trusted"])
+@pytest.mark.parametrize("seated", [False, True])
+def test_what_is_taken_off_before_readings_are_compared_is_said_in_a_title(policy, seated):
+    said = SAY(f"Tool against its targets, RMS in um ({frame_words(policy, seated=seated)})")
+    assert said.startswith("工具相对于目标") and ("反射靶在工具上" in said) == seated
+    assert not re.search(r"[A-Za-z]{3}", said)

@@ -106,18 +106,29 @@ def _align(
             raise TooFewError("too few poses to find the tracker's frame", where=table.source, fix=fix)
     reading = build_problem(file, table).measured if policy == "measured" and file else table.measured
     seats = seats_of(table, file, target, reading, pose, frame, free=free)
-    beside = "" if seats is None else ", the reflector's seat on the tool subtracted"
+    words = frame_words(policy, seated=seats is not None)
     seat = np.zeros_like(target) if seats is None else seats
     if not free:
-        own = "trusted: none" if policy == "trusted" else "measured: base reflectors"
-        return reading - seat, own + beside
+        return reading - seat, words
     rotations, shifts = np.tile(np.eye(3), (int(frame.max()) + 1, 1, 1)), np.zeros((int(frame.max()) + 1, 3))
     for index in np.unique(frame[pose]):
         here = pose & (frame == index)
         rotations[index], shifts[index] = align((target + seat)[here], table.measured[here])
-    motion = "best rigid motion of each run" if policy == "fitted-per-run" else "best rigid motion"
-    words = f"{policy}: {motion}{beside}, before and after alike"
     return into_base(table.measured, frame, rotations, shifts) - seat, words
+
+
+def frame_words(policy: str, *, seated: bool) -> str:
+    """What is taken off the readings before they are compared with targets.
+
+    Args:
+        policy: 'fitted', 'fitted-per-run', 'measured' or 'trusted'.
+        seated: whether the offset of an arm's reflector from the tool point is as well.
+    """
+    beside = ", the reflector's seat on the tool subtracted" if seated else ""
+    if policy in ("trusted", "measured"):
+        return f"{'trusted: none' if policy == 'trusted' else 'measured: base reflectors'}{beside}"
+    motion = "best rigid motion of each run" if policy == "fitted-per-run" else "best rigid motion"
+    return f"{policy}: {motion}{beside}, before and after alike"
 
 
 def seats_of(
