@@ -1,6 +1,7 @@
 """Which poses to measure first and next: reachable, balanced, repeated, and worth what they promise."""
 
 import json
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,7 @@ from ptt.errors import InputError
 from ptt.fitting.chunks import view_chunks
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, parse_machine
+from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.dexterity import singularities
 from ptt.model.model import Model, Term
 from ptt.plan import forecast
@@ -179,6 +181,20 @@ def test_poses_of_an_arm_tell_more_than_random_ones(arm: MachineFile) -> None:
     for solved in (Term(library()["dh-offsets"](), zeros), library()["dh-offsets"]()):
         again = d_optimal_poses(Model(arm) + solved, space, 60, np.random.default_rng(1), library(), 0.005)
         assert information(again) > information(random) + 2.0
+
+
+def test_an_arms_poses_below_its_base_are_said_and_the_box_that_is_named_keeps_above(arm: MachineFile) -> None:
+    plan, mechanism = plan_first_run(Model(arm), rows=60), build_mechanism(arm.machine)
+    assert plan.targets.command is not None
+    heights = mechanism.forward(torch.as_tensor(plan.targets.command))[:, 2]
+    count, lowest = int((heights < -1.0).sum()), -float(heights.min())
+    assert count and f"At {count} poses the tool is below the base's plane (z = 0), {lowest:.0f} mm" in plan.words
+    (size,) = re.findall(r"--box (\d+),(\d+),(\d+),", plan.words)
+    half = (float(size[0]), float(size[1]), float(size[2]))
+    again = plan_first_run(Model(arm), rows=60, space=build_space(arm, half))
+    assert again.targets.command is not None
+    assert float(mechanism.forward(torch.as_tensor(again.targets.command))[:, 2].min()) >= 0.0
+    assert "below the base" not in again.words
 
 
 def test_too_few_rows_are_refused(bench: MachineFile) -> None:

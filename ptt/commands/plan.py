@@ -26,7 +26,12 @@ def plan(
         int, typer.Option("--repeats", min=0, help="Degrees of freedom wanted from repeated poses.")
     ] = 30,
     box: Annotated[
-        str, typer.Option("--box", metavar="X,Y,Z", help="Half the size of the volume to stay within, mm: 60,60,50.")
+        str,
+        typer.Option(
+            "--box",
+            metavar="X,Y,Z",
+            help="Half the size of the volume to stay within, mm: 60,60,50; about the home pose, or an arm's reach.",
+        ),
     ] = "",
     seed: Annotated[int, typer.Option("--seed", min=0, help="Random seed of poses and order.")] = 0,
     candidates: Annotated[

@@ -11,6 +11,7 @@ from ptt.effects import Library, library
 from ptt.errors import InputError
 from ptt.model.model import Model
 from ptt.plan.arm import d_optimal_poses
+from ptt.plan.floor import say_floor
 from ptt.plan.forecast import EffectForecast, forecast, see_plan
 from ptt.plan.pool import with_base
 from ptt.plan.space import Space, build_space, can_drive, draw_poses
@@ -111,7 +112,7 @@ def plan_first_run(
     rising = (view.direction.numpy()[read] > 0).mean(axis=0)
     done = repeats_in(timed, view.direction.numpy())
     visited = int((table.role == "datum").sum())
-    words = _words(table, done, rising, visited, levels) + _lost(effects)
+    words = _words(table, done, rising, visited, levels) + say_floor(table, space) + _lost(effects)
     return FirstRun(table, done, rising, visited, effects, sigma, words)
 
 
