@@ -17,6 +17,7 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.telling.doubt import tool_doubt
 from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt
+from ptt.diagnosis.telling.steps import _lowering_error
 from ptt.door.diagnosing import format_diagnosis
 from ptt.effects import library
 from ptt.effects.sudden import ALWAYS
@@ -85,6 +86,21 @@ def test_a_curve_that_strays_at_one_end_of_the_travel_takes_no_other_name_along(
         held_out_memo=HeldOutMemo(squares={(): (before, rows), ("map", "play"): (np.array(after), rows)}),
     )
     assert lowers_held_out_error(scorer, ("map", "play"), doubt) is is_lower
+
+
+@pytest.mark.parametrize(
+    ("after", "kept"),
+    [((4.0, 4.0, 4.0, 1e6), True), ((8.0, 8.0, 8.0, 8.0), True), ((1.0, 1.0, 30.0, 1e6), False)],
+    ids=["one end of the travel", "a little", "by half"],
+)
+def test_a_name_that_raises_what_the_one_before_it_lowers_is_not_told_beside_an_unknown(after, kept):
+    rows, first = np.full(4, 100), ("map",)
+    squares = {(): np.full(4, 100.0), first: np.full(4, 4.0), ("map", "play"): np.array(after)}
+    scorer = SimpleNamespace(
+        score=lambda keys, memory: SimpleNamespace(keys=keys),
+        held_out_memo=HeldOutMemo(squares={keys: (each, rows) for keys, each in squares.items()}),
+    )
+    assert _lowering_error(scorer, ["map", "play"], 0.0) == (["map", "play"] if kept else ["map"])
 
 
 def numbers(*values: float) -> torch.Tensor:

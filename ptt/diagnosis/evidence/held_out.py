@@ -10,6 +10,8 @@ from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE, HeldOutBlock
 from ptt.fitting.posterior import Posterior
 
+RAISED = 1.5  # ratio of held-out errors after a name and before it, from which it is no help to those before it
+
 
 def cross_validate(scorer: Scorer, keys: Sequence[str], key: str) -> HeldOutTrial:
     """Hold out each block of travel in turn, and predict it by a set of atoms with and without one of them.
@@ -121,3 +123,17 @@ def lowers_held_out_error(scorer: Scorer, keys: tuple[str, ...], doubt: float = 
     (before, rows), (after, _) = held_out_squares(scorer, ()), held_out_squares(scorer, keys)
     gained = before - after - rows * doubt**2
     return bool(gained.sum() - gained.min(initial=0.0) > 0.0)
+
+
+def raises_held_out_error(scorer: Scorer, keys: tuple[str, ...]) -> bool:
+    """Whether the last of some effects raises the error on held-out blocks by a factor of `RAISED` or more.
+
+    The block on which it raises it most does not count, as in `lowers_held_out_error`.
+
+    Args:
+        scorer: of the system.
+        keys: of the effects, at least one.
+    """
+    (before, _), (after, _) = held_out_squares(scorer, keys[:-1]), held_out_squares(scorer, keys)
+    others = np.arange(len(before)) != np.argmax(after - before)
+    return bool(after[others].sum() > RAISED**2 * before[others].sum())

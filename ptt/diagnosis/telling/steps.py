@@ -6,7 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_metrology, is_sudden
-from ptt.diagnosis.evidence.held_out import cross_validate, held_out_rms, lowers_held_out_error, residual_square
+from ptt.diagnosis.evidence.held_out import (
+    cross_validate,
+    held_out_rms,
+    lowers_held_out_error,
+    raises_held_out_error,
+    residual_square,
+)
 from ptt.diagnosis.evidence.held_out_trial import HeldOutTrial
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
@@ -128,7 +134,14 @@ def _supported(scorer: Scorer, every: Sequence[str], likely: Sequence[str]) -> t
 
 
 def _lowering_error(scorer: Scorer, order: list[str], doubt: float) -> list[str]:
-    """Steps beside an unknown that lower the held-out error: all, those of the tracker alone, or none."""
+    """Steps beside an unknown that lower the held-out error: all, those of the tracker alone, or none.
+
+    A step that raises by a factor what those before it leave is none of them: these may lower it for both.
+    """
+    kept = order[:1]
+    for key in order[1:]:
+        kept += [] if raises_held_out_error(scorer, (*kept, key)) else [key]
+    order = kept
     if lowers_held_out_error(scorer, tuple(order), doubt):
         return order
     order = [key for key in order if is_metrology(scorer.system.atoms[key])]
