@@ -11,8 +11,9 @@ from ptt.challenge.hide import hide_faults
 from ptt.challenge.truth import table_of
 from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.evidence.atoms import is_block
 from ptt.diagnosis.search.find import find
-from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.search.found import Found, parts_of
 from ptt.diagnosis.telling.depends import dependences
 from ptt.diagnosis.telling.unknowns import unnamed_of
 from ptt.effects import library
@@ -56,6 +57,21 @@ def test_of_a_block_that_names_take_back_only_what_it_does_is_said(odd):
     (first, *_), (before, *_) = dependences(told, problem), dependences(sound, problem)
     assert (first.residual, first.on) == (before.residual, before.on)
     assert first.size is not None and before.size is not None and first.size.rms < 2.0 * before.size.rms
+
+
+def test_a_block_whose_work_another_does_is_said_as_large_as_its_share(odd):
+    """The share is of what it takes by itself: a size of the little that is left to it would be of something else."""
+    found, problem = odd
+    scorer, state = found.scorer, found.state
+    gain = scorer.screen(state, is_block)[0]  # a field, which alone would do the work of a slider's own law
+    more = scorer.score((*state.keys, gain.key), state.memory, {**state.variances, gain.key: gain.variances})
+    told, sound = (unnamed_of(scorer, each, problem, EVERY) for each in (more, state))
+    first, before = told.unknowns[0], sound.unknowns[0]
+    assert first.in_addition and not before.in_addition and first.energy > 0.5
+    beside = np.nanstd(parts_of(more, found.system)[gain.key])
+    size = dependences(told, problem)[0].size
+    assert first.block is found.system.atoms[gain.key].block and size is not None
+    assert size.rms is not None and size.rms > 3.0 * beside and size.rms > 0.5 * np.nanstd(told.left)
 
 
 @pytest.mark.parametrize(("along", "rivals"), [(True, ("z on time",)), (False, ())])

@@ -118,7 +118,7 @@ def _dependence(
     alone = max(explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE), 0.0)
     found = _of_several(found, item.block, alone, contexts[on], rests[residual], problem)
     found = replace(found, ranges=_ranges(found.together, contexts, rests[residual]))
-    size = size_of_unknown(item, alike, found, rest, problem, contexts)
+    size = size_of_unknown(item, alike, found, rest - others if item.in_addition else rest, problem, contexts)
     return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
 

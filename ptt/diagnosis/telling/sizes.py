@@ -25,7 +25,8 @@ def size_of_unknown(
 ) -> Size | None:
     """The size of an unknown from the posterior of its blocks.
 
-    Where blocks cancel each other their values say nothing, and the size comes from the binned readings.
+    Where blocks cancel each other, or one does another's work, their values say nothing, and the size comes from the
+    binned readings.
 
     Args:
         item: one block.
@@ -45,7 +46,8 @@ def size_of_unknown(
     if amounts is None or rms > LARGER_FACTOR * rms_length(rest[rows]):
         # Binned readings have no context of the travel since a reversal: the size is then that of the two sides.
         second = None if item.block.gradual else found.with_
-        return sized((replace(found, acts_on=None, with_=second),), rest, problem)[0].size
+        size = sized((replace(found, acts_on=None, with_=second),), rest, problem)[0].size
+        return size and replace(size, rms=_rms_beside_frames(part, problem, rows) if item.in_addition else None)
     moves = np.concatenate([_moves(one.block, found, problem)[rows] for one in alike], axis=1)
     own = np.concatenate([one.own for one in alike])
     values, covariance = amounts.values[own], amounts.covariance[np.ix_(own, own)]

@@ -13,6 +13,7 @@ from ptt.diagnosis.unknown.blocks import Block
 from ptt.run.problem import Problem
 
 LARGER_FACTOR = 1.5  # times all that is left: a block that puts more into the readings is cancelled by something else
+HIDDEN = 0.1  # share of what a block takes by itself, below which its part beside all others says nothing of that
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,10 @@ class Unknown:
         nats: that the explanation loses without it.
         energy: variance that it explains in addition to the blocks before it, over the residual variance of the names.
         part: its contribution to the readings, (n, 3) mm.
-        amounts: posterior of the features of all blocks; None where the named effects cancel the contribution.
+        amounts: posterior of the features of all blocks; None where the named effects cancel the contribution, or
+            where it is what the block takes in addition.
         own: indices of its own features among them.
+        in_addition: whether the contribution is what the block takes in addition to the blocks before it.
     """
 
     block: Block
@@ -47,6 +50,7 @@ class Unknown:
     part: np.ndarray
     amounts: Amounts | None
     own: np.ndarray
+    in_addition: bool = False
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,8 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
     alone gives the highest score, then the best one beside it; each has the variance that it adds. Names and a block
     may cancel too (sizes of an arm's links and a gentle field). Where names and blocks together contribute much more
     than names alone leave, the contribution of a block is the change of the residual when it is left out and all else
-    is refitted.
+    is refitted. Where the block that comes first has next to no part beside the others, because one of them does its
+    work in the whole explanation, the contribution of each is what it takes in addition, as its share is.
 
     Args:
         scorer: of the system.
@@ -99,33 +104,41 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
         return left_by(keys) if fight else left - sum(other.values())
 
     first = dict(zip(parts, np.cumsum([0, *(_block(system, key).width for key in parts)]), strict=False))
-    found = list[Unknown]()
-    for key, energy in _energies(scorer, state, list(parts), beside):
+    taken, found = list(_taken(scorer, state, list(parts), beside)), list[Unknown]()
+    whole_spread = max(_spread(beside(without(state, *parts))), 1e-300)
+    hidden = bool(taken) and _spread(parts[taken[0][0]]) < HIDDEN * _spread(taken[0][1])
+    for key, alone, energy in taken:
         nats = state.total - scorer.less(state, key).total
         block, own = _block(system, key), first[key] + np.arange(_block(system, key).width)
-        found.append(Unknown(block, nats, energy, parts[key], None if key in back else amounts, own))
+        part, known = (alone, None) if hidden else (parts[key], None if key in back else amounts)
+        found.append(Unknown(block, nats, energy / whole_spread, part, known, own, hidden))
     return Unnamed(left, tuple(sorted(found, key=lambda item: -item.energy)))
 
 
-def _energies(
+def _taken(
     scorer: Scorer, state: State, blocks: Sequence[str], beside: Callable[[Sequence[str]], np.ndarray]
-) -> Iterator[tuple[str, float]]:
-    """Keys of blocks in the order of forward selection by score, and the share of variance that each adds.
+) -> Iterator[tuple[str, np.ndarray, float]]:
+    """Keys of blocks in the order of forward selection by score, what each takes in addition, and its mean square.
 
     Args:
         scorer: of the system.
         state: the best set.
         blocks: keys of its blocks.
         beside: keys of a set -> its residual, (n, 3) mm.
+
+    Yields:
+        Key, (n, 3) mm, and by how much the mean square falls, mm^2.
     """
     chosen = without(state, *blocks)
-    before = whole = _spread(beside(chosen))
+    left = beside(chosen)
+    before = _spread(left)
     for _ in blocks:
         others = [(*chosen, key) for key in blocks if key not in chosen]
         chosen = max(others, key=lambda keys: scorer.score(keys, state.memory, state.variances).total)
-        after = min(before, _spread(beside(chosen)))
-        yield chosen[-1], (before - after) / max(whole, 1e-300)
-        before = after
+        now = beside(chosen)
+        after = min(before, _spread(now))
+        yield chosen[-1], left - now, before - after
+        left, before = now, after
 
 
 def _block(system: System, key: str) -> Block:
