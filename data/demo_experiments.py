@@ -9,10 +9,11 @@ from demo_pictures import plot_path, plot_reductions
 
 from nets import GaussianRbf
 from ptt.correct.compensate import compensate
-from ptt.correct.training.physics import fit_physics, sound
+from ptt.correct.training.physics import fit_physics
 from ptt.correct.training.protocols import PROTOCOLS
 from ptt.correct.training.rest import correction_of, learn_rest
 from ptt.effects.registry import library, make_effect
+from ptt.fitting.result import sound_rows
 from ptt.judge.evaluate import evaluate_pair
 from ptt.judge.evaluation import Evaluation, compare_errors
 from ptt.judge.run_errors import errors_of
@@ -134,7 +135,7 @@ def train_without(bench: Bench, hidden: np.ndarray, groups: np.ndarray) -> tuple
     """Physics and network that have not seen the hidden rows."""
     shown = bench.problem.masked(hidden)
     fitted = fit_physics(bench.model, shown, lean=True)
-    return fitted.model, learn_rest(shown, fitted, sound(shown, fitted), groups).network
+    return fitted.model, learn_rest(shown, fitted, sound_rows(shown, fitted), groups).network
 
 
 def compensated(bench: Bench, trained: tuple[Model, GaussianRbf], targets: str) -> Table:
