@@ -204,9 +204,7 @@ def _rows_of(
     was, now = (made[when][change.effect.key] for when in ("before", "now"))
     gone = now < GONE * was
     clear = [pair for pair in pairs if abs(pair[0].z) > CLEAR and pair[0].before != pair[0].now]
-    # A cured effect's value that was never clearly there has not changed; one that has grown has, by itself.
-    came = [pair for pair in clear if not change.whole and abs(pair[0].now) > abs(pair[0].before)]
-    sure = [pair for pair in clear if pair[0].name in known or pair in came]
+    sure = [pair for pair in clear if pair[0].name in known]
     clear = sure or clear or [max(pairs, key=lambda pair: abs(pair[0].z))]
     if change.whole:
         cures = [gone or is_repaired(abs(value.before), abs(value.now), value.std) for value, _ in clear]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 LONGEST = 3.0  # periods that the range must hold at least
-MOST_PERIODS = 120.0  # finer than this no bench run can see
+MOST_PERIODS = 120.0  # finer ones need a model of everything else first, which the diagnosis has
 FINER = 2.0  # trial frequencies in one line width
 
 

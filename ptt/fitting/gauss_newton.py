@@ -16,7 +16,7 @@ FIRST_DAMPING, DAMPING_RATIO, EASING, LEAST_DAMPING = 0.01, 10.0, 0.1, 1e-6
 # Steps in succession, none of them whole, that gain less than a share of chi-squared each, after which it ends: the
 # predicted gain lies in a direction in which the model bends at once
 SLOW_STEPS, SLOW_SHARE = 3, 1e-6
-COARSE_SLOW_SHARE = 1e-3  # the same share of a coarse fit, half a nat in 500 readings
+COARSE_SLOW_SHARE = 1e-3  # the same share of a coarse fit: where noise is left, half a nat of 1,000 coordinates
 TRIES = 8  # trial steps of an iteration
 FEW_TRIES = 6  # the same of a coarse fit
 # tolerance per unit of chi-squared left, times `done`: where more than noise is left, less accuracy is needed

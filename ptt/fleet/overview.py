@@ -15,7 +15,9 @@ from ptt.notebook import InNotebook
 from ptt.record import Record
 from ptt.run.dates import days_of
 
-MOST_UNSEEN = 0.5  # share of a value that a run does not determine, from which it is not compared with sister machines
+MOST_LEFT_OPEN = (
+    0.5  # share of a value that a run does not determine, from which it is not compared with sister machines
+)
 
 
 @dataclass(frozen=True)
@@ -224,7 +226,7 @@ def _last_values(
             key = (effect, parameter, standing.names.labels[place], standing.names.units[place])
             value, std = standing.moves.values[-1, place], standing.moves.scatter * standing.moves.std[-1, place]
             # Of a homing offset two thirds are seen. What is seen of a value mostly unseen may be another value's.
-            if np.isfinite(value) and standing.moves.unseen[-1, place] < MOST_UNSEEN:
+            if np.isfinite(value) and standing.moves.unseen[-1, place] < MOST_LEFT_OPEN:
                 usual = float(standing.names.usual[place])
                 found.setdefault(key, {})[standing.machine] = (float(value) * usual, float(std) * usual)
     return found

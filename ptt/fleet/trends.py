@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from ptt.fitting.stated import INFORMATION_ROUNDING
 from ptt.fleet.scatter import RIDGE, scatter_of_all, scatter_of_one
 from ptt.fleet.seen import seen_by
 
@@ -232,7 +233,8 @@ def _by_run(series: Series, course: np.ndarray, rest: np.ndarray) -> tuple[np.nd
     values, std = np.full(course.shape, np.nan), np.full(course.shape, np.inf)
     unseen = np.full(course.shape, np.nan)
     for number, information in enumerate(series.information):
-        seen, known = seen_by(information), np.diag(information) > 0.0
+        seen, own = seen_by(information), np.diag(information)
+        known = own > INFORMATION_ROUNDING * own.max(initial=0.0)  # else the model lacks it, or the run cannot test it
         values[number, seen.told] = (course[number] + seen.inverse @ rest[number])[seen.told]
         std[number, seen.told] = seen.std[seen.told]
         unseen[number, known] = seen.unseen[known]

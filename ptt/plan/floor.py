@@ -30,5 +30,6 @@ def say_floor(table: Table, space: Space) -> str:
     said = f" At {below} poses the tool is below the base's plane (z = 0), {lowest:.0f} mm at the lowest"
     if centre[2] < 1.0:
         return f"{said}: is there room?"
+    top = f"below z = {2.0 * centre[2]:.0f} mm"
     size = f"{math.ceil(half[0])},{math.ceil(half[1])},{math.floor(centre[2])}"
-    return f"{said}: where that is a floor or a table, plan with --box {size}, which keeps the tool above it."
+    return f"{said}: where that is a floor or a table, plan with --box {size}, which keeps the tool above it and {top}."

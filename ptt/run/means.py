@@ -15,9 +15,10 @@ def group_means(values: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.n
     """
     number = np.unique(group, return_inverse=True)[1].reshape(-1)
     size = np.bincount(number)
-    sums = np.zeros((len(size), *values.shape[1:]))
-    np.add.at(sums, number, values)
-    return number, np.ascontiguousarray((sums.T / size).T)
+    if values.ndim == 1:
+        return number, np.bincount(number, values, len(size)) / size
+    sums = [np.bincount(number, column, len(size)) for column in values.T]  # shape: (m, g)
+    return number, np.ascontiguousarray((np.array(sums) / size).T)
 
 
 def about_means(values: np.ndarray, group: np.ndarray) -> np.ndarray:

@@ -185,6 +185,7 @@ class RowSystem(System):
         for key, atom in atoms.items():
             further[key] = replace(atom, columns=np.arange(first, first + len(atom.columns)))
             first += len(atom.columns)
+        assert first == len(self.scale) + len(more), "each column is of one atom"
         flat = np.concatenate([self.flat, more])
         still = np.zeros((*self.base_values.shape, len(more)))
         base = np.concatenate([self.base_columns, still if on_base is None else on_base], axis=2)

@@ -10,14 +10,14 @@ from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
-from ptt.diagnosis.search.periods import MOST_PERIODS, SPECTRUM_ROWS, Line, find_period, free_in_place
+from ptt.diagnosis.search.periods import SPECTRUM_ROWS, Line, find_period, free_in_place
 from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, left_along, place_line, squares_over
 from ptt.diagnosis.unknown.blocks import Period
 from ptt.diagnosis.unknown.smooth import harmonics
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 
-FEWEST_CYCLES = 3.0  # cycles in a run below which one is a drift
+FEWEST_CYCLES, MOST_CYCLES = 3.0, 300.0  # cycles in a run: fewer are a drift, and more come from no air conditioner
 FEWEST_OF_JOINT = 6.0  # the same of one joint: curves over time follow slower ones, and joints drift in many ways
 SAWTOOTH_HARMONICS = 6  # harmonics of a sawtooth that are taken off with its line
 ROWS_PER_CYCLE = 3.0  # readings for each cycle at the least: the residual of faster ones looks like noise
@@ -55,7 +55,7 @@ def find_cycle(scorer: Scorer, state: State, problem: Problem, offered: Sequence
     """
     system = rows_of(scorer.system)
     time, seen = problem.view.clock.numpy()[system.rows], any(joint is None for joint, _ in offered)
-    turns = np.arange(FEWEST_CYCLES, min(MOST_PERIODS, len(time) / ROWS_PER_CYCLE), FREQUENCY_STEP)
+    turns = np.arange(FEWEST_CYCLES, min(MOST_CYCLES, len(time) / ROWS_PER_CYCLE), FREQUENCY_STEP)
     if "time" not in problem.view.varies or seen or len(time) < SPECTRUM_ROWS or np.ptp(time) == 0.0:
         return None
     bends = [key for key in state.keys if (block := system.atoms[key].block) is not None and block.on[0] == "time"]

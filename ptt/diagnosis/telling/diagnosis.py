@@ -128,4 +128,5 @@ class Diagnosis:
             "perhaps": list(self.perhaps),
             "oversized": list(self.oversized),
             "unexplained": self.unexplained or None,
+            "first": self.first or None,
         }
