@@ -18,7 +18,7 @@ from ptt.judge.before_after import compare_pair, format_pair
 from ptt.machine import MachineFile, load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.run.reading import read_table
-from ptt.run.table import Table
+from ptt.run.table import Table, take_rows
 from ptt.show.report.about_use import pair_section
 from ptt.show.report.blocks import Words
 from ptt.show.report.words import words_of
@@ -176,6 +176,34 @@ def test_another_pose_of_the_same_name_or_number_lends_no_target(log: Log, tmp_p
         assert "--targets" in refused.value.fix
         with pytest.raises(TableError, match="no targets to judge against"):
             compare_pair(before, table, file)
+
+
+def on_grid(folder: Path, step: float, lost: tuple[int, int]) -> tuple[MachineFile, Table, Table]:
+    """A run and the same compensated, as logs without names on a grid of so many mm; in each the beam is lost once."""
+    file = load_machine(folder / "machine.toml")
+    grid = step * np.stack(np.meshgrid(*[np.arange(-2.0, 3.0)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    grid += build_mechanism(file.machine).forward(torch.full((1, 3), 330.0, dtype=torch.float64)).numpy()
+    sent = build_mechanism(file.machine).inverse(torch.as_tensor(grid)).numpy()
+    runs = []
+    for seed, told in enumerate((sent, sent + OFF[:3])):
+        table = driven(file, folder / "run.csv", seed, told)
+        reading = np.where(np.arange(len(grid))[:, None] == lost[seed], np.nan, table.measured)
+        runs.append(table.replace(name=np.full(len(grid), "", dtype=object), measured=reading))
+    return file, runs[0], runs[1]
+
+
+def test_a_beam_that_is_lost_once_in_each_run_shifts_no_row(folder: Path) -> None:
+    _, before, after = on_grid(folder, 3.0, (5, 12))
+    told = measured(before, after, as_model(str(folder / "machine.toml"), "")).to_dict()
+    assert told["total"]["reduction_percent"] > 90.0
+    assert told["protocol"]["rows"] == before.rows - 2 and told["protocol"]["targets_from_before"] == before.rows
+
+
+def test_rows_that_are_shifted_by_one_on_a_narrow_grid_lend_nothing(folder: Path) -> None:
+    """Each is nearer to its neighbour in the run before than the largest correction is long."""
+    file, before, after = on_grid(folder, 0.6, (-1, -1))
+    assert aim(before, after, file).lent == before.rows
+    assert aim(before, take_rows(after, np.roll(np.arange(after.rows), 1)), file).lent == 0
 
 
 def test_what_is_told_of_lent_targets() -> None:

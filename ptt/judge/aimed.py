@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.machine import MachineFile
-from ptt.run.same_pose import SAME_POSE
+from ptt.run.same_pose import SAME_POSE, same_places
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.wanted import placed
 
-NEAR_MM = 20.0  # corrections move the tool by far less, poses of other programs are mostly farther apart
+NEAR_MM = 5.0  # `ptt predict` corrects by no more, unless told to
 MISSING = "give them with --targets T.csv, or name the points as BEFORE does"
 
 
@@ -89,20 +89,35 @@ def _counterparts(
         place: where the commands of `before` put the tool, (n, 3) mm.
         later: the same of `after`, (m, 3) mm.
     """
-    rows = [_read(table) for table in (before, after)]
+    rows = [_posed(table) for table in (before, after)]
     names = set(before.name[rows[0]]) & set(after.name[rows[1]]) - {""}
     first, second = _by_name(before, after, *rows) if names else rows
     if len(first) != len(second) or not len(first):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
     near = np.linalg.norm(later[second] - place[first], axis=1) <= NEAR_MM
-    alike = np.mean(near) > 0.5 if names else near.all()  # in order, a missing row would shift all the rest
+    # In order, a missing row would shift all the rest.
+    ordered = not names and near.all() and _own_is_nearest(before.target[first], place[first], later[second])
+    alike = np.mean(near) > 0.5 if names else ordered
     return first[near & alike], second[near & alike]
 
 
-def _read(table: Table) -> np.ndarray:
-    """Indices of the rows that have a target and a reading."""
-    known = np.isfinite(table.target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
-    return np.flatnonzero(known & (table.role != "base"))
+def _posed(table: Table) -> np.ndarray:
+    """Indices of the rows that have a target; whether they were read is all the same to where they were told to go."""
+    return np.flatnonzero(np.isfinite(table.target).all(axis=1) & (table.role != "base"))
+
+
+def _own_is_nearest(target: np.ndarray, place: np.ndarray, later: np.ndarray) -> bool:
+    """Whether each row is nearer to the pose of its counterpart than to any other pose.
+
+    Args:
+        target: of the run before, (n, 3) mm; equal ones are one pose.
+        place: where its commands put the tool, (n, 3) mm.
+        later: the same of the run after, row by row, (n, 3) mm.
+    """
+    from scipy.spatial import cKDTree  # only where there is something to ask: it takes a while to load
+
+    pose, nearest = same_places(target), cKDTree(place).query(later)[1]
+    return bool((pose[nearest] == pose).all())
 
 
 def _by_name(before: Table, after: Table, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
