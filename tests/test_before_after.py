@@ -1,6 +1,7 @@
 """Two runs of one machine side by side: figures, shared poses, what got worse; readings are made here."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -204,6 +205,38 @@ def test_rows_that_are_shifted_by_one_on_a_narrow_grid_lend_nothing(folder: Path
     file, before, after = on_grid(folder, 0.6, (-1, -1))
     assert aim(before, after, file).lent == before.rows
     assert aim(before, take_rows(after, np.roll(np.arange(after.rows), 1)), file).lent == 0
+
+
+def test_rows_of_the_run_after_that_nothing_tells_the_targets_of_do_not_turn_its_frame(folder: Path) -> None:
+    """Where corrected commands would put the drawing's tool is no target of theirs; they are counted all the same."""
+    file = load_machine(folder / "machine.toml")
+    file = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted"}))
+    sent = 330.0 + np.random.default_rng(6).uniform(-20.0, 20.0, (60, 3))
+    before = driven(file, folder / "before.csv", 1, sent[:40])
+    after = driven(file, folder / "after.csv", 2, sent + OFF[:3])
+    alone = compare_pair(before, take_rows(after, np.arange(40)), file).to_dict()
+    data = compare_pair(before, after, file).to_dict()
+    assert data["reduction_percent"] == pytest.approx(alone["reduction_percent"])
+    assert data["reduction_percent"]["total"] > 80.0
+    assert data["after"]["rows"] == 40 and data["unmatched"] == {"before": 0, "after": 20}
+
+
+def test_a_row_at_a_pose_of_the_run_before_counts_by_whatever_name(folder: Path) -> None:
+    file = load_machine(folder / "machine.toml")
+    sent = 330.0 + np.random.default_rng(6).uniform(-20.0, 20.0, (40, 3))
+    before = driven(file, folder / "before.csv", 1, sent)
+    after = driven(file, folder / "after.csv", 2, sent[np.random.default_rng(1).permutation(40)[:30]])
+    after = after.replace(name=np.full(30, "", dtype=object))
+    for given in (before, before.replace(target=in_workpiece(file, before))):
+        aimed = aim(given, after, file)
+        assert aimed.told.all() and aimed.lent == 0
+        data = compare_pair(given, after, file).to_dict()
+        assert data["shared_poses"] == 30 and data["unmatched"] == {"before": 10, "after": 0}
+
+
+def in_workpiece(file: MachineFile, table: Table) -> np.ndarray:
+    """Where the commands put the tool, as of a workpiece that lies elsewhere, (n, 3) mm."""
+    return build_mechanism(file.machine).forward(torch.as_tensor(table.command)).numpy() - [100.0, 50.0, 0.0]
 
 
 def test_what_is_told_of_lent_targets() -> None:

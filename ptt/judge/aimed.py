@@ -27,7 +27,7 @@ class Aimed:
     Attributes:
         before: n rows.
         after: m rows.
-        told: rows of `after` whose target is stated or that of their counterpart, (m,) bool.
+        told: rows of `after` whose target is stated, or that of their counterpart or of their pose, (m,) bool.
         lent: how many have the target of their counterpart and other commands.
     """
 
@@ -35,6 +35,12 @@ class Aimed:
     after: Table
     told: np.ndarray
     lent: int = 0
+
+    @property
+    def untold(self) -> int:
+        """How many readings of `after` have commands alone and nothing that tells their target."""
+        read = np.isfinite(self.after.measured).all(axis=1)
+        return int(np.count_nonzero(read[_posed(self.after)] & ~self.told[_posed(self.after)]))
 
 
 def aim(before: Table, after: Table, file: MachineFile | None) -> Aimed:
@@ -55,11 +61,15 @@ def aim(before: Table, after: Table, file: MachineFile | None) -> Aimed:
     if file is None or told[after.role != "base"].all():
         return Aimed(before, after, told)
     given, own = placed(file, before), placed(file, after)
-    first, second = _counterparts(given, own, _drawn(file, before), _drawn(file, after))
+    place, later = _drawn(file, before), _drawn(file, after)
+    first, second = _counterparts(given, own, place, later)
     first, second = first[~told[second]], second[~told[second]]
     target, told = own.target.copy(), told.copy()
     moved = np.linalg.norm(target[second] - given.target[first], axis=1) > SAME_POSE
     target[second], told[second] = given.target[first], True
+    open_ = np.flatnonzero(~told & np.isin(np.arange(own.rows), _posed(own)))
+    first, here = _same_pose(given, [place, _stated(file, before)], later[open_])
+    target[open_[here]], told[open_[here]] = given.target[first], True
     return Aimed(given, after.replace(target=target), told, int(moved.sum()))
 
 
@@ -74,8 +84,33 @@ def lent_in_words(rows: int) -> str:
 def _drawn(file: MachineFile, table: Table) -> np.ndarray:
     """Where the drawing puts the tool at each row, in the base frame, (n, 3) mm; its target where it has no command."""
     bare = table if table.command is None else table.replace(target=np.full_like(table.target, np.nan))
-    place, target = placed(file, bare).target, in_base(table, target_frames(file, table)).target
-    return np.where(np.isfinite(place), place, target)
+    place = placed(file, bare).target
+    return np.where(np.isfinite(place), place, _stated(file, table))
+
+
+def _stated(file: MachineFile, table: Table) -> np.ndarray:
+    """The targets that a run states, in the base frame, (n, 3) mm."""
+    return in_base(table, target_frames(file, table)).target
+
+
+def _same_pose(before: Table, places: list[np.ndarray], later: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows without counterpart that were sent to a pose of the run before: indices in it, and of those rows.
+
+    Args:
+        before: n rows.
+        places: where its commands put the tool and where its targets are, (n, 3) mm each.
+        later: where the commands of rows of the run after put the tool, (m, 3) mm.
+    """
+    from scipy.spatial import cKDTree  # only where there is something to ask: it takes a while to load
+
+    rows = np.tile(_posed(before), len(places))
+    sites = np.concatenate([place[_posed(before)] for place in places])
+    rows, sites = rows[np.isfinite(sites).all(axis=1)], sites[np.isfinite(sites).all(axis=1)]
+    if not len(rows) or not len(later):
+        return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
+    far, nearest = cKDTree(sites).query(later)
+    here = np.flatnonzero(far <= SAME_POSE)
+    return rows[nearest[here]], here
 
 
 def _counterparts(

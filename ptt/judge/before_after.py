@@ -127,13 +127,12 @@ def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
     """
     aimed = aim(before, after, file)
     before, after = runs = aimed.before, aimed.after
-    errors = [errors_of(table, file) for table in runs]
+    if not aimed.told[after.role != "base"].any():
+        raise TableError("no targets to judge against", where=after.source, fix=MISSING)
+    errors = [errors_of(before, file), errors_of(after, file, rows=aimed.told)]
     found = [np.isfinite(each.aligned).all(axis=1) for each in errors]
     first, second, left = match_rows(before, after, *found)
     places = [targets_of(table, file) for table in runs]
-    found[1] &= aimed.told | np.isin(np.arange(after.rows), second)
-    if not found[1].any():
-        raise TableError("no targets to judge against", where=after.source, fix=MISSING)
     one, two = (
         Side(table.source, place[rows], each.aligned[rows])
         for table, place, rows, each in zip(runs, places, found, errors, strict=True)
@@ -144,7 +143,7 @@ def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
         errors = [errors_of(table, file, rows=np.isin(np.arange(table.rows), own)) for table, own in pairs]
     lengths = [np.linalg.norm(each.aligned[rows], axis=1) for each, rows in zip(errors, (first, second), strict=True)]
     names = tuple(f"{before.place(int(row))} {before.name[row]}".strip() for row in first)
-    unmatched = len(left["before"]), len(left["after"])
+    unmatched = len(left["before"]), len(left["after"]) + aimed.untold
     return BeforeAfter(one, two, errors[0].frame, np.column_stack(lengths), names, unmatched, aimed.lent)
 
 
