@@ -234,6 +234,15 @@ def test_a_row_at_a_pose_of_the_run_before_counts_by_whatever_name(folder: Path)
         assert data["shared_poses"] == 30 and data["unmatched"] == {"before": 10, "after": 0}
 
 
+def test_commands_are_no_others_where_the_run_before_states_targets_of_a_workpiece(folder: Path) -> None:
+    file = load_machine(folder / "machine.toml")
+    sent = 330.0 + np.random.default_rng(6).uniform(-20.0, 20.0, (40, 3))
+    before, after = (driven(file, folder / f"{seed}.csv", seed, sent) for seed in (1, 2))
+    before = before.replace(target=in_workpiece(file, before))
+    assert aim(before, after, file).lent == 0
+    assert aim(before, driven(file, folder / "other.csv", 2, sent + OFF[:3]), file).lent == 40
+
+
 def in_workpiece(file: MachineFile, table: Table) -> np.ndarray:
     """Where the commands put the tool, as of a workpiece that lies elsewhere, (n, 3) mm."""
     return build_mechanism(file.machine).forward(torch.as_tensor(table.command)).numpy() - [100.0, 50.0, 0.0]

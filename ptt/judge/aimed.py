@@ -65,7 +65,7 @@ def aim(before: Table, after: Table, file: MachineFile | None) -> Aimed:
     first, second = _counterparts(given, own, place, later)
     first, second = first[~told[second]], second[~told[second]]
     target, told = own.target.copy(), told.copy()
-    moved = np.linalg.norm(target[second] - given.target[first], axis=1) > SAME_POSE
+    moved = np.linalg.norm(later[second] - place[first], axis=1) > SAME_POSE  # targets may be a workpiece's
     target[second], told[second] = given.target[first], True
     open_ = np.flatnonzero(~told & np.isin(np.arange(own.rows), _posed(own)))
     first, here = _same_pose(given, [place, _stated(file, before)], later[open_])
