@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from ptt.machine import MachineFile, SerialSpec, load_machine, parse_machine
+from ptt.mechanisms import build_mechanism
 from ptt.rig.draw_arm import draw_arm
 from ptt.run.table import Table, make_table, take_rows
 from ptt.setup import check_setup
@@ -115,6 +117,35 @@ def test_a_tool_that_is_longer_than_all_links_is_in_mm_already() -> None:
     long = replace(file, machine=file.machine.model_copy(update={"tool_mm": (30.0, 0.0, 80.0)}))
     (found,) = check_setup(drawn_in(long, 1e3, tool=False), table).findings
     assert found.mistake == "unit-scale" and "lengths taken as metres" in found.words
+
+
+@pytest.mark.parametrize("trust", ["fitted", "trusted"])
+@pytest.mark.parametrize(("unit", "factor"), [("centimetres", 10.0), ("inches", 25.4), ("metres", 1e3)])
+@pytest.mark.parametrize("scaled", [False, True])
+def test_a_tool_is_scaled_only_where_it_is_in_the_unit_of_the_links(
+    unit: str, factor: float, trust: str, scaled: bool
+) -> None:
+    """A trusted one is where the readings say; of a fitted one its size tells."""
+    file, _ = arm("kuka_iiwa")
+    tool = (10.0, 0.0, 40.0)
+    long = replace(file, machine=file.machine.model_copy(update={"tool_mm": tool}))
+    long = replace(long, tracker=file.tracker.model_copy(update={"tool": trust}))
+    table = of_tool(long)
+    found = check_setup(drawn_in(long, factor, tool=scaled), table)
+    assert [item.mistake for item in found.findings] == ["unit-scale"]
+    assert isinstance(found.file.machine, SerialSpec)
+    assert found.file.machine.tool_mm == pytest.approx(tool, abs=1e-6)
+    (finding,) = found.findings
+    assert f"lengths taken as {unit}" in finding.words
+    assert ("tool_mm" in finding.words) == ("tool_mm" in finding.fix) == scaled
+
+
+def of_tool(file: MachineFile) -> Table:
+    """A run of an arm as drawn, its reflector at the tool point, read to a few micrometres."""
+    random = np.random.default_rng(4)
+    q = random.uniform(-1.5, 1.5, (60, file.machine.joints))
+    place = build_mechanism(file.machine).forward(torch.as_tensor(q)).numpy()
+    return make_table(None, q, place + 3e-3 * random.normal(size=place.shape), joint_prefix="q")
 
 
 def test_links_of_no_arm_are_remarked_on_without_a_run() -> None:

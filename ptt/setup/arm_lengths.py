@@ -11,6 +11,7 @@ from ptt.setup.drawing import LONGEST, SHORTEST, drawn_with
 from ptt.setup.setup import Hypothesis, Setup
 
 KEYS = ("a_mm", "d_mm")
+SHORTEST_TOOL, LONGEST_TOOL = 10.0, 1e3  # mm, tools of arms
 OWN = ("inches", "centimetres")  # no unit of readings differs from mm by such a factor the other way round
 
 
@@ -24,7 +25,7 @@ def other_lengths(setup: Setup, rows: np.ndarray) -> list[tuple[float, Hypothesi
         setup: both files of a serial arm.
         rows: the rows that are fitted.
     """
-    tried = [(judge_arm(item.undo(setup), rows), item) for item in _slips(arm_spec(setup))]
+    tried = [(judge_arm(item.undo(setup), rows), item) for item in _slips(setup, rows)]
     return sorted(tried, key=lambda each: each[0])
 
 
@@ -51,19 +52,37 @@ def _is_size(length: float) -> bool:
     return SHORTEST <= length <= LONGEST
 
 
-def _slips(spec: SerialSpec) -> Iterator[Hypothesis]:
+def _slips(setup: Setup, rows: np.ndarray) -> Iterator[Hypothesis]:
     """Every other unit in which the links are those of an arm."""
+    spec = arm_spec(setup)
     size = links_mm(spec)
     for unit, factor in UNITS.items():
         if not _is_size(factor * size) or (_is_size(size) and unit not in OWN):
             continue
-        joints, words = _in_mm(spec, factor), f"the machine file's lengths taken as {unit}"
-        number, key, value = next(_lengths(joints))
-        fix = f"write {key} = {value:g} for joint {number} and so on, in mm"
-        tool = tuple(round(factor * value, 9) for value in spec.tool_mm)
-        # A tool that is longer than all links together is in mm already.
-        more = {"tool_mm": tool} if np.linalg.norm(spec.tool_mm) <= size else {}
-        yield Hypothesis("unit-scale", words, fix, drawn_with(joint=joints, **more), 0.1)
+        ways = [_slip(spec, unit, factor, tool=tool) for tool in (True, False)]
+        if not any(spec.tool_mm):
+            yield ways[1]
+        elif setup.file.tracker.tool == "trusted":
+            yield min(ways, key=lambda way: judge_arm(way.undo(setup), rows, mounted=False))
+        else:
+            yield ways[1 if _is_tool(spec, size) else 0]
+
+
+def _is_tool(spec: SerialSpec, size: float) -> bool:
+    """Whether the tool is in mm already: it has the size of one, or is longer than all links, `size`, together."""
+    length = float(np.linalg.norm(spec.tool_mm))
+    return SHORTEST_TOOL <= length <= LONGEST_TOOL or length > size
+
+
+def _slip(spec: SerialSpec, unit: str, factor: float, *, tool: bool) -> Hypothesis:
+    """The lengths in another unit, those of the tool with them or not."""
+    joints = _in_mm(spec, factor)
+    number, key, value = next(_lengths(joints))
+    also = " (tool_mm too)" if tool else ""
+    words = f"the machine file's lengths taken as {unit}{also}"
+    fix = f"write {key} = {value:g} for joint {number} and so on, in mm{also}"
+    more = {"tool_mm": tuple(round(factor * each, 9) for each in spec.tool_mm)} if tool else {}
+    return Hypothesis("unit-scale", words, fix, drawn_with(joint=joints, **more), 0.1)
 
 
 def _in_mm(spec: SerialSpec, factor: float) -> tuple[JointSpec, ...]:
