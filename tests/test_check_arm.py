@@ -83,8 +83,15 @@ def drawn_in(file: MachineFile, factor: float, *, tool: bool = True) -> MachineF
     joints = tuple(
         each.model_copy(update={"a_mm": each.a_mm / factor, "d_mm": each.d_mm / factor}) for each in spec.joint
     )
-    own = tuple(value / factor for value in spec.tool_mm) if tool else spec.tool_mm
+    if any(each.com_mm for each in joints):
+        joints = tuple(each.model_copy(update={"com_mm": scaled(each.com_mm, factor)}) for each in joints)
+    own = scaled(spec.tool_mm, factor) if tool else spec.tool_mm
     return replace(file, machine=spec.model_copy(update={"joint": joints, "tool_mm": own}))
+
+
+def scaled(place: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
+    x, y, z = (value / factor for value in place)
+    return x, y, z
 
 
 @pytest.mark.parametrize(
@@ -138,6 +145,24 @@ def test_a_tool_is_scaled_only_where_it_is_in_the_unit_of_the_links(
     (finding,) = found.findings
     assert f"lengths taken as {unit}" in finding.words
     assert ("tool_mm" in finding.words) == ("tool_mm" in finding.fix) == scaled
+
+
+def test_centres_of_mass_are_in_the_unit_of_the_links() -> None:
+    file, table = arm("kuka_iiwa")
+    assert isinstance(file.machine, SerialSpec)
+    heavy = tuple(
+        each.model_copy(update={"mass_kg": 3.0, "com_mm": (0.0, 10.0 * row, 120.0)})
+        for row, each in enumerate(file.machine.joint)
+    )
+    drawn = drawn_in(replace(file, machine=file.machine.model_copy(update={"joint": heavy})), 1e3)
+    (remark,) = describe_machine(drawn).remarks
+    assert remark.endswith("write a_mm, d_mm, com_mm in mm")
+    found = check_setup(drawn, table)
+    assert [item.mistake for item in found.findings] == ["unit-scale"]
+    assert "com_mm" in found.findings[0].words and "com_mm" in found.findings[0].fix
+    assert isinstance(found.file.machine, SerialSpec)
+    for one, other in zip(found.file.machine.joint, heavy, strict=True):
+        assert one.com_mm == pytest.approx(other.com_mm, abs=1e-6)
 
 
 def of_tool(file: MachineFile) -> Table:

@@ -40,7 +40,8 @@ def remarks_on(spec: SerialSpec) -> tuple[str, ...]:
         return ()
     size = links_mm(spec)
     known = [f"{factor * size:,.0f} mm if in {unit}" for unit, factor in UNITS.items() if _is_size(factor * size)]
-    return (f"the links are {size:.3g} mm long together, as of no arm: {' or '.join(known)}; write a_mm, d_mm in mm",)
+    keys = ", ".join([*KEYS, *(["com_mm"] * _has_centres(spec))])
+    return (f"the links are {size:.3g} mm long together, as of no arm: {' or '.join(known)}; write {keys} in mm",)
 
 
 def links_mm(spec: SerialSpec) -> float:
@@ -75,19 +76,25 @@ def _is_tool(spec: SerialSpec, size: float) -> bool:
 
 
 def _slip(spec: SerialSpec, unit: str, factor: float, *, tool: bool) -> Hypothesis:
-    """The lengths in another unit, those of the tool with them or not."""
+    """The lengths in another unit, centres of mass with them, the tool with them or not."""
     joints = _in_mm(spec, factor)
     number, key, value = next(_lengths(joints))
-    also = " (tool_mm too)" if tool else ""
+    own = ["com_mm"] * _has_centres(spec) + ["tool_mm"] * tool
+    also = f" ({' and '.join(own)} too)" if own else ""
     words = f"the machine file's lengths taken as {unit}{also}"
     fix = f"write {key} = {value:g} for joint {number} and so on, in mm{also}"
     more = {"tool_mm": tuple(round(factor * each, 9) for each in spec.tool_mm)} if tool else {}
     return Hypothesis("unit-scale", words, fix, drawn_with(joint=joints, **more), 0.1)
 
 
+def _has_centres(spec: SerialSpec) -> bool:
+    return any(any(joint.com_mm or ()) for joint in spec.joint)
+
+
 def _in_mm(spec: SerialSpec, factor: float) -> tuple[JointSpec, ...]:
-    def scaled(joint: JointSpec) -> dict[str, float]:
-        return {key: round(factor * getattr(joint, key), 9) for key in KEYS}
+    def scaled(joint: JointSpec) -> dict[str, object]:
+        centre = joint.com_mm and tuple(round(factor * value, 9) for value in joint.com_mm)
+        return {key: round(factor * getattr(joint, key), 9) for key in KEYS} | {"com_mm": centre}
 
     return tuple(joint.model_copy(update=scaled(joint)) for joint in spec.joint)
 
