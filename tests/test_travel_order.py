@@ -12,7 +12,7 @@ from ptt.commands.main import app
 from ptt.errors import TableError
 from ptt.machine import load_machine
 from ptt.run.reading import read_table
-from ptt.run.restarts import restarts
+from ptt.run.restarts import restarts, restarts_of_runs
 from ptt.run.table import Table
 from ptt.setup.order import find_disorder
 from ptt.setup.setup import Setup
@@ -178,6 +178,15 @@ def test_a_clock_starts_anew_near_the_start_of_the_rows_before() -> None:
     assert restarts(np.concatenate([clock[:4], [np.nan], clock])).tolist() == [5]
     for other in (clock, np.concatenate([clock + 1e4, clock]), np.concatenate([clock, clock + 50.0]), clock[::-1]):
         assert restarts(other).tolist() == []  # never, back to an earlier session, halfway, backwards
+
+
+def test_clocks_of_several_runs_start_anew_where_each_row_that_goes_back_begins_a_session() -> None:
+    clock, run = np.arange(10) * 10.0, np.repeat([0, 1], 20)
+    twice = np.concatenate([clock, clock, clock + 3.0, clock])
+    assert restarts_of_runs(twice, run, 2).tolist() == [10, 30]
+    assert restarts_of_runs(np.ravel(twice.reshape(2, 20).T), np.tile([0, 1], 20), 2).tolist() == [20, 21]
+    turned = np.concatenate([clock, clock, np.arange(20.0)[::-1]])  # the second run goes back row by row
+    assert restarts_of_runs(turned, run, 20).tolist() == [] == restarts_of_runs(clock[:0], run[:0], 0).tolist()
 
 
 def test_an_order_that_is_none_is_refused(tmp_path: Path) -> None:

@@ -27,3 +27,19 @@ def restarts(time: np.ndarray) -> np.ndarray:
     start, end = clock[edges[:-1]], clock[edges[1:] - 1]
     anew = (start[1:] <= start[:-1] + NEAR * (end - start)[:-1]) & (end[1:] > start[:-1])
     return known[back] if anew.all() else none
+
+
+def restarts_of_runs(time: np.ndarray, run: np.ndarray, back: int) -> np.ndarray:
+    """The rows of all runs at which the clock starts anew.
+
+    Args:
+        time: (n,) s; NaN where it is not known.
+        run: (n,) int, each with a clock of its own.
+        back: how many rows are earlier than the row before them of their run.
+
+    Returns:
+        Indices, (back,) int, in order; none unless these are all new sessions.
+    """
+    own = [np.flatnonzero(run == each) for each in np.unique(run)]
+    rows = np.sort(np.concatenate([np.zeros(0, dtype=int), *(here[restarts(time[here])] for here in own)]))
+    return rows if len(rows) == back else rows[:0]

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from ptt.run.restarts import restarts
+from ptt.run.restarts import restarts_of_runs
 from ptt.run.table import take_rows
 from ptt.setup.columns import said
 from ptt.setup.result import Finding
@@ -39,7 +39,7 @@ def _by_time(setup: Setup) -> tuple[list[Finding], Setup] | None:
     back = np.flatnonzero(within & (steps < 0.0) & (np.abs(steps + DAY) > 0.5 * DAY))
     if not len(back):
         return None
-    if len(_anew(time, table.run)) == len(back):
+    if len(restarts_of_runs(time, table.run, len(back))):
         rows = f"row{'s' if len(back) > 1 else ''} {', '.join(map(str, table.line[back + 1]))}"
         words = f"the clock starts anew at {rows}, as where sessions are put one behind another"
         return [said(setup, "row-order", words, "number the sessions in a column 'run'", False)], setup
@@ -50,12 +50,6 @@ def _by_time(setup: Setup) -> tuple[list[Finding], Setup] | None:
     order = np.lexsort((time, table.run))
     cured = Setup(setup.file, take_rows(table, order)) if sure else setup
     return [said(setup, "row-order", words, fix, sure)], cured
-
-
-def _anew(time: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """Rows at which the clock of a run starts anew, (m,) int."""
-    own = [np.flatnonzero(run == each) for each in np.unique(run)]
-    return np.concatenate([rows[restarts(time[rows])] for rows in own])
 
 
 def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:

@@ -7,7 +7,7 @@ import numpy as np
 from ptt.errors import TableError, shown
 from ptt.run.readers.export import Export
 from ptt.run.readers.required import title_of
-from ptt.run.restarts import restarts
+from ptt.run.restarts import restarts_of_runs
 
 AS_ROWS, BY_TIME = "rows", "time"
 ORDERS = (AS_ROWS, BY_TIME)
@@ -47,14 +47,15 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
         return export, []
     if order == BY_TIME:
         return _sorted_by_time(export, time, run)
-    late = _first_that_goes_back(time, run)
-    if late is None:
+    back = _that_go_back(time, run)
+    if not back:
         return export, []
     if order == AS_ROWS:
         return export, ["time goes back; the rows are taken to be in travel order, as --set order=rows says"]
     if not refuse:
         return export, ["time goes back; the rows are used in their present order"]
     what, fix = _told(export, time, run)
+    late = back[0]
     raise OrderError(
         f"time goes back{_of_run(export, late[1])} (from {time[late[0]]:.12g} to {time[late[1]]:.12g} s, after row "
         f"{export.line[late[0]]}){what}",
@@ -76,37 +77,24 @@ def _clock(export: Export) -> tuple[np.ndarray | None, np.ndarray]:
     return export.columns.get("time"), np.unique(run, return_inverse=True)[1].reshape(-1)
 
 
-def _first_that_goes_back(time: np.ndarray, run: np.ndarray) -> tuple[int, int] | None:
-    """The first row that is earlier than the row before it of its run, and that row."""
+def _that_go_back(time: np.ndarray, run: np.ndarray) -> list[tuple[int, int]]:
+    """The row before it of its run, and the row, of each that is earlier than that; in the order of the rows."""
     found = []
     for code in np.unique(run):
         rows = np.flatnonzero((run == code) & np.isfinite(time))
         back = np.flatnonzero(np.diff(time[rows]) < 0.0)
-        if back.size:
-            found.append((int(rows[back[0]]), int(rows[back[0] + 1])))
-    return min(found, key=lambda pair: pair[1], default=None)
+        found += list(zip(rows[back].tolist(), rows[back + 1].tolist(), strict=True))
+    return sorted(found, key=lambda pair: pair[1])
 
 
 def _told(export: Export, time: np.ndarray, run: np.ndarray) -> tuple[str, str]:
     """What time that goes back looks like, and what to do about it, the likelier cure first."""
-    anew = _anew(time, run)
+    anew = restarts_of_runs(time, run, len(_that_go_back(time, run)))
     if not len(anew):
         cures = f"{SORTED}, {KEPT}; where the clock was restarted, number the runs in a column 'run'"
         return ", so the rows may not be in travel order", cures
     looks = f": the clock starts anew at {_rows_in_words(export, anew)}, as where sessions are put one behind another"
     return looks, f"number the sessions in a column 'run', or {KEPT}; {SORTED}, which would mix them"
-
-
-def _anew(time: np.ndarray, run: np.ndarray) -> np.ndarray:
-    """Rows of all runs at which the clock starts anew, (m,) int; none where a run goes back in another way."""
-    found = []
-    for code in np.unique(run):
-        rows = np.flatnonzero(run == code)
-        own = restarts(time[rows])
-        if not len(own) and _first_that_goes_back(time[rows], run[rows]) is not None:
-            return np.zeros(0, dtype=int)
-        found.append(rows[own])
-    return np.sort(np.concatenate(found))
 
 
 def _rows_in_words(export: Export, rows: np.ndarray) -> str:
@@ -138,7 +126,8 @@ def _mixed(export: Export, time: np.ndarray, run: np.ndarray, order: np.ndarray)
         run: (n,) int.
         order: the rows as sorted, (n,) int.
     """
-    anew, moves = _anew(time, run), _moves(export, order) & (np.diff(run[order]) == 0)
+    anew = restarts_of_runs(time, run, len(_that_go_back(time, run)))
+    moves = _moves(export, order) & (np.diff(run[order]) == 0)
     cure = "if sessions stand in it one behind another, number them in a column 'run', or give --set order=rows"
     session, steps = np.cumsum(np.isin(np.arange(export.n), anew))[order], np.diff(time[order])
     own = np.append(True, moves | (steps != 0.0))  # without copies, which stand side by side now
