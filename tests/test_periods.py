@@ -55,16 +55,21 @@ def test_what_each_pose_has_to_itself_is_worth_no_line(turning):
     assert find_period(found.scorer, replace(nothing, memory=Memory(pose=1e3)), problem) is None
 
 
-@pytest.mark.parametrize("period", [1.7, pytest.param(2.3, marks=pytest.mark.long)])
-def test_a_wave_finer_than_the_readings_are_many_is_found_among_poses_at_random(period: float) -> None:
-    """Two readings a wave are what even steps need; poses at random tell finer ones too."""
-    drawn = draw_rig(5, MACHINE, "volume", rows=90)
+@pytest.mark.parametrize(
+    ("period", "rows", "turns"),
+    [(1.7, 90, 45.0), (0.3, 300, 300.0), pytest.param(2.3, 90, 33.0, marks=pytest.mark.long)],
+)
+def test_a_wave_finer_than_the_readings_are_many_is_found_among_poses_at_random(
+    period: float, rows: int, turns: float
+) -> None:
+    """Two readings a wave are what even steps need; poses at random tell finer ones too, as of an encoder's scale."""
+    drawn = draw_rig(5, MACHINE, "volume", rows=rows)
     odd = {"kind": "periodic", "leg": 3, "size_um": 20.0, "period_mm": period, "phase_rad": 0.4}
     keys = "".join(f"{key} = {json.dumps(value)}\n" for key, value in odd.items())
     rig = replace(parse_rig(f"{format_rig(drawn.rig)}\n[[odd]]\n{keys}"), machine=drawn.rig.machine)
     file = replace(MACHINE, tracker=MACHINE.tracker.model_copy(update={"sigma_mm": None}))
     problem = build_problem(file, table_of(simulate(rig, drawn.targets).frame, drawn.absent))
-    assert np.ptp(problem.view.q.numpy()[:, 2]) / period > 45.0
+    assert np.ptp(problem.view.q.numpy()[:, 2]) / period > turns
     found = diagnose(Model(file), problem)
     first = found.depends_on[0]
     assert found.verdict == "unknown" and not found.suggested and first.residual == "slider 3"
