@@ -17,8 +17,10 @@ def group_means(values: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.n
     size = np.bincount(number)
     if values.ndim == 1:
         return number, np.bincount(number, values, len(size)) / size
-    sums = [np.bincount(number, column, len(size)) for column in values.T]  # shape: (m, g)
-    return number, np.ascontiguousarray((np.array(sums) / size).T)
+    mean = np.empty((len(size), values.shape[1]))
+    for place, column in enumerate(values.T):
+        mean[:, place] = np.bincount(number, column, len(size)) / size
+    return number, mean
 
 
 def about_means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
