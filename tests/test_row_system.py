@@ -63,10 +63,11 @@ def test_sums_beside_errors_of_poses_stay_when_columns_come() -> None:
     some, every = np.array([0, 5, 7]), np.arange(WIDTH + 2)
     for memory in MEMORIES:
         system.sums(memory).across(some, np.arange(WIDTH))
-    wider = system.widened({"d": _atom("d", np.array([WIDTH, WIDTH + 1]))}, more, np.ones(2))
+    further = {"d": _atom("d", np.array([WIDTH, WIDTH + 1]))}
+    wider = system.widened(further, more, np.ones(2))
     assert set(wider._sums) == {*MEMORIES, Memory(MEMORIES[3].wander)}  # on which those of both rest
     assert np.array_equal(np.flatnonzero(wider._sums[MEMORIES[1]].there), some)
-    anew = system_of().widened({}, more, np.ones(2))
+    anew = system_of().widened(further, more, np.ones(2))
     for memory in MEMORIES:
         mine, theirs = wider.sums(memory), anew.sums(memory)
         for chosen in (some, np.array([WIDTH + 1, 2, 5])):
