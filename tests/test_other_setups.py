@@ -60,6 +60,8 @@ def test_a_free_reflector_is_said_before_an_effect_is_added(tmp_path: Path) -> N
     found = diagnose(model, problem)
     assert found.first.startswith('With tool = "trusted"') and found.words.startswith(found.first)
     assert "next: ptt add" not in format_diagnosis(found) and found.first in in_short(found)
+    named = in_short(replace(found, verdict="missing", suggested=(("backlash",),)))
+    assert "As the machine file stands, backlash would take the error" in named and "Add backlash" not in named
     text = KUKA.read_text().replace('frame = "fitted"\ntool = "fitted"', 'frame = "trusted"\nsigma_mm = 0.02')
     (tmp_path / "machine.toml").write_text(text)
     rows, notes = table_to_frame(problem.table.replace(joint_prefix="q")), list[str]()

@@ -15,9 +15,8 @@ from ptt.notebook import InNotebook
 from ptt.record import Record
 from ptt.run.dates import days_of
 
-MOST_LEFT_OPEN = (
-    0.5  # share of a value that a run does not determine, from which it is not compared with sister machines
-)
+# Share of a value that a run does not determine, from which it is not compared with sister machines
+MOST_LEFT_OPEN = 0.5
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE, HeldOutBlock
 from ptt.fitting.posterior import Posterior
 
-RAISED = 1.5  # ratio of held-out errors after a name and before it, from which it is no help to those before it
+RAISED = 1.5  # ratio of held-out errors after a name and before it, above which it is no help to those before it
 
 
 def cross_validate(scorer: Scorer, keys: Sequence[str], key: str) -> HeldOutTrial:
@@ -126,7 +126,7 @@ def lowers_held_out_error(scorer: Scorer, keys: tuple[str, ...], doubt: float = 
 
 
 def raises_held_out_error(scorer: Scorer, keys: tuple[str, ...]) -> bool:
-    """Whether the last of some effects raises the error on held-out blocks by a factor of `RAISED` or more.
+    """Whether the last of some effects raises the error on held-out blocks by more than a factor of `RAISED`.
 
     The block on which it raises it most does not count, as in `lowers_held_out_error`.
 

@@ -138,6 +138,8 @@ def _title(found: Diagnosis, findings: Sequence[Cause]) -> str:
         return MISSING
     ties = sum(bool(one.tie) for one in findings)
     count = {1: "One cause", 2: "Two causes", 3: "Three causes"}.get(len(findings), f"{len(findings)} causes")
+    if found.first:
+        return f"{count} found, as the machine file stands"
     if ties == len(findings) == 1:
         return "One cause, which this run cannot tell from another"
     return f"{count} found" + (f"; {'one' if ties == 1 else ties} cannot be told from another" if ties else "")

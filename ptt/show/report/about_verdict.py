@@ -61,8 +61,10 @@ def in_short(found: Diagnosis) -> str:
         return f"{found.words[0].lower()}{found.words[1:]}"
     before, after = (found.rms_um[when]["total"] for when in ("before", "after"))
     steps = ", then ".join(" or ".join(step) for step in found.suggested)
-    first = f" {found.first}" if found.first else ""
-    return f"something is missing.{first} Add {steps}: the error goes from {before:.1f} to {after:.1f} um RMS."
+    if found.first:
+        would = f"As the machine file stands, {steps} would take the error from {before:.1f} to {after:.1f} um RMS"
+        return f"something is missing. {found.first} {would}."
+    return f"something is missing. Add {steps}: the error goes from {before:.1f} to {after:.1f} um RMS."
 
 
 def _steps(found: Diagnosis, known: Library) -> list[Block]:
