@@ -11,7 +11,9 @@ import ptt
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.other_setups import by_base, by_mount
 from ptt.door.diagnosing import format_diagnosis
-from ptt.machine import load_machine
+from ptt.fleet.task import Task
+from ptt.fleet.work import work
+from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
@@ -21,6 +23,7 @@ from ptt.show.report.about_verdict import in_short
 
 KUKA = Path(__file__).resolve().parents[1] / "data" / "machines" / "kuka_iiwa.toml"
 ARM = load_machine(KUKA)
+TRUSTED = KUKA.read_text().replace('frame = "fitted"\ntool = "fitted"', 'frame = "trusted"\nsigma_mm = 0.02')
 
 
 def read(tool: tuple[float, float, float], zeros: float, trusted: str) -> tuple[Model, Problem]:
@@ -59,11 +62,24 @@ def test_a_free_reflector_is_said_before_an_effect_is_added(tmp_path: Path) -> N
     model, problem = read((0.6, -0.5, 0.0), 0.0, "trusted")
     found = diagnose(model, problem)
     assert found.first.startswith('With tool = "trusted"') and found.words.startswith(found.first)
-    assert "next: ptt add" not in format_diagnosis(found) and found.first in in_short(found)
+    assert "next: ptt add" not in format_diagnosis(found) and found.first in in_short(found) and found.to_add == []
     named = in_short(replace(found, verdict="missing", suggested=(("backlash",),)))
     assert "As the machine file stands, backlash would take the error" in named and "Add backlash" not in named
-    text = KUKA.read_text().replace('frame = "fitted"\ntool = "fitted"', 'frame = "trusted"\nsigma_mm = 0.02')
-    (tmp_path / "machine.toml").write_text(text)
+    (tmp_path / "machine.toml").write_text(TRUSTED)
     rows, notes = table_to_frame(problem.table.replace(joint_prefix="q")), list[str]()
     ptt.add(ptt.load(tmp_path / "machine.toml"), rows, "homing-offset", note=notes.append)
     assert found.first in notes
+
+
+def test_a_store_adds_nothing_before_the_reflector_is_settled() -> None:
+    """Neither from a first run nor from a later one; a later run's alarm names no effect as added."""
+    _, problem = read((0.6, -0.5, 0.0), 0.0, "trusted")
+    rows = table_to_frame(problem.table.replace(joint_prefix="q"))
+    columns = {str(title): rows[title].to_numpy(float) for title in rows}
+    task = Task("0" * 64, "arm", "2026-03-01T00:00:00", "arm.csv", columns, TRUSTED)
+    first = work(task)
+    assert first.words.startswith('With tool = "trusted"')
+    assert first.diagnosis is not None and first.diagnosis["suggested"], "something stands for the reflector"
+    assert first.solved is not None and parse_machine(first.solved, "solved").effect == ()
+    later = work(replace(task, solved=first.solved))
+    assert later.verdict == "new" and later.solved is None and later.words.startswith('With tool = "trusted"')

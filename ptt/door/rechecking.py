@@ -60,7 +60,7 @@ class Rechecked(Result):
         """What the command prints."""
         rows, table = self.result.outlier_rows, self.opened.problem.table
         left = f"\nleft out as gross errors: {named_rows(table, np.array(rows))}" if rows else ""
-        names = [step[0] for step in self.result.suggested]
+        names = [] if self.result.new is None else self.result.new.to_add
         after = f"\nnext: {given_in(self.opened).add(names)}" if names and not self.result.other_machine else ""
         return f"{self.result}{left}{after}"
 

@@ -49,7 +49,7 @@ def recheck_or_diagnose(model: Model, problem: Problem, known: Library, tell: Te
     if not any(len(term.theta) for term in model.terms):
         return _against_the_drawing(model, problem, known, tell)
     found = recheck(model, problem, known, progress=tell)
-    added = [] if found.new is None else [step[0] for step in found.new.suggested]
+    added = [] if found.new is None else found.new.to_add
     error = found.error_um
     return Rechecked(found.verdict, found.words, found.to_dict(), added, error["expected"], error["now"])
 
@@ -59,7 +59,7 @@ def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: T
     found = diagnose_run(model, problem, known, progress=tell)
     verdict = "same" if found.verdict == "nothing-missing" else "new"
     as_given = residual_of(model, problem, found.noise)  # a diagnosis fits the frame, even one that reflectors hold
-    added, now = [step[0] for step in found.suggested], left_um(as_given, problem)
+    added, now = found.to_add, left_um(as_given, problem)
     expected = 1e3 * found.noise.total
     result = {
         "verdict": verdict,

@@ -14,6 +14,7 @@ from ptt.record import Record
 RUNS = """
 SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count, outcomes.* EXCLUDE (run, machine),
     fits.* EXCLUDE (run), rechecks.result->'suggested' AS suggested,
+    rechecks.result->'new'->>'first' AS settle,
     rechecks.result->'changed' AS changed, accepted.toml AS accepted
 FROM runs LEFT JOIN outcomes USING (run) LEFT JOIN fits USING (run) LEFT JOIN rechecks USING (run)
     LEFT JOIN (SELECT run, toml FROM models WHERE made = 'accepted') accepted USING (run)
@@ -61,7 +62,8 @@ class Past(Record):
 
 def past_of(row: Mapping[str, Any]) -> Past:
     """A run from its row of the query `RUNS`."""
-    suggested = json.loads(row["suggested"] or "[]") if row["verdict"] == "new" else []
+    added = row["verdict"] == "new" and not row["settle"]  # nothing is added while the set-up is to be settled first
+    suggested = json.loads(row["suggested"] or "[]") if added else []
     changed = [(each["effect"], each["parameter"], each["words"]) for each in json.loads(row["changed"] or "[]")]
     accepted = row["accepted"]
     left = None if accepted is None else errors_of(accepted)[0]["after"]

@@ -20,6 +20,7 @@ from ptt.machine import format_machine
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 from ptt.progress import Tell
+from ptt.setup.result import Check
 
 
 def work(task: Task, tell: Tell | None = None, effects: Sequence[str] = ()) -> Outcome:
@@ -66,16 +67,16 @@ def _work(task: Task, tell: Tell, effects: Sequence[str]) -> Outcome:
     if check.sure:
         return Outcome(task.run, task.machine, "check", "setup", str(check), 0.0, check=check.to_dict())
     opened = open_task(task, table, effects)
-    outcome = (_diagnose if task.solved is None else _recheck)(task, opened, tell)
+    outcome = _diagnose(task, opened, check, tell) if task.solved is None else _recheck(task, opened, tell)
     return replace(outcome, check=check.to_dict())
 
 
-def _diagnose(task: Task, opened: Opened, tell: Tell) -> Outcome:
-    """Process a machine's first run: diagnose it, add the suggested effects, and keep that as the model."""
+def _diagnose(task: Task, opened: Opened, check: Check, tell: Tell) -> Outcome:
+    """Process a machine's first run: diagnose it, add what it says to add, and keep that as the model."""
     model, problem, known = opened.model, opened.problem, opened.known
-    found = diagnose_run(model, problem, known, progress=tell)
+    found = diagnose_run(model, problem, known, progress=tell).with_unexplained(check.unexplained)
     tell("add")
-    solved, fitted, noise = _add(model, opened, [step[0] for step in found.suggested], task)
+    solved, fitted, noise = _add(model, opened, found.to_add, task)
     return Outcome(
         task.run, task.machine, "diagnosis", found.verdict, found.words, 0.0, left_um(fitted, problem), None, noise,
         diagnosis=found.to_dict(), solved=solved, refit=solved, told=told_by(fitted),

@@ -86,6 +86,11 @@ class Diagnosis:
         return replace(self, separation=None, unexplained=words, words=f"{capital(words)}\n{self.words}")
 
     @property
+    def to_add(self) -> list[str]:
+        """Keys of effects to add, the pick of each step; none while the set-up is to be settled first."""
+        return [] if self.unexplained or self.first else [step[0] for step in self.suggested]
+
+    @property
     def measure_next(self) -> tuple[str, ...]:
         """What to measure next, and where to look, in words."""
         lines = tuple(self.separation.lines) if self.separation else ()
