@@ -86,9 +86,19 @@ def test_telescope_points_where_its_errors_say() -> None:
     np.testing.assert_allclose(found, said, atol=3e-6)
 
 
-@pytest.mark.parametrize("sigma", [None, 0.037])
-@pytest.mark.parametrize("timed", [True, False])
-@pytest.mark.parametrize("frame", ["trusted", "fitted"])
+@pytest.mark.parametrize(
+    ("frame", "timed", "sigma"),
+    [
+        ("trusted", True, None),
+        ("trusted", False, 0.037),
+        ("fitted", True, 0.037),
+        ("fitted", False, None),
+        pytest.param("trusted", True, 0.037, marks=pytest.mark.long),
+        pytest.param("trusted", False, None, marks=pytest.mark.long),
+        pytest.param("fitted", True, None, marks=pytest.mark.long),
+        pytest.param("fitted", False, 0.037, marks=pytest.mark.long),
+    ],
+)
 def test_telescope_of_two_axes_is_named_alike_in_every_set_up(frame: str, timed: bool, sigma: float | None) -> None:
     """What its drift, its lean and errors of one part of the sky ask for beside it does not hide what does most.
 
