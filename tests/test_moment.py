@@ -104,3 +104,11 @@ def test_what_is_found_beside_an_unknown_and_not_named_is_no_statement() -> None
     named = {step[0] for step in found.suggested}
     others = [one.probability for one in found.candidates if one.effect not in named]
     assert found.verdict == "unknown" and max(others) <= MOST_UNNAMED
+
+
+def test_a_knock_nearly_along_a_joints_way_and_its_slip_are_no_levels_of_that_joint() -> None:
+    """Two moments of one joint say in three numbers what a slip and a knock say in nine, and nearly as well."""
+    drawn, _ = draw(plan("multi", 1, 3775450)[0])
+    run = build_problem(drawn.rig.machine, table_of(simulate(drawn.rig, drawn.targets).frame))
+    found = diagnose(Model(drawn.rig.machine), run)
+    assert (found.verdict, {names[0] for names in found.suggested}) == ("missing", set(drawn.truth))

@@ -5,7 +5,9 @@ One jump may differ over the workspace: what changed at one moment, as a load do
 A field over the workspace, a flexible curve, a slip or a knock can each stand in for physics that is not in the
 library, and names found beside such a stand-in are wrong too. Where a law holds it explains as much with fewer degrees
 of freedom and scores higher. A rail of two pieces, a dent or a loose clamp is passed again and again; named as slips
-and knocks, the last of them would be corrected as if it were permanent.
+and knocks, the last of them would be corrected as if it were permanent. Where names say all, a law in the place of
+sudden ones has to be clearly better: a small knock may lie nearly along a joint's way, where two levels of that joint
+do for it and for a slip.
 """
 
 from collections.abc import Sequence
@@ -35,7 +37,7 @@ from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import plainest, timed
-from ptt.diagnosis.search.switching import acts_over_time, switching_moments
+from ptt.diagnosis.search.switching import SURE_NATS, acts_over_time, switching_moments
 from ptt.diagnosis.search.turn import moment_beside
 from ptt.diagnosis.unknown.blocks import Block
 from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS
@@ -81,6 +83,8 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     best = _switching_instead(wider, best) if switching else best
     if not any(is_block(wider.system.atoms[key]) for key in best.keys):
         return wider, best
+    if not blocks and not set(sudden) <= set(best.keys) and best.total < state.total + SURE_NATS:
+        return wider, state
     # A law may be as good as a broader unknown that needs names beside it; and of laws tried one after the other, each
     # may be a little less than the best. But time is no cause, so it takes the place of none.
     most = max(wider.scored.values(), key=lambda each: each.total)
