@@ -14,10 +14,14 @@ from ptt.effects.card import RESIDUALS, Card
 from ptt.effects.cards import card_of
 from ptt.effects.case import make_case
 from ptt.effects.contract import CHECKS, check_effect
+from ptt.effects.curve import Curve
+from ptt.effects.own import try_laws
 from ptt.effects.phrases import Phrase
+from ptt.effects.prefilled import prefilled
 from ptt.effects.template import template
 from ptt.errors import InputError, ModelError
 from ptt.model.chain import differentiate
+from ptt.show.plots.effects import plot_effect
 from ptt.show.telling import VARIABLES
 
 pytestmark = pytest.mark.filterwarnings("ignore:.torch.jit.script. is deprecated:DeprecationWarning")
@@ -176,6 +180,48 @@ def test_contract_catches_a_broken_effect(cls, check):
 def test_contract_passes_a_good_effect():
     assert all(finding.passed for finding in check_effect(Good(), differentiate))
     assert all(finding.passed for finding in check_effect(SaysTheSide(), differentiate))
+
+
+class OfTheWrist(Effect):
+    """Joint 6 runs ahead with joint 5: coupled gears."""
+
+    name = "of-the-wrist"
+    stage = "drive"
+    mechanisms = ("serial",)
+    least_joints = 6
+    parameters = (Parameter("share", "1", 1e-3, "share of joint 5's turn"),)
+
+    def basis(self, view, shape):
+        return torch.nn.functional.pad(view.q[:, 4, None, None], (0, 0, 5, view.joints - 6))
+
+
+class OfOneJoint(Curve):
+    name = "of-one-joint"
+    mechanisms = ("serial",)
+    on, acts_on, between = "q4", "joint 5", (-1.0, 1.0)
+
+
+class OfOneLink(Curve):
+    name = "of-one-link"
+    mechanisms = ("serial",)
+    on, acts_on, between = "direction7", "link 2", (-1.0, 1.0)
+    shape = "levels"
+
+
+@pytest.mark.parametrize(("cls", "joints"), [(OfTheWrist, 6), (OfOneJoint, 5), (OfOneLink, 7)])
+def test_an_effect_of_the_wrist_is_tried_on_an_arm_that_has_one(cls, joints):
+    """Most arms have six or seven joints, and their wrists err too."""
+    assert cls.least_joints == joints and make_case(cls(), "serial", differentiate).view.joints == joints
+    try_laws(cls, "own.py")
+    assert [finding for finding in check_effect(cls(), differentiate) if not finding.passed] == []
+
+
+def test_an_own_effect_of_a_wrist_is_written_and_drawn(tmp_path):
+    curve = {"at": [-1.5, 0.0, 1.5], "mean_um": [0.0, 1.0, 2.0], "half_width_um": [1.0, 1.0, 1.0]}
+    cause = {"residual": "joint 5", "on": "q4", "acts_on": "joint 5", "shape": "smooth", "curve": curve}
+    (tmp_path / "own.py").write_text(prefilled("own-cause", [cause]).text)
+    plot_effect(library(tmp_path / "own.py")["own-cause"](), tmp_path / "own.png")
+    assert (tmp_path / "own.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("name", library())

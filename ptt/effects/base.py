@@ -35,6 +35,8 @@ class Effect:
         name: as in machine.toml.
         stage: where in the causal chain the shift is added.
         mechanisms: mechanism families that it applies to.
+        least_joints: the highest number of a joint that it names, as 5 where it is of joint 5: arms that it is tried on
+            have that many.
         parameters: amplitudes first ('linear'), shape parameters ('searched', 'given') after them.
         requires: contexts of `View.varies` without which the data cannot test it.
         told_by: context that has to vary before the data can tell it from an error of the drawing's dimensions; '' for
@@ -63,6 +65,7 @@ class Effect:
     name: ClassVar[str] = ""
     stage: ClassVar[Stage] = "structure"
     mechanisms: ClassVar[tuple[str, ...]] = ("three-ptt", "serial")
+    least_joints: ClassVar[int] = 1
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     requires: ClassVar[tuple[str, ...]] = ()
     told_by: ClassVar[str] = ""

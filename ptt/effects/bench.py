@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ptt.machine import MachineFile, parse_machine
+from ptt.machine import JointSpec, MachineFile, ThreePttSpec, parse_machine
 from ptt.run.table import Table, make_table
 from ptt.run.view import View
 from ptt.run.viewing import build_view
@@ -44,50 +44,61 @@ joint = [
 ]
 """,
 }
+WRIST = JointSpec(alpha_deg=90.0, d_mm=80.0, limits_deg=(-120.0, 120.0))  # of a sample arm, from the fourth joint on
 _MIDDLE = {"three-ptt": (0.0, 0.0, 0.0), "serial": (0.3, 0.9, -1.2)}
 _HALF = {"three-ptt": (70.0, 70.0, 45.0), "serial": (0.8, 0.5, 0.6)}
+_WRIST_MIDDLE, _WRIST_HALF = 0.2, 1.2  # rad, of each joint of the wrist
 
 
-def sample_machine(kind: str) -> MachineFile:
+def sample_machine(kind: str, joints: int = 3) -> MachineFile:
     """A drawing of round figures.
 
     Args:
         kind: 'three-ptt' or 'serial'.
+        joints: of an arm, three at the least.
 
     Returns:
         The machine, without effects.
     """
-    return parse_machine(_MACHINES[kind], f"sample {kind}")
+    file = parse_machine(_MACHINES[kind], f"sample {kind}")
+    if isinstance(file.machine, ThreePttSpec) or joints <= len(file.machine.joint):
+        return file
+    wrist = (WRIST,) * (joints - len(file.machine.joint))
+    return replace(file, machine=file.machine.model_copy(update={"joint": (*file.machine.joint, *wrist)}))
 
 
-@lru_cache(maxsize=2)
-def sample_view(kind: str) -> View:
+@lru_cache(maxsize=4)
+def sample_view(kind: str, joints: int = 3) -> View:
     """Three runs in which every context varies: free moves, short moves back and forth, free moves again.
 
     Args:
         kind: 'three-ptt' or 'serial'.
+        joints: as of `sample_machine`.
 
     Returns:
         The view.
     """
-    return build_view(sample_machine(kind), sample_table(kind))
+    return build_view(sample_machine(kind, joints), sample_table(kind, joints))
 
 
-def sample_table(kind: str) -> Table:
+def sample_table(kind: str, joints: int = 3) -> Table:
     """The table of `sample_view`: targets on a 3-PTT, joint commands on an arm; no readings.
 
     Args:
         kind: 'three-ptt' or 'serial'.
+        joints: as of `sample_machine`.
 
     Returns:
         The table.
     """
     random = np.random.default_rng(SEED)
-    middle, half = np.array(_MIDDLE[kind]), np.array(_HALF[kind])
+    wrist = max(joints - 3, 0) * (kind == "serial")
+    middle = np.array([*_MIDDLE[kind], *[_WRIST_MIDDLE] * wrist])
+    half = np.array([*_HALF[kind], *[_WRIST_HALF] * wrist])
     count = FREE[kind]
-    free = middle + half * random.uniform(-1.0, 1.0, (count, 3))
+    free = middle + half * random.uniform(-1.0, 1.0, (count, len(middle)))
     way = np.where(np.arange(CREEP) // TURN_EVERY % 2 == 0, 1.0, -1.0)[:, None]
-    step = way * half * random.uniform(0.01, 0.05, (CREEP, 3))
+    step = way * half * random.uniform(0.01, 0.05, (CREEP, len(middle)))
     places = np.concatenate([free[: count // 2], middle + np.cumsum(step, axis=0), free[count // 2 :]])
     rows = len(places)
     columns = {

@@ -53,7 +53,7 @@ def make_case(effect: Effect, kind: str, differentiate: Differentiate) -> Case:
     Raises:
         ValueError: the search leaves out a searched or given parameter.
     """
-    view = sample_view(kind)
+    view = sample_view(kind, effect.least_joints)
     shape = effect.usual_trial(view)
     missing = [p.stem for p in effect.parameters if p.role != "linear" and p.stem not in shape]
     if missing:

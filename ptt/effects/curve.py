@@ -99,7 +99,9 @@ class Curve(Effect):
         for name in (cls.on, cls.along, *cls.together):
             if not fits(cls.mechanisms, name):
                 raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot follow '{name}'")
-        kind, _ = cls._place()
+        kind, index = cls._place()
+        followed = [int(joint[2]) for name in (cls.on, cls.along, *cls.together) if (joint := JOINT.fullmatch(name))]
+        cls.least_joints = max([1, *followed, index + 1 if kind in ("slider", "joint", "link") else 1])
         own_stage = vars(cls).get("stage")
         if own_stage is not None and (kind not in ("axis", "tool") or own_stage not in ("structure", "metrology")):
             raise TypeError(f"a curve that acts on '{cls.acts_on}' has no stage '{own_stage}'")
@@ -136,10 +138,8 @@ class Curve(Effect):
     def basis(self, view: View, shape: Any) -> Tensor:
         """The basis functions of the variable, each in the outputs that it shifts."""
         kind, index = self._place()
-        followed = [int(joint[2]) for name in (self.on, self.along, *self.together) if (joint := JOINT.fullmatch(name))]
-        last = max([*followed, index + 1 if kind in ("slider", "joint", "link") else 0])
-        if last > view.joints:
-            what = f"'{self.name}' follows or moves joint {last}, and the machine has {view.joints}"
+        if self.least_joints > view.joints:
+            what = f"'{self.name}' follows or moves joint {self.least_joints}, and the machine has {view.joints}"
             raise InputError(what, fix="mend the effect's file")
         if kind == "tool":
             shapes = _field(view.p, self.between) if self.on in COORDINATES else self._shapes(view)

@@ -216,7 +216,7 @@ def try_laws(cls: type[Effect], where: str) -> None:
         cls.basis = _without(f"{cls.name} has no basis", where)  # type: ignore[method-assign]  # it may be looked at, not used
         return
     for kind in cls.mechanisms:
-        view, effect = sample_view(kind), cls()
+        view, effect = sample_view(kind, cls.least_joints), cls()
         out = {"drive": view.joints, "geometry": len(view.mechanism.slots)}.get(cls.stage, 3)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

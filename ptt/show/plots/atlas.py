@@ -68,7 +68,7 @@ def picture_theta(effect: Effect, kind: str) -> Tensor:
     Returns:
         All parameters, flat.
     """
-    view = sample_view(kind)
+    view = sample_view(kind, effect.least_joints)
     return usual_theta(effect, kind, view, effect.usual_trial(view)) * _smoothly(effect, view.joints)
 
 
@@ -83,7 +83,7 @@ def effect_field(effect: Effect, theta: Tensor, kind: str) -> Field:
     Returns:
         The field.
     """
-    sample = sample_view(kind)
+    sample = sample_view(kind, effect.least_joints)
     centre = np.zeros(3) if kind == "three-ptt" else sample.p.mean(dim=0).numpy()
     across = np.linspace(-REACH[kind], REACH[kind], GRID)
     x, y = centre[0] + across, centre[1] + across
@@ -124,7 +124,7 @@ def effect_signature(effect: Effect, theta: Tensor, view: View, card: Card) -> S
 
 def _steady(sample: View, joints: Tensor, kind: str) -> View:
     """Independent poses, each approached upward, under load, warm, moving, and at the time of the sample run's end."""
-    file = sample_machine(kind)
+    file = sample_machine(kind, sample.joints)
     table = make_table(None, joints.numpy(), payload_kg=LOAD, temp_c=file.machine.reference_temp_c + WARM)
     view = build_view(file, table)
     whole = torch.ones_like(view.q)
