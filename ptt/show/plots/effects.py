@@ -29,7 +29,9 @@ def plot_effect(effect: Effect, path: str | Path) -> None:
     figure = Figure(figsize=(11.0, 5.1), dpi=DPI, layout=ConstrainedLayoutEngine(w_pad=0.15, h_pad=0.15))
     left, right = figure.subplots(1, 2)
     _draw_field(figure, left, effect_field(effect, theta, kind), kind)
-    _draw_signature(figure, right, effect_signature(effect, theta, sample_view(kind, effect.least_joints), card_of(effect)))
+    _draw_signature(
+        figure, right, effect_signature(effect, theta, sample_view(kind, effect.least_joints), card_of(effect))
+    )
     figure.suptitle(f"{effect.key} at usual size on the {sample_machine(kind).machine.name}, before any alignment")
     save(figure, path)
 

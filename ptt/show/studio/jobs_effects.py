@@ -16,7 +16,9 @@ def card(effect: str, kind: str, files: tuple[str, ...], tell: Progress) -> Mapp
     known = library(*files)
     made = make_effect(known, *parse_key(effect))
     family = kind if kind in made.mechanisms else made.mechanisms[0]
-    sign = effect_signature(made, picture_theta(made, family), sample_view(family, made.least_joints), card_of(made).on(family))
+    sign = effect_signature(
+        made, picture_theta(made, family), sample_view(family, made.least_joints), card_of(made).on(family)
+    )
     shade = None if sign.shade is None else sign.shade.tolist()
     drawn = {
         "telling": sign.telling.tolist(),
