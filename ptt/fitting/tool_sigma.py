@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter
 from ptt.effects.layout import linear_size, sizes
+from ptt.effects.metrology import TrackerScale
 from ptt.effects.usual import usual_values
 from ptt.fitting.chunks import CHUNK, view_chunks
 from ptt.fitting.kept import Kept
@@ -30,11 +31,11 @@ END_SLOPE = 5.0  # slope of a curve at its end, in heights of the curve per leng
 def tool_sigma(kept: Kept, terms: EffectTerms, view: View, file: MachineFile) -> np.ndarray:
     """Uncertainty of the tool position relative to the tracker's frame.
 
-    Parameters and frame vary together: a shift common to all readings goes with the frame, and no command corrects it
-    (with base reflectors, whose frames were held, the position is in the base frame). A shift that is constant on the
-    tool belongs to the mount where that was fitted. Included are sizes of the drawing that the model does not have, for
-    which its values make up only where the run went; the course of curves beyond the travel that determined them; and
-    how play is taken up nearer to a reversal than any reading.
+    Parameters and frame vary together: a shift common to all readings goes with the frame, the one by a tracker's scale
+    included, and no command corrects it (with base reflectors, whose frames were held, the position is in the base
+    frame). A shift that is constant on the tool belongs to the mount where that was fitted. Included are sizes of the
+    drawing that the model does not have, for which its values make up only where the run went; the course of curves
+    beyond the travel that determined them; and how play is taken up nearer to a reversal than any reading.
 
     Args:
         kept: the covariance.
@@ -96,11 +97,14 @@ def _by_kept(kept: Kept, terms: EffectTerms, at: Linearised, view: View, kind: s
     place = {name: number for number, name in enumerate(kept.names)}
     found = torch.zeros(view.rows, 3, len(place), dtype=torch.float64)
     still = torch.zeros(1, 6, dtype=torch.float64)
+    by_frame = apply_frames(at.prediction.reading, np.zeros(view.rows, dtype=int), still)[1]
     parts = [
         (_names(terms, view.joints, kind), at.jacobian),
         (MOUNT_NAMES, at.by_mount),
-        (FRAME_NAMES, apply_frames(at.prediction.reading, np.zeros(view.rows, dtype=int), still)[1]),
+        (FRAME_NAMES, by_frame),
     ]
+    if set(FRAME_NAMES) <= set(place):
+        parts.append((_own_names(TrackerScale(), view.joints, kind)[1:], by_frame))  # its shift, x, y, z
     for names, columns in parts:
         own = [number for number, name in enumerate(names) if name in place]
         found[:, :, [place[names[number]] for number in own]] = columns[:, :, own]

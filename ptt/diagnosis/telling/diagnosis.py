@@ -11,6 +11,7 @@ from ptt.diagnosis.search.rest import Rest
 from ptt.diagnosis.telling.explanation import Candidate
 from ptt.diagnosis.telling.next_look import asks_for_poses, next_look
 from ptt.diagnosis.telling.verdict_words import mostly_untold
+from ptt.effects.metrology import TrackerScale
 from ptt.effects.phrases import capital
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
@@ -19,6 +20,11 @@ from ptt.plan.separation import Separation
 from ptt.run.noise import Noise
 
 Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
+
+SCALE_BAR = (
+    "Read a calibrated scale bar with the tracker: no pose tells its scale from that of the machine, which is longer "
+    "in all its parts where it is warmer than its drawing says."
+)
 
 
 @dataclass(frozen=True)
@@ -94,6 +100,8 @@ class Diagnosis:
     def measure_next(self) -> tuple[str, ...]:
         """What to measure next, and where to look, in words."""
         lines = tuple(self.separation.lines) if self.separation else ()
+        if any(one.effect == TrackerScale.name and one.sum_of for one in self.candidates[: len(self.suggested)]):
+            lines += (SCALE_BAR,)
         if self.verdict != "unknown" or self.unexplained:
             return lines
         return (*lines, *next_look(self.depends_on, untold=mostly_untold(self)))

@@ -17,7 +17,7 @@ from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.telling.coincidence import coincidences
 from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt
-from ptt.diagnosis.telling.mimic import find_sum
+from ptt.diagnosis.telling.mimic import EITHER, find_sum, growth_doubt, is_growth
 from ptt.diagnosis.telling.steps import Named, Step, share_of
 from ptt.diagnosis.telling.words import explain_step
 from ptt.effects import Effect
@@ -103,7 +103,10 @@ def candidates_of_steps(
     """
     result: list[Candidate] = []
     named = told.steps
-    parts = told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)
+    sums = {found.system.atoms[step.key].name: find_sum(found.scorer, found.state, step.key) for step in named}
+    grown = {term.effect.key for term in terms if is_growth(term.effect, sums.get(term.effect.key, ()))}
+    parts = [told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)]
+    parts += [growth_doubt(term, problem) for term in terms if term.effect.key in grown]
     doubt = 1e3 * float(np.linalg.norm(parts))
     whole = found.sample is None  # of a long run stretches would have to say what no reading shows
     turned = with_turns(found.fitted, without_carried(problem, found)) if whole else found.fitted
@@ -113,7 +116,6 @@ def candidates_of_steps(
         term = next((item for item in terms if item.effect.key == name), None)
         if term is None:
             continue
-        together = find_sum(found.scorer, found.state, step.key)
         own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
         extra = found.fitted.unnamed_covariance
@@ -122,18 +124,18 @@ def candidates_of_steps(
         alike = [words for words in like if words]
         exceptions = f", except {' and '.join(alike)}" if alike else ""
         words = explain_step(
-            term, step.others, together, errors, noise, problem, before, own, beside, extra, exceptions
+            term, step.others, sums[name], errors, noise, problem, before, own, beside, extra, exceptions
         )
         result.append(
             Candidate(
                 name,
-                with_lapse(min(chances.effects.get(name, 0.0), step.sure)),
+                with_lapse(min(chances.effects.get(name, 0.0), step.sure)) * (EITHER if name in grown else 1.0),
                 float(np.exp(-max(step.nats, 0.0))),
                 step.share,
                 *errors,
                 _parameters(term, problem),
                 step.others,
-                together,
+                sums[name],
                 " ".join([words, *coincidences(term, problem), *unwitnessed(term, problem, noise)]),
                 own,
             )

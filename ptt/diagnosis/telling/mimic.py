@@ -1,12 +1,14 @@
 """Sums of several effects that together look exactly like one.
 
-Links, radius and lead together stretch a machine just as a wrong scale of the tracker does.
+Links, radius and lead together stretch a machine just as a wrong scale of the tracker does. That need not be three
+faults at once: a machine is longer in all its parts where it is warmer than its drawing says.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
+from ptt.diagnosis.evidence.at_tool import without_rigid_motion
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
@@ -14,10 +16,15 @@ from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS, commoner
 from ptt.diagnosis.search.plainest import PLAIN_NATS
+from ptt.effects import Effect
+from ptt.effects.metrology import TrackerScale
 from ptt.fitting.projected import Projected, gain, project
+from ptt.model.model import Term
+from ptt.run.problem import Problem
 
 MOST_PARTS = 4  # effects in a sum
 UNSEEN_CHI2 = 3.0  # chi-squared below which a difference is not seen
+EITHER = 0.5  # probability of either of two causes that no reading tells apart
 CLEAR_CHI2 = 30.0  # chi-squared that a step has to be worth before a sum can be said to mimic it
 
 
@@ -40,6 +47,27 @@ def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
         if len(names) > 1:
             return names
     return _unseen(scorer.system, state, key)
+
+
+def is_growth(effect: Effect, together: tuple[str, ...]) -> bool:
+    """Whether an effect may as well be a machine that has grown alike in all its parts, which is one cause.
+
+    Args:
+        effect: that is named.
+        together: other effects that look like it together, from `find_sum`.
+    """
+    return isinstance(effect, TrackerScale) and bool(together)
+
+
+def growth_doubt(term: Term, problem: Problem) -> float:
+    """Root mean square doubt in the tool's position where a tracker's scale may as well be the machine's, mm.
+
+    Args:
+        term: the scale at its value.
+        problem: the rows.
+    """
+    apart = without_rigid_motion(term.effect.shift(term.theta, problem.view).numpy(), problem)
+    return float(np.sqrt(EITHER * np.square(apart).sum(axis=1).mean()))
 
 
 def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
