@@ -58,9 +58,12 @@ def aim(before: Table, after: Table, file: MachineFile | None) -> Aimed:
         WorkspaceError: commands at which the mechanism cannot be assembled, by line.
     """
     told = np.isfinite(after.target).all(axis=1)
-    if file is None or told[after.role != "base"].all():
+    if file is None:
         return Aimed(before, after, told)
-    given, own = placed(file, before), placed(file, after)
+    given = placed(file, before)
+    if told[after.role != "base"].all():
+        return Aimed(given, after, told)
+    own = placed(file, after)
     place, later = _drawn(file, before), _drawn(file, after)
     first, second = _counterparts(given, own, place, later)
     first, second = first[~told[second]], second[~told[second]]
