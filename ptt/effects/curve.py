@@ -32,6 +32,7 @@ HATS = 13  # hat functions of a bump, since local damage has no shape that is kn
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
 DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace
+TURNS = 2  # harmonics of each of two angles, as of the unknown that it describes
 PAIR_DEGREE = 6  # the same in two variables: as many terms as there are of degree 4 in three, and finer
 STEP_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
@@ -189,6 +190,8 @@ class Curve(Effect):
             elements = hysterons(view, view.q.new_full((view.joints,), high - low))
             return elements[:, int(self.on.removeprefix("direction")) - 1]
         value = _value(view, self.on)
+        if _is_of_turns(type(self)):
+            return _of_turns(view, self.together)
         if self.together:
             step = (value > 0.5 * (low + high)).to(value)[:, None] if self.shape == "step" else 1.0
             return step * _products(view, *_factors(type(self)))
@@ -239,6 +242,8 @@ def _size(cls: type[Curve]) -> tuple[int, str]:
     """Number of basis functions at each output, and their meaning."""
     if cls.on in COORDINATES and not cls.acts_on:
         return len(_field_powers()), f"of each product of up to {DEGREE} coordinates"
+    if _is_of_turns(cls):
+        return (2 * TURNS + 1) ** len(cls.together), f"of each product of harmonics of {' and '.join(cls.together)}"
     if cls.together:
         names, _, degree = _factors(cls)
         return len(_powers(len(names), degree)), f"of each product of {' and '.join(names)}"
@@ -284,6 +289,22 @@ def _products(view: View, names: list[str], ranges: list[tuple[float, float]], d
     scaled = ((2.0 * values - low - high) / (high - low)).clamp(-1.0, 1.0)
     powers = scaled.new_tensor(_powers(len(names), degree))
     return (scaled[:, None] ** powers).prod(dim=2)
+
+
+def _is_of_turns(cls: type[Curve]) -> bool:
+    """Whether it takes two angles of an arm together: what follows them repeats with each turn."""
+    return cls.shape == "smooth" and len(cls.together) == 2 and all(name.startswith("q") for name in cls.together)
+
+
+def _of_turns(view: View, names: tuple[str, ...]) -> Tensor:
+    """Products of the first harmonics of angles, the m-th of size 1/m, (n, count)."""
+    found = view.q.new_ones(view.rows, 1)
+    for name in names:
+        angle = _value(view, name)
+        waves = [wave(m * angle) / m for m in range(1, TURNS + 1) for wave in (torch.cos, torch.sin)]
+        each = torch.stack([torch.ones_like(angle), *waves], dim=1)
+        found = (found[:, :, None] * each[:, None, :]).flatten(1)
+    return found
 
 
 def _smooth(value: Tensor, low: float, high: float) -> Tensor:

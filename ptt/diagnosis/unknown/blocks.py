@@ -163,6 +163,8 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
+        for i in range(q.shape[1] - 1) if serial else ():
+            yield _named(place, (f"q{i + 1}", f"q{i + 2}"), partial(_of_two, raw[:, i], raw[:, i + 1]))
         yield _named(place, ("time",), lambda: span.settling, "steadily ")
         for context in span.contexts:
             if context.joints:
@@ -277,6 +279,12 @@ def _own_travel(place: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
 
 def _others_travel(place: np.ndarray, raw: np.ndarray, turns: bool) -> np.ndarray:
     return np.column_stack([np.ones(len(raw)), harmonics(raw)]) if turns else modulation(place)
+
+
+def _of_two(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Harmonics of two angles, of their sum and of their difference: a link's attitude follows several joints."""
+    each = [np.column_stack([np.ones(len(raw)), harmonics(raw)]) for raw in (one, other)]
+    return product(*each)
 
 
 def _shapes(context: Context) -> np.ndarray:
