@@ -14,7 +14,7 @@ from ptt.machine import MachineFile, load_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
-from ptt.run.table import Table, make_table
+from ptt.run.table import Table, make_table, take_rows
 
 ARM = load_machine(Path(__file__).resolve().parents[1] / "data" / "arm" / "machine.toml")
 FILE = replace(ARM, tracker=ARM.tracker.model_copy(update={"frame": "trusted", "tool": "fitted", "sigma_mm": 0.01}))
@@ -51,6 +51,19 @@ def test_commands_alone_before_have_the_targets_that_the_run_after_states(runs: 
     far = after.replace(target=after.target + 7.0)
     with pytest.raises(TableError, match="no pose in common"):
         evaluate_pair(before, far, FILE)
+
+
+@pytest.mark.parametrize("named", [True, False])
+@pytest.mark.parametrize("digits", [2, 3])
+def test_rounded_commands_before_have_them_too(runs: tuple[Table, Table], digits: int, named: bool) -> None:
+    """Commands in hundredths of a degree are found by their names or their order, in thousandths by the place, too."""
+    before, after = runs
+    name = np.array([f"P{row}" for row in range(before.rows)]) if named else before.name
+    rounded = before.replace(command=np.radians(np.round(np.degrees(before.command), digits)), name=name)
+    assert evaluate_pair(rounded, after.replace(name=name), FILE).to_dict()["protocol"]["rows"] == before.rows
+    if digits == 3:
+        part = take_rows(after.replace(name=name), np.arange(40)[::-1])
+        assert evaluate_pair(rounded, part, FILE).to_dict()["protocol"]["rows"] == 40
 
 
 def test_the_tool_is_turned_as_the_model_has_it(runs: tuple[Table, Table]) -> None:

@@ -1,5 +1,6 @@
 """What other set-ups of the tracker leave of a model, beside a verdict."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +12,11 @@ import ptt
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.telling.other_setups import by_base, by_mount
 from ptt.door.diagnosing import format_diagnosis
-from ptt.fleet.task import Task
-from ptt.fleet.work import work
+from ptt.effects import library
+from ptt.fleet.again import recheck_or_diagnose
+from ptt.fleet.overview import overview
+from ptt.fleet.run import run_all
+from ptt.fleet.store import add_machine, add_run, create_store
 from ptt.machine import load_machine, parse_machine
 from ptt.mechanisms import build_mechanism
 from ptt.model.model import Model
@@ -71,15 +75,35 @@ def test_a_free_reflector_is_said_before_an_effect_is_added(tmp_path: Path) -> N
     assert found.first in notes
 
 
-def test_a_store_adds_nothing_before_the_reflector_is_settled() -> None:
+def test_a_store_adds_nothing_before_the_reflector_is_settled(tmp_path: Path) -> None:
     """Neither from a first run nor from a later one; a later run's alarm names no effect as added."""
+    store = create_store(tmp_path / "plant")
+    (tmp_path / "arm.toml").write_text(TRUSTED)
+    add_machine(store, "arm", tmp_path / "arm.toml")
     _, problem = read((0.6, -0.5, 0.0), 0.0, "trusted")
-    rows = table_to_frame(problem.table.replace(joint_prefix="q"))
-    columns = {str(title): rows[title].to_numpy(float) for title in rows}
-    task = Task("0" * 64, "arm", "2026-03-01T00:00:00", "arm.csv", columns, TRUSTED)
-    first = work(task)
-    assert first.words.startswith('With tool = "trusted"')
-    assert first.diagnosis is not None and first.diagnosis["suggested"], "something stands for the reflector"
-    assert first.solved is not None and parse_machine(first.solved, "solved").effect == ()
-    later = work(replace(task, solved=first.solved))
-    assert later.verdict == "new" and later.solved is None and later.words.startswith('With tool = "trusted"')
+    for day in ("2026-03-01", "2026-04-01"):
+        table = problem.table.replace(joint_prefix="q", measured=problem.table.measured + 1e-4 * int(day[6]))
+        path = tmp_path / f"arm-{day}.csv"
+        table_to_frame(table).to_csv(path, index=False)
+        add_run(store, "arm", path, table, None, ordered=False, units_said=False)
+    run_all(store)
+    (arm,) = overview(store).machines
+    first, later = arm.past
+    assert first.verdict == "unknown" and later.verdict == "new"
+    assert all(run.words.startswith('With tool = "trusted"') and run.added == () for run in arm.past)
+    (told,) = store.ask("SELECT result->'suggested' AS named FROM rechecks")
+    assert json.loads(told["named"]), "something stands for the reflector"
+    (solved,) = store.ask("SELECT toml FROM models WHERE made = 'solved'")  # the drawing, from the first run
+    assert parse_machine(solved["toml"], "solved").effect == ()
+
+
+def test_a_later_run_whose_columns_disagree_adds_nothing_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, problem = read((0.0, 0.0, 0.0), 5e-4, "fitted")
+    monkeypatch.setattr("ptt.fleet.again.diagnose_run", lambda *of, **more: diagnose(*of))
+    plain = recheck_or_diagnose(model, problem, library(), lambda what: None)
+    assert plain.added and plain.verdict == "new"
+    found = diagnose(model, problem)
+    unknown = replace(found, verdict="unknown")
+    monkeypatch.setattr("ptt.fleet.again.diagnose_run", lambda *of, **more: unknown)
+    told = recheck_or_diagnose(model, problem, library(), lambda what: None, "columns disagree")
+    assert told.added == [] and told.words.startswith("Columns disagree")

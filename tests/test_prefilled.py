@@ -21,8 +21,9 @@ from ptt.effects import Curve
 from ptt.effects.contract import check_effect
 from ptt.effects.prefilled import is_variable, prefilled
 from ptt.effects.registry import library, make_effect, parse_key
-from ptt.errors import InputError
+from ptt.errors import InputError, ModelError
 from ptt.judge.ladder.climb import climb
+from ptt.machine import load_machine
 from ptt.model.chain import differentiate
 from ptt.model.model import Model
 from ptt.rig import parse_rig
@@ -37,6 +38,7 @@ from ptt.run.viewing import build_view
 RANGES = {name: [-50.0, 0.0, 50.0] if name in "xy" else [270.0, 283.0, 296.0] for name in ("b1", "b2", "b3", "x", "y")}
 WARM = [20.0, 23.0, 26.0]
 MACHINE = bench()
+DATA = Path(__file__).resolve().parents[1] / "data"
 
 
 def found(on: str, shape: str, **more: object) -> dict[str, object]:
@@ -329,8 +331,9 @@ def test_temperatures_are_taken_from_the_reference() -> None:
 @pytest.mark.parametrize("own", [{"on": "q9", "acts_on": "joint 2"}, {"on": "q1", "acts_on": "joint 9"}])
 def test_a_joint_that_an_arm_lacks_is_said(own: dict[str, str]) -> None:
     cls = type("Beyond", (Curve,), {"name": "beyond", "mechanisms": ("serial",), "between": (-1.0, 1.0), **own})
-    with pytest.raises(InputError, match="joint 9, and the machine has 6"):
-        cls().basis(SimpleNamespace(joints=6), {})
+    assert cls().needs(SimpleNamespace(joints=6, varies=frozenset())) == "an arm of 9 joints"
+    with pytest.raises(ModelError, match="asks for 9 joints, and the machine has 6"):
+        Model(load_machine(DATA / "machines" / "ur10.toml")) + cls()
 
 
 @pytest.mark.parametrize(("on", "offered"), [("b3", True), ("temperature", True), ("way y", False), ("coolant", False)])

@@ -223,8 +223,7 @@ def format_diagnosis(result: Diagnosis, problem: Problem | None = None, given: G
         lines += ["measure next:", *(f"  {line}" for line in result.measure_next)]
         poses = result.asks_for_poses or (result.separation is not None and result.separation.targets is not None)
         lines += ["  `--measure-next OUT.csv` writes poses to measure.", ""] if poses else [""]
-    ready = result.verdict != "nothing-missing" and not (result.unexplained or result.first)
-    lines += [*_next(result, given), ""] if ready else []
+    lines += [*_next(result, given), ""] if result.verdict != "nothing-missing" and result.is_settled else []
     if result.not_testable:
         lines.append("not testable on this run:")
         lines += [f"  {name} needs {lack}" for name, lack in result.not_testable.items()]
@@ -257,7 +256,7 @@ def _streak(left_out: np.ndarray, problem: Problem) -> str:
 
 def _next(result: Diagnosis, given: Given) -> list[str]:
     """Lines on the next step after the verdict."""
-    lines, names = [], [group[0] for group in result.suggested]
+    lines, names = list[str](), result.to_add
     if names:
         sizes = result.names_size
         lines.append(f"next: {given.add(names, sizes=sizes)}")

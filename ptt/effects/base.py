@@ -35,8 +35,7 @@ class Effect:
         name: as in machine.toml.
         stage: where in the causal chain the shift is added.
         mechanisms: mechanism families that it applies to.
-        least_joints: the highest number of a joint that it names, as 5 where it is of joint 5: arms that it is tried on
-            have that many.
+        least_joints: joints that an arm has to have: 5 where it is of joint 5; arms that it is tried on have that many.
         parameters: amplitudes first ('linear'), shape parameters ('searched', 'given') after them.
         requires: contexts of `View.varies` without which the data cannot test it.
         told_by: context that has to vary before the data can tell it from an error of the drawing's dimensions; '' for
@@ -128,6 +127,7 @@ class Effect:
             One line for the user, or None where the data can test it.
         """
         wanting = [CONTEXTS[context] for context in self.requires if context not in view.varies]
+        wanting += [f"an arm of {self.least_joints} joints"] if self.least_joints > view.joints else []
         return "; ".join(wanting) or None
 
     def lacks(self, theta: Tensor, view: View) -> str | None:

@@ -55,7 +55,7 @@ def sample_machine(kind: str, joints: int = 3) -> MachineFile:
 
     Args:
         kind: 'three-ptt' or 'serial'.
-        joints: of an arm, three at the least.
+        joints: that an arm has to have; the sample has three at the least.
 
     Returns:
         The machine, without effects.

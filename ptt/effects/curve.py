@@ -15,7 +15,6 @@ from ptt.effects.hysterons import HYSTERONS, hysterons
 from ptt.effects.layout import family
 from ptt.effects.parameter import Parameter
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
-from ptt.errors import InputError
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.frames import rigid_columns
@@ -32,8 +31,8 @@ HATS = 13  # hat functions of a bump, since local damage has no shape that is kn
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
 DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace
-TURNS = 2  # harmonics of each of two angles, as of the unknown that it describes
 PAIR_DEGREE = 6  # the same in two variables: as many terms as there are of degree 4 in three, and finer
+TURNS = 2  # harmonics of each of two angles of an arm, as of the unknown that it describes
 STEP_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
 
@@ -56,7 +55,8 @@ class Curve(Effect):
         period: of shape 'period', mm or rad.
         together: of shape 'smooth' or 'step', the variables that it takes all of, `on` among them; a step over time is
             by an amount that varies with the others.
-        ranges: of each of these, as `between`; beyond them it stays as at their ends.
+        ranges: of each of these, as `between`; beyond them it stays as at their ends, but for two angles of an arm, of
+            which it takes the first harmonics.
         along: of shape 'varying', the second variable, on which the effect of a direction depends.
         stage: of what acts on the tool, 'structure', or 'metrology' where it is the tracker that errs: no command
             follows it then; of the others the place says it.
@@ -139,9 +139,6 @@ class Curve(Effect):
     def basis(self, view: View, shape: Any) -> Tensor:
         """The basis functions of the variable, each in the outputs that it shifts."""
         kind, index = self._place()
-        if self.least_joints > view.joints:
-            what = f"'{self.name}' follows or moves joint {self.least_joints}, and the machine has {view.joints}"
-            raise InputError(what, fix="mend the effect's file")
         if kind == "tool":
             shapes = _field(view.p, self.between) if self.on in COORDINATES else self._shapes(view)
             return torch.cat(

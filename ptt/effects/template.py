@@ -25,7 +25,7 @@ class {class_name}(Effect):
     # mechanism, mm. "structure": (n, 3) mm at the tool. "metrology": (n, 3) mm of the reading, never compensated.
     stage = "structure"
     mechanisms = ("three-ptt",)  # and "serial", where it fits an arm
-    # least_joints = 5  # the highest number of a joint that it names, from the fourth on
+    # least_joints = 5  # that an arm has to have, where it names the fourth joint or a later one
     # Stem, unit (of mm, rad, s, K, kg, N; "1" for none), usual size, meaning; per_joint=True: one value for each joint;
     # count: so many values. lower, upper: physical bounds only.
     parameters = (Parameter("pull", "1", 1e-4, "sideways shift per mm of height, x and y", count=2),)

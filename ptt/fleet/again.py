@@ -1,6 +1,6 @@
 """Comparison of a later run with the machine's model: a recheck, or a diagnosis where the model has no effects."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ptt.again.recheck import recheck
@@ -34,7 +34,7 @@ class Rechecked:
     now_um: float | None
 
 
-def recheck_or_diagnose(model: Model, problem: Problem, known: Library, tell: Tell) -> Rechecked:
+def recheck_or_diagnose(model: Model, problem: Problem, known: Library, tell: Tell, unexplained: str = "") -> Rechecked:
     """Compare a later run with the model that was fitted to an earlier one.
 
     Args:
@@ -42,21 +42,24 @@ def recheck_or_diagnose(model: Model, problem: Problem, known: Library, tell: Te
         problem: the run, with its noise floor.
         known: effects by name.
         tell: told what is being done.
+        unexplained: words of the set-up check on columns that disagree beyond any machine's errors; '' for none.
 
     Returns:
         The comparison.
     """
     if not any(len(term.theta) for term in model.terms):
-        return _against_the_drawing(model, problem, known, tell)
+        return _against_the_drawing(model, problem, known, tell, unexplained)
     found = recheck(model, problem, known, progress=tell)
+    if found.new is not None:
+        found = replace(found, new=found.new.with_unexplained(unexplained))
     added = [] if found.new is None else found.new.to_add
     error = found.error_um
     return Rechecked(found.verdict, found.words, found.to_dict(), added, error["expected"], error["now"])
 
 
-def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: Tell) -> Rechecked:
+def _against_the_drawing(model: Model, problem: Problem, known: Library, tell: Tell, unexplained: str) -> Rechecked:
     """A model without effects has no values that could have changed; whatever a diagnosis finds is new."""
-    found = diagnose_run(model, problem, known, progress=tell)
+    found = diagnose_run(model, problem, known, progress=tell).with_unexplained(unexplained)
     verdict = "same" if found.verdict == "nothing-missing" else "new"
     as_given = residual_of(model, problem, found.noise)  # a diagnosis fits the frame, even one that reflectors hold
     added, now = found.to_add, left_um(as_given, problem)

@@ -14,10 +14,10 @@ from ptt.record import Record
 RUNS = """
 SELECT runs.run, runs.machine, runs.date, runs.place, runs.file, runs.row_count, outcomes.* EXCLUDE (run, machine),
     fits.* EXCLUDE (run), rechecks.result->'suggested' AS suggested,
-    rechecks.result->'new'->>'first' AS settle,
-    rechecks.result->'changed' AS changed, accepted.toml AS accepted
+    rechecks.result->'changed' AS changed, accepted.toml AS accepted, solved.run IS NOT NULL AS solved
 FROM runs LEFT JOIN outcomes USING (run) LEFT JOIN fits USING (run) LEFT JOIN rechecks USING (run)
     LEFT JOIN (SELECT run, toml FROM models WHERE made = 'accepted') accepted USING (run)
+    LEFT JOIN (SELECT run FROM models WHERE made = 'solved') solved USING (run)
 ORDER BY runs.machine, runs.date, runs.place"""
 # Verdicts that are alarms of the last run -> how their words begin, and what stands in place of an effect.
 HEADS = {"new": "something that the model does not have", "setup": "a mistake in the set-up", "failed": "not usable"}
@@ -62,7 +62,7 @@ class Past(Record):
 
 def past_of(row: Mapping[str, Any]) -> Past:
     """A run from its row of the query `RUNS`."""
-    added = row["verdict"] == "new" and not row["settle"]  # nothing is added while the set-up is to be settled first
+    added = row["verdict"] == "new" and row["solved"]  # else the set-up is to be settled first
     suggested = json.loads(row["suggested"] or "[]") if added else []
     changed = [(each["effect"], each["parameter"], each["words"]) for each in json.loads(row["changed"] or "[]")]
     accepted = row["accepted"]

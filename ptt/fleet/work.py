@@ -20,7 +20,6 @@ from ptt.machine import format_machine
 from ptt.model.entries import write_model
 from ptt.model.model import Model, Term
 from ptt.progress import Tell
-from ptt.setup.result import Check
 
 
 def work(task: Task, tell: Tell | None = None, effects: Sequence[str] = ()) -> Outcome:
@@ -67,14 +66,14 @@ def _work(task: Task, tell: Tell, effects: Sequence[str]) -> Outcome:
     if check.sure:
         return Outcome(task.run, task.machine, "check", "setup", str(check), 0.0, check=check.to_dict())
     opened = open_task(task, table, effects)
-    outcome = _diagnose(task, opened, check, tell) if task.solved is None else _recheck(task, opened, tell)
+    outcome = (_diagnose if task.solved is None else _recheck)(task, opened, check.unexplained, tell)
     return replace(outcome, check=check.to_dict())
 
 
-def _diagnose(task: Task, opened: Opened, check: Check, tell: Tell) -> Outcome:
+def _diagnose(task: Task, opened: Opened, unexplained: str, tell: Tell) -> Outcome:
     """Process a machine's first run: diagnose it, add what it says to add, and keep that as the model."""
     model, problem, known = opened.model, opened.problem, opened.known
-    found = diagnose_run(model, problem, known, progress=tell).with_unexplained(check.unexplained)
+    found = diagnose_run(model, problem, known, progress=tell).with_unexplained(unexplained)
     tell("add")
     solved, fitted, noise = _add(model, opened, found.to_add, task)
     return Outcome(
@@ -83,11 +82,11 @@ def _diagnose(task: Task, opened: Opened, check: Check, tell: Tell) -> Outcome:
     )  # fmt: skip
 
 
-def _recheck(task: Task, opened: Opened, tell: Tell) -> Outcome:
+def _recheck(task: Task, opened: Opened, unexplained: str, tell: Tell) -> Outcome:
     """Process a later run: recheck it, add new physics to the model if there is any, and refit the values to it."""
     model, problem = opened.model, opened.problem
     tell("recheck")
-    again = recheck_or_diagnose(model, problem, opened.known, tell)
+    again = recheck_or_diagnose(model, problem, opened.known, tell, unexplained)
     tell("refit")
     solved, fitted = None, fit(_testable(model, opened), problem)
     if again.added:

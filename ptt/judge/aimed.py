@@ -16,6 +16,7 @@ from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
 from ptt.run.wanted import placed
 
+ROUNDED_MM = 0.1  # commands in thousandths of a degree: 35 um at 2 m, several joints together
 NEAR_MM = 5.0  # `ptt predict` corrects by no more, unless told to
 MISSING = "give them with --targets T.csv, or name the points as BEFORE does"
 
@@ -60,10 +61,9 @@ def aim(before: Table, after: Table, file: MachineFile | None) -> Aimed:
     told = np.isfinite(after.target).all(axis=1)
     if file is None:
         return Aimed(before, after, told)
-    given = placed(file, before)
     if told[after.role != "base"].all():
-        return Aimed(given, after, told)
-    own = placed(file, after)
+        return Aimed(_as_stated_after(before, after, file), after, told)
+    given, own = placed(file, before), placed(file, after)
     place, later = _drawn(file, before), _drawn(file, after)
     first, second = _counterparts(given, own, place, later)
     first, second = first[~told[second]], second[~told[second]]
@@ -74,6 +74,28 @@ def aim(before: Table, after: Table, file: MachineFile | None) -> Aimed:
     first, here = _same_pose(given, [place, _stated(file, before)], later[open_])
     target[open_[here]], told[open_[here]] = given.target[first], True
     return Aimed(given, after.replace(target=target), told, int(moved.sum()))
+
+
+def _as_stated_after(before: Table, after: Table, file: MachineFile) -> Table:
+    """The run before with the targets that the run after states, where it has commands alone: these are rounded.
+
+    Args:
+        before: n rows.
+        after: m rows, each with a target.
+        file: the machine.
+    """
+    given, open_ = placed(file, before), ~np.isfinite(before.target).all(axis=1)
+    rows, wanted = np.flatnonzero(open_ & np.isin(np.arange(before.rows), _posed(given))), _stated(file, after)
+    if not len(rows):
+        return given
+    place, target = _drawn(file, before), given.target.copy()
+    first, second = _counterparts(given, after, place, wanted)
+    own = np.isin(first, rows)
+    target[first[own]] = after.target[second[own]]
+    rest = np.setdiff1d(rows, first)
+    later, here = _same_pose(after, [wanted], place[rest], ROUNDED_MM)
+    target[rest[here]] = after.target[later]
+    return given.replace(target=target)
 
 
 def lent_in_words(rows: int) -> str:
@@ -96,13 +118,16 @@ def _stated(file: MachineFile, table: Table) -> np.ndarray:
     return in_base(table, target_frames(file, table)).target
 
 
-def _same_pose(before: Table, places: list[np.ndarray], later: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows without counterpart that were sent to a pose of the run before: indices in it, and of those rows.
+def _same_pose(
+    before: Table, places: list[np.ndarray], later: np.ndarray, within: float = SAME_POSE
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows without counterpart that were sent to a pose of another run: indices in that, and of those rows.
 
     Args:
-        before: n rows.
-        places: where its commands put the tool and where its targets are, (n, 3) mm each.
-        later: where the commands of rows of the run after put the tool, (m, 3) mm.
+        before: the other run, n rows.
+        places: where its commands put the tool or where its targets are, (n, 3) mm each.
+        later: where the commands of the rows put the tool, (m, 3) mm.
+        within: largest distance, mm.
     """
     from scipy.spatial import cKDTree  # only where there is something to ask: it takes a while to load
 
@@ -112,7 +137,7 @@ def _same_pose(before: Table, places: list[np.ndarray], later: np.ndarray) -> tu
     if not len(rows) or not len(later):
         return np.zeros(0, dtype=int), np.zeros(0, dtype=int)
     far, nearest = cKDTree(sites).query(later)
-    here = np.flatnonzero(far <= SAME_POSE)
+    here = np.flatnonzero(far <= within)
     return rows[nearest[here]], here
 
 

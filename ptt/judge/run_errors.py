@@ -9,7 +9,7 @@ from ptt.effects import library
 from ptt.errors import TableError, TooFewError
 from ptt.judge.match import targets_of
 from ptt.machine import MachineFile
-from ptt.model.chain import linearise
+from ptt.model.chain import trace
 from ptt.model.entries import read_model
 from ptt.run.base_frame import into_base
 from ptt.run.direction import travel_direction
@@ -169,7 +169,7 @@ def _axes_of_tool(file: MachineFile, table: Table) -> np.ndarray:
     if not entries:
         return mount_slopes(view)
     terms = read_model(replace(file, effect=entries), known, checked=True).terms
-    return np.asarray(linearise([(term.effect, term.theta) for term in terms], view).by_mount.numpy())
+    return np.asarray(trace([(term.effect, term.theta) for term in terms], view).by_slot[..., -3:].numpy())
 
 
 def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: MachineFile | None) -> Noise | None:

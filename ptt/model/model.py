@@ -199,6 +199,9 @@ def require_fits(model: Model, effect: Effect) -> None:
     kind = model.file.machine.kind
     if kind not in effect.mechanisms:
         raise ModelError(f"effect '{effect.name}' does not apply to a {kind} machine", fix="leave it out")
+    if effect.least_joints > model.joints:
+        what = f"effect '{effect.name}' asks for {effect.least_joints} joints, and the machine has {model.joints}"
+        raise ModelError(what, fix="leave it out, or mend its file")
     if effect.key in model.keys:
         raise ModelError(f"effect '{effect.key}' is in the model already", fix="give the second one a [label]")
     other = rival(effect, model.keys)

@@ -6,8 +6,8 @@ A field over the workspace, a flexible curve, a slip or a knock can each stand i
 library, and names found beside such a stand-in are wrong too. Where a law holds it explains as much with fewer degrees
 of freedom and scores higher. A rail of two pieces, a dent or a loose clamp is passed again and again; named as slips
 and knocks, the last of them would be corrected as if it were permanent. Where names say all, a law in the place of
-sudden ones has to be clearly better: a small knock may lie nearly along a joint's way, where two levels of that joint
-do for it and for a slip.
+sudden ones has to be clearly better: where a small knock lies nearly along a joint's way, two changes of that joint
+look like a slip and the knock.
 """
 
 from collections.abc import Sequence
@@ -83,13 +83,14 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     best = _switching_instead(wider, best) if switching else best
     if not any(is_block(wider.system.atoms[key]) for key in best.keys):
         return wider, best
-    if not blocks and not set(sudden) <= set(best.keys) and best.total < state.total + SURE_NATS:
-        return wider, state
     # A law may be as good as a broader unknown that needs names beside it; and of laws tried one after the other, each
     # may be a little less than the best. But time is no cause, so it takes the place of none.
     most = max(wider.scored.values(), key=lambda each: each.total)
-    plain = plainest(wider, max(most, best, key=lambda each: each.total), nothing=False)
-    return wider, plain if timed(wider, plain) <= timed(wider, best) else best
+    most = max(most, best, key=lambda each: each.total)
+    plain = plainest(wider, most, nothing=False)
+    best = plain if timed(wider, plain) <= timed(wider, best) else best
+    replaced = not blocks and not set(sudden) <= set(best.keys)
+    return wider, state if replaced and most.total < state.total + SURE_NATS else best
 
 
 def _of_rough_curves(scorer: Scorer, state: State, rough: Sequence[str]) -> tuple[Scorer, State]:

@@ -92,17 +92,24 @@ class Diagnosis:
         return replace(self, separation=None, unexplained=words, words=f"{capital(words)}\n{self.words}")
 
     @property
+    def is_settled(self) -> bool:
+        """Whether nothing in the set-up is to be settled before an effect is added."""
+        return not (self.unexplained or self.first)
+
+    @property
     def to_add(self) -> list[str]:
         """Keys of effects to add, the pick of each step; none while the set-up is to be settled first."""
-        return [] if self.unexplained or self.first else [step[0] for step in self.suggested]
+        return [step[0] for step in self.suggested] if self.is_settled else []
 
     @property
     def measure_next(self) -> tuple[str, ...]:
         """What to measure next, and where to look, in words."""
         lines = tuple(self.separation.lines) if self.separation else ()
+        if self.unexplained:
+            return lines
         if any(one.effect == TrackerScale.name and one.sum_of for one in self.candidates[: len(self.suggested)]):
             lines += (SCALE_BAR,)
-        if self.verdict != "unknown" or self.unexplained:
+        if self.verdict != "unknown":
             return lines
         return (*lines, *next_look(self.depends_on, untold=mostly_untold(self)))
 

@@ -193,7 +193,7 @@ def _finding(one: Candidate, tied: Sequence[str], found: Diagnosis, problem: Pro
         values=values,
         # Columns that disagree by more than any machine error, or a reflector beside the tool point, are no reason to
         # adjust the machine.
-        cure="" if found.unexplained or found.first else pretty(remedy(told, problem.view) or card.remedy.rstrip(".")),
+        cure=pretty(remedy(told, problem.view) or card.remedy.rstrip(".")) if found.is_settled else "",
         probability=float(one.probability),
         tie=pretty(headline(one.effect, tied[1:], one.sum_of)),
         others=tuple(tied[1:]),
