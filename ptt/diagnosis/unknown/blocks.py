@@ -163,7 +163,7 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
-        for i in range(q.shape[1] - 1) if serial else ():
+        for i in range(q.shape[1] - 1) if q.shape[1] > len(COORDINATES) else ():  # of fewer joints the place says all
             yield _named(place, (f"q{i + 1}", f"q{i + 2}"), partial(_of_two, raw[:, i], raw[:, i + 1]))
         yield _named(place, ("time",), lambda: span.settling, "steadily ")
         for context in span.contexts:
