@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 import torch
 import typer
@@ -21,6 +22,7 @@ from ptt.effects.prefilled import prefilled
 from ptt.effects.template import template
 from ptt.errors import InputError, ModelError
 from ptt.model.chain import differentiate
+from ptt.show.plots.atlas import effect_signature, picture_theta
 from ptt.show.plots.effects import plot_effect
 from ptt.show.telling import VARIABLES
 
@@ -220,7 +222,12 @@ def test_an_own_effect_of_a_wrist_is_written_and_drawn(tmp_path):
     curve = {"at": [-1.5, 0.0, 1.5], "mean_um": [0.0, 1.0, 2.0], "half_width_um": [1.0, 1.0, 1.0]}
     cause = {"residual": "joint 5", "on": "q4", "acts_on": "joint 5", "shape": "smooth", "curve": curve}
     (tmp_path / "own.py").write_text(prefilled("own-cause", [cause]).text)
-    plot_effect(library(tmp_path / "own.py")["own-cause"](), tmp_path / "own.png")
+    effect = library(tmp_path / "own.py")["own-cause"]()
+    view, theta = sample_view("serial", 5), picture_theta(effect, "serial")
+    sign = effect_signature(effect, theta, view, card_of(effect))
+    assert sign.labels[:2] == ("angle of joint 4 [rad]", "J e of joint 5 [urad]")
+    np.testing.assert_allclose(sign.residual, 1e6 * effect.shift(theta, view)[:, 4].numpy(), rtol=1e-2, atol=1e-2)
+    plot_effect(effect, tmp_path / "own.png")
     assert (tmp_path / "own.png").stat().st_size > 10_000
 
 

@@ -91,6 +91,11 @@ class Effect:
         return key_of(self.name, self.label)
 
     @property
+    def shown(self) -> tuple[int, int]:
+        """Joints, from 0, whose error a picture shows and whose variable it shows it against."""
+        return 0, 0
+
+    @property
     def odds_of_kind(self) -> float:
         """Nats of prior odds against this one among all of its kind (harmonic m of all m); 0 where it is alone."""
         return 0.0

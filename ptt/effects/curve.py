@@ -136,6 +136,13 @@ class Curve(Effect):
             return "axis", COORDINATES.index(found[6])
         return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
 
+    @property
+    def shown(self) -> tuple[int, int]:
+        """The joint that it acts on, and the one that it follows."""
+        kind, index = self._place()
+        acts, follows = index if kind in ("slider", "joint") else 0, JOINT.fullmatch(self.on)
+        return acts, int(follows[2]) - 1 if follows else acts
+
     def basis(self, view: View, shape: Any) -> Tensor:
         """The basis functions of the variable, each in the outputs that it shifts."""
         kind, index = self._place()

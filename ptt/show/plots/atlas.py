@@ -18,6 +18,7 @@ from ptt.run.viewing import build_view
 from ptt.show.telling import telling_of
 
 GRID = 121  # points of the field along each axis
+LEAST_WAY = 1e-12  # square of a way of the tool per turn, mm per rad, below which a joint does not move it
 REACH = {"three-ptt": 90.0, "serial": 700.0}  # mm, half width of the field
 SPEED = {"three-ptt": 20.0, "serial": 0.05}  # mm/s or rad/s of every joint in the field, for effects of speed
 WARM, LOAD = 5.0, 2.0  # K above reference and kg in the field, for effects of temperature and payload
@@ -107,19 +108,28 @@ def effect_signature(effect: Effect, theta: Tensor, view: View, card: Card) -> S
         card: names the component of the residual, the telling variable and the second one.
 
     Returns:
-        The points to draw; of joints, those of the first.
+        The points to draw; of joints, those of one.
     """
     error = predict([(effect, theta)], view).reading - view.p
+    joint, follows = effect.shown
     if card.residual == "joint":
         linear = family(view) == "three-ptt"
-        residual = (torch.linalg.pinv(view.jacobian) @ error[..., None])[:, 0, 0] * (UM if linear else 1e6)
-        unit, name = ("um", "J e of slider 1") if linear else ("urad", "J e of joint 1")
+        residual = _of_joint(error, view.jacobian, joint) * (UM if linear else 1e6)
+        unit, name = ("um", f"J e of slider {joint + 1}") if linear else ("urad", f"J e of joint {joint + 1}")
     else:
         residual, unit = error[:, "xyz".index(card.residual)] * UM, "um"
         name = f"residual in {card.residual}"
-    telling, across = telling_of(card.telling, view, 0)
-    shade, third = telling_of(card.shade, view, 0) if card.shade else (None, "")
+    telling, across = telling_of(card.telling, view, follows)
+    shade, third = telling_of(card.shade, view, follows) if card.shade else (None, "")
     return Signature(telling, residual.numpy(), shade, (across, f"{name} [{unit}]", third))
+
+
+def _of_joint(error: Tensor, jacobian: Tensor, joint: int) -> Tensor:
+    """Error of a joint that makes a tool error, (n,): together with all others or, of more than three joints, alone."""
+    if jacobian.shape[2] <= jacobian.shape[1]:
+        return (torch.linalg.pinv(jacobian) @ error[..., None])[:, joint, 0]
+    way = jacobian[:, :, joint]
+    return (way * error).sum(dim=1) / way.square().sum(dim=1).clamp(min=LEAST_WAY)
 
 
 def _steady(sample: View, joints: Tensor, kind: str) -> View:
