@@ -15,7 +15,7 @@ from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE, Memory, MemorySums
-from ptt.diagnosis.noise.wander import SHARES, Axes, Wander, kinds_of_wander, likelihoods
+from ptt.diagnosis.noise.wander import AS_NOISE, SHARES, Axes, Wander, kinds_of_wander, likelihoods
 from ptt.fitting.factor import factor_of
 
 # Tried variances of the error that a pose has to itself, over the white variance
@@ -28,6 +28,7 @@ MOST_SIGNAL = 1e5
 # Index of the largest share below one: a wander that small may be there without a run showing it
 BELOW_NOISE = int(np.searchsorted(SHARES, 1.0)) - 1
 MOST_POSES = 300  # poses up to which a wander and errors of poses are tried together; more of them take minutes
+FAST_STEPS = (0.7, 1.4, 2.8)  # rows of the decay of a wander that otherwise is white noise by another name
 # Factor between errors of poses alone and beside a wander: the next grid value up or down at most
 POSE_RATIO_STEP = 4.0
 # Nats behind the best kind of wander on every other grid point, which the finer steps cannot make up
@@ -127,6 +128,7 @@ def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> l
     if not len(system.clock.constants):
         return found
     left, alone = system.residual(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
+    found += [_fast_wander(system, value)] if alone.pose else []
     if (
         alone.pose
         and isinstance(system, RowSystem)
@@ -138,6 +140,12 @@ def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> l
         if value(spot.memory) >= max(map(value, found)) - FAR_BEHIND:
             found.append(_best_beside(spot, value).memory)
     return found
+
+
+def _fast_wander(system: System, value: Value) -> Memory:
+    """The best wander that decays within a few rows: where a pose is read twice in a row, it looks like its error."""
+    constants = system.clock.step * np.array(FAST_STEPS)
+    return _best_beside(Spot(BELOW_NOISE, 1, AS_NOISE, constants, len(SHARES) - 1), value).memory
 
 
 def _beside_poses(system: RowSystem, left: np.ndarray, poses: Memory, value: Value) -> list[Memory]:
