@@ -128,7 +128,7 @@ def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> l
     if not len(system.clock.constants):
         return found
     left, alone = system.residual(state.columns, state.posterior.values), max([WHITE, *found[1:]], key=value)
-    found += [_fast_wander(system, value)] if alone.pose else []
+    found += _fast_wander(system, alone, value) if alone.pose else []
     if (
         alone.pose
         and isinstance(system, RowSystem)
@@ -142,10 +142,14 @@ def _neighbours(system: System, state: State, value: Value, *, poses: bool) -> l
     return found
 
 
-def _fast_wander(system: System, value: Value) -> Memory:
-    """The best wander that decays within a few rows: where a pose is read twice in a row, it looks like its error."""
-    constants = system.clock.step * np.array(FAST_STEPS)
-    return _best_beside(Spot(BELOW_NOISE, 1, AS_NOISE, constants, len(SHARES) - 1), value).memory
+def _fast_wander(system: System, poses: Memory, value: Value) -> list[Memory]:
+    """The best wander that decays within a few rows: where a pose is read twice in a row, it looks like its error.
+
+    None where its first grid point lies far behind errors of poses.
+    """
+    spot = Spot(BELOW_NOISE, 1, AS_NOISE, system.clock.step * np.array(FAST_STEPS), len(SHARES) - 1)
+    near = value(spot.memory) >= value(poses) - FAR_BEHIND
+    return [_best_beside(spot, value).memory] if near else []
 
 
 def _beside_poses(system: RowSystem, left: np.ndarray, poses: Memory, value: Value) -> list[Memory]:
