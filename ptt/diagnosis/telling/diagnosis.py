@@ -9,9 +9,9 @@ from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.noise.slow import Slow
 from ptt.diagnosis.search.rest import Rest
 from ptt.diagnosis.telling.explanation import Candidate
+from ptt.diagnosis.telling.mimic import is_growth
 from ptt.diagnosis.telling.next_look import asks_for_poses, next_look
 from ptt.diagnosis.telling.verdict_words import mostly_untold
-from ptt.effects.metrology import TrackerScale
 from ptt.effects.phrases import capital
 from ptt.fitting.result import FitResult
 from ptt.model.model import Model
@@ -107,7 +107,7 @@ class Diagnosis:
         lines = tuple(self.separation.lines) if self.separation else ()
         if self.unexplained:
             return lines
-        if any(one.effect == TrackerScale.name and one.sum_of for one in self.candidates[: len(self.suggested)]):
+        if any(is_growth(one.effect, one.sum_of) for one in self.candidates[: len(self.suggested)]):
             lines += (SCALE_BAR,)
         if self.verdict != "unknown":
             return lines

@@ -104,7 +104,7 @@ def candidates_of_steps(
     result: list[Candidate] = []
     named = told.steps
     sums = {found.system.atoms[step.key].name: find_sum(found.scorer, found.state, step.key) for step in named}
-    grown = {term.effect.key for term in terms if is_growth(term.effect, sums.get(term.effect.key, ()))}
+    grown = {name for name, together in sums.items() if is_growth(name, together)}
     parts = [told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)]
     parts += [growth_doubt(term, problem) for term in terms if term.effect.key in grown]
     doubt = 1e3 * float(np.linalg.norm(parts))

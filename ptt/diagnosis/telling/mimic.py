@@ -16,7 +16,6 @@ from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.instead import PLAIN_COLUMNS, commoner
 from ptt.diagnosis.search.plainest import PLAIN_NATS
-from ptt.effects import Effect
 from ptt.effects.metrology import TrackerScale
 from ptt.fitting.projected import Projected, gain, project
 from ptt.model.model import Term
@@ -49,14 +48,14 @@ def find_sum(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
     return _unseen(scorer.system, state, key)
 
 
-def is_growth(effect: Effect, together: tuple[str, ...]) -> bool:
+def is_growth(name: str, together: tuple[str, ...]) -> bool:
     """Whether an effect may as well be a machine that has grown alike in all its parts, which is one cause.
 
     Args:
-        effect: that is named.
+        name: of the effect.
         together: other effects that look like it together, from `find_sum`.
     """
-    return isinstance(effect, TrackerScale) and bool(together)
+    return name == TrackerScale.name and bool(together)
 
 
 def growth_doubt(term: Term, problem: Problem) -> float:
