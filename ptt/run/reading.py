@@ -9,7 +9,8 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.files import sha256
-from ptt.run.copies import ONCE, PASTED, SAID, TAKEN
+from ptt.run.copies import SAID
+from ptt.run.pasted import ONCE, PASTED, TAKEN
 from ptt.run.readers import Ask, Mapping, Request, load_mapping, pair_targets, read_any, save_mapping
 from ptt.run.readers.assemble import set_columns, table_fields
 from ptt.run.readers.export import Export

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ptt.errors import TableError, shown
-from ptt.run.copies import taken_as
+from ptt.run.pasted import taken_as
 from ptt.run.readers.clock import counts_days, goes_back, joined, with_date_for_time
 from ptt.run.readers.columns import Column, Meaning, to_standard
 from ptt.run.readers.footer import refuse_footer
