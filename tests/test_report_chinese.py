@@ -11,6 +11,7 @@ from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import say_size
 from ptt.dependence.size import Size
 from ptt.diagnosis.search.rest import Objections, beyond_noise
+from ptt.diagnosis.telling.diagnosis import SCALE_BAR
 from ptt.diagnosis.telling.verdict_words import MISSING, MOSTLY_UNTOLD, depends
 from ptt.diagnosis.telling.words import headline
 from ptt.effects import library
@@ -194,6 +195,7 @@ def test_what_to_measure_next_is_said():
         "Measure 8 rows over the same volume, each pose from both sides of every joint.",
         "The separation of lead-scale from screw-error-map rises from 5.7 to 6.7 sigma; 8 sigma would need more rows.",
         say_ambiguity("homing-offset", "tower-tilt", BASE),
+        SCALE_BAR,
     )
     assert [latin(SAY(line)) for line in lines] == [[]] * len(lines)
 
