@@ -6,13 +6,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from chunked_run import MODEL, ROWS, run_of
+import torch
+from chunked_run import FILE, MODEL, ROWS, run_of
 from chunked_run import problem as problem
 
 from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.evidence.effect_atoms import straight_sizes
 from ptt.diagnosis.long import STRETCH_ROWS, diagnose_long
+from ptt.effects import library
 from ptt.fitting.chunks import sample_stretches, take
-from ptt.run.problem import Problem
+from ptt.mechanisms import build_mechanism
+from ptt.run.problem import Problem, build_problem
+from ptt.run.table import make_table
 
 ROW = 2180  # of what happens at once
 
@@ -66,6 +71,21 @@ def test_nothing_is_missing_from_a_sound_run(tmp_path: Path) -> None:
     found = diagnose_long(MODEL, run_of(tmp_path), size=1000, sample_rows=1200)
     assert found.verdict == "nothing-missing" and not found.suggested
     assert found.rows == ROWS - 1
+
+
+def test_a_map_of_a_part_of_the_travel_leaves_what_its_fit_leaves() -> None:
+    """Its straight part, which counts in larger units there, is written back as it was found."""
+    machine, draws = build_mechanism(FILE.machine), np.random.default_rng(0)
+    target = draws.uniform(-20.0, 20.0, (400, 3))
+    q = machine.inverse(torch.as_tensor(target))
+    place = (q[:, 1] - q[:, 1].mean()) / 30.0
+    q[:, 1] += 0.15 * place + 0.03 * place.square()
+    measured = machine.forward(q).numpy() + draws.normal(0.0, 0.004, target.shape)
+    problem = build_problem(FILE, make_table(target).replace(measured=measured))
+    model = MODEL + library()["screw-error-map"]()
+    assert straight_sizes(model.terms[0].effect, problem).max() > 5.0
+    found = diagnose_long(model, problem, size=100)
+    assert np.square(found.fitted.residual).mean() < (1.05 * 0.004) ** 2
 
 
 @pytest.mark.long

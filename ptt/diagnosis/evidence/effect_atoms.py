@@ -50,7 +50,8 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         atom = effect_atom(key, columns, own.effect, problem, odds, None, free)
         atom = _in_shape(atom, shape_of(own.effect, own.theta, problem.view.joints), problem, free)
         since = float(own.theta[-1]) if is_sudden(atom) else None
-        begin = _fitted_variances(atom, fitted.unknowns[columns])
+        values = fitted.unknowns[columns] * fitted.layout.scale[columns] / linear.scale[columns]
+        begin = _fitted_variances(atom, values)
         atoms[key] = replace(atom, since=since, tested=_is_tested(atom, problem), begin=begin)
     like: dict[str, Atom] = {}  # key of an effect -> atom of its first shape
     for number, trial in enumerate(linear.trials):

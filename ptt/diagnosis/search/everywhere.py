@@ -123,12 +123,16 @@ def _carried(found: Found) -> dict[str, np.ndarray]:
 
 
 def _refit(fitted: FitResult, system: SummedSystem, state: State) -> FitResult:
-    """The model at a set's values: those of effects are absolute, those of mounts and frames are increments."""
+    """The model at a set's values: those of effects are absolute, those of mounts and frames are increments.
+
+    The system counts some values in units of its own (`straight_sizes`), the fit's unknowns in usual sizes.
+    """
     layout, unknowns = fitted.layout, fitted.unknowns.copy()
     frame = state.owner < 0
     unknowns[state.columns[frame]] += state.posterior.values[frame]
     own = ~frame & (state.columns < len(unknowns))
-    unknowns[state.columns[own]] = state.posterior.values[own]
+    columns = state.columns[own]
+    unknowns[columns] = state.posterior.values[own] * system.scale[columns] / layout.scale[columns]
     unknowns = np.clip(unknowns, layout.lower, layout.upper)
     return with_fitted_terms(replace(fitted, unknowns=unknowns, noise=system.noise))
 
