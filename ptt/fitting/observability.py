@@ -113,7 +113,7 @@ def unobservable(fitted: FitResult) -> tuple[Combination, ...]:
         left = left @ _complement(within / length)
         if not left.shape[1]:
             return tuple(found)
-    return (*found, *_rest(fitted.layout, left))
+    return (*found, *_rest(fitted, left))
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,7 @@ def _information(fitted: FitResult) -> np.ndarray:
 
 def _patterns(fitted: FitResult, index: int, own: np.ndarray) -> Iterator[Pattern]:
     """Patterns of an effect's unknowns, in the same units."""
-    for pattern in patterns(fitted.layout, index, own, fitted.model.joints):
+    for pattern in patterns(fitted.layout, index, own, fitted.model):
         vector = pattern.vector / fitted.sizes
         yield replace(pattern, vector=vector / np.linalg.norm(vector))
 
@@ -175,13 +175,17 @@ def _imitate(pattern: Pattern, index: int, fitted: FitResult) -> _Candidate:
     motions = _large([name for name in chosen if isinstance(name, str)], groups, whole)
     effects = [_effect_words(whole, owner, fitted) for owner in chosen if isinstance(owner, int)]
     key = layout.terms[index].effect.key
-    own = np.flatnonzero(np.abs(pattern.vector) > 1e-9)
-    usual = pattern.vector * fitted.sizes
-    usual /= np.linalg.norm(usual)
-    weights = {layout.names[i].removeprefix(f"{key} "): float(usual[i]) for i in own}
+    weights = _weights(pattern.vector, np.flatnonzero(np.abs(pattern.vector) > 1e-9), key, fitted)
     partners = (*(words for words, _ in effects), *_frame_words(motions))
     cost = pattern.cost + sum(cost for _, cost in effects) + len(motions)
     return _Candidate(Combination(key, pattern.words, partners, weights), whole / np.linalg.norm(whole), cost, index)
+
+
+def _weights(vector: np.ndarray, own: Sequence[int] | np.ndarray, key: str, fitted: FitResult) -> dict[str, float]:
+    """Share of each of an effect's values `own` in a direction: name within the effect -> share, in usual sizes."""
+    usual = vector[own] * fitted.sizes[own]
+    shares = usual / np.linalg.norm(usual)
+    return {fitted.layout.names[i].removeprefix(f"{key} "): float(part) for i, part in zip(own, shares, strict=True)}
 
 
 def _large(motions: list[str], groups: Mapping[str | int, np.ndarray], whole: np.ndarray) -> list[str]:
@@ -248,9 +252,9 @@ def _complement(direction: np.ndarray) -> np.ndarray:
     return np.linalg.svd(direction[None, :])[2][1:].T
 
 
-def _rest(layout: Layout, left: np.ndarray) -> list[Combination]:
+def _rest(fitted: FitResult, left: np.ndarray) -> list[Combination]:
     """Combinations that no pattern describes, by their largest members."""
-    rest = []
+    layout, rest = fitted.layout, []
     for direction in left.T:
         order = np.argsort(-np.abs(direction))[:MOST_MEMBERS]
         big = [i for i in order if abs(direction[i]) > LEAST_MEMBER * abs(direction[order[0]])]
@@ -258,8 +262,8 @@ def _rest(layout: Layout, left: np.ndarray) -> list[Combination]:
         if lead is None:
             continue
         key = layout.terms[layout.owner[lead]].effect.key
-        weights = {layout.names[i]: float(direction[i]) for i in big if layout.owner[i] == layout.owner[lead]}
-        what = "a combination of " + listed([name.removeprefix(f"{key} ") for name in weights], TOGETHER)
+        weights = _weights(direction, [i for i in big if layout.owner[i] == layout.owner[lead]], key, fitted)
+        what = "a combination of " + listed(list(weights), TOGETHER)
         others = [layout.names[i] for i in big if layout.owner[i] != layout.owner[lead]]
         rest.append(Combination(key, what, tuple(others), weights))
     return rest

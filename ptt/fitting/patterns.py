@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.fitting.layout import Layout
-from ptt.mechanisms.three_ptt import LEGS
+from ptt.machine import ThreePttSpec
+from ptt.model.model import Model
 
 
 @dataclass(frozen=True)
@@ -24,14 +25,14 @@ class Pattern:
     cost: float
 
 
-def patterns(layout: Layout, index: int, own: np.ndarray, joints: int) -> list[Pattern]:
+def patterns(layout: Layout, index: int, own: np.ndarray, model: Model) -> list[Pattern]:
     """Patterns of an effect's free parameters, the simplest first.
 
     Args:
         layout: of the fit.
         index: the effect's place among the terms.
         own: its columns, (p,) int.
-        joints: k.
+        model: that was fitted.
 
     Returns:
         Single parameters, then what several make together.
@@ -41,7 +42,7 @@ def patterns(layout: Layout, index: int, own: np.ndarray, joints: int) -> list[P
     places = {name.removeprefix(f"{term.effect.key} "): int(i) for name, i in zip(names, own, strict=True)}
     size = len(layout.owner)
     single = [_pattern(name, {place: 1.0}, size, 0.0) for name, place in places.items()]
-    joint = [_pattern(words, weights, size, 0.5) for words, weights in _joint_patterns(layout, index, own, joints)]
+    joint = [_pattern(words, weights, size, 0.5) for words, weights in _joint_patterns(layout, index, own, model)]
     return single + joint
 
 
@@ -52,18 +53,20 @@ def _pattern(words: str, weights: dict[int, float], size: int, cost: float) -> P
     return Pattern(words, vector / np.linalg.norm(vector), cost)
 
 
-def _joint_patterns(layout: Layout, index: int, own: np.ndarray, joints: int) -> Iterator[tuple[str, dict[int, float]]]:
+def _joint_patterns(
+    layout: Layout, index: int, own: np.ndarray, model: Model
+) -> Iterator[tuple[str, dict[int, float]]]:
     """Patterns over the joints: together, along x and y, and of sideways pairs (outward, along the azimuth)."""
-    term, blocks = layout.terms[index], _blocks(layout, index, own, joints)
-    arm = "three-ptt" not in term.effect.mechanisms or joints != LEGS
-    what = "joints" if arm else "sliders" if term.effect.stage == "drive" else "legs"
-    angle = 2.0 * np.pi * np.arange(joints) / joints
+    term, blocks, machine = layout.terms[index], _blocks(layout, index, own, model.joints), model.file.machine
+    tripod = isinstance(machine, ThreePttSpec)
+    what = "joints" if not tripod else "sliders" if term.effect.stage == "drive" else "legs"
     for stem, places in blocks.items():
         for c in range(places.shape[1]):
             name = stem if places.shape[1] == 1 else f"{stem} {c + 1}"
-            yield f"{name} of all {what} together", dict(zip(places[:, c].tolist(), np.ones(joints), strict=True))
-    if arm:
+            yield f"{name} of all {what} together", dict(zip(places[:, c].tolist(), np.ones(len(places)), strict=True))
+    if not isinstance(machine, ThreePttSpec):
         return
+    angle = np.radians(machine.slider_azimuth_deg)
     if {"radial", "tangential"} <= set(blocks):
         radial, tangential = blocks["radial"], blocks["tangential"]
         for c in range(radial.shape[1]):
