@@ -14,6 +14,7 @@ from ptt.diagnosis.telling.explanation import MOST_UNNAMED
 from ptt.diagnosis.unknown.moment import MomentSums, best_row, joined
 from ptt.effects import HomingSlip
 from ptt.effects.sudden import EDGE
+from ptt.fitting.moment import last_before
 from ptt.model.model import Model
 from ptt.rig import simulate
 from ptt.run.problem import build_problem
@@ -55,12 +56,20 @@ def test_a_jump_a_thousand_times_the_noise_is_dated_to_the_row_in_every_part_of_
         assert best_row(replace(rows, lengths=lengths, gram=segments)) == jump
 
 
+@pytest.mark.parametrize("jump", [EDGE - 1, 20, 40 - EDGE - 1])
+def test_chunks_and_the_whole_date_a_jump_alike_up_to_its_ends(jump: int) -> None:
+    own, left = np.ones((40, 3, 1)), 10.0 * np.ones((40, 3)) * (np.arange(40) > jump)[:, None]
+    gained = np.square(left).sum(axis=1) - np.square(left - 10.0).sum(axis=1)
+    assert best_row(seen(slice(None), np.zeros((40, 3, 0)), own, left + 1e-9)) == jump
+    assert last_before(np.arange(40.0), gained) == jump
+
+
 def test_readings_are_counted_before_a_moment_not_rows_that_are_passed() -> None:
     random = np.random.default_rng(8)
     read, own = np.arange(80) % 2 == 1, np.where(np.arange(80) % 2, 1.0, 0.0)[:, None, None] * np.ones((1, 3, 1))
     left = np.where(read[:, None], random.normal(size=(80, 3)), 0.0)
     left[[1, 3]] -= 1000.0  # two gross errors at once
-    assert best_row(seen(slice(None), np.zeros((80, 3, 0)), own, left)) >= np.flatnonzero(read)[EDGE]
+    assert best_row(seen(slice(None), np.zeros((80, 3, 0)), own, left)) >= np.flatnonzero(read)[EDGE - 1]
     view = build_view(bench(), make_table(random.uniform(-50.0, 50.0, (80, 3)), measured=np.where(left, left, np.nan)))
     moments = torch.cat([shape["after"] for shape in HomingSlip().search(view)])
     assert [int((np.flatnonzero(read) <= end).sum()) for end in (moments.min().item(), moments.max().item())] == [

@@ -16,6 +16,11 @@ AFTER = Parameter("after", "1", 1.0, "last moment before it: seconds, or rows wh
 ALWAYS = {"after": torch.tensor([-torch.inf], dtype=torch.float64)}  # the shape of what is there all along
 
 
+def dated(readings: int) -> slice:
+    """Of readings in the order of time, those after which there may be a moment: `EDGE` stand on either side."""
+    return slice(EDGE - 1, max(readings - EDGE, 0))
+
+
 @dataclass(frozen=True)
 class Sudden(Effect):
     """Base of effects that are zero up to a moment and in force from then on."""
@@ -34,8 +39,8 @@ class Sudden(Effect):
         A jump with fewer readings on one side than it has values would fit these exactly, and move all the others at
         will. Between runs somebody was at the machine: it may have been switched off, homed, or hit.
         """
-        moments = self._clock_of_readings(view).sort().values[EDGE - 1 : -EDGE]
-        chosen = _thinned(moments)
+        moments = self._clock_of_readings(view).sort().values
+        chosen = _thinned(moments[dated(len(moments))])
         between = self._ends_of_runs(view)
         between = between[(between >= chosen[0]) & (between <= chosen[-1])] if len(chosen) else between
         return tuple({"after": moment.reshape(1)} for moment in torch.cat([chosen, _thinned(between)]).unique())

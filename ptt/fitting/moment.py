@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 import torch
 
-from ptt.effects.sudden import EDGE, Sudden
+from ptt.effects.sudden import EDGE, Sudden, dated
 from ptt.fitting.result import FitResult
 from ptt.model.chain import predict
 from ptt.model.model import Model, Term
@@ -26,14 +26,15 @@ def place_own_moments(fitted: FitResult, problem: Problem) -> Model:
     Returns:
         The model, the same one where no moment moved.
     """
-    used = problem.used & ~fitted.outliers
+    used, read = problem.used & ~fitted.outliers, rows_read(problem)
+    if read.sum() < 2 * EDGE:  # no moment has enough on either side
+        return fitted.model
     for index, term in enumerate(fitted.layout.terms):
         if not isinstance(term.effect, Sudden):
             continue
         never, always = (at_rows(put_after(fitted, index, end), problem).residual for end in (np.inf, -np.inf))
         squares = [np.square(np.nan_to_num(left) @ fitted.noise.whitener.T).sum(axis=1) for left in (never, always)]
-        clock, read = problem.view.clock.numpy(), rows_read(problem)
-        moment = last_before(clock[read], np.where(used, squares[0] - squares[1], 0.0)[read])
+        moment = last_before(problem.view.clock.numpy()[read], np.where(used, squares[0] - squares[1], 0.0)[read])
         if moment != float(term.theta[-1]):
             fitted = put_after(fitted, index, moment)
     return fitted.model
@@ -79,7 +80,7 @@ def last_before(clock: np.ndarray, gained: np.ndarray) -> float:
     Returns:
         By the clock.
     """
-    inner = slice(EDGE - 1, len(clock) - EDGE)
+    inner = dated(len(clock))
     return float(clock[inner][int(np.argmin(np.cumsum(gained)[inner]))])
 
 

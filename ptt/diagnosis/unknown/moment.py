@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.effects.sudden import ALWAYS, EDGE, Sudden
+from ptt.effects.sudden import ALWAYS, Sudden, dated
 from ptt.fitting.factor import RANK_TOLERANCE
 from ptt.fitting.linear import LinearPoint, Shape
 from ptt.fitting.moment import rows_read
@@ -89,7 +89,8 @@ def best_row(seen: MomentSums) -> int:
         side = after_side[rows] - known @ total
         explained[rows] = np.einsum("np,npq,nq->n", side, _inverse(after[:, -own:] - known @ after), side)
         first, passed = first + length, passed + gram
-    inner = np.flatnonzero(seen.read)[EDGE:-EDGE]
+    read = np.flatnonzero(seen.read)
+    inner = read[dated(len(read))]
     return int(inner[np.argmax(explained[inner])])
 
 
