@@ -13,9 +13,11 @@ from ptt.challenge.challenge import bench
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.long import diagnose_long
+from ptt.diagnosis.unknown.laws import laws_of
 from ptt.errors import TableError
 from ptt.machine import save_machine
 from ptt.mechanisms import build_mechanism
+from ptt.model.chain import linearise
 from ptt.model.model import Model
 from ptt.rig.draw import draw_rig
 from ptt.rig.simulate import simulate
@@ -101,3 +103,15 @@ def test_what_is_watched_is_said_once_and_not_as_unused(folder):
     lines = ptt.read(folder / "run.csv", folder / "machine.toml", context=TITLE).table.understood.lines
     assert [line for line in lines if TITLE in line] == [f"also examined: {TITLE}"]
     assert f"not used: {IDLE}" in lines
+
+
+@pytest.mark.parametrize("title", ["turntable", "runout", "directional valve", "T1"])
+def test_a_title_like_a_variable_of_the_run_is_a_column_like_any_other(title: str) -> None:
+    values = np.cumsum(np.random.default_rng(0).normal(size=80))
+    poses = np.random.default_rng(1).uniform(-50.0, 50.0, (80, 3))
+    table = make_table(poses, measured=poses, extra={title: np.array([f"{value:.3f}" for value in values])})
+    problem = build_problem(bench(), watch(table, [title]))
+    offered = [block for laws in laws_of(problem, linearise([], problem.view).chain) for block in laws]
+    own = [block for block in offered if block.on == (title,) and not block.jumps]
+    assert {block.place.kind for block in own} >= {"tool", "slider", "rail", "link"}
+    assert not any(block.is_curve for block in own)

@@ -268,6 +268,11 @@ def is_joint(name: str) -> bool:
     return name[:1] in ("b", "q") and name[1:].isdigit()
 
 
+def is_direction(name: str) -> bool:
+    """Whether a variable is a joint's direction of arrival, 'direction2', and no column of the user's named so."""
+    return name.startswith("direction") and name[9:].isdigit()
+
+
 def own_joint(residual: str, on: str) -> bool:
     """Whether a joint-space residual belongs to the joint that a variable speaks of: 'slider 2' and 'direction2'."""
     joint = re.fullmatch(r"(?:slider|joint) (\d+)", residual)
@@ -279,6 +284,6 @@ def _varies(name: str, values: np.ndarray) -> bool:
     known = values[np.isfinite(values)]
     if len(known) < 2 * LEAST_ROWS or np.ptp(known) <= 1e-6:
         return False
-    if name.startswith("direction") or name == "run":
+    if is_direction(name) or name == "run":
         return bool((np.unique(known, return_counts=True)[1] >= LEAST_ROWS).sum() >= 2)
     return True

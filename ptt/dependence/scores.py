@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ptt.dependence.chance import minus_log_p, slow_excess, slow_spectrum, variance_inflation
-from ptt.dependence.contexts import is_joint
+from ptt.dependence.contexts import is_direction, is_joint
 from ptt.dependence.regressors import TrialFunctions, build_trials, build_varying, orthonormalise
 from ptt.dependence.strata import LEAST_POSES, RepeatedPoses, Stratum, build_stratum
 
@@ -125,7 +125,7 @@ def _variables(contexts: dict[str, np.ndarray], rows: Stratum, means: Stratum) -
         yield _variable(name, None, stratum, build_trials(stratum.values(column), periodic=is_joint(name)))
     for name, column in contexts.items():
         for second in SECOND:
-            if name.startswith("direction") and second in contexts:
+            if is_direction(name) and second in contexts:
                 yield _variable(name, second, rows, build_varying(column, contexts[second]))
 
 

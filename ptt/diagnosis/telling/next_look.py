@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 
+from ptt.dependence.contexts import is_direction
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import MOVES, between, switched_at
 from ptt.effects.curve import COORDINATES, JOINT
@@ -63,8 +64,7 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
         return [f"Look for what was switched {since}: a pump, a clamp, a door, another machine."]
     if first.on == "time" and first.shape == "step" and first.place:
         return [f"Look for what changed at {between(*first.place, first.unit)}: a load, a clamp, the tool, a stop."]
-    sided = JOINT.fullmatch(first.on) is not None and first.on.startswith("direction")
-    over = "" if sided else f" over the range of {listed(variables)}"
+    over = "" if is_direction(first.on) else f" over the range of {listed(variables)}"
     if first.on == "time":
         more = "A longer run, or another one,"
     elif first.on == "pause":

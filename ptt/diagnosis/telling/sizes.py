@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.dependence.bins import bins_of
-from ptt.dependence.contexts import COORDINATES, path_views, residual_views, unit_of
+from ptt.dependence.contexts import COORDINATES, is_direction, path_views, residual_views, unit_of
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side, size_of_turn
 from ptt.diagnosis.telling.unknowns import LARGER_FACTOR, Unknown
@@ -140,7 +140,7 @@ def _size(
 ) -> Size | None:
     """Size of a dependence from an estimator of weighted means over the rows that count."""
     of, values = _off(found), contexts[found.on][rows]
-    if not found.on.startswith("direction"):
+    if not is_direction(found.on):
         size = size_of(of, estimate, values, period=found.period_mm, place=found.place, shape=found.shape)
     else:
         size = size_of_side(of, estimate, values, None if second is None else contexts[second][rows])

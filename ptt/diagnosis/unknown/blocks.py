@@ -6,7 +6,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES
+from ptt.dependence.contexts import COORDINATES, is_joint
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, tool_axes
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
@@ -61,14 +61,17 @@ class Block:
     @property
     def is_curve(self) -> bool:
         """Whether it is a free curve over the travel of its own joint."""
-        own = None if self.place.joint is None else str(self.place.joint + 1)
-        return self.period is None and len(self.on) == 1 and self.on[0][1:] == own
+        return self.period is None and len(self.on) == 1 and self._has_own_travel
 
     @property
     def varies_curve(self) -> bool:
         """Whether it is a curve over the travel of its own joint that changes with another variable."""
-        own = None if self.place.joint is None else str(self.place.joint + 1)
-        return len(self.on) > 1 and not self.reverses and any(each[1:] == own for each in self.on)
+        return len(self.on) > 1 and not self.reverses and self._has_own_travel
+
+    @property
+    def _has_own_travel(self) -> bool:
+        joint = self.place.joint
+        return joint is not None and any(is_joint(name) and name[1:] == str(joint + 1) for name in self.on)
 
     def is_like(self, other: "Block") -> bool:
         """Whether another block acts at the same place and has the same leading variable."""

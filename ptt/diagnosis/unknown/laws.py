@@ -1,10 +1,11 @@
 """Every law that a run can show: one place times one variable, as a curve, as jumps, or as levels."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ptt.dependence.contexts import path_views
+from ptt.dependence.contexts import is_direction, path_views
 from ptt.diagnosis.unknown.blocks import Block, field_over
 from ptt.diagnosis.unknown.jumps import Jump, heights_of, passed_again, spells_of, switches_of
 from ptt.diagnosis.unknown.places import Place, mount_of, one_way_each, places_of_chain, stand_of, tool_axes
@@ -16,7 +17,7 @@ from ptt.run.problem import Problem
 # modulates the direction of arrival, which only fades or grows.
 OWN_COSINES, OTHER_COSINES, ARRIVAL_COSINES = 48, 16, 6
 # Variables that no place of the machine follows by a curve: fields and blocks have them
-NO_CURVES = ("run", "way", "turn")
+NO_CURVES = re.compile("run|(way|turn) [xyz]")
 CHANGE_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 SHORTEST_MOVE = 1e-3  # share of the longest move below which moves count as that, before the logarithm
 
@@ -101,9 +102,9 @@ def _places(problem: Problem, chain: Chain) -> Iterator[Place]:
 def _curves(problem: Problem) -> Iterator[tuple[str, np.ndarray]]:
     """Every variable and its basis functions, (n, s): rough enough to bend sharply."""
     for name, values in path_views(problem).items():
-        if name.startswith("direction"):
+        if is_direction(name):
             yield name, values[:, None]
-        elif not name.startswith(NO_CURVES):
+        elif not NO_CURVES.fullmatch(name):
             known = np.nan_to_num(values, nan=float(np.nanmean(values)))
             if np.ptp(reined(known)) > 0.0:  # else one or two rows alone differ
                 yield name, _curve(known, OTHER_COSINES)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ptt.dependence.contexts import is_direction
 from ptt.effects.phrases import scaled
 from ptt.show.card.words import prefixed, pretty, spoken
 from ptt.show.studio.figures import ABOVE, BLUE, ORANGE, PALE, Figure, across_axis, axis_of, points, whole_figure
@@ -111,7 +112,7 @@ def unknown_figure(unknown: Mapping[str, Any], serial: bool) -> Figure:
     across = "reading number" if on == "time" and not of else spoken(on, serial)
     across += (" within one period" if unknown["period_mm"] else "") + (f" [{of}]" if of else "")
     up = f"{unknown['residual']}{' times the way it came' if unknown['with'] else ''}: error [{unit}]"
-    sided = str(unknown["on"]).startswith("direction") and not unknown["with"]
+    sided = is_direction(str(unknown["on"])) and not unknown["with"]
     axis, place = across_axis(across, scale * np.asarray(read["at"]), serial, sided)
     data = [points(place, factor * np.asarray(read["um"]), PALE, "readings")]
     if sided:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ptt.dependence.contexts import is_direction
 from ptt.show.card.words import prefixed, spoken
 from ptt.show.sizing import spread
 from ptt.show.studio.looks import Look
@@ -108,7 +109,7 @@ def against_figure(
         The figure; dragging a box picks readings.
     """
     rows, (unit, factor) = shown_rows(look, picked), unit_of(view, look.views[view])
-    sided = context.startswith("direction")
+    sided = is_direction(context)
     axis, across = across_axis(label_of(context, look), look.contexts[context], look.serial, sided)
     data = []
     if beside is not None and view in beside[1].views:
