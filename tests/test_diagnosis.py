@@ -146,6 +146,9 @@ def test_readings_that_their_frames_take_are_too_few(tmp_path):
     require_enough(build_problem(MACHINE, set_ups))
     with pytest.raises(TableError, match="13 readings in 3 frames are too few"):
         require_enough(build_problem(own, set_ups))
+    blank = np.where(np.arange(13)[:, None] < 12, table.measured, np.nan)
+    with pytest.raises(TableError, match="12 readings in 2 frames are too few"):  # the third set-up has none
+        require_enough(build_problem(own, set_ups.replace(measured=blank, run=np.arange(13) // 6)))
     require_enough(build_problem(own, table.replace(run=np.arange(13) // 12, run_label=("a", "b"))))
 
 

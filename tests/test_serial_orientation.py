@@ -57,3 +57,8 @@ def test_fit_report_tells_the_orientation_where_there_is_one() -> None:
     assert report.orientation_mrad is not None and "mrad RMS" in format_fit(report)
     blind = build_problem(problem.file, replace(problem.table, orientation_measured=None))
     assert orientation_rms(fit(Model(blind.file), blind), blind) is None
+    turned = problem.table.orientation_measured
+    lone = np.full_like(turned, np.nan)  # one orientation, at a row without a position
+    lone[0], positions = turned[0], np.where(np.arange(80)[:, None] > 0, problem.table.measured, np.nan)
+    apart = build_problem(problem.file, replace(problem.table, orientation_measured=lone, measured=positions))
+    assert orientation_rms(fit(Model(apart.file), apart), apart) is None

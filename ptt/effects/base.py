@@ -40,7 +40,7 @@ class Effect:
         requires: contexts of `View.varies` without which the data cannot test it.
         told_by: context that has to vary before the data can tell it from an error of the drawing's dimensions; '' for
             none.
-        follows_clock: follows time or temperature, so it is tested against autocorrelated noise.
+        follows_clock: follows time or temperature: in the readings a drift, and no size of the drawing.
         stands_for: names of more common effects whose sum it imitates; its prior odds are theirs taken together.
         stands_for_away: how many it imitates where its further values are not zero.
         reverses: depends on the direction of arrival or the travel before, so its compensation is reported as the

@@ -121,7 +121,7 @@ class Curve(Effect):
         wanted = {name.rstrip("0123456789") for name in (cls.on, cls.along, *cls.together)}
         cls.requires = tuple(name for name in CONTEXTS if name in wanted)
         cls.reverses = any(name.startswith("direction") for name in (cls.on, *cls.together))
-        cls.follows_clock = not {"time", "temperature", "run"}.isdisjoint((cls.on, *cls.together))
+        cls.follows_clock = not {"time", "temperature", "run"}.isdisjoint((cls.on, cls.along, *cls.together))
 
     @classmethod
     def _place(cls) -> tuple[str, int]:

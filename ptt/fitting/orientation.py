@@ -22,7 +22,7 @@ def orientation_rms(fitted: FitResult, problem: Problem) -> float | None:
         problem: the readings.
 
     Returns:
-        Root mean square angle, mrad; None where the table has no orientations or the machine is no arm.
+        Root mean square angle, mrad; None where the machine is no arm or no reading of a position has one.
     """
     arm, table = problem.view.mechanism, problem.table
     if table.orientation_measured is None or not isinstance(arm, Serial):
@@ -36,9 +36,11 @@ def orientation_rms(fitted: FitResult, problem: Problem) -> float | None:
     return _rms_mrad(measured, predicted, problem.used)
 
 
-def _rms_mrad(measured: Tensor, predicted: Tensor, used: np.ndarray) -> float:
+def _rms_mrad(measured: Tensor, predicted: Tensor, used: np.ndarray) -> float | None:
     """Root mean square angle between orientations, gross errors left aside."""
     rows = used & np.isfinite(measured.numpy()).all(axis=(1, 2))
+    if not rows.any():
+        return None
     relative = (predicted.mT @ torch.nan_to_num(measured)).numpy()
     kept = rows
     for _ in range(3):

@@ -34,13 +34,13 @@ def require_enough(problem: Problem) -> None:
             fix=f"measure at least {LEAST_READINGS} poses, better 100 or more;"
             " `ptt compare` says what the error there depends on",
         )  # fmt: skip
-    each = np.bincount(problem.frame[problem.used])
+    each = np.bincount(problem.frame[problem.used], minlength=problem.frames)
     if (
-        problem.frames == len(each) > 1
+        problem.frames > 1
         and problem.base is None
         and 3 * count - np.minimum(3 * each, MOTION_COORDINATES).sum() < LEAST_FREE
     ):
-        what = f"{count} readings in {len(each)} frames are too few for a verdict: each frame takes up two of them"
+        what = f"{count} readings in {np.count_nonzero(each)} frames are too few for a verdict: each frame takes up two of them"
         raise TooFewError(
             what, where=problem.table.source, fix=f"measure more poses without moving the tracker, or {fix}"
         )
