@@ -19,7 +19,7 @@ OUTSIDE_DIGEST: Any = {
     "name": True,
     "slider_travel_mm": True,
     "joint": {"__all__": {"limits_deg"}},
-}  # no error follows from them
+}
 
 
 @dataclass(frozen=True)

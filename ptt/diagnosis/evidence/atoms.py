@@ -17,6 +17,8 @@ EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0
 MOST_BLOCK_VARIANCE = 1e4
 SHAPE_POWER = 0.75  # exponent of the number of shapes tried: neighbouring shapes are nearly one test, so fewer count
 
+PLAIN_COLUMNS = 14  # columns up to which an effect is a plain one and no curve: two values of each of seven joints
+
 
 @dataclass(frozen=True)
 class Reduction:
@@ -128,6 +130,16 @@ def is_block(atom: Atom) -> bool:
 def is_any(atom: Atom) -> bool:
     """True of every atom: the predicate that allows all."""
     return True
+
+
+def is_bent(atom: Atom) -> bool:
+    """Whether an atom is a flexible curve, or a field: of more values than a plain effect has."""
+    return len(atom.columns) > PLAIN_COLUMNS
+
+
+def is_plain(atom: Atom) -> bool:
+    """Whether an atom is an effect of few values, no flexible curve."""
+    return atom.effect is not None and not is_bent(atom)
 
 
 def is_field(atom: Atom) -> bool:

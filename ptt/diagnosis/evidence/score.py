@@ -220,7 +220,7 @@ class Scorer:
             count = self.system.restricted_count - 3.0 * block.rows
             yield self._learned(atoms, less, max(count, 1.0), state.posterior.group_variances)
 
-    def screen(self, state: State, allowed: Callable[[Atom], bool] = lambda atom: True) -> list[Gain]:
+    def screen(self, state: State, allowed: Callable[[Atom], bool] = is_any) -> list[Gain]:
         """What every allowed atom would add to a set, only the best shape of each name; best first."""
         apart = self._is_apart(state)
         return self._screen(state).best(lambda atom: allowed(atom) and apart(atom))
@@ -258,7 +258,7 @@ class Scorer:
 
     def _undoes(self, state: State) -> bool:
         """Whether one event takes back, within a few readings, what another did: those readings are gross errors."""
-        atoms, time = [self.system.atoms[key] for key in state.keys], self.system.clock.in_order
+        atoms, time = [self.system.atoms[key] for key in state.keys], self.system.clock.time
         dated = [(float(atom.moment), atom) for atom in atoms if atom.moment is not None]
         for (moment, one), (other, two) in combinations(dated, 2):
             if one.shape is two.shape is None:  # both are in the model already
@@ -281,7 +281,7 @@ class Scorer:
 
         What came and went within a few readings is a gross error of those. Events of the model may be added again.
         """
-        time, atoms = self.system.clock.in_order, [self.system.atoms[key] for key in state.keys]
+        time, atoms = self.system.clock.time, [self.system.atoms[key] for key in state.keys]
         happened = [(type(atom.effect), atom.moment) for atom in atoms if atom.moment is not None]
 
         def is_apart(atom: Atom) -> bool:

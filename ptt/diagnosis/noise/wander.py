@@ -75,7 +75,7 @@ class Clock:
     """When the rows were read.
 
     Attributes:
-        time: (n,) s, or row numbers where there is no clock.
+        time: (n,) s, or row numbers where there is no clock; it never goes back.
         starts: first row of each run, (n,) bool.
         registered: whether the frame was registered at the start of each run: it is trusted, or given by base
             reflectors.
@@ -86,11 +86,6 @@ class Clock:
     registered: bool = False
     _gains: dict[tuple[float, float], Gains] = field(default_factory=dict, compare=False, repr=False)
     _decays: dict[float, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
-
-    @cached_property
-    def in_order(self) -> np.ndarray:
-        """The times in ascending order, (n,)."""
-        return np.sort(self.time)
 
     @cached_property
     def step(self) -> float:

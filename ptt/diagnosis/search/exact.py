@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import torch
 
-from ptt.diagnosis.evidence.atoms import Atom, is_effect, is_sudden
+from ptt.diagnosis.evidence.atoms import Atom, is_effect, is_plain, is_sudden
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
@@ -14,7 +14,7 @@ from ptt.diagnosis.search.asked import Asked, scorer_at
 from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.found import Found, is_better, moved
 from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
-from ptt.diagnosis.search.instead import is_plain, refilled
+from ptt.diagnosis.search.instead import refilled
 from ptt.diagnosis.search.moves import SEEN_NATS, TRIED, added, droppable
 from ptt.diagnosis.search.plainest import plainest
 from ptt.effects import Effect

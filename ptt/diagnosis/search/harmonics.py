@@ -4,14 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.atoms import Atom, is_bent
 from ptt.diagnosis.evidence.effect_atoms import effect_atom, odds_of_effect
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.improve import HOPEFUL_NATS, SLOW_BELOW, climb, improve
-from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.periods import SPECTRUM_ROWS
 from ptt.diagnosis.search.plainest import PLAIN_NATS, plainest
@@ -146,7 +145,7 @@ def without_curves(scorer: Scorer, state: State) -> State:
     Returns:
         The rest under white noise; the set itself where it has neither.
     """
-    bends = [key for key in droppable(scorer, state) if len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS]
+    bends = [key for key in droppable(scorer, state) if is_bent(scorer.system.atoms[key])]
     return scorer.score(without(state, *bends), WHITE, state.variances) if bends else state
 
 

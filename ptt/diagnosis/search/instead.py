@@ -4,7 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import Atom, holds_sizes, is_drawn, is_effect, is_field, is_metrology
+from ptt.diagnosis.evidence.atoms import (
+    Atom,
+    holds_sizes,
+    is_bent,
+    is_drawn,
+    is_effect,
+    is_field,
+    is_metrology,
+    is_plain,
+)
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.memory import Memory
@@ -12,7 +21,6 @@ from ptt.diagnosis.search.improve import improve
 from ptt.diagnosis.search.moves import LEAST_NATS, SCREEN_ERROR, SEEN_NATS, TRIED, added, droppable, worth_a_try
 
 ZEROS = "homing-offset"
-PLAIN_COLUMNS = 14  # columns up to which an effect is a plain one and no curve: two values of each of seven joints
 
 
 def refilled(scorer: Scorer, best: State) -> State:
@@ -31,7 +39,7 @@ def refilled(scorer: Scorer, best: State) -> State:
         best = improve(scorer, drawn) if drawn.total > best.total + LEAST_NATS else best
     for key in droppable(scorer, best):
         for other in (_instead_of, _beside):
-            if key in best.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
+            if key in best.keys and is_bent(scorer.system.atoms[key]):
                 best = other(scorer, best, key)
         if key in best.keys:
             best = _commoner(scorer, best, key)
@@ -50,7 +58,7 @@ def _named_instead(scorer: Scorer, best: State) -> State:
     fewer = scorer.less(best, *blocks)
     named = improve(scorer, fewer, is_effect, swaps=False)
     for key in droppable(scorer, named):
-        if key in named.keys and len(scorer.system.atoms[key].columns) > PLAIN_COLUMNS:
+        if key in named.keys and is_bent(scorer.system.atoms[key]):
             named = _beside(scorer, named, key)
     return named if named.total > best.total + LEAST_NATS else best
 
@@ -208,8 +216,3 @@ def _tracker_or_machine(scorer: Scorer, best: State) -> State:
 
 def _is_of_machine(atom: Atom) -> bool:
     return is_plain(atom) and not is_metrology(atom)
-
-
-def is_plain(atom: Atom) -> bool:
-    """Whether an atom is an effect of at most `PLAIN_COLUMNS` values, not a flexible curve."""
-    return atom.effect is not None and len(atom.columns) <= PLAIN_COLUMNS

@@ -21,7 +21,9 @@ from ptt.diagnosis.evidence.atoms import (
     Atom,
     atoms_of_blocks,
     is_any,
+    is_bent,
     is_block,
+    is_effect,
     is_over_time,
     is_sudden,
     odds_of_block,
@@ -34,7 +36,6 @@ from ptt.diagnosis.evidence.system import whitened
 from ptt.diagnosis.evidence.witness import drifts
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.search.improve import HOPEFUL_NATS, improve
-from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import plainest, timed
 from ptt.diagnosis.search.switching import SURE_NATS, acts_over_time, switching_moments
@@ -62,7 +63,7 @@ def by_laws(scorer: Scorer, state: State) -> tuple[Scorer, State]:
     atoms, free = scorer.system.atoms, droppable(scorer, state)
     blocks = tuple(key for key in free if is_block(atoms[key]))
     sudden = tuple(key for key in free if is_sudden(atoms[key]))
-    curves = tuple(key for key in free if atoms[key].effect is not None and len(atoms[key].columns) > PLAIN_COLUMNS)
+    curves = tuple(key for key in free if is_effect(atoms[key]) and is_bent(atoms[key]))
     drifting = tuple(key for key in free if (effect := atoms[key].effect) is not None and drifts(effect))
     switching = switching_moments(scorer.system, state)
     if not (blocks or sudden or drifting or switching or scorer.system.errs_by_pose(state.memory)):

@@ -73,8 +73,6 @@ def _point(linear: Linear) -> LinearPoint:
 
 def _moment(run: LongRun, at: Ansatz, index: int, carried: Carried) -> float:
     """The moment of a sudden effect that minimises the sum of squares: without it before, with it after."""
-    effect = at.fitted.layout.terms[index].effect
-    assert isinstance(effect, Sudden)
     never, always = put_after(at.fitted, index, np.inf), put_after(at.fitted, index, -np.inf)
 
     def work(chunk: Problem) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ptt.diagnosis.evidence.atoms import is_effect
+from ptt.diagnosis.evidence.atoms import is_effect, is_plain
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.screen import Allowed
@@ -17,7 +17,6 @@ from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.found import Found, moved
 from ptt.diagnosis.search.harmonics import with_harmonics
 from ptt.diagnosis.search.improve import climb
-from ptt.diagnosis.search.instead import is_plain
 from ptt.diagnosis.search.lost import lost_by_one
 from ptt.diagnosis.search.turn import Turn, hidden_moments, moments_of, unlike
 from ptt.effects import Effect

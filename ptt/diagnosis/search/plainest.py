@@ -1,10 +1,9 @@
 """Parsimony: of the sets that score nearly as high as the best, the one with the fewest parts is reported."""
 
-from ptt.diagnosis.evidence.atoms import causes, is_drawn, is_over_time
+from ptt.diagnosis.evidence.atoms import causes, is_bent, is_drawn, is_effect, is_over_time
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.witness import drifts
-from ptt.diagnosis.search.instead import PLAIN_COLUMNS
 from ptt.diagnosis.search.moves import SEEN_NATS, droppable
 
 PLAIN_NATS = 5.0  # nats that a further unknown or name has to gain: less is no reason to accuse a machine
@@ -98,4 +97,4 @@ def timed(scorer: Scorer, state: State) -> int:
 def _curves(scorer: Scorer, state: State) -> int:
     """Number of effects of a set that are curves of many values."""
     atoms = [scorer.system.atoms[key] for key in droppable(scorer, state)]
-    return sum(atom.effect is not None and len(atom.columns) > PLAIN_COLUMNS for atom in atoms)
+    return sum(is_effect(atom) and is_bent(atom) for atom in atoms)

@@ -19,7 +19,7 @@ from ptt.plan.elsewhere import Elsewhere
 from ptt.plan.separation import Separation
 from ptt.run.noise import Noise
 
-Verdict = Literal["missing", "nothing-missing", "unknown", "setup"]
+Verdict = Literal["missing", "nothing-missing", "unknown"]
 
 SCALE_BAR = (
     "Read a calibrated scale bar with the tracker: no pose tells its scale from that of the machine, which is longer "

@@ -40,7 +40,8 @@ def require_enough(problem: Problem) -> None:
         and problem.base is None
         and 3 * count - np.minimum(3 * each, MOTION_COORDINATES).sum() < LEAST_FREE
     ):
-        what = f"{count} readings in {np.count_nonzero(each)} frames are too few for a verdict: each frame takes up two of them"
+        frames = np.count_nonzero(each)
+        what = f"{count} readings in {frames} frames are too few for a verdict: each frame takes up two of them"
         raise TooFewError(
             what, where=problem.table.source, fix=f"measure more poses without moving the tracker, or {fix}"
         )

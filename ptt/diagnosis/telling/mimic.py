@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.diagnosis.evidence.at_tool import without_rigid_motion
-from ptt.diagnosis.evidence.atoms import Atom
+from ptt.diagnosis.evidence.atoms import Atom, is_plain
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE
-from ptt.diagnosis.search.instead import PLAIN_COLUMNS, commoner
+from ptt.diagnosis.search.instead import commoner
 from ptt.diagnosis.search.plainest import PLAIN_NATS
 from ptt.effects.metrology import TrackerScale
 from ptt.fitting.projected import Projected, gain, project
@@ -74,7 +74,7 @@ def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
     rest = [state.of(other) for other in without(state, key)]
     base = state.columns[np.concatenate([np.flatnonzero(state.owner < 0), *rest]).astype(int)]
     names = {system.atoms[other].name for other in state.keys}
-    parts = [atom for atom in system.atoms.values() if _is_plain(atom) and atom.name not in names]
+    parts = [atom for atom in system.atoms.values() if _is_steady(atom) and atom.name not in names]
     own, values, phi = system.atoms[key].columns, state.posterior.values[state.of(key)], state.posterior.phi
     # Only these columns are needed, so they are numbered anew.
     there = np.unique(np.concatenate([base, own, *(part.columns for part in parts)]))
@@ -99,8 +99,9 @@ def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
     return tuple(part.name for part in chosen) if len(chosen) > 1 else ()
 
 
-def _is_plain(atom: Atom) -> bool:
-    return atom.effect is not None and len(atom.columns) <= PLAIN_COLUMNS and not atom.shape and atom.shape is not None
+def _is_steady(atom: Atom) -> bool:
+    """Whether an atom is a plain effect that may be added and has no shape to search."""
+    return is_plain(atom) and atom.shape is not None and not atom.shape
 
 
 def _left(work: Projected, parts: list[Atom]) -> float:

@@ -27,7 +27,7 @@ from ptt.diagnosis.telling.explanation import Candidate, candidates_of_steps, ot
 from ptt.diagnosis.telling.naming import Naming, naming_of
 from ptt.diagnosis.telling.sizes import sized
 from ptt.diagnosis.telling.terms import sent_state
-from ptt.diagnosis.telling.unknowns import Unnamed, unnamed_of
+from ptt.diagnosis.telling.unknowns import unnamed_of
 from ptt.diagnosis.telling.verdict_words import explain_verdict
 from ptt.effects import Library
 from ptt.fitting.beside_unnamed import beside_unnamed
@@ -70,15 +70,14 @@ def conclude(
         found = replace(found, fitted=beside_unnamed(found.fitted, without_carried(problem, found)))
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     clean = problem.masked(problem.used & ~np.isin(np.arange(problem.table.rows), found.system.rows))
-    shown, rows = (clean, slice(None)) if found.sample is None else (found.sample, numbers(found.sample))
+    shown = clean if found.sample is None else found.sample
     naming = naming_of(found, model, problem, shown)
     named = naming.named.steps
     rms_um = _errors(found, tuple(step.key for step in named))
     rest = _objected(rest, found, naming, problem, rms_um["after"]["total"] / MICRO)
     noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
     verdict = _verdict(found, bool(named), rest)
-    unnamed = unnamed_of(scorer, state, problem, rows)
-    depends = _depends_on(found, naming, unnamed, rest, shown, problem) if verdict == "unknown" else ()
+    depends = _depends_on(found, naming, rest, shown, problem) if verdict == "unknown" else ()
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
@@ -169,14 +168,17 @@ def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error:
 
 
 def _depends_on(
-    found: Found, naming: Naming, unnamed: Unnamed, rest: Rest, shown: Problem, problem: Problem
+    found: Found, naming: Naming, rest: Rest, shown: Problem, problem: Problem
 ) -> tuple[Dependence, ...]:  # fmt: skip
     """What the unknown depends on.
 
     From the blocks; else from the wander of a joint; else from the residual with the wander in it, where that is no
     tracker's or nothing is named; else from the residual tests; else from the block that would explain most.
     """
-    depends, left, scorer, state = dependences(unnamed, shown), unnamed.left, found.scorer, found.state
+    scorer, state = found.scorer, found.state
+    rows = slice(None) if found.sample is None else numbers(found.sample)
+    unnamed = unnamed_of(scorer, state, problem, rows)
+    depends, left = dependences(unnamed, shown), unnamed.left
     wanders = state.memory.wander is not None
     if not depends and rest.wanders is not None:
         return (wandering(rest.wanders, left, shown),)
@@ -189,7 +191,6 @@ def _depends_on(
     backward = [key for key in state.keys if found.system.atoms[key].name in naming.backward]
     gone = without(state, *naming.named.unproven, *backward)
     suspect = with_suspect(scorer, scorer.score(gone, state.memory, state.variances))
-    rows = slice(None) if found.sample is None else numbers(found.sample)
     suspected = dependences(unnamed_of(scorer, suspect, problem, rows), shown)
     return tuple(item for item in suspected if item.share >= LEAST_SHARE)
 
