@@ -96,7 +96,7 @@ def test_what_no_reading_near_a_reversal_tells_is_said(tmp_path) -> None:
 
     assert said(near()) == []
     (line,) = said(far())
-    assert "whether play of joints 1, 2 and 3 is taken up at once cannot be told from a wind-up over 4.7 mm" in line
+    assert "whether play of sliders 1, 2 and 3 is taken up at once cannot be told from a wind-up over 4.7 mm" in line
 
 
 def test_commands_that_go_back_by_less_than_was_measured_are_uncertain(both) -> None:

@@ -8,7 +8,7 @@ import torch
 
 from ptt.fitting.chunks import sampled_if_long
 from ptt.fitting.factor import RANK_TOLERANCE
-from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES, lay_out
+from ptt.fitting.layout import FRAME_NAMES, MOUNT_NAMES, Layout, lay_out
 from ptt.fitting.linear import Linear, assemble
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
@@ -63,12 +63,9 @@ def sparsest(
         The terms in their order.
     """
     few = sampled_if_long(problem)
-    layout = lay_out(Model(problem.file), few, (*terms, *beside))
-    values = layout.start()
+    layout, own, held = _laid_out(terms, beside, few)
+    values, mine = layout.start(), layout.owner < len(terms)
     linear = assemble(layout, values, few, noise)
-    mine = layout.owner < len(terms)
-    own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held & ~layout.searched)
-    held = layout.held.astype(float)
     gram = linear.total(problem.table.rows / few.table.rows)[0]
     information, motions = _without(gram, own, np.setdiff1d(np.flatnonzero(mine), own), held)
     information = information / widen**2
@@ -118,12 +115,20 @@ def _all_over(terms: Sequence[Term], beside: Sequence[Term], file: MachineFile, 
     place, q = reachable(file)
     command = q if file.machine.kind == "serial" else None
     problem = build_problem(file, replace(make_table(place, command), measured=place))
-    layout = lay_out(Model(file), problem, (*terms, *beside))
+    layout, own, held = _laid_out(terms, beside, problem)
+    gram = assemble(layout, layout.start(), problem, noise).total()[0]
+    rest = np.setdiff1d(np.flatnonzero(layout.owner < len(terms)), own)
+    return _without(gram, own, rest, held)[0] / len(place)
+
+
+def _laid_out(
+    terms: Sequence[Term], beside: Sequence[Term], problem: Problem
+) -> tuple[Layout, np.ndarray, np.ndarray]:  # fmt: skip
+    """Layout of some terms with others beside, the own free unknowns of the former, (u,), and the prior of all held."""
+    layout = lay_out(Model(problem.file), problem, (*terms, *beside))
     mine = layout.owner < len(terms)
     own = np.flatnonzero(mine & (layout.owner >= 0) & ~layout.held & ~layout.searched)
-    gram = assemble(layout, layout.start(), problem, noise).total()[0]
-    rest = np.setdiff1d(np.flatnonzero(mine), own)
-    return _without(gram, own, rest, layout.held.astype(float))[0] / len(place)
+    return layout, own, layout.held.astype(float)
 
 
 def _taking_part(free: np.ndarray, own: np.ndarray) -> np.ndarray:

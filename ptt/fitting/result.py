@@ -91,17 +91,15 @@ class FitResult:
     @property
     def std(self) -> np.ndarray:
         """Standard errors of the unknowns in their own units, (u,)."""
-        more = 0.0
-        if self.doubt is not None:
-            more = np.square(self.doubt).sum(axis=1) * self.layout.scale**2
-        return np.asarray(np.sqrt(np.diag(self.covariance) + more + self.open))
+        more = sum(self._variances(root) for root in self._roots)
+        return np.asarray(np.sqrt(np.diag(self.covariance) + more))
 
     @property
     def open(self) -> np.ndarray:
         """Further variances by sizes of the drawing not in the model, (u,) in own units squared; else zero."""
         if self.unnamed is None:
             return np.zeros(len(self.unknowns))
-        return np.asarray(np.square(self.unnamed.root[: len(self.unknowns)]).sum(axis=1) * self.layout.scale**2)
+        return self._variances(self.unnamed.root[: len(self.unknowns)])
 
     def apart(self, own: np.ndarray) -> np.ndarray:
         """Standard errors of the differences of some unknowns from their mean, in their own units.
@@ -124,6 +122,10 @@ class FitResult:
         """Roots of the further covariances, in usual sizes: `doubt` and `unnamed`."""
         beside = None if self.unnamed is None else self.unnamed.root[: len(self.unknowns)]
         return [root for root in (self.doubt, beside) if root is not None]
+
+    def _variances(self, root: np.ndarray) -> np.ndarray:
+        """Variances of the unknowns by the root of a covariance in usual sizes, (u,) in own units squared."""
+        return np.asarray(np.square(root).sum(axis=1) * self.layout.scale**2)
 
     def unnamed_covariance(self, names: Sequence[str]) -> np.ndarray:
         """Further covariance of v unknowns by name, by sizes of the drawing not in the model, in usual sizes, (v, v).

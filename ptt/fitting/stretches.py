@@ -29,7 +29,7 @@ class Stretch(Record):
     """Rows in a row that are off by one shift and are left out of every figure.
 
     Attributes:
-        place: 'line 122 to 151', with the file where there are several.
+        place: 'lines 122 to 151', with the file where there are several.
         lines: first and last line in the file.
         rows: how many readings.
         shift_mm: the shift they share, x, y, z.

@@ -113,10 +113,10 @@ def open_turns(fitted: FitResult) -> tuple[Combination, ...]:
     Returns:
         One for each effect that is play, where there is such a joint.
     """
-    found = []
+    found, noun = [], fitted.model.file.machine.noun
     for term in fitted.model.terms:
         if joints := _unseen(fitted, term):
-            which = f"joint{'s' * (len(joints) > 1)} {listed([str(joint) for joint in joints])}"
+            which = f"{noun}{'s' * (len(joints) > 1)} {listed([str(joint) for joint in joints])}"
             partner = f"a wind-up over {_windup(fitted, joints)} (short moves back and forth would tell)"
             found.append(Combination(term.effect.key, f"whether play of {which} is taken up at once", (partner,), {}))
     return tuple(found)

@@ -57,8 +57,8 @@ class Scorer:
             system: the linearised problem.
             given: atoms of the model as given, which are part of every set and cost nothing.
             steps: how many effects may be added to them.
-            barred: names of atoms that may not be added: an exact fit does without them, or sizes of the drawing
-                explain as much.
+            barred: names of atoms that may not be added: an exact fit does without them, sizes of the drawing explain
+                as much, or no machine has their values.
             fields: whether unknowns of position alone may be added, and errors that each pose has to itself.
         """
         self.system, self.given = system, tuple(key for key in given if key in system.atoms)

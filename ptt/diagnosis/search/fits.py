@@ -30,7 +30,7 @@ def fit_less(
         carried: contribution of the blocks to the readings, (n, 3) mm.
         gross: rows to leave out, (n,) bool.
         noise: the noise floor.
-        hopeless: chi-squared above which the fit is given up.
+        hopeless: chi-squared and prior together, above which the fit is given up.
 
     Returns:
         The fit.

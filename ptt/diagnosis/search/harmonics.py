@@ -21,7 +21,7 @@ from ptt.fitting.linear import tried_sizes
 from ptt.run.problem import Problem
 
 MOST_HARMONIC = 50  # highest harmonic of a turn that is looked for: the 50 teeth of a stepping motor's rotor
-# Of a turn that an arm's joint has to go through, and the least harmonic told apart on so little
+# Of a turn that an arm's joint has to go through, and the highest harmonic that may lie beside its line on so little
 LEAST_TURN, SHORT_TRAVEL_HARMONIC = 0.5, 4
 # Share of its peak that a line may lose where the harmonic lies: other lines move it by a third of its half width
 OFF_PEAK = 0.3
@@ -100,15 +100,11 @@ def find_harmonics(
         return ()
     every = left_along(scorer, state, problem, detail=False)
     # On a shorter travel one line covers two harmonics, and any period is nearly one of them.
-    joints, off = (
-        [each for each in every if each.span > 2.0 * LINE_HALF_WIDTH * lead],
-        np.full(MOST_HARMONIC - 1, OFF_PEAK),
-    )
+    joints = [each for each in every if each.span > 2.0 * LINE_HALF_WIDTH * lead]
+    off = np.full(MOST_HARMONIC - 1, OFF_PEAK)
     if not joints and problem.file.machine.kind == "serial":  # whose joints err alike at every turn, or part of one
-        joints, off[SHORT_TRAVEL_HARMONIC - 1 :] = (
-            [each for each in every if each.span > LEAST_TURN * lead],
-            OFF_PEAK_MERGED,
-        )
+        joints = [each for each in every if each.span > LEAST_TURN * lead]
+        off[SHORT_TRAVEL_HARMONIC - 1 :] = OFF_PEAK_MERGED
     if not joints:
         return ()
     explained = np.array([_explained(along, lead) for along in joints])
@@ -120,10 +116,7 @@ def find_harmonics(
     strong = [index for index in np.argsort(-nats) if nats[index] > 0.0 and effects[index].key not in there]
     if not strong:
         return ()
-    # The line's frequency is judged at the joint that shows most of it; others see it with leakage.
-    peak = np.max([[_explained(along, lead, turns) for along in joints] for turns in PEAK_OFFSETS], axis=0)
-    shown = explained.argmax(axis=0), np.arange(MOST_HARMONIC - 1)
-    placed = peak[shown] - explained[shown] <= np.maximum(off * peak[shown], 2.0 * PLAIN_NATS * state.posterior.phi)
+    placed = _placed(joints, explained, lead, off, 2.0 * PLAIN_NATS * state.posterior.phi)
     apart = np.where(off == OFF_PEAK, 0.0, 2.0 * LINE_HALF_WIDTH * lead / max(along.span for along in joints))
     told = [index for index, effect in enumerate(effects) if effect.key in there]
     return tuple(
@@ -147,6 +140,25 @@ def without_curves(scorer: Scorer, state: State) -> State:
     """
     bends = [key for key in droppable(scorer, state) if is_bent(scorer.system.atoms[key])]
     return scorer.score(without(state, *bends), WHITE, state.variances) if bends else state
+
+
+def _placed(
+    joints: Sequence[JointWave], explained: np.ndarray, lead: float, off: np.ndarray, least: float
+) -> np.ndarray:
+    """Whether each harmonic lies near enough to the peak of its line, (h,) bool.
+
+    The line's frequency is judged at the joint that shows most of it; others see it with leakage.
+
+    Args:
+        joints: k residuals along joints.
+        explained: sum of squares that each harmonic explains of each, (k, h).
+        lead: mm or rad of a turn.
+        off: share of its peak that a line may lose there, (h,).
+        least: sum of squares that it may lose anyhow.
+    """
+    peak = np.max([[_explained(along, lead, turns) for along in joints] for turns in PEAK_OFFSETS], axis=0)
+    shown = explained.argmax(axis=0), np.arange(explained.shape[1])
+    return np.asarray(peak[shown] - explained[shown] <= np.maximum(off * peak[shown], least))
 
 
 def _explained(along: JointWave, lead: float, off: float = 0.0) -> np.ndarray:

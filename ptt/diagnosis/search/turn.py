@@ -43,7 +43,7 @@ class Turn:
         memory: of the noise.
         held: keys of the blocks of `carried`.
         periods: joint (None: time) and length of waves that residual spectra showed.
-        barred: names that an exact fit does without.
+        barred: names that may not be added: an exact fit does without them, or no machine has their values.
         moments: shapes with moments at which something may have happened, whatever it was.
         seen: harmonics of a turn that residual spectra showed.
         before: the explanation before effects were dropped as needless; None where none were.

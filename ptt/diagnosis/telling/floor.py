@@ -2,6 +2,7 @@
 
 from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left, saturated_floor, too_few
 from ptt.diagnosis.search.find import find
+from ptt.diagnosis.telling.enough import LEAST_READINGS
 from ptt.diagnosis.telling.given import hold_own_effects
 from ptt.effects import Library
 from ptt.errors import TableError
@@ -31,7 +32,7 @@ def noise_floor(model: Model, problem: Problem, known: Library) -> Noise:
     try:
         return saturated_floor(model, problem, known)
     except TableError:
-        if problem.used.sum() < LEAST_FREEDOM:
+        if problem.used.sum() < LEAST_READINGS:
             raise
     found = find(hold_own_effects(model), problem.masked(opening_rows(problem)), known, lambda what: None)
     noise = noise_left(found.system, found.state)

@@ -14,7 +14,7 @@ from ptt.model.chain import Chain
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
-FEATURE_SIZE = 0.02  # mm at the tool: unit of a block's features, which the learned variance variances
+FEATURE_SIZE = 0.02  # mm at the tool: unit of a block's features, which the learned variance multiplies
 LEAST_TURN = 0.05  # rms by which the mount's directions turn, below which the tool in its holder moves as the tool does
 STILL_LEVER = 1e-6  # mm or less of the tool per mm or rad of a place: it moves nothing
 
