@@ -8,8 +8,9 @@ import torch
 from made_runs import empty_run, machine, term
 
 from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.search.excess import Objections
 from ptt.diagnosis.search.fits import fit_less, is_reachable
-from ptt.diagnosis.search.rest import Objections, Rest
+from ptt.diagnosis.search.rest import Rest
 from ptt.model.model import Model
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem

@@ -13,7 +13,8 @@ from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence import noise_level as noise
-from ptt.diagnosis.search.rest import Objections, Rest
+from ptt.diagnosis.search.excess import Objections
+from ptt.diagnosis.search.rest import Rest
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.enough import require_enough
 from ptt.diagnosis.telling.floor import noise_floor

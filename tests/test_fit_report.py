@@ -11,7 +11,8 @@ from test_fit import fitted
 
 from ptt.errors import MachineError, ModelError, TableError
 from ptt.fitting.observability import Combination
-from ptt.fitting.report import Value, format_fit, report_fit
+from ptt.fitting.report import Value, report_fit
+from ptt.fitting.report_words import format_fit
 from ptt.fitting.solve import fit
 from ptt.machine import format_machine, parse_machine
 from ptt.model.entries import read_model, write_model

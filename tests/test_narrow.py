@@ -9,7 +9,7 @@ from ptt.diagnosis.evidence.row_sums import FewSums
 from ptt.diagnosis.noise.memory import Memory
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE, Place
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.evidence import maximise

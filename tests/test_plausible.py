@@ -9,7 +9,7 @@ from stated_bench import NOISE, stated
 
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.search.rest import NOISE_EXCESS, too_much_for_nothing
+from ptt.diagnosis.search.excess import NOISE_EXCESS, too_much_for_nothing
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism

@@ -10,7 +10,7 @@ import torch
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import say_size
 from ptt.dependence.size import Size
-from ptt.diagnosis.search.rest import Objections, beyond_noise
+from ptt.diagnosis.search.excess import Objections, beyond_noise
 from ptt.diagnosis.telling.diagnosis import SCALE_BAR
 from ptt.diagnosis.telling.verdict_words import MISSING, MOSTLY_UNTOLD, depends
 from ptt.diagnosis.telling.words import headline

@@ -18,7 +18,7 @@ from ptt.diagnosis.evidence.system import whitened
 from ptt.diagnosis.noise.memory import WHITE, Memory, entries
 from ptt.diagnosis.noise.poses import poses_of
 from ptt.diagnosis.noise.wander import Clock, Wander
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.places import Place
 from ptt.run.noise import Noise
 

@@ -9,7 +9,8 @@ import torch
 
 from ptt.effects.registry import library, make_effect
 from ptt.fitting.orientation import orientation_rms
-from ptt.fitting.report import format_fit, report_fit
+from ptt.fitting.report import report_fit
+from ptt.fitting.report_words import format_fit
 from ptt.fitting.solve import fit
 from ptt.machine import load_machine
 from ptt.mechanisms.rotations import quaternion_of

@@ -13,7 +13,8 @@ from ptt.diagnosis.evidence.noise_level import starting_noise
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.plainest import PLAIN_NATS
-from ptt.diagnosis.telling.steps import BESIDE_NATS, TIE_NATS
+from ptt.diagnosis.telling.steps import BESIDE_NATS
+from ptt.diagnosis.telling.ties import TIE_NATS
 from ptt.effects import Library
 from ptt.progress import Tell
 from ptt.run.problem import Problem

@@ -9,7 +9,8 @@ from ptt.again.figures import errors_of
 from ptt.again.words import on_date
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.noise_level import noise_left, wanders_beyond
-from ptt.diagnosis.search.rest import NOISE_EXCESS, look_for_rest
+from ptt.diagnosis.search.excess import NOISE_EXCESS
+from ptt.diagnosis.search.rest import look_for_rest
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.effects import Library
 from ptt.effects.registry import parse_key

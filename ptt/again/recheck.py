@@ -22,7 +22,8 @@ from ptt.again.result import ChangedValue, Recheck, Verdict
 from ptt.again.words import Values, explain, say_change, say_gone, say_whole, values_of
 from ptt.diagnosis.evidence.noise_level import noise_after
 from ptt.diagnosis.telling.enough import require_enough
-from ptt.diagnosis.telling.steps import name_steps, ties
+from ptt.diagnosis.telling.steps import name_steps
+from ptt.diagnosis.telling.ties import ties
 from ptt.effects import Library, library
 from ptt.fitting.chunks import SAMPLE_ROWS, numbers, sample_stretches, take
 from ptt.fitting.linear import tried_sizes

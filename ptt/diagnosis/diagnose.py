@@ -2,7 +2,8 @@
 
 from dataclasses import replace
 
-from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left, too_few
+from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left
+from ptt.diagnosis.evidence.saturated import too_few
 from ptt.diagnosis.long import chunk_size, diagnose_long
 from ptt.diagnosis.search.find import MOST_ADDED, find
 from ptt.diagnosis.search.rest import look_for_rest

@@ -16,7 +16,7 @@ from ptt.door.words import as_run
 from ptt.effects import Library
 from ptt.errors import ModelError
 from ptt.fitting.drawn_sizes import unnamed_sizes
-from ptt.fitting.report import format_fit
+from ptt.fitting.report_words import format_fit
 from ptt.judge.history import record
 from ptt.judge.ladder.climb import climb, descend
 from ptt.judge.ladder.ladder import Ladder, LadderStep

@@ -8,7 +8,8 @@ import numpy as np
 from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.system import straightened, whitened
 from ptt.diagnosis.noise.memory import Memory
-from ptt.diagnosis.unknown.blocks import Period, unknown_blocks
+from ptt.diagnosis.unknown.block import Period
+from ptt.diagnosis.unknown.blocks import unknown_blocks
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear, Shape, linear_columns

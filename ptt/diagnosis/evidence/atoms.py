@@ -7,7 +7,7 @@ import numpy as np
 from torch import Tensor
 
 from ptt.dependence.contexts import COORDINATES
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.block import Block
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
 

@@ -22,7 +22,8 @@ from ptt.diagnosis.evidence.system import System, clock_of, straightened, whiten
 from ptt.diagnosis.noise.memory import WHITE, HeldOutBlock, Memory, MemorySums, as_joined, base_sums
 from ptt.diagnosis.noise.poses import Poses, poses_of
 from ptt.diagnosis.noise.wander import Wander, filtered
-from ptt.diagnosis.unknown.blocks import Block, Period, unknown_blocks
+from ptt.diagnosis.unknown.block import Block, Period
+from ptt.diagnosis.unknown.blocks import unknown_blocks
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
 from ptt.diagnosis.unknown.span import Span
 from ptt.effects import Effect

@@ -11,7 +11,7 @@ from ptt.diagnosis.evidence.atoms import Atom
 from ptt.diagnosis.evidence.effect_atoms import straight_sizes
 from ptt.diagnosis.noise.memory import WHITE, HeldOutBlock, Memory, MemorySums
 from ptt.diagnosis.noise.wander import Clock, innovations
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
 from ptt.fitting.autocorrelation import times_of
 from ptt.fitting.evidence import profile_noise

@@ -12,7 +12,7 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.periods import SPECTRUM_ROWS, Line, find_period, free_in_place
 from ptt.diagnosis.search.spectrum import FREQUENCY_STEP, left_along, place_line, squares_over
-from ptt.diagnosis.unknown.blocks import Period
+from ptt.diagnosis.unknown.block import Period
 from ptt.diagnosis.unknown.smooth import harmonics
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem

@@ -11,6 +11,7 @@ from ptt.diagnosis.noise.gross import are_exceptions, common_place
 from ptt.diagnosis.search.asked import Asked, scorer_at
 from ptt.diagnosis.search.bursts import broken_beams, crowded_moments, lost_rows
 from ptt.diagnosis.search.exact import by_names
+from ptt.diagnosis.search.excess import QUIET_EXCESS, stated_of
 from ptt.diagnosis.search.first import names_suffice
 from ptt.diagnosis.search.fits import fit_less
 from ptt.diagnosis.search.follow import follow
@@ -20,7 +21,6 @@ from ptt.diagnosis.search.laws import by_laws, with_atoms
 from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.names import names_alone
 from ptt.diagnosis.search.plainest import PLAIN_NATS, is_in_model, plainest
-from ptt.diagnosis.search.rest import QUIET_EXCESS, stated_of
 from ptt.diagnosis.search.turn import (
     Turn,
     first_turn,

@@ -13,9 +13,9 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.gross import gross_errors, places_of
 from ptt.diagnosis.noise.memory import WHITE
+from ptt.diagnosis.search.excess import NOISE_EXCESS
 from ptt.diagnosis.search.improve import climb
 from ptt.diagnosis.search.moves import droppable, with_memory_instead
-from ptt.diagnosis.search.rest import NOISE_EXCESS
 from ptt.diagnosis.search.search import best_of, ends_of, remembering
 from ptt.diagnosis.search.shapes import with_moments
 from ptt.diagnosis.search.turn import best_moments, gross_beside, in_company

@@ -15,7 +15,7 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.moves import LEAST_NATS
 from ptt.diagnosis.search.shapes import shape_key, with_shapes
-from ptt.diagnosis.unknown.blocks import Period
+from ptt.diagnosis.unknown.block import Period
 from ptt.effects.screw import OncePerRev
 from ptt.fitting.linear import Shape
 from ptt.fitting.result import FitResult

@@ -40,7 +40,7 @@ from ptt.diagnosis.search.moves import LEAST_NATS, droppable
 from ptt.diagnosis.search.plainest import plainest, timed
 from ptt.diagnosis.search.switching import SURE_NATS, acts_over_time, switching_moments
 from ptt.diagnosis.search.turn import moment_beside
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.jumps import HEIGHTS, MOST_EVENTS
 from ptt.diagnosis.unknown.laws import Switching, laws_of
 from ptt.effects.sudden import Sudden

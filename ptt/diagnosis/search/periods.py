@@ -18,7 +18,7 @@ from ptt.diagnosis.search.spectrum import (
     left_along,
     place_line,
 )
-from ptt.diagnosis.unknown.blocks import Period
+from ptt.diagnosis.unknown.block import Period
 from ptt.effects.screw import OncePerRev
 from ptt.run.problem import Problem
 

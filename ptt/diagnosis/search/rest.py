@@ -12,22 +12,16 @@ from ptt.dependence.said import by_chance
 from ptt.diagnosis.evidence.noise_level import MACHINE_FILE
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System, holds_unknown
-from ptt.diagnosis.noise.wander import FAULT_SHARE
+from ptt.diagnosis.search.excess import AXIS_EXCESS, NOISE_EXCESS, Objections, beyond_noise, remaining_error
 from ptt.diagnosis.search.joint_wander import JointWander, wander_of_joint
 from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
 from ptt.run.holdout import BLOCKS, blocks, pose_groups, sharing_groups
 from ptt.run.means import about_means, group_means
-from ptt.run.noise import Noise, source_in_words
+from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 
-QUIET_EXCESS = 1.5  # times a stated noise up to which the empty set may be reported though another is a little likelier
-# Times a stated noise from which an error is unexplained: a single stated figure is often half too small
-NOISE_EXCESS = 2.0
-# The same of one axis beside a noise that is stated as one figure: all of it on one axis is sqrt(3) times that, and the
-# figure may be half too small
-AXIS_EXCESS = 2.5
 CHANCE_LACK = 1e-4  # p-value of the lack-of-fit test
 CHANCE_FIELD = 1e-4  # p-value at which a network over position predicts held-out residuals
 CHANCE_PLACE = 1e-4  # p-value at which neighbours in space are off alike
@@ -37,52 +31,6 @@ FIELD_ROWS = 3000  # rows that the network is trained on at most: a field that t
 NETWORK_ROWS = 30  # rows from which the twelve nodes of the network have more than two each
 # Held-out parts of a run; with fewer, gains would have to agree within percents to pass `CHANCE_FIELD`
 NETWORK_PARTS = 5
-UNREPEATED = "either poses repeat no better than that, or something that no column records changes between visits"
-
-
-@dataclass(frozen=True)
-class Objections:
-    """Objections to an explanation beside the tests of its residuals.
-
-    Attributes:
-        faithful: whether held-out readings are predicted as well as the explanation claims.
-        unproven: names of effects that fit the readings and do not improve predictions of held-out ones.
-        impossible: names of effects at whose values commanded poses cannot be reached.
-        idle: names of effects that do nothing visible at their fitted values.
-        backward: names of effects with values of a physically impossible sign.
-        set_aside: what the readings set aside as gross errors have in common, in words; None for nothing.
-        unexplained_error: that the error is too large though no effect is named, in words; None where it is not.
-    """
-
-    faithful: bool = True
-    unproven: tuple[str, ...] = ()
-    impossible: tuple[str, ...] = ()
-    idle: tuple[str, ...] = ()
-    backward: tuple[str, ...] = ()
-    set_aside: str | None = None
-    unexplained_error: str | None = None
-
-    @property
-    def reasons(self) -> tuple[str, ...]:
-        """All but `unexplained_error`, in words."""
-        fits, does = ("fits", "does") if len(self.unproven) == 1 else ("fit", "do")
-        vain = f"{listed(self.unproven)} {fits} these readings but {does} not improve predictions of held-out ones"
-        astray = "held-out readings are predicted far worse than the fit itself claims"
-        values = "the fitted values of"
-        unreached = "are impossible: with them the machine could not reach the measured poses"
-        signs = "have the wrong sign, which no physical cause gives them"
-        return tuple(
-            words
-            for holds, words in (
-                (self.unproven, vain),
-                (not (self.faithful or self.unproven), astray),
-                (self.impossible, f"{values} {listed(self.impossible)} {unreached}"),
-                (self.idle, f"{values} {listed(self.idle)} have no visible effect"),
-                (self.backward, f"{values} {listed(self.backward)} {signs}"),
-                (self.set_aside, f"the readings set aside as gross errors {self.set_aside}, unlike real gross errors"),
-            )
-            if holds
-        )
 
 
 @dataclass(frozen=True)
@@ -221,70 +169,6 @@ def _about_poses(residual: np.ndarray, problem: Problem) -> np.ndarray:
     counted, about = np.isfinite(residual).all(axis=1), np.full_like(residual, np.nan)
     about[counted] = about_means(residual[counted], pose_groups(problem.table)[counted])
     return about
-
-
-def too_much_for_nothing(
-    error: float, noise: Noise | None, *, wanders: bool = False, by_visit: bool = False, rounding_mm: float = 0.0
-) -> str | None:
-    """That an error in which no effect was found is far beyond the stated noise, in words.
-
-    Repeats contain whatever differs from visit to visit, and a wander absorbs whatever is slow, so much can hide in
-    either, and the run alone determines both. A noise stated for the tracker contains neither. So beside a stated noise
-    either of them may be as large as a tracker's wander may be beside white noise, and no larger.
-
-    Args:
-        error: root mean square of the residuals, wander included, mm.
-        noise: the noise floor as it was before any search; None where nothing gave it.
-        wanders: whether the explanation has a wander.
-        by_visit: whether it has random errors of visits.
-        rounding_mm: root mean square position error by rounding of the commands.
-
-    Returns:
-        The reason in words; None where there is none.
-    """
-    if noise is None:
-        return None
-    source, total = stated_of(noise, rounding_mm)
-    visits = by_visit or noise.stated is not None
-    if error <= (np.sqrt(1.0 + FAULT_SHARE) if wanders or visits else NOISE_EXCESS) * total:
-        return None
-    times = f"the error is {error / total:.1f} times the noise (from {source_in_words(source)})"
-    if visits:
-        return f"{times}: {UNREPEATED}"
-    return f"{times}, more than a tracker wanders" if wanders else f"{times} and depends on nothing recorded here"
-
-
-def beyond_noise(what: str, times: float, source: str) -> str:
-    """Say that more is left than the stated noise, though it depends on nothing that was recorded.
-
-    Args:
-        what: subject of the sentence.
-        times: its size over the noise.
-        source: where the noise comes from.
-
-    Returns:
-        The sentence, without its stop.
-    """
-    return (
-        f"{what} is {times:.1f} times the noise (from {source_in_words(source)}): either that figure is too small, or "
-        "something is missing that depends on nothing recorded here"
-    )
-
-
-def remaining_error(residual: str) -> str:
-    """A residual as the subject of a sentence: 'the remaining error of slider 2', but 'in x' for the tool."""
-    return f"the remaining error {'in' if residual in COORDINATES else 'of'} {residual}"
-
-
-def stated_of(noise: Noise, rounding_mm: float) -> tuple[str, float]:
-    """Source and size, mm, of the stated noise: what a file states for the tracker comes before repeats.
-
-    Args:
-        noise: the floor as it was before any search.
-        rounding_mm: root mean square position error by rounding of the commands, added in quadrature.
-    """
-    source, total = noise.stated or (noise.source, noise.total)
-    return source, float(np.hypot(total, rounding_mm))
 
 
 def innovations_of(system: System, state: State, problem: Problem) -> np.ndarray:

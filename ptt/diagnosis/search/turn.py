@@ -12,7 +12,7 @@ from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.noise.gross import alone, are_exceptions, places_of, stand_out
 from ptt.diagnosis.noise.memory import WHITE, Memory
 from ptt.diagnosis.search.found import Found
-from ptt.diagnosis.unknown.blocks import Period
+from ptt.diagnosis.unknown.block import Period
 from ptt.diagnosis.unknown.moment import best_moment
 from ptt.effects import Effect
 from ptt.effects.screw import OncePerRev

@@ -17,7 +17,7 @@ from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.joint_wander import JointWander
 from ptt.diagnosis.telling.sizes import points_of, size_of_unknown, sized
 from ptt.diagnosis.telling.unknowns import Unknown, Unnamed
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.block import Block
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem

@@ -1,6 +1,7 @@
 """The noise floor that errors are compared with: the stated one, else what a saturated model or a search leaves."""
 
-from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left, saturated_floor, too_few
+from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left
+from ptt.diagnosis.evidence.saturated import saturated_floor, too_few
 from ptt.diagnosis.search.find import find
 from ptt.diagnosis.telling.enough import LEAST_READINGS
 from ptt.diagnosis.telling.given import hold_own_effects

@@ -10,7 +10,7 @@ from ptt.dependence.contexts import COORDINATES, is_direction, path_views, resid
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side, size_of_turn
 from ptt.diagnosis.telling.unknowns import LARGER_FACTOR, Unknown
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
 from ptt.run.axes import rms_length
 from ptt.run.frames import without_rigid_parts

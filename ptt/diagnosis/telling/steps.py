@@ -22,16 +22,14 @@ from ptt.diagnosis.search.laws import is_broad
 from ptt.diagnosis.search.moves import added, droppable
 from ptt.diagnosis.search.plainest import PLAIN_NATS
 from ptt.diagnosis.telling.doubt import tool_doubt
+from ptt.diagnosis.telling.ties import TIE_NATS, ties
 
 BESIDE_NATS = 25.0  # nats that an effect has to be worth beside a block, whose form is itself only approximate
 ODDS_BESIDE = 9.0  # odds to one that `BESIDE_NATS` make against an unknown in the effect's place, for the same reason
 # Share of what held-out readings show that an effect alone has to explain: what a block leaves over is less
 LEADING_SHARE = 2.0 / 3.0
 UNFAITHFUL_SHARE = 0.5  # the same of a name where the whole set does not predict held-out readings
-TIE_NATS = 7.0  # nats within which an effect does as well in another's place: a thousand to one, were the forms exact
-SCREEN_SLACK = 4.0  # nats by which the screen may misjudge the exact score of a tie
 LEAST_STAGES = 3  # events of one kind from which they may be stages of one gradual change
-MOST_TIES, MOST_LOOKED_AT = 4, 6  # ties that are named, and candidates that are scored for them
 MOST_UNKNOWN = 2  # unknowns scored in an effect's place: those that the screen puts first
 
 
@@ -279,36 +277,3 @@ def _in_order(scorer: Scorer, keys: list[str]) -> list[str]:
         order.append(best)
         rest.remove(best)
     return order
-
-
-def ties(scorer: Scorer, state: State, key: str) -> tuple[str, ...]:
-    """Other effects that would do as well in the place of one.
-
-    Args:
-        scorer: of the system.
-        state: the best set.
-        key: of an effect in it.
-
-    Returns:
-        Their names, best first.
-    """
-    atoms, less = scorer.system.atoms, scorer.less(state, key)
-    own = atoms[key].name
-
-    def other(atom: Atom) -> bool:
-        return atom.effect is not None and atom.effect.name != own.partition("[")[0]
-
-    # The screen holds the others' variances, so gains are compared with the effect's own screened gain. Prior odds are
-    # left aside, since a tie is what the data cannot tell apart.
-    mine = scorer.screen(less, lambda atom: atom.name == own)
-    usual = max((gain.nats + atoms[gain.key].odds for gain in mine), default=-np.inf)
-    here = state.total + atoms[key].odds
-    found: dict[str, float] = {}
-    for gain in sorted(scorer.screen(less, other), key=lambda gain: -gain.nats - atoms[gain.key].odds)[:MOST_LOOKED_AT]:
-        odds = atoms[gain.key].odds
-        if gain.nats + odds < usual - TIE_NATS - SCREEN_SLACK:
-            break
-        total = added(scorer, less, gain).total
-        if total + odds > here - TIE_NATS:
-            found[atoms[gain.key].name] = total
-    return tuple(sorted(found, key=lambda name: -found[name])[:MOST_TIES])

@@ -9,7 +9,7 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.search.found import parts_of
-from ptt.diagnosis.unknown.blocks import Block
+from ptt.diagnosis.unknown.block import Block
 from ptt.run.problem import Problem
 
 LARGER_FACTOR = 1.5  # times all that is left: a block that puts more into the readings is cancelled by something else

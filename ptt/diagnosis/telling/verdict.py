@@ -16,10 +16,11 @@ from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.noise.slow import SECONDS, Slow
+from ptt.diagnosis.search.excess import Objections, too_much_for_nothing
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.moves import droppable
-from ptt.diagnosis.search.rest import Objections, Rest, too_much_for_nothing
+from ptt.diagnosis.search.rest import Rest
 from ptt.diagnosis.telling.aside import against_gross
 from ptt.diagnosis.telling.depends import LEAST_SHARE, MOST_LINES, dependences, wandering, with_suspect
 from ptt.diagnosis.telling.diagnosis import Diagnosis, Verdict

@@ -6,7 +6,7 @@ from typing import Any
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import MOVES, middle, switched_at
 from ptt.diagnosis.noise.slow import Slow
-from ptt.diagnosis.search.rest import UNREPEATED, beyond_noise, remaining_error
+from ptt.diagnosis.search.excess import UNREPEATED, beyond_noise, remaining_error
 from ptt.diagnosis.telling.untested import untested
 from ptt.diagnosis.telling.words import headline
 from ptt.effects.cards import card_of

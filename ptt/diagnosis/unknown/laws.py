@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from ptt.dependence.contexts import is_direction, path_views
-from ptt.diagnosis.unknown.blocks import Block, field_over
+from ptt.diagnosis.unknown.block import Block
+from ptt.diagnosis.unknown.blocks import field_over
 from ptt.diagnosis.unknown.jumps import Jump, heights_of, passed_again, spells_of, switches_of
 from ptt.diagnosis.unknown.places import Place, mount_of, one_way_each, places_of_chain, stand_of, tool_axes
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled

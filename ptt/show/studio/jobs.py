@@ -136,7 +136,7 @@ def change(source: Source, model: str, verb: str, effects: tuple[str, ...], tell
     """As `ptt add`, `ptt remove` or `ptt fit`."""
     from ptt.door.result import plain
     from ptt.effects.registry import make_effect, parse_key
-    from ptt.fitting.report import format_fit
+    from ptt.fitting.report_words import format_fit
     from ptt.judge.history import record
     from ptt.judge.ladder.climb import climb, descend
     from ptt.machine import format_machine

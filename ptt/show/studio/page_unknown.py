@@ -8,7 +8,7 @@ from typing import Any
 from nicegui import ui
 
 from ptt.dependence.said import who_is_off
-from ptt.diagnosis.search.rest import remaining_error
+from ptt.diagnosis.search.excess import remaining_error
 from ptt.effects.phrases import listed
 from ptt.show.card.words import percent
 from ptt.show.studio.card_figures import unknown_figure
