@@ -2,37 +2,44 @@
 
 import re
 from dataclasses import replace
-from itertools import product
 from typing import Any, ClassVar, cast
 
 import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
+from ptt.effects.curve_basis import (
+    COORDINATES,
+    DEGREE,
+    JOINT,
+    SMOOTH,
+    TURNS,
+    field_basis,
+    field_powers,
+    of_turns,
+    powers_of,
+    products,
+    smooth_basis,
+    value_of,
+)
 from ptt.effects.dh_offsets import links_along
 from ptt.effects.geometry import ACROSS, across_axes
 from ptt.effects.hysterons import HYSTERONS, hysterons
 from ptt.effects.layout import family
 from ptt.effects.parameter import Parameter
-from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.frames import rigid_columns
 from ptt.run.view import View
 
-JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")
 PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])|(set-up)")
-COORDINATES = ("x", "y", "z")
 OTHERS = ("payload", "temperature", "time", "run")
 CURVE_SHAPES = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
-SMOOTH = SHAPES + 2  # bending modes, slope and level of a smooth curve
 HARMONICS = 6  # of a period, the k-th weighed by 1/k: they make a sawtooth but for its edges
 HATS = 13  # hat functions of a bump, since local damage has no shape that is known beforehand
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
-DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace
 PAIR_DEGREE = 6  # the same in two variables: as many terms as there are of degree 4 in three, and finer
-TURNS = 2  # harmonics of each of two angles of an arm, as of the unknown that it describes
 STEP_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
 
@@ -79,35 +86,12 @@ class Curve(Effect):
             TypeError: no such variable, place, stage or shape, an empty range, or no period.
         """
         super().__init_subclass__(**named)
-        for name in filter(None, (cls.on, cls.along, *cls.together)):
-            if not (JOINT.fullmatch(name) or name in COORDINATES + OTHERS):
-                raise TypeError(f"a curve cannot follow '{name}'")
-        if not cls.on or cls.shape not in CURVE_SHAPES or not cls.between[0] < cls.between[1]:
-            raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
-        if cls.shape == "period" and not cls.period > 0.0:
-            raise TypeError("a period above zero is needed")
-        if cls.moments and ((cls.on, cls.shape) != ("time", "levels") or list(cls.moments) != sorted(cls.moments)):
-            raise TypeError("only levels over time change at moments, which are in ascending order")
-        if cls.together and not (
-            cls.shape in ("smooth", "step") and cls.on in cls.together and len(cls.ranges) == len(cls.together) > 1
-            and all(low < high for low, high in cls.ranges)
-        ):  # fmt: skip
-            raise TypeError("a smooth curve or step of several variables has one of them as 'on', and a range of each")
-        if cls.shape == "gradual" and not cls.on.startswith("direction"):
-            raise TypeError("only what follows a direction turns over gradually")
-        if cls.acts_on and not (PLACE.fullmatch(cls.acts_on) and fits(cls.mechanisms, cls.acts_on)):
-            raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot act on '{cls.acts_on}'")
-        for name in (cls.on, cls.along, *cls.together):
-            if not fits(cls.mechanisms, name):
-                raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot follow '{name}'")
+        _require_possible(cls)
+        followed = (cls.on, cls.along, *cls.together)
         kind, index = cls._place()
-        followed = [int(joint[2]) for name in (cls.on, cls.along, *cls.together) if (joint := JOINT.fullmatch(name))]
-        cls.least_joints = max([1, *followed, index + 1 if kind in ("slider", "joint", "link") else 1])
         own_stage = vars(cls).get("stage")
         if own_stage is not None and (kind not in ("axis", "tool") or own_stage not in ("structure", "metrology")):
             raise TypeError(f"a curve that acts on '{cls.acts_on}' has no stage '{own_stage}'")
-        rad = cls.mechanisms == ("serial",) and kind in ("slider", "joint")
-        count, words = _size(cls)
         if kind in ("slider", "joint"):
             cls.stage = "drive"
         elif kind in ("link", "rail"):
@@ -115,13 +99,17 @@ class Curve(Effect):
         else:
             of_readings = kind == "set-up" or cls.on in ("time", "run")
             cls.stage = own_stage or ("metrology" if of_readings else "structure")
+        count, words = _size(cls)
         size = {"tool": 3, "set-up": len(MOTIONS)}.get(kind, 1) * count
+        rad = cls.mechanisms == ("serial",) and kind in ("slider", "joint")
         usual, unit = (1e-4, "rad") if rad else (0.02, "mm")
         cls.parameters = (Parameter("size", unit, usual, words, count=size),)
-        wanted = {name.rstrip("0123456789") for name in (cls.on, cls.along, *cls.together)}
+        joints = [int(joint[2]) for name in followed if (joint := JOINT.fullmatch(name))]
+        cls.least_joints = max([1, *joints, index + 1 if kind in ("slider", "joint", "link") else 1])
+        wanted = {name.rstrip("0123456789") for name in followed}
         cls.requires = tuple(name for name in CONTEXTS if name in wanted)
         cls.reverses = any(name.startswith("direction") for name in (cls.on, *cls.together))
-        cls.follows_clock = not {"time", "temperature", "run"}.isdisjoint((cls.on, cls.along, *cls.together))
+        cls.follows_clock = not {"time", "temperature", "run"}.isdisjoint(followed)
 
     @classmethod
     def _place(cls) -> tuple[str, int]:
@@ -147,7 +135,7 @@ class Curve(Effect):
         """The basis functions of the variable, each in the outputs that it shifts."""
         kind, index = self._place()
         if kind == "tool":
-            shapes = _field(view.p, self.between) if self.on in COORDINATES else self._shapes(view)
+            shapes = field_basis(view.p, self.between) if self.on in COORDINATES else self._shapes(view)
             return torch.cat(
                 [torch.eye(3).to(shapes)[axis, None, :, None] * shapes[:, None] for axis in range(3)], dim=2
             )
@@ -193,14 +181,14 @@ class Curve(Effect):
         if self.shape == "gradual":
             elements = hysterons(view, view.q.new_full((view.joints,), high - low))
             return elements[:, int(self.on.removeprefix("direction")) - 1]
-        value = _value(view, self.on)
+        value = value_of(view, self.on)
         if _is_of_turns(type(self)):
-            return _of_turns(view, self.together)
+            return of_turns(view, self.together)
         if self.together:
             step = (value > 0.5 * (low + high)).to(value)[:, None] if self.shape == "step" else 1.0
-            return step * _products(view, *_factors(type(self)))
+            return step * products(view, *_factors(type(self)))
         if self.along:
-            return value[:, None] * _smooth(_value(view, self.along), low, high)
+            return value[:, None] * smooth_basis(value_of(view, self.along), low, high)
         if self.shape == "period":
             phase = value * (2.0 * torch.pi / self.period)
             numbers = range(1, HARMONICS + 1)
@@ -214,7 +202,32 @@ class Curve(Effect):
             reach = high - low  # wider than found: damage fades out beyond the feet that a test can see
             knots = torch.linspace(low - reach, high + reach, HATS + 2, dtype=value.dtype)
             return (1.0 - (value[:, None] - knots[1:-1]).abs() / (knots[1] - knots[0])).clamp(min=0.0)
-        return value[:, None] if _proportional(type(self)) else _smooth(value, low, high)
+        return value[:, None] if _proportional(type(self)) else smooth_basis(value, low, high)
+
+
+def _require_possible(cls: type[Curve]) -> None:
+    """Refuse a variable, place or shape that there is not, an empty range, or a missing period (TypeError)."""
+    for name in filter(None, (cls.on, cls.along, *cls.together)):
+        if not (JOINT.fullmatch(name) or name in COORDINATES + OTHERS):
+            raise TypeError(f"a curve cannot follow '{name}'")
+    if not cls.on or cls.shape not in CURVE_SHAPES or not cls.between[0] < cls.between[1]:
+        raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
+    if cls.shape == "period" and not cls.period > 0.0:
+        raise TypeError("a period above zero is needed")
+    if cls.moments and ((cls.on, cls.shape) != ("time", "levels") or list(cls.moments) != sorted(cls.moments)):
+        raise TypeError("only levels over time change at moments, which are in ascending order")
+    if cls.together and not (
+        cls.shape in ("smooth", "step") and cls.on in cls.together and len(cls.ranges) == len(cls.together) > 1
+        and all(low < high for low, high in cls.ranges)
+    ):  # fmt: skip
+        raise TypeError("a smooth curve or step of several variables has one of them as 'on', and a range of each")
+    if cls.shape == "gradual" and not cls.on.startswith("direction"):
+        raise TypeError("only what follows a direction turns over gradually")
+    if cls.acts_on and not (PLACE.fullmatch(cls.acts_on) and fits(cls.mechanisms, cls.acts_on)):
+        raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot act on '{cls.acts_on}'")
+    for name in (cls.on, cls.along, *cls.together):
+        if not fits(cls.mechanisms, name):
+            raise TypeError(f"a curve of {' and '.join(cls.mechanisms)} cannot follow '{name}'")
 
 
 def fits(mechanisms: tuple[str, ...], name: str) -> bool:
@@ -245,12 +258,12 @@ def _proportional(cls: type[Curve]) -> bool:
 def _size(cls: type[Curve]) -> tuple[int, str]:
     """Number of basis functions at each output, and their meaning."""
     if cls.on in COORDINATES and not cls.acts_on:
-        return len(_field_powers()), f"of each product of up to {DEGREE} coordinates"
+        return len(field_powers()), f"of each product of up to {DEGREE} coordinates"
     if _is_of_turns(cls):
         return (2 * TURNS + 1) ** len(cls.together), f"of each product of harmonics of {' and '.join(cls.together)}"
     if cls.together:
         names, _, degree = _factors(cls)
-        return len(_powers(len(names), degree)), f"of each product of {' and '.join(names)}"
+        return len(powers_of(len(names), degree)), f"of each product of {' and '.join(names)}"
     if cls.shape == "gradual":
         return HYSTERONS, "of each length over which it turns over"
     if cls.along:
@@ -276,59 +289,6 @@ def _factors(cls: type[Curve]) -> tuple[list[str], list[tuple[float, float]], in
     return [name for name, _ in wanted], [ends for _, ends in wanted], degree
 
 
-def _powers(count: int, degree: int) -> list[tuple[int, ...]]:
-    """Powers of each product of a number of variables up to a total degree, the constant first."""
-    return [powers for powers in product(range(degree + 1), repeat=count) if sum(powers) <= degree]
-
-
-def _field_powers() -> list[tuple[int, ...]]:
-    """Powers of x, y and z in a free field over the workspace; its constant belongs to the frame."""
-    return _powers(3, DEGREE)[1:]
-
-
-def _products(view: View, names: list[str], ranges: list[tuple[float, float]], degree: int) -> Tensor:
-    """Products of powers of variables, each scaled to -1..1 over its range and kept at its ends, (n, count)."""
-    low, high = torch.tensor(ranges, dtype=torch.float64).T
-    values = torch.stack([_value(view, name) for name in names], dim=1)
-    scaled = ((2.0 * values - low - high) / (high - low)).clamp(-1.0, 1.0)
-    powers = scaled.new_tensor(_powers(len(names), degree))
-    return (scaled[:, None] ** powers).prod(dim=2)
-
-
 def _is_of_turns(cls: type[Curve]) -> bool:
     """Whether it takes two angles of an arm together: what follows them repeats with each turn."""
     return cls.shape == "smooth" and len(cls.together) == 2 and all(name.startswith("q") for name in cls.together)
-
-
-def _of_turns(view: View, names: tuple[str, ...]) -> Tensor:
-    """Products of the first harmonics of angles, the m-th of size 1/m, (n, count)."""
-    found = view.q.new_ones(view.rows, 1)
-    for name in names:
-        angle = _value(view, name)
-        waves = [wave(m * angle) / m for m in range(1, TURNS + 1) for wave in (torch.cos, torch.sin)]
-        each = torch.stack([torch.ones_like(angle), *waves], dim=1)
-        found = (found[:, :, None] * each[:, None, :]).flatten(1)
-    return found
-
-
-def _smooth(value: Tensor, low: float, high: float) -> Tensor:
-    """Bending modes and straight part over a range, (n, SMOOTH)."""
-    place = (value - low) / (high - low)
-    return torch.cat([smooth_shapes(place), straight_shapes(place)], dim=1)
-
-
-def _field(tool: Tensor, between: tuple[float, float]) -> Tensor:
-    """Monomials of the tool position, scaled by the range, (n, count)."""
-    x, y, z = (tool / max(abs(between[0]), abs(between[1]), 1.0)).T
-    return torch.stack([x**i * y**j * z**k for i, j, k in _field_powers()], dim=1)
-
-
-def _value(view: View, name: str) -> Tensor:
-    """The variable at each row, (n,)."""
-    joint = JOINT.fullmatch(name)
-    if joint:
-        table = {"b": view.q, "q": view.q, "direction": view.direction, "speed": view.velocity}[joint[1]]
-        return table[:, int(joint[2]) - 1]
-    if name in COORDINATES:
-        return view.p[:, COORDINATES.index(name)]
-    return {"payload": view.payload, "temperature": view.warmth, "time": view.time, "run": view.run.double()}[name]

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ptt.effects.curve import COORDINATES, CURVE_SHAPES, JOINT, OTHERS, PLACE, fits
+from ptt.effects.curve import CURVE_SHAPES, OTHERS, PLACE, fits
+from ptt.effects.curve_basis import COORDINATES, JOINT
 from ptt.effects.phrases import listed
 from ptt.effects.template import class_name, require_free_name
 from ptt.errors import InputError, shown

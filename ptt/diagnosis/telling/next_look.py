@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from ptt.dependence.contexts import is_direction
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import MOVES, between, switched_at
-from ptt.effects.curve import COORDINATES, JOINT
+from ptt.effects.curve_basis import COORDINATES, JOINT
 from ptt.effects.phrases import listed
 
 SPREAD = "Measure more poses, spread over the workspace."
