@@ -8,7 +8,7 @@ from made_runs import SIGMA, machine, term
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence import cancelled
-from ptt.diagnosis.evidence.row_system import build_row_system
+from ptt.diagnosis.evidence.linearised import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.effects import library

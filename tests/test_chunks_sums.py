@@ -11,7 +11,8 @@ from chunked_run import problem as problem
 from ptt.diagnosis.evidence.ansatz import Ansatz, open_long_run
 from ptt.diagnosis.evidence.candidates import present_candidates
 from ptt.diagnosis.evidence.held_out import held_out_rms
-from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system, rows_of
+from ptt.diagnosis.evidence.linearised import build_row_system
+from ptt.diagnosis.evidence.row_system import RowSystem, rows_of
 from ptt.diagnosis.evidence.sampled import spread
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.summed import sum_up

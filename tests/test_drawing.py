@@ -11,7 +11,7 @@ from ptt.challenge.challenge import bench
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.atoms import is_field
 from ptt.diagnosis.evidence.effect_atoms import atoms_of
-from ptt.diagnosis.evidence.row_system import build_row_system
+from ptt.diagnosis.evidence.linearised import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search import drawing as drawing_module

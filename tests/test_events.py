@@ -9,7 +9,7 @@ import torch
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.candidates import first_of
-from ptt.diagnosis.evidence.row_system import build_row_system
+from ptt.diagnosis.evidence.linearised import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.turn import moments_of, unlike

@@ -12,8 +12,9 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.candidates import present_candidates
+from ptt.diagnosis.evidence.linearised import build_row_system
 from ptt.diagnosis.evidence.probability import near_sets, weigh_sets
-from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
+from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.laws import by_laws

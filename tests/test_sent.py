@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 from made_runs import machine, term
 
-from ptt.diagnosis.evidence.row_system import build_row_system
+from ptt.diagnosis.evidence.linearised import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE, Memory

@@ -9,7 +9,8 @@ from ptt.again.changes import Change, atoms_of_changes
 from ptt.again.extrapolation import extrapolation_columns
 from ptt.again.masked_effects import masked_atoms
 from ptt.again.prior import Prior
-from ptt.diagnosis.evidence.row_system import RowSystem, build_row_system
+from ptt.diagnosis.evidence.linearised import build_row_system
+from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.effects import Effect
 from ptt.fitting.linear import Linear, Shape, linear_columns
 from ptt.fitting.solve import FitResult, fit, hold

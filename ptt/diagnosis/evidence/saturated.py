@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ptt.diagnosis.evidence.candidates import present_candidates
+from ptt.diagnosis.evidence.linearised import build_row_system
 from ptt.diagnosis.evidence.noise_level import LEAST_FREEDOM, noise_left, starting_noise
-from ptt.diagnosis.evidence.row_system import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.effects import Library

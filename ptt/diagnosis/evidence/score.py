@@ -3,12 +3,12 @@
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 
 from ptt.diagnosis.evidence.atoms import Atom, is_any, is_drawn, is_effect, is_field
 from ptt.diagnosis.evidence.cancelled import nats_of_cancelling
+from ptt.diagnosis.evidence.events import apart_from, is_at_an_end, undoes
 from ptt.diagnosis.evidence.held_out_trial import HeldOutMemo
 from ptt.diagnosis.evidence.idle import idle_joints
 from ptt.diagnosis.evidence.memories import best_memory, prior_of
@@ -17,13 +17,10 @@ from ptt.diagnosis.evidence.screen import Basis, Gain, LastVariances, Screen
 from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import HeldOutBlock, Memory, MemorySums
-from ptt.effects.sudden import EDGE
 from ptt.fitting.evidence import LOG_SIZE_STD, maximise
 from ptt.fitting.posterior import Posterior
 from ptt.model.model import rival
 
-# Share of the squares of one event's shift that may remain where another event counts as taking it back
-UNDONE_SHARE = 0.25
 # Numbers of Cholesky factors that are kept, a third of a gigabyte: more than runs of a tripod need
 MOST_FACTOR_NUMBERS = 40_000_000
 LEARNING_TOLERANCE = 0.05  # nats at which learning of variances may end while sets are only compared
@@ -147,7 +144,7 @@ class Scorer:
         variances = {atom.key: posterior.group_variances[first[i] : first[i + 1]] for i, atom in enumerate(atoms)}
         state = State(keys, memory, total, posterior, columns, owner.astype(int), variances)
         new = [atom for atom in atoms if atom.key not in self.given]
-        if is_impossible(state, atoms, new) or self._is_at_an_end(new) or self._undoes(state):
+        if is_impossible(state, atoms, new) or is_at_an_end(system, new) or undoes(system, state):
             return replace(state, total=-np.inf)
         forms = {atom.key: nats_of_form(state, atom, system.scale, new=atom.key not in self.given) for atom in atoms}
         effects = [atom for atom in atoms if is_effect(atom)]
@@ -222,12 +219,12 @@ class Scorer:
 
     def screen(self, state: State, allowed: Callable[[Atom], bool] = is_any) -> list[Gain]:
         """What every allowed atom would add to a set, only the best shape of each name; best first."""
-        apart = self._is_apart(state)
+        apart = apart_from(self.system, state)
         return self._screen(state).best(lambda atom: allowed(atom) and apart(atom))
 
     def all_gains(self, state: State, allowed: Callable[[Atom], bool]) -> list[Gain]:
         """What every allowed atom would add to a set, in every shape and in no order."""
-        apart = self._is_apart(state)
+        apart = apart_from(self.system, state)
         return [gain for _, gain in self._screen(state).each(lambda atom: allowed(atom) and apart(atom))]
 
     def _screen(self, state: State) -> Screen:
@@ -249,49 +246,6 @@ class Scorer:
             return not shut and not _excluded(atom, effects)
 
         return opens
-
-    def _is_at_an_end(self, new: Sequence[Atom]) -> bool:
-        """Whether an event has too few readings before or after its moment, gross errors left out."""
-        time = self.system.clock.time
-        before = [int((time <= atom.moment).sum()) for atom in new if atom.moment is not None]
-        return any(min(count, len(time) - count) < EDGE for count in before)
-
-    def _undoes(self, state: State) -> bool:
-        """Whether one event takes back, within a few readings, what another did: those readings are gross errors."""
-        atoms, time = [self.system.atoms[key] for key in state.keys], self.system.clock.time
-        dated = [(float(atom.moment), atom) for atom in atoms if atom.moment is not None]
-        for (moment, one), (other, two) in combinations(dated, 2):
-            if one.shape is two.shape is None:  # both are in the model already
-                continue
-            if 0 < abs(int(np.searchsorted(time, moment, "right") - np.searchsorted(time, other, "right"))) < EDGE:
-                after, both = self.system.clock.time > max(moment, other), (*state.of(one.key), *state.of(two.key))
-                first = state.of(one.key if moment < other else two.key)
-                remains, done = (self._contribution(state, np.array(own))[after] for own in (both, first))
-                if np.square(remains).sum() < UNDONE_SHARE * np.square(done).sum():
-                    return True
-        return False
-
-    def _contribution(self, state: State, own: np.ndarray) -> np.ndarray:
-        """What some of a set's values contribute to the readings, (m, 3) whitened."""
-        nothing = self.system.residual(state.columns[:0], state.posterior.values[:0])
-        return nothing - self.system.residual(state.columns[own], state.posterior.values[own])
-
-    def _is_apart(self, state: State) -> Callable[[Atom], bool]:
-        """A predicate: whether an event is at the same moment as those of its kind in a set, or `EDGE` readings apart.
-
-        What came and went within a few readings is a gross error of those. Events of the model may be added again.
-        """
-        time, atoms = self.system.clock.time, [self.system.atoms[key] for key in state.keys]
-        happened = [(type(atom.effect), atom.moment) for atom in atoms if atom.moment is not None]
-
-        def is_apart(atom: Atom) -> bool:
-            if atom.moment is None or atom.shape is None:
-                return True
-            alike = [moment for kind, moment in happened if kind is type(atom.effect)]
-            between = np.searchsorted(time, alike, side="right") - np.searchsorted(time, atom.moment, side="right")
-            return not ((between != 0) & (np.abs(between) < EDGE)).any()
-
-        return is_apart if happened else is_any
 
     def best_memory(self, state: State) -> tuple[Memory, float]:
         """The best memory of the noise for a set, its variances held, and the nats that it adds to the total."""

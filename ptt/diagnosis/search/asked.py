@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ptt.diagnosis.evidence.candidates import present_candidates
-from ptt.diagnosis.evidence.row_system import build_row_system
+from ptt.diagnosis.evidence.linearised import build_row_system
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.turn import Turn, shapes_of
