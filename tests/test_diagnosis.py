@@ -12,7 +12,7 @@ from ptt.challenge.challenge import bench as bench_machine
 from ptt.challenge.hide import FAULTS, hide_faults
 from ptt.challenge.truth import table_of
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.evidence import noise_level as noise
+from ptt.diagnosis.evidence import saturated
 from ptt.diagnosis.search.excess import Objections
 from ptt.diagnosis.search.rest import Rest
 from ptt.diagnosis.telling.diagnosis import Diagnosis
@@ -213,12 +213,12 @@ def test_a_floor_that_can_be_told_no_finer_is_the_last_that_could(tmp_path, monk
     _, path = run(tmp_path, 90, rows=60)
     problem = replace(build_problem(MACHINE, read_table(path)), noise=None)
     rounds = [Noise(np.eye(3) * 1e-6, "saturated model", 30.0), Noise(np.eye(3) * 1e-7, "saturated model", 5.0)]
-    monkeypatch.setattr(noise, "_saturated", lambda *given: (left.pop(0), {}))
+    monkeypatch.setattr(saturated, "_saturated", lambda *given: (left.pop(0), {}))
     left = rounds.copy()
-    assert noise.saturated_floor(Model(MACHINE), problem, library()) is rounds[0]
+    assert saturated.saturated_floor(Model(MACHINE), problem, library()) is rounds[0]
     left = rounds[::-1]
     with pytest.raises(TableError, match="do not tell the noise"):
-        noise.saturated_floor(Model(MACHINE), problem, library())
+        saturated.saturated_floor(Model(MACHINE), problem, library())
 
 
 def test_thirty_six_readings_that_are_diagnosed_tell_what_they_scatter_by_too():
@@ -227,7 +227,7 @@ def test_thirty_six_readings_that_are_diagnosed_tell_what_they_scatter_by_too():
     frame = simulate(drawn.rig, drawn.targets).frame
     problem = replace(build_problem(drawn.rig.machine, table_of(frame, drawn.absent)), noise=None)
     with pytest.raises(TableError, match="do not tell the noise"):
-        noise.saturated_floor(Model(drawn.rig.machine), problem, library())
+        saturated.saturated_floor(Model(drawn.rig.machine), problem, library())
     assert noise_floor(Model(drawn.rig.machine), problem, library()).total == pytest.approx(truth.noise.total, rel=0.2)
     sparse = problem.masked(np.arange(problem.table.rows) >= 10)
     with pytest.raises(TableError, match="do not tell the noise"):

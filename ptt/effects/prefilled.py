@@ -14,6 +14,7 @@ from ptt.errors import InputError, shown
 
 REFERENCE_C = 20.0  # of a diagnosis of before it said where the drawing holds
 OF_READINGS = '    # stage = "metrology"  # where it is the tracker that errs: then no command follows it'
+_IMPROPER = "the dependence has no proper curve, place, moments or period"
 _FIX = "give the JSON of `ptt diagnose --json`"
 
 
@@ -114,6 +115,35 @@ def _of_several(together: Mapping[str, tuple[float, float]]) -> list[str]:
 
 def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     """The entry's parts, each validated, because they are written into a Python file that is run later."""
+    residual, on, shape, along, acts_on = _words(dependence)
+    together = _together(dependence) if not along and shape in ("smooth", "step") else {}
+    on, acts_on = _at_its_joint(on, acts_on, residual, together)
+    free = on in COORDINATES and not acts_on  # a field over the workspace, whatever shape one coordinate shows
+    if free:
+        shape = "smooth"
+    place, period, moments, (low, high) = _figures(dependence, free=free)
+    if free:
+        together = {}
+    if on != dependence.get("on"):
+        low, high = together[on]
+    if not along and not together and shape != "gradual":
+        shape, along, (low, high) = _with_size(dependence, shape, (low, high))
+    reference = dependence.get("reference_c")
+    warm = float(reference) if isinstance(reference, int | float) else REFERENCE_C
+    shift = warm if (along or on) == "temperature" else 0.0
+    if not low < high or (shape == "period" and not period > 0.0):
+        raise InputError(_IMPROPER, fix=_FIX)
+    if (on, shape) != ("time", "levels"):
+        moments = ()
+    between = low - shift, high - shift
+    if "temperature" in together:
+        together["temperature"] = (together["temperature"][0] - warm, together["temperature"][1] - warm)
+    return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
+            "moments": moments, "between": between, "acts_on": acts_on, "together": together}  # fmt: skip
+
+
+def _words(dependence: Mapping[str, Any]) -> tuple[str, str, str, str, str]:
+    """Residual, variable, shape, second variable ('' for none) and place ('' for that of the residual)."""
     keys = ("residual", "on", "shape", "with", "acts_on")
     residual, on, shape, along, acts_on = (str(dependence.get(key) or "") for key in keys)
     if shape == "gradual":  # its second variable, travel since the last reversal, is computed by the effect itself
@@ -129,11 +159,13 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     _require_clock(dependence)
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
-    together = _together(dependence) if not along and shape in ("smooth", "step") else {}
-    on, acts_on = _at_its_joint(on, acts_on, residual, together)
-    free = on in COORDINATES and not acts_on  # a field over the workspace, whatever shape one coordinate shows
-    if free:
-        shape = "smooth"
+    return residual, on, shape, along, acts_on
+
+
+def _figures(
+    dependence: Mapping[str, Any], *, free: bool
+) -> tuple[list[float], float, tuple[float, ...], tuple[float, float]]:
+    """Ends of a step or bump, period, moments, and the range of the variable; of a free field moments and range."""
     try:
         at = [float(value) for value in dependence["curve"]["at"]]
         place = [] if free else [float(value) for value in dependence.get("place") or ()]
@@ -141,26 +173,10 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
         moments = tuple(float(moment) for moment in dependence.get("moments") or ())
         low, high = place or [float(end) for end in dependence["curve"].get("between") or (at[0], at[-1])]
     except (KeyError, TypeError, ValueError, IndexError):
-        raise InputError("the dependence has no proper curve, place, moments or period", fix=_FIX) from None
-    if free:
-        together = {}
-    if on != dependence.get("on"):
-        low, high = together[on]
-    if not along and not together and shape != "gradual":
-        shape, along, (low, high) = _with_size(dependence, shape, (low, high))
-    reference = dependence.get("reference_c")
-    warm = float(reference) if isinstance(reference, int | float) else REFERENCE_C
-    shift = warm if (along or on) == "temperature" else 0.0
-    proper_moments = all(map(math.isfinite, moments)) and list(moments) == sorted(set(moments))
-    if not low < high or (shape == "period" and not period > 0.0) or not proper_moments:
-        raise InputError("the dependence has no proper curve, place, moments or period", fix=_FIX)
-    if (on, shape) != ("time", "levels"):
-        moments = ()
-    between = low - shift, high - shift
-    if "temperature" in together:
-        together["temperature"] = (together["temperature"][0] - warm, together["temperature"][1] - warm)
-    return {"residual": residual, "on": on, "shape": shape, "along": along, "place": place, "period": period,
-            "moments": moments, "between": between, "acts_on": acts_on, "together": together}  # fmt: skip
+        raise InputError(_IMPROPER, fix=_FIX) from None
+    if not all(map(math.isfinite, moments)) or list(moments) != sorted(set(moments)):
+        raise InputError(_IMPROPER, fix=_FIX)
+    return place, period, moments, (low, high)
 
 
 def _require_readable(on: str, acts_on: str) -> None:

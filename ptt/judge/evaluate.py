@@ -62,9 +62,7 @@ def evaluate_pair(
     if rows is not None:
         first, second = first[rows[first]], second[rows[first]]
     matched = (first, second)
-    off = [gross_rows(table, errors.aligned)[own] for table, errors, own in zip(runs, whole, matched, strict=True)]
-    gross = {side: own[far].tolist() for side, own, far in zip(SIDES, matched, off, strict=True) if far.any()}
-    sound = ~(off[0] | off[1])
+    gross, sound = _gross(whole, runs, matched)
     protocol = {
         "rows": len(first),
         "poses": count_places(wanted[first]),
@@ -82,6 +80,15 @@ def evaluate_pair(
     return Evaluation(
         *aligned, protocol, raw, counted[1].noise, unmatched, matched=matched, gross=gross, without=without
     )
+
+
+def _gross(
+    whole: Sequence[Errors], runs: Sequence[Table], matched: Sequence[np.ndarray]
+) -> tuple[dict[str, list[int]], np.ndarray]:
+    """Gross errors among the matched rows: side -> rows of its table; and which pairs have none, (m,) bool."""
+    off = [gross_rows(table, errors.aligned)[own] for table, errors, own in zip(runs, whole, matched, strict=True)]
+    gross = {side: own[far].tolist() for side, own, far in zip(SIDES, matched, off, strict=True) if far.any()}
+    return gross, ~(off[0] | off[1])
 
 
 def _pair(

@@ -108,8 +108,9 @@ def candidates_of_steps(
     parts = [told.doubt, own_drift(terms, problem, noise), exchanged_doubt(found, others, problem)]
     parts += [growth_doubt(term, problem) for term in terms if term.effect.key in grown]
     doubt = 1e3 * float(np.linalg.norm(parts))
-    whole = found.sample is None  # of a long run stretches would have to say what no reading shows
-    turned = with_turns(found.fitted, without_carried(problem, found)) if whole else found.fitted
+    # Of a long run stretches would have to say what no reading shows.
+    bare = without_carried(problem, found) if found.sample is None else None
+    turned = found.fitted if bare is None else with_turns(found.fitted, bare)
     terms = tuple(marked(turned, term) for term in terms)
     for index, step in enumerate(named):
         name, before = found.system.atoms[step.key].name, [found.system.atoms[item.key].name for item in named[:index]]
@@ -119,9 +120,8 @@ def candidates_of_steps(
         own, beside = doubt if index == len(named) - 1 else None, [other for other in terms if other is not term]
         errors = step.before * 1e3, step.after * 1e3
         extra = found.fitted.unnamed_covariance
-        play = like_play(turned, term, without_carried(problem, found)) if whole else ""
-        like = like_windup(turned, term), play, _beside_size(found.fitted, term)
-        alike = [words for words in like if words]
+        play = "" if bare is None else like_play(turned, term, bare)
+        alike = [like for like in (like_windup(turned, term), play, _beside_size(found.fitted, term)) if like]
         exceptions = f", except {' and '.join(alike)}" if alike else ""
         words = explain_step(
             term, step.others, sums[name], errors, noise, problem, before, own, beside, extra, exceptions
