@@ -27,7 +27,7 @@ def format_ladder(ladder: Ladder) -> str:
     noise = [ladder.noise_um[axis] for axis in AXES_TOTAL]
     source = f"noise ({ladder.noise_um['source']})"
     lines.append(f"{source:<28}" + "".join(f"{value:9.2f}" for value in noise * 2))
-    lines += ["training: all rows, as fitted; 'as given' is the error that compare prints"]
+    lines += ["training: all rows, as fitted; 'as given' is the error that compare prints, but for rows set aside"]
     lines += [f"held out: {ladder.protocol}", *verdicts(ladder)]
     lines += left_over(ladder)
     lines += [stretch.words for stretch in ladder.report.stretches]
