@@ -3,9 +3,9 @@
 import numpy as np
 
 from ptt.dependence.chance import minus_log_p
-from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.curves import choose_columns
 from ptt.dependence.strata import RepeatedPoses
+from ptt.run.axes import AXES
 
 CLEAR = 10.0  # -log p of the F test, beyond which the effect of a direction varies
 BETTER = 6.0  # difference of the Bayesian information criterion, beyond which the field is preferred
@@ -31,8 +31,8 @@ def position_explains_more(
     Returns:
         True where the Bayesian information criterion clearly prefers the field for one of them.
     """
-    own = {f"slider {on[1:]}", f"joint {on[1:]}"} | ({residual} if residual not in COORDINATES else set())
-    axes = [contexts[name] for name in COORDINATES if name in contexts]
+    own = {f"slider {on[1:]}", f"joint {on[1:]}"} | ({residual} if residual not in AXES else set())
+    axes = [contexts[name] for name in AXES if name in contexts]
     names = sorted(own & set(data))
     if len(axes) < 2 or _is_path(np.column_stack([axis[poses.first] for axis in axes])):
         return False

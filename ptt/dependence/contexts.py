@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from ptt.dependence.way import last_moves, ways_of
+from ptt.run.axes import AXES
 from ptt.run.frames import by_own, rigid_columns
 from ptt.run.mounts import mount_slopes
 from ptt.run.problem import Problem
@@ -16,7 +17,6 @@ ENOUGH = 12  # rows beyond the number of columns of frames and mounts, from whic
 FAR = 6.0  # robust standard deviations at which residuals are clipped
 CHANCE = 1e-3  # significance level of the Hausman test for removing the frame
 LEAST_ROWS = 3  # rows that each direction of arrival, or run, needs for the variable to vary
-COORDINATES = ("x", "y", "z")
 WIDE = 1.5  # ratio of the longest to the shortest moves, beyond which their lengths or durations vary
 FEW_MOVES = 4  # moves at the least that count as the longest or the shortest: a few rests in a day are enough
 SHORT = 0.05  # least lever of a joint, as a share of its rms lever; least rms lever, as a share of the longest one
@@ -39,7 +39,7 @@ def residual_views(problem: Problem, residual: np.ndarray) -> dict[str, np.ndarr
     inner[seen] = (lone_joints if serial else joint_residual)(view.jacobian.numpy()[seen], residual[seen])
     tool = np.where(seen[:, None], residual, np.nan)
     word = problem.file.machine.noun
-    views = dict(zip(COORDINATES, tool.T, strict=True))
+    views = dict(zip(AXES, tool.T, strict=True))
     return views | {f"{word} {i + 1}": inner[:, i] for i in range(view.joints)}
 
 
@@ -186,7 +186,7 @@ def context_views(problem: Problem) -> dict[str, np.ndarray]:
     if "temperature" in view.varies and table.temp_c is not None:
         views["temperature"] = np.asarray(table.temp_c, dtype=float)
     views["time"] = view.clock.numpy()
-    views |= dict(zip(COORDINATES, problem.target.T, strict=True))
+    views |= dict(zip(AXES, problem.target.T, strict=True))
     views["run"] = np.asarray(table.run, dtype=float)
     views |= watched_values(table)
     return {name: values for name, values in views.items() if _varies(name, values[used])}
@@ -205,9 +205,7 @@ def path_views(problem: Problem) -> dict[str, np.ndarray]:
     """
     came, turns = ways_of(problem.view.p.numpy(), problem.view.starts.numpy())
     named = {
-        f"{what} {axis}": way[:, i]
-        for what, way in (("way", came[0]), ("turn", turns))
-        for i, axis in enumerate(COORDINATES)
+        f"{what} {axis}": way[:, i] for what, way in (("way", came[0]), ("turn", turns)) for i, axis in enumerate(AXES)
     }
     named |= moves_of(problem)
     if problem.table.feed_mm_s is not None:
@@ -255,7 +253,7 @@ def unit_of(problem: Problem, name: str) -> str:
         "feed": "mm/s",
         "pause": "s",
         "reversal": angle,
-        **dict.fromkeys((*COORDINATES, "step"), "mm"),
+        **dict.fromkeys((*AXES, "step"), "mm"),
     }
     own["time"] = "s" if "time" in problem.view.varies else ""
     if name in own:

@@ -6,11 +6,12 @@ import numpy as np
 
 from ptt.dependence.causes import position_explains_more, varies_with
 from ptt.dependence.chance import gumbel_tail
-from ptt.dependence.contexts import COORDINATES, context_views, is_joint, own_joint, remove_frame, residual_views
+from ptt.dependence.contexts import context_views, is_joint, own_joint, remove_frame, residual_views
 from ptt.dependence.curves import LOCAL, describe
 from ptt.dependence.dependence import Dependence, of_run
 from ptt.dependence.scores import Score, build_scores
 from ptt.dependence.strata import LEAST_POSES, RepeatedPoses, find_poses
+from ptt.run.axes import AXES
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
@@ -39,7 +40,7 @@ def dependence_of(problem: Problem, residual: np.ndarray) -> tuple[Dependence, .
     views = residual_views(problem, remove_frame(problem, _thinned(residual, problem.used)))
     noise = None
     if problem.noise is not None:
-        noise = dict(zip(COORDINATES, map(float, problem.noise.sigma), strict=True))
+        noise = dict(zip(AXES, map(float, problem.noise.sigma), strict=True))
     found = depends_on(
         views, context_views(problem), pose_groups(problem.table), travel_blocks(problem.table), noise=noise
     )
@@ -195,7 +196,7 @@ def _settle(
         first = ranked[0]
     smooth = is_joint(first.on) and first.shape not in LOCAL
     if smooth and position_explains_more(first.residual, first.on, data, contexts, poses):
-        first = next((item for item in ranked if item.on in COORDINATES), first)
+        first = next((item for item in ranked if item.on in AXES), first)
     above = ranked[: ranked.index(first)]
     rivals = tuple(dict.fromkeys(f"{item.residual} on {item.on}" for item in above))
     return (replace(first, rivals=rivals), *ranked[len(above) + 1 :])

@@ -9,7 +9,6 @@ from torch import Tensor
 
 from ptt.effects.base import Effect
 from ptt.effects.curve_basis import (
-    COORDINATES,
     DEGREE,
     JOINT,
     SMOOTH,
@@ -29,6 +28,7 @@ from ptt.effects.layout import family
 from ptt.effects.parameter import Parameter
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.three_ptt import LEGS
+from ptt.run.axes import AXES
 from ptt.run.frames import rigid_columns
 from ptt.run.view import View
 
@@ -121,7 +121,7 @@ class Curve(Effect):
         if found[7]:
             return "set-up", 0
         if found[6]:
-            return "axis", COORDINATES.index(found[6])
+            return "axis", AXES.index(found[6])
         return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
 
     @property
@@ -135,7 +135,7 @@ class Curve(Effect):
         """The basis functions of the variable, each in the outputs that it shifts."""
         kind, index = self._place()
         if kind == "tool":
-            shapes = field_basis(view.p, self.between) if self.on in COORDINATES else self._shapes(view)
+            shapes = field_basis(view.p, self.between) if self.on in AXES else self._shapes(view)
             return torch.cat(
                 [torch.eye(3).to(shapes)[axis, None, :, None] * shapes[:, None] for axis in range(3)], dim=2
             )
@@ -208,7 +208,7 @@ class Curve(Effect):
 def _require_possible(cls: type[Curve]) -> None:
     """Refuse a variable, place or shape that there is not, an empty range, or a missing period (TypeError)."""
     for name in filter(None, (cls.on, cls.along, *cls.together)):
-        if not (JOINT.fullmatch(name) or name in COORDINATES + OTHERS):
+        if not (JOINT.fullmatch(name) or name in AXES + OTHERS):
             raise TypeError(f"a curve cannot follow '{name}'")
     if not cls.on or cls.shape not in CURVE_SHAPES or not cls.between[0] < cls.between[1]:
         raise TypeError(f"a curve on '{cls.on}' of shape '{cls.shape}' between {cls.between}")
@@ -257,7 +257,7 @@ def _proportional(cls: type[Curve]) -> bool:
 
 def _size(cls: type[Curve]) -> tuple[int, str]:
     """Number of basis functions at each output, and their meaning."""
-    if cls.on in COORDINATES and not cls.acts_on:
+    if cls.on in AXES and not cls.acts_on:
         return len(field_powers()), f"of each product of up to {DEGREE} coordinates"
     if _is_of_turns(cls):
         return (2 * TURNS + 1) ** len(cls.together), f"of each product of harmonics of {' and '.join(cls.together)}"

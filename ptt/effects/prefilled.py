@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptt.effects.curve import CURVE_SHAPES, OTHERS, PLACE, fits
-from ptt.effects.curve_basis import COORDINATES, JOINT
+from ptt.effects.curve_basis import JOINT
 from ptt.effects.phrases import listed
 from ptt.effects.template import class_name, require_free_name
 from ptt.errors import InputError, shown
+from ptt.run.axes import AXES
 
 REFERENCE_C = 20.0  # of a diagnosis of before it said where the drawing holds
 OF_READINGS = '    # stage = "metrology"  # where it is the tracker that errs: then no command follows it'
@@ -118,7 +119,7 @@ def _checked(dependence: Mapping[str, Any]) -> dict[str, Any]:
     residual, on, shape, along, acts_on = _words(dependence)
     together = _together(dependence) if not along and shape in ("smooth", "step") else {}
     on, acts_on = _at_its_joint(on, acts_on, residual, together)
-    free = on in COORDINATES and not acts_on  # a field over the workspace, whatever shape one coordinate shows
+    free = on in AXES and not acts_on  # a field over the workspace, whatever shape one coordinate shows
     if free:
         shape = "smooth"
     place, period, moments, (low, high) = _figures(dependence, free=free)
@@ -202,7 +203,7 @@ def _at_its_joint(on: str, acts_on: str, residual: str, together: Mapping[str, A
     """The leading variable of a field, one of its own, and its place: the joint that errs, unless another is told."""
     if not together:
         return on, acts_on
-    place = acts_on if acts_on or residual in COORDINATES else residual
+    place = acts_on if acts_on or residual in AXES else residual
     return on if on in together else next(iter(together)), place
 
 
@@ -243,7 +244,7 @@ def is_variable(name: str) -> bool:
     Args:
         name: as in `depends_on`.
     """
-    return bool(JOINT.fullmatch(name)) or name in COORDINATES + OTHERS
+    return bool(JOINT.fullmatch(name)) or name in AXES + OTHERS
 
 
 def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
@@ -251,13 +252,13 @@ def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
     on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
     if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on):
         return ("serial",)
-    of_tool = residual in COORDINATES and acts_on in ("", "set-up", *COORDINATES) and not re.fullmatch(r"b[0-9]+", on)
+    of_tool = residual in AXES and acts_on in ("", "set-up", *AXES) and not re.fullmatch(r"b[0-9]+", on)
     return ("three-ptt", "serial") if of_tool and (acts_on or not JOINT.fullmatch(on)) else ("three-ptt",)
 
 
 def _may_be_of_readings(found: Mapping[str, Any]) -> bool:
     """Whether it acts on the tool, where a tracker that errs looks the same, and is taken as the machine's."""
-    tool = found["residual"] in COORDINATES and found["acts_on"] in ("", *COORDINATES)
+    tool = found["residual"] in AXES and found["acts_on"] in ("", *AXES)
     return tool and found["on"] not in ("time", "run") and (bool(found["acts_on"]) or not JOINT.fullmatch(found["on"]))
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.unknown.block import Block
 from ptt.effects import Effect
 from ptt.effects.sudden import Sudden
+from ptt.run.axes import AXES
 
 # Prior odds in nats against one more effect, unknown block, or memory of the noise
 EFFECT_ODDS, BLOCK_ODDS, MEMORY_ODDS = 7.0, 9.0, 3.0
@@ -144,7 +144,7 @@ def is_plain(atom: Atom) -> bool:
 
 def is_field(atom: Atom) -> bool:
     """Whether an atom is an unknown that depends on position alone."""
-    return atom.block is not None and set(atom.block.on) <= set(COORDINATES)
+    return atom.block is not None and set(atom.block.on) <= set(AXES)
 
 
 def holds_sizes(atom: Atom) -> bool:

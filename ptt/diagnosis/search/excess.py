@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.noise.wander import FAULT_SHARE
 from ptt.effects.phrases import listed
+from ptt.run.axes import AXES
 from ptt.run.noise import Noise, source_in_words
 
 QUIET_EXCESS = 1.5  # times a stated noise up to which the empty set may be reported though another is a little likelier
@@ -113,7 +113,7 @@ def beyond_noise(what: str, times: float, source: str) -> str:
 
 def remaining_error(residual: str) -> str:
     """A residual as the subject of a sentence: 'the remaining error of slider 2', but 'in x' for the tool."""
-    return f"the remaining error {'in' if residual in COORDINATES else 'of'} {residual}"
+    return f"the remaining error {'in' if residual in AXES else 'of'} {residual}"
 
 
 def stated_of(noise: Noise, rounding_mm: float) -> tuple[str, float]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from nets import RbfSettings, train_rbf
-from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.dependence.said import by_chance
@@ -17,6 +16,7 @@ from ptt.diagnosis.search.joint_wander import JointWander, wander_of_joint
 from ptt.diagnosis.search.neighbours import off_alike, thin
 from ptt.effects.phrases import listed
 from ptt.judge.compare.lack_of_fit import lack_of_fit_of
+from ptt.run.axes import AXES
 from ptt.run.holdout import BLOCKS, blocks, pose_groups, sharing_groups
 from ptt.run.means import about_means, group_means
 from ptt.run.noise import Noise
@@ -70,7 +70,7 @@ class Rest:
             if left.total > NOISE_EXCESS * stated.total:
                 reasons.append(beyond_noise("the remaining error", left.total / stated.total, stated.source))
             elif stated.source == MACHINE_FILE and ratios[worst] > AXIS_EXCESS:
-                what = f"the remaining error in {COORDINATES[worst]}"
+                what = f"the remaining error in {AXES[worst]}"
                 reasons.append(beyond_noise(what, float(ratios[worst]), stated.source))
         if objections.unexplained_error and not reasons:
             reasons.append(objections.unexplained_error)

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.evidence.row_system import RowSystem
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.wander import Clock, tracker_likelihood, white_likelihood
 from ptt.diagnosis.search.joint_wander import along_place
 from ptt.diagnosis.unknown.places import one_way_each, places_of_chain
+from ptt.run.axes import AXES
 
 # Nats by which levels have to explain the readings better than a wander does. Of wanders and random walks with 60 to
 # 500 readings none comes closer than minus 0.4; what switches between levels of one to three sigma of the noise is
@@ -80,7 +80,7 @@ def _directions(system: RowSystem, left: np.ndarray) -> Iterator[tuple[str, np.n
     """
     alike = np.ones(len(left))
     yield "tool", left, alike, False
-    for name, axis in zip(COORDINATES, system.noise.whitener.T, strict=True):
+    for name, axis in zip(AXES, system.noise.whitener.T, strict=True):
         yield name, left @ (axis / np.linalg.norm(axis))[:, None], alike, False
     for place in places_of_chain(system.at.problem, system.at.chain)[1:]:
         for way in one_way_each(place):

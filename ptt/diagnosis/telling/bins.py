@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES, context_views
+from ptt.dependence.contexts import context_views
+from ptt.run.axes import AXES
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem
 from ptt.run.tails import chi2_sf
@@ -31,8 +32,8 @@ def follow_in_all_rows(
     rest = rest / np.sqrt(np.square(rest).mean())
     views = {name: values[rows] for name, values in context_views(problem).items()}
     codes = {name: _bin(values, BINS) for name, values in views.items()}
-    if all(name in views for name in COORDINATES):
-        x, y, z = (_bin(views[name], CELLS) for name in COORDINATES)
+    if all(name in views for name in AXES):
+        x, y, z = (_bin(views[name], CELLS) for name in AXES)
         codes["position"] = (x * CELLS + y) * CELLS + z
     found = []
     for name, code in codes.items():

@@ -4,11 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES, is_joint, path_views, unit_of
+from ptt.dependence.contexts import is_joint, path_views, unit_of
 from ptt.dependence.said import middle
 from ptt.effects.phrases import listed
 from ptt.effects.sudden import Sudden
 from ptt.model.model import Term
+from ptt.run.axes import AXES
 from ptt.run.problem import Problem
 
 CONDITIONS = ("payload", "temperature", "feed")  # beside a user's own columns
@@ -63,7 +64,7 @@ def _places(after: np.ndarray, views: Mapping[str, np.ndarray], problem: Problem
     """
     if min(after.sum(), (~after).sum()) < LEAST_SIDE:
         return []
-    names = [name for name in (*COORDINATES, *filter(is_joint, views)) if name in views]
+    names = [name for name in (*AXES, *filter(is_joint, views)) if name in views]
     parted = {name: place for name in names if (place := parting(after, views[name][problem.used])) is not None}
     if not parted:
         return []

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.dependence.bins import binned_curve
-from ptt.dependence.contexts import COORDINATES, is_direction, path_views, residual_views
+from ptt.dependence.contexts import is_direction, path_views, residual_views
 from ptt.dependence.dependence import Dependence, of_run
 from ptt.dependence.following import FAR, depends_on
 from ptt.dependence.way import since_reversal
@@ -18,6 +18,7 @@ from ptt.diagnosis.search.joint_wander import JointWander
 from ptt.diagnosis.telling.sizes import points_of, size_of_unknown, sized
 from ptt.diagnosis.telling.unknowns import Unknown, Unnamed
 from ptt.diagnosis.unknown.block import Block
+from ptt.run.axes import AXES
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
 from ptt.run.problem import Problem
@@ -113,7 +114,7 @@ def _dependence(
         contexts = contexts | {"reversal": _since_reversal(item.block, problem)}
     found = _as_curve(item, residual, on, rests[residual], contexts, tested)
     if period is None and not item.block.reverses:
-        beside = {name: contexts[name] for name in (*seconds, *COORDINATES) if name in contexts}
+        beside = {name: contexts[name] for name in (*seconds, *AXES) if name in contexts}
         found = replace(found, rivals=_alike(found, item, beside | {on: contexts[on]}))
     alone = max(explained[on][residual] / max(float(np.nanvar(parts[residual])), NO_VARIANCE), 0.0)
     found = _of_several(found, item.block, alone, contexts[on], rests[residual], problem)
@@ -169,7 +170,7 @@ def _of_several(
     """
     if block.is_spell and len(block.jumps) == 1:
         step = replace(found, shape="step", place=_between(values, problem.view.clock.numpy() > block.jumps[0]))
-        together = (found.on, *COORDINATES)
+        together = (found.on, *AXES)
         return replace(step, together=together, alone_share=alone * found.share) if block.is_change else step
     if block.is_spell:
         curve = _curve_of_levels(problem.view.clock.numpy(), left, block.jumps)
@@ -262,7 +263,7 @@ def _residuals(item: Unknown, parts: dict[str, np.ndarray]) -> tuple[str, ...]:
     """The joint that a block acts on, else the axes of the tool."""
     place = item.block.place
     if place.joint is None:
-        return COORDINATES
+        return AXES
     return (next(name for name in parts if name.endswith(f" {place.joint + 1}")),)
 
 
@@ -278,10 +279,10 @@ def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
         case "memory of temperature":
             return ("temperature",)
         case "way" | "turn" as name:
-            return tuple(f"{name} {axis}" for axis in COORDINATES)
+            return tuple(f"{name} {axis}" for axis in AXES)
         case "x" if len(item.block.on) > 1:
             own = item.block.place.joint
-            return COORDINATES if own is None else (*COORDINATES, f"{problem.file.machine.letter}{own + 1}")
+            return AXES if own is None else (*AXES, f"{problem.file.machine.letter}{own + 1}")
         case name:
             return (name,)
 

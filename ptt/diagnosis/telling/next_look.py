@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from ptt.dependence.contexts import is_direction
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import MOVES, between, switched_at
-from ptt.effects.curve_basis import COORDINATES, JOINT
+from ptt.effects.curve_basis import JOINT
 from ptt.effects.phrases import listed
+from ptt.run.axes import AXES
 
 SPREAD = "Measure more poses, spread over the workspace."
 NOTE_MORE = "Measure again, and note what else changes meanwhile in columns of your own: loads, switches."
@@ -30,7 +31,7 @@ def next_look(depends_on: Sequence[Dependence], *, untold: bool) -> tuple[str, .
     first = depends_on[0]
     variables = first.together or (first.on,)
     lines = [SPREAD] if untold else _looks(first, variables)
-    if {_place(first), *variables} <= {*COORDINATES}:
+    if {_place(first), *variables} <= {*AXES}:
         lines.append(OTHER_STAND)
     return tuple(lines)
 
@@ -49,7 +50,7 @@ def asks_for_poses(depends_on: Sequence[Dependence], *, untold: bool) -> bool:
 
 
 def _of_poses(first: Dependence) -> bool:
-    return first.on in COORDINATES or (bool(JOINT.fullmatch(first.on)) and not first.on.startswith("speed"))
+    return first.on in AXES or (bool(JOINT.fullmatch(first.on)) and not first.on.startswith("speed"))
 
 
 def _place(first: Dependence) -> str:
@@ -76,5 +77,5 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
     else:
         more = f"More poses{over}, each approached from both sides," if _of_poses(first) else f"More readings{over}"
     where = WAY.sub(r" (\1)", _place(first)).replace("set-up", "the set-up").replace("mount", "the tool's holder")
-    look = f"what moves the readings along {where}" if where in COORDINATES else f"the cause in {where}"
+    look = f"what moves the readings along {where}" if where in AXES else f"the cause in {where}"
     return [f"Look for {look}.", f"{more} would show it better."]

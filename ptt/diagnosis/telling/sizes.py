@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.dependence.bins import bins_of
-from ptt.dependence.contexts import COORDINATES, is_direction, path_views, residual_views, unit_of
+from ptt.dependence.contexts import is_direction, path_views, residual_views, unit_of
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.size import Estimate, Size, estimate_of, size_of, size_of_side, size_of_turn
 from ptt.diagnosis.telling.unknowns import LARGER_FACTOR, Unknown
 from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.places import FEATURE_SIZE
-from ptt.run.axes import rms_length
+from ptt.run.axes import AXES, rms_length
 from ptt.run.frames import without_rigid_parts
 from ptt.run.means import about_means
 from ptt.run.problem import Problem
@@ -124,8 +124,8 @@ def _moves(block: Block, found: Dependence, problem: Problem) -> np.ndarray:
     """Motion of the place (or else of the residual) by each feature of a block, (n, w) mm or rad."""
     if block.place.joint is not None and block.place.slopes.shape[2] == 1:
         return FEATURE_SIZE * block.shapes / block.place.lever
-    if found.residual in COORDINATES:
-        return block.features[:, COORDINATES.index(found.residual)]
+    if found.residual in AXES:
+        return block.features[:, AXES.index(found.residual)]
     each = [residual_views(problem, column)[found.residual] for column in block.features.transpose(2, 0, 1)]
     return np.stack(each, axis=1)
 

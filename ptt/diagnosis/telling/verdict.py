@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
 from ptt.diagnosis.evidence.atoms import is_effect
@@ -37,7 +36,7 @@ from ptt.model.model import Model
 from ptt.plan.elsewhere import elsewhere
 from ptt.plan.separation import plan_separation
 from ptt.progress import Tell
-from ptt.run.axes import rms
+from ptt.run.axes import AXES, rms
 from ptt.run.problem import Problem
 
 MICRO = 1e3  # um in a mm
@@ -184,7 +183,7 @@ def _depends_on(
     if not depends and rest.wanders is not None:
         return (wandering(rest.wanders, left, shown),)
     if not depends and (wanders_beyond(found.system, state) or (wanders and not naming.named.steps)):
-        found_in = tuple(item for item in dependence_of(shown, left) if item.residual in COORDINATES)
+        found_in = tuple(item for item in dependence_of(shown, left) if item.residual in AXES)
         depends = sized(found_in[:MOST_LINES], left, shown)
     depends = depends or sized(rest.depends_on[:MOST_LINES], left, shown)
     if depends:

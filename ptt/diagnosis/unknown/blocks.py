@@ -5,13 +5,13 @@ from functools import cache, partial
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES
 from ptt.diagnosis.unknown.block import Block, Period, Recipe
 from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, tool_axes
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
 from ptt.effects.hysterons import hysterons
 from ptt.model.chain import Chain
+from ptt.run.axes import AXES
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
@@ -58,8 +58,8 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
     tool, *moving = places
     raw, letter, serial = problem.view.q.numpy(), problem.file.machine.letter, problem.file.machine.kind == "serial"
     q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
-    yield _named(tool, COORDINATES, partial(field_over, p, _degree(problem)))
-    yield _named(tool, COORDINATES, partial(field_over, p, GENTLE_DEGREE), "gently ")
+    yield _named(tool, AXES, partial(field_over, p, _degree(problem)))
+    yield _named(tool, AXES, partial(field_over, p, GENTLE_DEGREE), "gently ")
     turned = _turned(problem, span)
     for place in moving:
         assert place.joint is not None
@@ -73,11 +73,11 @@ def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[
         if place.kind == "rail":
             yield from _of_rail(problem, place, own, low, span)
             continue
-        yield _named(place, COORDINATES, partial(field_over, p, _degree(problem)))
+        yield _named(place, AXES, partial(field_over, p, _degree(problem)))
         for i in range(q.shape[1]):
             if i != place.joint:
                 yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
-        for i in range(q.shape[1] - 1) if q.shape[1] > len(COORDINATES) else ():  # of fewer joints the place says all
+        for i in range(q.shape[1] - 1) if q.shape[1] > len(AXES) else ():  # of fewer joints the place says all
             yield _named(place, (f"q{i + 1}", f"q{i + 2}"), partial(_of_two, raw[:, i], raw[:, i + 1]))
         yield _named(place, ("time",), lambda: span.settling, "steadily ")
         for context in span.contexts:

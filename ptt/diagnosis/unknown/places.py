@@ -6,11 +6,11 @@ from typing import Literal, cast
 
 import numpy as np
 
-from ptt.dependence.contexts import COORDINATES
 from ptt.effects.dh_offsets import links_along
 from ptt.effects.geometry import ACROSS, across_axes
 from ptt.mechanisms.serial import Serial
 from ptt.model.chain import Chain
+from ptt.run.axes import AXES
 from ptt.run.frames import rigid_columns
 from ptt.run.problem import Problem
 
@@ -83,7 +83,7 @@ def places_of_chain(problem: Problem, chain: Chain, levers: Mapping[str, float] 
 
 def tool_axes(tool: Place) -> list[Place]:
     """The tool split into the axes of the base."""
-    return [Place("tool", axis, tool.slopes @ unit[:, None]) for axis, unit in zip(COORDINATES, np.eye(3), strict=True)]
+    return [Place("tool", axis, tool.slopes @ unit[:, None]) for axis, unit in zip(AXES, np.eye(3), strict=True)]
 
 
 def one_way_each(place: Place) -> list[Place]:
