@@ -12,7 +12,7 @@ from chunked_run import problem as problem
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence.effect_atoms import straight_sizes
-from ptt.diagnosis.long import STRETCH_ROWS, diagnose_long
+from ptt.diagnosis.long import LONG_STRETCH_ROWS, diagnose_long
 from ptt.effects import library
 from ptt.fitting.chunks import sample_stretches, take
 from ptt.mechanisms import build_mechanism
@@ -58,7 +58,7 @@ def test_what_happens_between_the_stretches_is_found_to_the_row(
 ) -> None:
     problem = run_of(tmp_path, **faults)
     assert not any(
-        first - 60 <= ROW < last + 60 for first, last in sample_stretches(problem, 1000, STRETCH_ROWS["three-ptt"])
+        first - 60 <= ROW < last + 60 for first, last in sample_stretches(problem, 1000, LONG_STRETCH_ROWS["three-ptt"])
     )
     found = diagnose_long(MODEL, problem, size=1000, sample_rows=1000)
     assert [step[0] for step in found.suggested] == [name]
@@ -91,7 +91,7 @@ def test_a_map_of_a_part_of_the_travel_leaves_what_its_fit_leaves() -> None:
 @pytest.mark.long
 def test_what_only_all_rows_show_is_found(tmp_path: Path) -> None:
     problem = run_of(tmp_path, drive={"backlash_mm": [0.0003, 0.0003, 0.0003]})
-    assert not diagnose(MODEL, take(problem, sample_stretches(problem, 400, STRETCH_ROWS["three-ptt"]))).suggested
+    assert not diagnose(MODEL, take(problem, sample_stretches(problem, 400, LONG_STRETCH_ROWS["three-ptt"]))).suggested
     found = diagnose_long(MODEL, problem, size=1000, sample_rows=400)
     assert [step[0] for step in found.suggested] == ["backlash"]
 
@@ -115,7 +115,7 @@ def test_what_only_a_few_stretches_of_the_run_have_is_not_missed(tmp_path: Path)
         frame.loc[first:last, "z_meas"] += 0.03 * np.sin(np.linspace(0.0, np.pi, last - first + 1))
 
     problem = run_of(tmp_path, pull)
-    kept = sample_stretches(problem, 800, STRETCH_ROWS["three-ptt"])
+    kept = sample_stretches(problem, 800, LONG_STRETCH_ROWS["three-ptt"])
     assert not any(start < last and stop > first for start, stop in kept if stop - start > 50)
     found = diagnose_long(MODEL, problem, size=1000, sample_rows=800)
     assert found.verdict == "unknown"

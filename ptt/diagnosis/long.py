@@ -26,9 +26,9 @@ from ptt.run.problem import Problem
 # 3-PTT, columns of all rows at once take gigabytes and minutes (4.4 GB at 30,000 rows); sums take 1.8 GB and 20 s. An
 # arm's sets are ten times as large, as every joint has a curve and four lengths: 1,500 rows of a UR10 take a minute,
 # 3,000 take ten.
-SAMPLE_ROWS = {"three-ptt": 4_000, "serial": 1_000}
+LONG_SAMPLE_ROWS = {"three-ptt": 4_000, "serial": 1_000}
 MOST_WHOLE_ROWS = {"three-ptt": CHUNK, "serial": 2_000}
-STRETCH_ROWS = {"three-ptt": 200, "serial": 50}  # rows of one stretch of travel, of which a sample has twenty
+LONG_STRETCH_ROWS = {"three-ptt": 200, "serial": 50}  # rows of one stretch of travel, of which a sample has twenty
 
 
 def chunk_size(problem: Problem, asked: int | None = None) -> int | None:
@@ -82,7 +82,7 @@ def diagnose_long(
     model, problem, known, opening = prepare(model, problem, known)
     span = span_of(problem)
     kind = problem.file.machine.kind
-    sample = take(problem, sample_stretches(problem, sample_rows or SAMPLE_ROWS[kind], STRETCH_ROWS[kind]))
+    sample = take(problem, sample_stretches(problem, sample_rows or LONG_SAMPLE_ROWS[kind], LONG_STRETCH_ROWS[kind]))
     told = find(model, sample, known, tell, steps, span)
     run = open_long_run(problem, cut(problem, size), _with_levers(span, told))
     found = find_everywhere(told, WholeSearch(run, sample, model, known, steps, tell))

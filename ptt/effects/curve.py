@@ -7,7 +7,7 @@ from typing import Any, ClassVar, cast
 import torch
 from torch import Tensor
 
-from ptt.effects.base import Effect
+from ptt.effects.base import CONTEXTS, Effect
 from ptt.effects.curve_basis import (
     DEGREE,
     JOINT,
@@ -41,7 +41,6 @@ MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
 PAIR_DEGREE = 6  # the same in two variables: as many terms as there are of degree 4 in three, and finer
 STEP_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
-CONTEXTS = ("payload", "temperature", "time", "direction", "speed")
 
 
 class Curve(Effect):

@@ -90,7 +90,7 @@ def _explained(asked: Asked, first: Turn) -> Found:
         tried.add(name)
         other, others = _searched(asked, replace(first, barred=barred | {name}))
         if is_denser(other, found):
-            found, problem, barred = replace(other, barred=(*found.barred, name)), others, barred | {name}
+            found, problem, barred = replace(other, too_large=(*found.too_large, name)), others, barred | {name}
     found = by_names(asked, found, problem)
     return found if asked.span is not None else _with_laws(asked, _not_empty_for_plainness(found, problem), problem)
 

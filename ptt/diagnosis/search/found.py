@@ -43,7 +43,7 @@ class Found:
         sample: stretches of a long run that stand for it where the system keeps only sums; None otherwise.
         opening: rows left out because they depend on how the run was entered, (n,) bool; None for none.
         seen: harmonics of a turn that residual spectra showed.
-        barred: names of effects that were left out because only values that no machine has would do.
+        too_large: names of effects that were left out because only values that no machine has would do.
     """
 
     fitted: FitResult
@@ -57,7 +57,7 @@ class Found:
     sample: Problem | None = None
     opening: np.ndarray | None = None
     seen: tuple[OncePerRev, ...] = ()
-    barred: tuple[str, ...] = ()
+    too_large: tuple[str, ...] = ()
 
     @property
     def system(self) -> System:

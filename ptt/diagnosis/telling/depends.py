@@ -16,7 +16,7 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.joint_wander import JointWander
 from ptt.diagnosis.telling.sizes import points_of, size_of_unknown, sized
-from ptt.diagnosis.telling.unknowns import Unknown, Unnamed
+from ptt.diagnosis.telling.unknowns import Unexplained, Unknown
 from ptt.diagnosis.unknown.block import Block
 from ptt.run.axes import AXES
 from ptt.run.holdout import blocks as travel_blocks
@@ -51,7 +51,7 @@ def with_suspect(scorer: Scorer, state: State) -> State:
     return more if more.total > plain.total else state
 
 
-def dependences(unnamed: Unnamed, problem: Problem) -> tuple[Dependence, ...]:
+def dependences(unnamed: Unexplained, problem: Problem) -> tuple[Dependence, ...]:
     """Each block as the dependence of one residual on one variable.
 
     Args:

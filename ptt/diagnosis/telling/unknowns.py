@@ -54,7 +54,7 @@ class Unknown:
 
 
 @dataclass(frozen=True)
-class Unnamed:
+class Unexplained:
     """The residual of the frame and the named effects, and the blocks that describe it.
 
     Attributes:
@@ -66,7 +66,7 @@ class Unnamed:
     unknowns: tuple[Unknown, ...]
 
 
-def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.ndarray) -> Unnamed:
+def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.ndarray) -> Unexplained:
     """The residual of a set's named effects, and its blocks.
 
     Two blocks may cancel each other and be arbitrarily large. So shares are by forward selection: first the block that
@@ -112,7 +112,7 @@ def unnamed_of(scorer: Scorer, state: State, problem: Problem, rows: slice | np.
         block, own = _block(system, key), first[key] + np.arange(_block(system, key).width)
         part, known = (alone, None) if hidden else (parts[key], None if key in back else amounts)
         found.append(Unknown(block, nats, energy / whole_spread, part, known, own, hidden))
-    return Unnamed(left, tuple(sorted(found, key=lambda item: -item.energy)))
+    return Unexplained(left, tuple(sorted(found, key=lambda item: -item.energy)))
 
 
 def _taken(

@@ -133,7 +133,7 @@ def _oversized(found: Found, suggested: Sequence[tuple[str, ...]], verdict: str)
         return ()
     scorer, state, atoms = found.scorer, found.state, found.system.atoms
     said, kept = {name for step in suggested for name in step}, tuple(k for k in state.keys if is_effect(atoms[k]))
-    names, opens = [name for name in found.barred if name not in said], scorer.opens(kept)
+    names, opens = [name for name in found.too_large if name not in said], scorer.opens(kept)
     for key, atom in atoms.items() if len(kept) < len(state.keys) else ():  # else there is no term to stand for
         limited = is_effect(atom) and not (atom.within is None and atom.largest is None)
         if limited and atom.name not in said and opens(atom):

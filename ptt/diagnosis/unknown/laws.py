@@ -11,6 +11,7 @@ from ptt.diagnosis.unknown.blocks import field_over
 from ptt.diagnosis.unknown.jumps import Jump, heights_of, passed_again, spells_of, switches_of
 from ptt.diagnosis.unknown.places import Place, mount_of, one_way_each, places_of_chain, stand_of, tool_axes
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
+from ptt.effects.curve import STEP_DEGREE
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
@@ -19,7 +20,6 @@ from ptt.run.problem import Problem
 OWN_COSINES, OTHER_COSINES, ARRIVAL_COSINES = 48, 16, 6
 # Variables that no place of the machine follows by a curve: fields and blocks have them
 NO_CURVES = re.compile("run|(way|turn) [xyz]")
-CHANGE_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 SHORTEST_MOVE = 1e-3  # share of the longest move below which moves count as that, before the logarithm
 
 
@@ -86,7 +86,7 @@ def _jumps(place: Place, jumps: Sequence[Jump]) -> list[Block]:
 def _changes(problem: Problem, tool: Place, moments: Sequence[float]) -> Iterator[Block]:
     """Jumps over time by amounts that vary over the workspace, as by a load or a clamp that nobody noted."""
     place, clock = problem.view.p.numpy(), problem.view.clock.numpy()
-    field = field_over(scaled(place, column_ends(place)), CHANGE_DEGREE)
+    field = field_over(scaled(place, column_ends(place)), STEP_DEGREE)
     for moment in moments:
         shapes = (clock > moment)[:, None] * field
         yield Block("law tool jumps by place on time", tool, ("time",), shapes, is_law=True, jumps=(moment,))
