@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_runs import SIGMA, machine, term
+from made_runs import SIGMA, empty_run, machine, measure, term
 
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.evidence import cancelled
@@ -71,3 +71,16 @@ def test_what_nothing_else_explains_is_named_though_it_cancels() -> None:
     problem = shifted(1.0)
     found = diagnose(Model(problem.file), problem)
     assert found.verdict == "missing" and {names[0] for names in found.suggested} == {"homing-slip", "setup-jump"}
+
+
+@pytest.mark.parametrize("lost", [0, 1])
+def test_a_run_without_a_reading_says_nothing_of_its_own_frame(lost: int) -> None:
+    file, table = machine(frame="fitted-per-run"), empty_run(150)
+    table = table.replace(run=np.arange(150) // 50, run_label=("a", "b", "c"))
+    view = build_view(file, table)
+    read = measure(
+        table, file, [term("backlash", view, [0.03, 0.05, 0.02]), term("link-length", view, [0.0, 0.3, 0.0])]
+    )
+    blank = np.where((table.run == lost)[:, None], np.nan, read.measured)
+    found = diagnose(Model(file), build_problem(file, read.replace(measured=blank)))
+    assert {step[0] for step in found.suggested} == {"backlash", "link-length"}

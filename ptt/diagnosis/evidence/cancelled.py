@@ -35,8 +35,8 @@ def nats_of_cancelling(state: State, sums: MemorySums, known: Sequence[Atom], ne
     beside = np.concatenate([np.flatnonzero(state.owner < 0), *(state.of(atom.key) for atom in known)])
     whole, along = sums.square, np.zeros((0, len(state.columns)))
     if len(beside):
-        ridge = np.where(state.owner[beside] < 0, 0.0, 1.0 / posterior.prior_variance[beside])
-        factor = factor_of(sums.gram[np.ix_(beside, beside)] + np.diag(ridge), 0.0)
+        # The frame's wide prior too: a run none of whose rows count says nothing of its own frame.
+        factor = factor_of(sums.gram[np.ix_(beside, beside)], 1.0 / posterior.prior_variance[beside])
         along = lapack.dtrtrs(factor, sums.gram[beside], lower=1)[0]
         whole -= float(np.square(lapack.dtrtrs(factor, sums.side[beside], lower=1)[0]).sum())
     left = posterior.penalised_square - float((np.square(posterior.values) / posterior.prior_variance).sum())
