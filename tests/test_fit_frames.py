@@ -18,7 +18,7 @@ from ptt.machine_schema import BasePoint
 from ptt.model.chain import predict
 from ptt.model.model import Model
 from ptt.run.axes import rms
-from ptt.run.frames import rigid_columns, rotation
+from ptt.run.frames import kabsch, rigid_columns, rotation
 from ptt.run.problem import build_problem
 from ptt.run.table import Table, make_table
 from ptt.run.viewing import build_view
@@ -47,6 +47,27 @@ def test_rigid_columns_are_the_slopes_of_a_rigid_motion() -> None:
     slopes = torch.func.jacfwd(moved)(torch.zeros(6, dtype=torch.float64))
     torch.testing.assert_close(rigid_columns(p, about, length), slopes, rtol=0.0, atol=1e-14)
     torch.testing.assert_close(rigid_columns(p - about), rigid_columns(p, about), rtol=0.0, atol=0.0)
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0, 90.0, 170.0])
+def test_a_narrow_run_tells_how_the_tracker_is_turned_about_it(angle: float) -> None:
+    draws, turn = np.random.default_rng(0), Rotation.from_euler("z", angle, degrees=True).as_matrix()
+    place = draws.uniform(-1.0, 1.0, (60, 3)) * [2.0, 2.0, 100.0]
+    read = place @ turn.T + PLACE + draws.normal(0.0, SIGMA, place.shape)
+    found, shift = kabsch(place, read)
+    np.testing.assert_allclose(found, turn, atol=2e-3)
+    assert np.square(read - place @ found.T - shift).mean() < (1.1 * SIGMA) ** 2
+
+
+def test_errors_of_places_on_a_line_do_not_turn_the_tracker_about_it() -> None:
+    draws = np.random.default_rng(0)
+    place = np.linspace(-1.0, 1.0, 50)[:, None] * [100.0, 0.0, 0.0]
+    wrong = draws.normal(0.0, 0.05, place.shape)
+    np.testing.assert_allclose(kabsch(place, place + wrong + PLACE)[0], np.eye(3), atol=1e-3)
+    turn = Rotation.from_euler("y", 80.0, degrees=True).as_matrix()
+    found, _ = kabsch(place, (place + wrong) @ turn.T + PLACE)
+    np.testing.assert_allclose(found @ [1.0, 0.0, 0.0], turn @ [1.0, 0.0, 0.0], atol=1e-3)
+    np.testing.assert_allclose(kabsch(place[:1], place[:1])[0], np.eye(3))
 
 
 def two_setups(file: MachineFile) -> Table:

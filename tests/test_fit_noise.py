@@ -7,7 +7,7 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from made_runs import empty_run, hidden_backlash
+from made_runs import empty_run, hidden_backlash, machine
 from scipy import stats
 from test_fit import fitted
 
@@ -18,6 +18,12 @@ from ptt.run.holdout import BLOCKS, blocks, folds, pose_groups
 from ptt.run.problem import build_problem
 from ptt.run.repeats import noise_from_repeats
 from ptt.run.table import Table, make_table
+
+
+def still(table: Table) -> tuple[np.ndarray, np.ndarray]:
+    """One tracker frame along the axes of the base."""
+    return np.eye(3)[None], np.zeros(table.rows, dtype=int)
+
 
 # --- gross errors
 
@@ -68,25 +74,25 @@ def test_noise_comes_from_std_columns_unless_repeats_scatter_by_more() -> None:
     table = repeated(0.006)
     direction = np.ones((table.rows, 3))
     small, large = np.full((table.rows, 3), 0.001), np.full((table.rows, 3), 0.02)
-    outdone = given_noise(replace(table, std=small), table.measured, direction, 0.5)
+    outdone = given_noise(replace(table, std=small), table.measured, direction, 0.5, *still(table))
     assert outdone.source == "repeats" and outdone.stated == (
         "std columns",
-        noise_from_std(replace(table, std=small)).total,
+        noise_from_std(replace(table, std=small), *still(table)).total,
     )
-    stated = given_noise(replace(table, std=large), table.measured, direction, 0.5)
+    stated = given_noise(replace(table, std=large), table.measured, direction, 0.5, *still(table))
     assert stated.source == "std columns"
     np.testing.assert_allclose(stated.sigma, 0.02, rtol=1e-6)
 
 
 def test_noise_of_repeats_then_of_the_machine_file_then_none() -> None:
     table, few = repeated(0.006), repeated(0.006, groups=5)
-    pooled = given_noise(table, table.measured, np.ones((table.rows, 3)), None)
+    pooled = given_noise(table, table.measured, np.ones((table.rows, 3)), None, *still(table))
     assert pooled.source == "repeats" and pooled.freedom == 80
     np.testing.assert_allclose(pooled.sigma, 0.006, rtol=0.25)
-    named = given_noise(few, few.measured, np.ones((few.rows, 3)), 0.004)
+    named = given_noise(few, few.measured, np.ones((few.rows, 3)), 0.004, *still(few))
     assert named.source == "machine file" and named.sigma[0] == pytest.approx(0.004)
-    assert given_noise(few, few.measured, np.ones((few.rows, 3)), None) is None
-    assert noise_from_std(few) is None
+    assert given_noise(few, few.measured, np.ones((few.rows, 3)), None, *still(few)) is None
+    assert noise_from_std(few, *still(few)) is None
 
 
 def test_the_same_pose_reached_the_other_way_or_under_another_load_is_no_repeat() -> None:
@@ -180,3 +186,19 @@ def test_hidden_readings_do_not_touch_the_fit() -> None:
     second = fitted(["backlash"], replace(problem, measured=spoiled).masked(part))
     np.testing.assert_array_equal(first.unknowns, second.unknowns)
     assert np.isfinite(first.residual[part]).all()
+
+
+def test_deviations_along_the_tracker_s_axes_are_turned_into_the_base_frame() -> None:
+    """A tracker whose z lies along the base's y, and in a second set-up along its x, is noisy there."""
+    draws, rows = np.random.default_rng(1), 400
+    std, place = np.array([0.002, 0.002, 0.02]), draws.uniform(-60.0, 60.0, (rows, 3))
+    turns = np.array([[[0.0, 0, 1], [1, 0, 0], [0, 1, 0]], [[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]])
+    run = np.repeat([0, 1], rows // 2)
+    read = np.einsum("nij,nj->ni", turns[run], place) + draws.normal(size=(rows, 3)) * std
+    for runs, covariance in ((1, [4e-6, 4e-4, 4e-6]), (2, [2.02e-4, 2.02e-4, 4e-6])):
+        kept = run < runs
+        table = make_table(place[kept], None, read[kept], run=run[kept], std=np.tile(std, (int(kept.sum()), 1)))
+        table = replace(table, run_label=tuple("ab"[:runs]))
+        noise = build_problem(machine(frame="fitted-per-run", sigma_mm=None), table).noise
+        assert noise is not None and noise.source == "std columns"
+        np.testing.assert_allclose(noise.covariance, np.diag(covariance), rtol=0.02, atol=1e-6)

@@ -77,6 +77,13 @@ def test_rows_without_a_target_are_told_apart_by_their_commands() -> None:
     np.testing.assert_array_equal(pose_groups(make_table(target, command)), [0, 1, 2, 0])
 
 
+@pytest.mark.parametrize("joints", [2, 3, 6])
+def test_two_postures_at_one_place_are_two_poses_of_an_arm(joints: int) -> None:
+    place, command = np.zeros((4, 3)), np.zeros((4, joints))
+    command[1::2, -2:] = [1.1, -1.3]  # the elbow on the other side
+    np.testing.assert_array_equal(pose_groups(make_table(place, command, joint_prefix="q")), [0, 1, 0, 1])
+
+
 @pytest.mark.parametrize("begin", [0.0, 0.5 * NEAR_IN_TIME - 5.0, NEAR_IN_TIME - 5.0, 12345.0])
 def test_repeats_ten_seconds_apart_are_repeats_whenever_the_clock_was_set(begin: float) -> None:
     time = begin + np.array([0.0, 10.0, 10.0 + 1.5 * NEAR_IN_TIME])

@@ -76,10 +76,10 @@ def test_standard_deviations_of_zero_are_left_out_with_a_warning(tmp_path: Path)
     table = read_table(write(tmp_path, csv(*rows, header=f"{HEADER},x_std,y_std,z_std")))
     (warning,) = [line for line in table.understood.lines if line.startswith("warning")]
     assert warning.startswith("warning: x_std is 0 in 10 rows, first row 3: no scatter is known there")
-    noise = noise_from_std(table)
+    noise = noise_from_std(table, np.eye(3)[None], np.zeros(table.rows, dtype=int))
     assert noise is not None
     np.testing.assert_allclose(np.sqrt(np.diag(noise.covariance)), [0.001, 0.002, 0.003], rtol=1e-6)
-    assert noise_from_std(table.replace(std=0.0 * table.std)) is None
+    assert noise_from_std(table.replace(std=0.0 * table.std), np.eye(3)[None], np.zeros(table.rows, dtype=int)) is None
 
 
 def test_empty_reading_keeps_its_place(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from ptt.run.travel import run_starts
 LEAST_ROWS = 4  # poses: a rigid motion needs three, and fitted to three alone it would absorb most of their errors
 
 Datum = Literal["absolute", "first"]
+Turns = tuple[np.ndarray, np.ndarray]  # rotation of each tracker frame from the base frame to it, and frame of each row
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,9 @@ def errors_of(
     if not pose.any():
         raise TableError("no row has both a target and a reading", where=table.source, fix="check columns and roles")
     raw = np.where(pose[:, None], table.measured - target, np.nan)
-    moved, words = _align(table, file, target, pose, policy)
+    moved, words, turns = _align(table, file, target, pose, policy)
     aligned = np.where(pose[:, None], moved - target, np.nan)
-    return Errors(raw, aligned, words, _noise(table, target, moved, file))
+    return Errors(raw, aligned, words, _noise(table, target, moved, file, turns))
 
 
 def refer_z(errors: np.ndarray, target: np.ndarray, usable: np.ndarray, z_datum: Datum) -> np.ndarray:
@@ -98,7 +99,8 @@ def refer_z(errors: np.ndarray, target: np.ndarray, usable: np.ndarray, z_datum:
 
 def _align(
     table: Table, file: MachineFile | None, target: np.ndarray, pose: np.ndarray, policy: str
-) -> tuple[np.ndarray, str]:
+) -> tuple[np.ndarray, str, Turns]:
+    """Readings in the base frame, (n, 3) mm, what was taken off them in words, and how each frame is turned."""
     if policy == "measured" and file is None:
         raise TableError("no machine file states the base reflectors", where="--frame measured", fix="add --model")
     free = policy in ("fitted", "fitted-per-run")
@@ -107,17 +109,20 @@ def _align(
         if count_places(target[pose & (frame == index)]) < LEAST_ROWS:
             fix = f"measure at least {LEAST_ROWS} poses, or use --frame trusted"
             raise TooFewError("too few poses to find the tracker's frame", where=table.source, fix=fix)
-    reading = build_problem(file, table).measured if policy == "measured" and file else table.measured
+    reading, turns = table.measured, (np.eye(3)[None], np.zeros(table.rows, dtype=int))
+    if policy == "measured" and file:
+        problem = build_problem(file, table)
+        reading, turns = problem.measured, (problem.rotation, problem.frame)
     seats = seats_of(table, file, target, reading, pose, frame, free=free)
     words = frame_words(policy, seated=seats is not None)
     seat = np.zeros_like(target) if seats is None else seats
     if not free:
-        return reading - seat, words
+        return reading - seat, words, turns
     rotations, shifts = np.tile(np.eye(3), (int(frame.max()) + 1, 1, 1)), np.zeros((int(frame.max()) + 1, 3))
     for index in np.unique(frame[pose]):
         here = pose & (frame == index)
         rotations[index], shifts[index] = align((target + seat)[here], table.measured[here])
-    return into_base(table.measured, frame, rotations, shifts) - seat, words
+    return into_base(table.measured, frame, rotations, shifts) - seat, words, (rotations, frame)
 
 
 def frame_words(policy: str, *, seated: bool) -> str:
@@ -172,7 +177,9 @@ def _axes_of_tool(file: MachineFile, table: Table) -> np.ndarray:
     return np.asarray(trace([(term.effect, term.theta) for term in terms], view).by_slot[..., -3:].numpy())
 
 
-def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: MachineFile | None) -> Noise | None:
+def _noise(
+    table: Table, target: np.ndarray, measured: np.ndarray, file: MachineFile | None, turns: Turns
+) -> Noise | None:
     asked = table.target if table.command is None else table.command
     direction = travel_direction(asked, run_starts(table.run)).astype(float)
     if table.direction is not None and table.direction.shape == direction.shape:
@@ -180,4 +187,4 @@ def _noise(table: Table, target: np.ndarray, measured: np.ndarray, file: Machine
     sigma = None if file is None else file.tracker.sigma_mm
     # Encoder readings as commands differ from repeat to repeat, and so do their targets; as in `build_problem`.
     scatter = measured - target if table.joint_prefix == "q" else measured
-    return given_noise(table, scatter, direction, sigma)
+    return given_noise(table, scatter, direction, sigma, *turns)

@@ -5,7 +5,9 @@ import torch
 from torch import Tensor
 
 TRIMS = 4  # rounds of leaving out outliers
-LINE = 0.03  # width by length below which points lie on a line, and their errors would determine the turn about it
+LINE = 0.03  # width by length from which on no error of a machine determines the turn of places about their line
+TOLD = 10.0  # width of narrower places in errors of their fit, above which they tell that turn, to a tenth of a radian
+FAINT = 1e-9  # of the direction of a line: prefers the least turn about it, and turns the line by no more than that
 ROUNDING = 1e-12  # share of the largest inertia below which that about a line of points is rounding
 
 
@@ -144,7 +146,7 @@ _GENERATORS = torch.tensor(
 
 
 def kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least-squares rigid motion from places to readings; of collinear places without a turn about their line.
+    """Least-squares rigid motion from places to readings; of places on a line with the least turn about it.
 
     A single place gives no rotation; without any place all is NaN.
 
@@ -160,10 +162,19 @@ def kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarr
     if not len(place):
         return np.full((3, 3), np.nan), np.full(3, np.nan)
     middle, centre = place.mean(axis=0), reading.mean(axis=0)
-    cross, sizes = (reading - centre).T @ (place - middle), np.linalg.svd(place - middle, compute_uv=False)
+    about, read = place - middle, reading - centre
+    turn = _turn_of(read.T @ about)
+    _, sizes, axes = np.linalg.svd(about, full_matrices=False)
+    width = sizes[1] / np.sqrt(len(place)) if len(sizes) > 1 else 0.0
     if len(sizes) < 2 or sizes[1] < LINE * sizes[0]:
-        cross = cross + (LINE * sizes[0]) ** 2 * np.eye(3)  # pulls an undetermined turn to none
-    left, _, right = np.linalg.svd(cross)
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    turn = left @ mirror @ right
+        left = float(np.median(np.linalg.norm(read - about @ turn.T, axis=1)))
+        if width <= max(TOLD * left, ROUNDING * sizes[0]):
+            along = read.T @ (about @ axes[0])
+            turn = _turn_of(np.outer(along / max(float(np.linalg.norm(along)), 1e-300), axes[0]) + FAINT * np.eye(3))
     return turn, centre - turn @ middle
+
+
+def _turn_of(cross: np.ndarray) -> np.ndarray:
+    """The rotation nearest to a cross-covariance, (3, 3)."""
+    left, _, right = np.linalg.svd(cross)
+    return np.asarray(left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right)

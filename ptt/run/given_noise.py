@@ -12,24 +12,34 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 
-def noise_from_std(table: "Table") -> Noise | None:
-    """Take the tracker's own standard deviations.
+def noise_from_std(table: "Table", rotation: np.ndarray, frame: np.ndarray) -> Noise | None:
+    """Take the tracker's own standard deviations, which are along its axes, into the base frame.
 
     Args:
         table: n rows.
+        rotation: of each tracker frame, from the base frame to the tracker's, (f, 3, 3).
+        frame: of each row, (n,) int.
 
     Returns:
         The noise, or None without `x_std, y_std, z_std`.
     """
     if table.std is None:
         return None
-    rows = table.std[(table.std > 0.0).all(axis=1) & (table.role != "base")]  # zero stands for unknown
-    if not len(rows):
+    told = (table.std > 0.0).all(axis=1) & (table.role != "base")  # zero stands for unknown
+    if not told.any():
         return None
-    return Noise(np.diag(np.median(rows**2, axis=0)) + 1e-14 * np.eye(3), "std columns")
+    covariance = 1e-14 * np.eye(3)
+    for index in np.unique(frame[told]):
+        own = told & (frame == index)
+        share, squares = own.sum() / told.sum(), np.median(table.std[own] ** 2, axis=0)
+        covariance += share * (rotation[index].T * squares) @ rotation[index]
+    return Noise(covariance, "std columns")
 
 
-def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sigma: float | None) -> Noise | None:
+def given_noise(
+    table: "Table", measured: np.ndarray, direction: np.ndarray, sigma: float | None, rotation: np.ndarray,
+    frame: np.ndarray,
+) -> Noise | None:  # fmt: skip
     """The noise floor from the data or the machine file.
 
     A tracker's own standard deviations, taken while the machine stands, do not contain what differs from visit to
@@ -40,11 +50,14 @@ def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sig
         measured: readings in the base frame, (n, 3) mm.
         direction: directions of arrival, (n, k).
         sigma: the machine file's figure for one coordinate, mm.
+        rotation: of each tracker frame, from the base frame to the tracker's, (f, 3, 3).
+        frame: of each row, (n,) int.
 
     Returns:
         The noise; None where only a saturated model can give it.
     """
-    known = _given_noise(table, measured, direction, sigma)
+    columns = noise_from_std(table, rotation, frame)
+    known = _given_noise(table, measured, direction, columns, sigma)
     if known is None:
         return None
     read = table.measured[np.isfinite(table.measured).all(axis=1) & (table.role != "base")]
@@ -52,9 +65,11 @@ def given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sig
     return replace(known, covariance=at_least(known.covariance, least), least=least)
 
 
-def _given_noise(table: "Table", measured: np.ndarray, direction: np.ndarray, sigma: float | None) -> Noise | None:
+def _given_noise(
+    table: "Table", measured: np.ndarray, direction: np.ndarray, columns: Noise | None, sigma: float | None
+) -> Noise | None:
     repeats = noise_from_repeats(table, measured, direction)
-    columns, file = noise_from_std(table), Noise(np.eye(3) * sigma**2, "machine file") if sigma is not None else None
+    file = Noise(np.eye(3) * sigma**2, "machine file") if sigma is not None else None
     if columns is not None and (repeats is None or repeats.total <= columns.total):
         return columns
     if repeats is None:

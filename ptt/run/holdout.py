@@ -5,6 +5,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.same_pose import number_rows, same_places
 
 if TYPE_CHECKING:
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
 BLOCKS = 10  # of travel, by default
 APIECE = 5  # blocks for each tracker frame, so that the rows not held out still determine it
 MOST_BLOCKS = 40  # of runs in chunks the sums over each are kept side by side
-PLACED = 3  # largest number of joints whose values follow from the tool position
 _numbered: "WeakKeyDictionary[Table, np.ndarray]" = WeakKeyDictionary()  # cache: a long table takes seconds
 
 
@@ -24,9 +24,9 @@ def pose_groups(table: "Table") -> np.ndarray:
         table: n rows.
 
     Returns:
-        (n,) int: equal for rows with the same target (the same commands where there is no target, or where an arm
-        has so many joints that a position does not tell its pose), numbered in order of first appearance; -1 for
-        base reflectors. Read-only, since it is cached.
+        (n,) int: equal for rows with the same target (the same commands where there is no target, or of an arm, whose
+        posture a position does not tell), numbered in order of first appearance; -1 for base reflectors. Read-only,
+        since it is cached.
     """
     groups = _numbered.get(table)
     if groups is None:
@@ -132,8 +132,8 @@ def _places(table: "Table") -> np.ndarray:
     """Columns that distinguish the poses of a table: targets, or commands where these determine more or stand alone."""
     if table.command is None:
         return table.target
-    told = np.isfinite(table.target).all(axis=1)
-    if not told.any() or (table.joints > PLACED and np.isfinite(table.command).all()):
+    told, of_arm = np.isfinite(table.target).all(axis=1), table.joint_prefix == "q" or table.joints > LEGS
+    if not told.any() or (of_arm and np.isfinite(table.command).all()):
         return table.command
     return (
         table.target if told.all() else np.column_stack([table.target, np.where(told[:, None], np.nan, table.command)])

@@ -190,7 +190,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     measured = into_base(table.measured, frame, rotations, shifts)
     # Encoders that report where an arm stands differ a little from repeat to repeat, and so does its place.
     scatter = measured - view.p.numpy() if file.machine.kind == "serial" else measured
-    noise = given_noise(table, scatter, view.direction.numpy(), file.tracker.sigma_mm)
+    noise = given_noise(table, scatter, view.direction.numpy(), file.tracker.sigma_mm, rotations, frame)
     base = None if seen is None else base_readings(file, table, view, measured, frame, seen)
     rounded = left_by_rounding(file, asked, view.jacobian.numpy()) if sent is asked else (0.0, 0.0)
     frames = 0 if policy == "trusted" else count

@@ -201,7 +201,8 @@ def _quieter_noise(fitted: FitResult, problem: Problem) -> Noise | None:
     if given is None or given.source != REPEATS:
         return None
     left = np.where(problem.used[:, None], fitted.residual, np.nan)
-    again = given_noise(problem.table, left, view.direction.numpy(), problem.file.tracker.sigma_mm)
+    sigma, turns = problem.file.tracker.sigma_mm, (problem.rotation, problem.frame)
+    again = given_noise(problem.table, left, view.direction.numpy(), sigma, *turns)
     return again if again is not None and again.total < QUIETER * given.total else None
 
 
