@@ -113,6 +113,8 @@ def test_scatter_from_visit_to_visit_is_no_fault_unless_it_comes_back(readings, 
     found = diagnose(Model(MACHINE), build_problem(MACHINE, make_table(place, measured=read)))
     assert (found.verdict, found.suggested) == (verdict, ())
     if not comes_back:
+        even = [found.verdict_probability[name] for name in (verdict, "unknown")]
+        assert even == pytest.approx([0.5, 0.5], abs=0.01)  # or something that no column records
         assert found.noise.total == pytest.approx(np.hypot(0.008, 0.003) * np.sqrt(3.0), rel=0.1)
         assert found.noise.source == ("repeats" if readings == 1 else VISITED)
         assert ("revisit some poses" in found.words) == (readings > 1)

@@ -9,7 +9,7 @@ from stated_bench import NOISE, stated
 
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.diagnose import diagnose
-from ptt.diagnosis.search.excess import NOISE_EXCESS, too_much_for_nothing
+from ptt.diagnosis.search.excess import NOISE_EXCESS, is_open, too_much_left
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.machine import MachineFile
 from ptt.mechanisms import build_mechanism
@@ -71,12 +71,15 @@ def test_poses_that_come_back_far_worse_than_the_noise_are_not_nothing() -> None
 def test_an_error_is_held_against_what_is_stated() -> None:
     file = Noise(np.eye(3) * NOISE**2, "machine file")
     repeats = Noise(np.eye(3) * (5.0 * NOISE) ** 2, "repeats", 60.0, stated=("machine file", file.total))
-    assert too_much_for_nothing(1.5 * file.total, file, wanders=False) is None
-    assert too_much_for_nothing(1.1 * NOISE_EXCESS * file.total, file, wanders=False) is not None
-    assert too_much_for_nothing(1.1 * NOISE_EXCESS * file.total, file, wanders=True) is None
-    assert "tracker wanders" in str(too_much_for_nothing(4.0 * file.total, file, wanders=True))
-    assert "poses repeat no better" in str(too_much_for_nothing(5.0 * file.total, repeats, wanders=False))
-    assert too_much_for_nothing(5.0 * file.total, None, wanders=False) is None
+    assert too_much_left(1.5 * file.total, file, wanders=False) is None
+    assert too_much_left(1.1 * NOISE_EXCESS * file.total, file, wanders=False) is not None
+    assert too_much_left(1.1 * NOISE_EXCESS * file.total, file, wanders=True) is None
+    assert "tracker wanders" in str(too_much_left(4.0 * file.total, file, wanders=True))
+    assert "poses repeat no better" in str(too_much_left(5.0 * file.total, repeats, wanders=False))
+    assert too_much_left(3.0 * file.total, repeats, wanders=False) is None
+    assert [is_open(times * file.total, repeats, 0.0) for times in (1.8, 2.2)] == [False, True]
+    assert not is_open(file.total, None, 0.0)
+    assert too_much_left(5.0 * file.total, None, wanders=False) is None
 
 
 def test_readings_of_one_visit_that_err_alike_by_twenty_times_the_noise_are_not_nothing() -> None:

@@ -178,8 +178,10 @@ def test_what_is_said_beside_a_finding():
     assert SAY(ties[1]) == "反向间隙 或 回零偏差：这些数据无法区分。"
     fall = "the held-out error after backlash and link-length falls from 45.1 to 6.8 um (noise 6.9 um)"
     size = "the effect amounts to 44 um rms at the tool, mostly cancelled by the other effects"
+    moved = "base reflectors were not read before and after it, so a base, a platform or a reflector that moved"
     open_yet = "the readings leave the tool position uncertain by up to 8.4 um"
     assert latin(SAY(f"Nothing else explains it as well; {fall}; {size}; {open_yet}.")) == []
+    assert latin(SAY(f"{capital(moved)} would look the same.")) == []
 
 
 @pytest.mark.parametrize("words", ["1 smaller one is listed below.", "3 smaller ones are listed below."])

@@ -1,6 +1,7 @@
 """A tracker's drift that nothing at rest has seen may be the machine's."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -106,6 +107,17 @@ def test_what_a_growth_shifts_alike_may_be_a_drift_where_temperature_went_with_t
     said = unwitnessed(growth, problem, noise)
     assert [line.endswith("temperature went with the clock.") for line in said] == ([True] if ramp else [])
     assert (own_drift([growth], problem, noise) > 0.002) is ramp
+
+
+def test_a_knock_is_the_trackers_alone_where_base_reflectors_were_read_on_both_sides_of_it() -> None:
+    problem, noise, time = warming(evenly=True)
+    middle = 0.5 * float(time[-1])
+    knock = term("setup-jump", [0.05, 0.0, 0.0, 0.0, 0.0, 0.0, middle])
+    (said,) = unwitnessed(knock, problem, noise)
+    assert "a base, a platform or a reflector that moved would look the same" in said
+    for times, open_ in (([0.0, time[-1]], False), ([0.0, 1.0], True)):
+        read = SimpleNamespace(view=SimpleNamespace(time=torch.tensor(times)))
+        assert bool(unwitnessed(knock, replace(problem, base=read), noise)) is open_
 
 
 @pytest.mark.parametrize("along", [True, False])

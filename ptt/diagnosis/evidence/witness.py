@@ -9,6 +9,7 @@ import numpy as np
 
 from ptt.diagnosis.evidence.at_tool import at_tool_um, moved_by, without_rigid_motion
 from ptt.effects import Effect
+from ptt.effects.metrology import SetupJump
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import sampled_if_long
 from ptt.model.model import Term
@@ -21,6 +22,7 @@ WATCHED_SHARE = 0.5  # share of a frame's time that visits to base reflectors ha
 MACHINE_CHANCE = 0.5  # probability that it was the machine rather than the tracker: both are usual
 UNREAD = "Base reflectors were not read over at least half of the run, so"
 DRIFT_OPEN = f"{UNREAD} a machine that drifts as a whole would look the same."
+JUMP_OPEN = "Base reflectors were not read before and after it, so {} that moved would look the same."
 WARMTH_OPEN = "Temperature went along with it: a stand that follows temperature would look the same."
 GROWTH_OPEN = f"{UNREAD} a tracker that moves with temperature would look the same."
 PART_OPEN = (
@@ -33,7 +35,7 @@ CLEAR_GROWTH = 30.0  # chi-squared from which the readings show that a growth is
 
 
 def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
-    """Sentences that a drift may be the machine's, or follow temperature, or a growth be the tracker's: nothing tells.
+    """Sentences that a jump or drift may be the machine's, or follow temperature, or a growth be the tracker's.
 
     Args:
         term: an effect at its values.
@@ -43,6 +45,9 @@ def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
     Returns:
         None for other effects. Where base reflectors were read, none but that on a drift with temperature.
     """
+    if isinstance(term.effect, SetupJump):
+        moved = "a base" if problem.file.machine.kind == "serial" else "a base, a platform or a reflector"
+        return [] if _was_watched_at(float(term.theta[-1]), problem) else [JUMP_OPEN.format(moved)]
     if drifts(term.effect):
         warm = [WARMTH_OPEN] if _follows_warmth(term, problem, noise) else []
         return [*([DRIFT_OPEN] if _is_unwitnessed(term, problem) else []), *warm]
@@ -144,6 +149,12 @@ def _beside_shift(moved: np.ndarray, problem: Problem) -> np.ndarray:
     left, warmth = moved.ravel(), problem.view.warmth.numpy()[:, None]
     warm = np.stack([without_rigid_motion(warmth * axis, problem).ravel() for axis in np.eye(3)], axis=1)
     return np.asarray((left - warm @ np.linalg.lstsq(warm, left, rcond=None)[0]).reshape(-1, 3))
+
+
+def _was_watched_at(moment: float, problem: Problem) -> bool:
+    """Whether base reflectors were read before and after a moment, by the view's clock."""
+    clock = None if problem.base is None else problem.base.view.time
+    return clock is not None and bool((clock <= moment).any() and (clock > moment).any())
 
 
 def _was_watched(problem: Problem) -> bool:

@@ -63,10 +63,10 @@ class Objections:
         )
 
 
-def too_much_for_nothing(
+def too_much_left(
     error: float, noise: Noise | None, *, wanders: bool = False, by_visit: bool = False, rounding_mm: float = 0.0
 ) -> str | None:
-    """That an error in which no effect was found is far beyond the stated noise, in words.
+    """That an error that no named effect explains is far beyond the stated noise, in words.
 
     Repeats contain whatever differs from visit to visit, and a wander absorbs whatever is slow, so much can hide in
     either, and the run alone determines both. A noise stated for the tracker contains neither. So beside a stated noise
@@ -92,6 +92,17 @@ def too_much_for_nothing(
     if visits:
         return f"{times}: {UNREPEATED}"
     return f"{times}, more than a tracker wanders" if wanders else f"{times} and depends on nothing recorded here"
+
+
+def is_open(error: float, noise: Noise | None, rounding_mm: float) -> bool:
+    """Whether a machine that repeats no better is as likely as something that no column records.
+
+    Args:
+        error: root mean square of the residuals, mm.
+        noise: as of `too_much_left`.
+        rounding_mm: as of `too_much_left`.
+    """
+    return noise is not None and error > NOISE_EXCESS * stated_of(noise, rounding_mm)[1]
 
 
 def beyond_noise(what: str, times: float, source: str) -> str:

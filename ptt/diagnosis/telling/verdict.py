@@ -15,7 +15,7 @@ from ptt.diagnosis.evidence.state import without
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.noise.slow import SECONDS, Slow
-from ptt.diagnosis.search.excess import Objections, too_much_for_nothing
+from ptt.diagnosis.search.excess import Objections, is_open, too_much_left
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.moves import droppable
@@ -78,6 +78,8 @@ def conclude(
     noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
     verdict = _verdict(found, bool(named), rest)
     depends = _depends_on(found, naming, rest, shown, problem) if verdict == "unknown" else ()
+    wanders, error = state.memory.wander is not None, rms_um["after"]["total"] / MICRO
+    unrecorded = verdict != "unknown" and not wanders and is_open(error, problem.noise, problem.rounding[1])
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
@@ -86,7 +88,7 @@ def conclude(
     others = other_candidates(found, named, chances, problem, oversized)
     result = Diagnosis(
         verdict=verdict,
-        verdict_probability=_verdict_probability(chances, verdict),
+        verdict_probability=_verdict_probability(chances, verdict, unrecorded=unrecorded),
         suggested=suggested,
         candidates=(*steps_told, *others),
         not_testable=found.untestable,
@@ -152,9 +154,9 @@ def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error:
     by_visit = bool(system.by_visit and state.memory.pose)
     silent = _verdict(found, bool(naming.named.steps), rest) == "nothing-missing"
     much = None
-    if silent:
+    if silent or (problem.noise is not None and problem.noise.stated is not None):
         rounding_mm = problem.rounding[1]
-        much = too_much_for_nothing(error, problem.noise, wanders=wanders, by_visit=by_visit, rounding_mm=rounding_mm)
+        much = too_much_left(error, problem.noise, wanders=wanders, by_visit=by_visit, rounding_mm=rounding_mm)
     objections = Objections(
         faithful=naming.named.faithful,
         unproven=unproven,
@@ -208,12 +210,20 @@ def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
     return "missing" if named else "nothing-missing"
 
 
-def _verdict_probability(chances: Probability, verdict: str) -> dict[str, float]:
-    """Probabilities from the scored sets; 0.5 for a verdict that is not the likeliest of them but was forced."""
+def _verdict_probability(chances: Probability, verdict: str, *, unrecorded: bool) -> dict[str, float]:
+    """Probabilities from the scored sets; 0.5 for a verdict that is not the likeliest of them but was forced.
+
+    Args:
+        chances: from the scored sets.
+        verdict: that is told.
+        unrecorded: whether as likely as not something that no column records is unknown besides.
+    """
     found = {name: with_lapse(chance, len(VERDICTS)) for name, chance in chances.verdict.items()}
     if max(found, key=lambda name: found[name]) != verdict:
         share = 0.5 / max(1.0 - found[verdict], 1e-12)
         found = {name: 0.5 if name == verdict else found[name] * share for name in VERDICTS}
+    if unrecorded:
+        found |= dict.fromkeys((verdict, "unknown"), 0.5 * (found[verdict] + found["unknown"]))
     return found
 
 

@@ -40,14 +40,14 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
     noise, excess = result.noise, _excess(after, result.noise, result.wander)
     beyond = _beyond_stated(noise)
     floor = f"the noise is {noise.total * 1e3:.1f} um (from {source_in_words(noise.source)}{beyond})"
+    varies = f" {capital(UNREPEATED)}." if beyond else ""
     told = [candidate.words for candidate in result.candidates[: len(result.suggested)]]
     if result.verdict == "nothing-missing":
         sound = f"Nothing is missing that these {result.rows} readings could show"
-        varies = f" {capital(UNREPEATED)}." if beyond else ""
         lines = [f"{sound}: the error is {after:.1f} um; {floor}.{varies}{excess}{_unstated(noise)}{_unsure(result)}"]
     elif result.verdict == "missing":
         these = "this effect" if len(told) == 1 else "these effects"
-        fall = f"With {these} {_fall(before, after)}; {floor}.{excess}{_likely_too(result.perhaps)}"
+        fall = f"With {these} {_fall(before, after)}; {floor}.{varies}{excess}{_likely_too(result.perhaps)}"
         lines = [*_open_below(result), *doubted(result), *told, fall]
     else:
         lines = _unknown(result, told, cut_short=steps == len(told))
