@@ -74,12 +74,11 @@ def conclude(
     naming = naming_of(found, model, problem, shown)
     named = naming.named.steps
     rms_um = _errors(found, tuple(step.key for step in named))
-    rest = _objected(rest, found, naming, problem, rms_um["after"]["total"] / MICRO)
+    error = rms_um["after"]["total"] / MICRO
+    rest = _objected(rest, found, naming, problem, error)
     noise, chances = noise_after(problem, found.system, state), weigh_sets(scorer)
     verdict = _verdict(found, bool(named), rest)
     depends = _depends_on(found, naming, rest, shown, problem) if verdict == "unknown" else ()
-    wanders, error = state.memory.wander is not None, rms_um["after"]["total"] / MICRO
-    unrecorded = verdict != "unknown" and not wanders and is_open(error, problem.noise, problem.rounding[1])
     tell("measure next")
     suggested = tuple((atoms[step.key].name, *step.others) for step in named)
     tied = any(len(step) > 1 for step in suggested)
@@ -88,7 +87,7 @@ def conclude(
     others = other_candidates(found, named, chances, problem, oversized)
     result = Diagnosis(
         verdict=verdict,
-        verdict_probability=_verdict_probability(chances, verdict, unrecorded=unrecorded),
+        verdict_probability=_verdict_probability(found, chances, verdict, error, problem),
         suggested=suggested,
         candidates=(*steps_told, *others),
         not_testable=found.untestable,
@@ -210,21 +209,25 @@ def _verdict(found: Found, named: bool, rest: Rest) -> Verdict:
     return "missing" if named else "nothing-missing"
 
 
-def _verdict_probability(chances: Probability, verdict: str, *, unrecorded: bool) -> dict[str, float]:
+def _verdict_probability(
+    found: Found, chances: Probability, verdict: str, error: float, problem: Problem
+) -> dict[str, float]:
     """Probabilities from the scored sets; 0.5 for a verdict that is not the likeliest of them but was forced.
 
     Args:
+        found: the best explanation.
         chances: from the scored sets.
-        verdict: that is told.
-        unrecorded: whether as likely as not something that no column records is unknown besides.
+        verdict: that is told, evenly with `unknown` where much that no column records may be left.
+        error: root mean square residual, mm.
+        problem: the readings.
     """
-    found = {name: with_lapse(chance, len(VERDICTS)) for name, chance in chances.verdict.items()}
-    if max(found, key=lambda name: found[name]) != verdict:
-        share = 0.5 / max(1.0 - found[verdict], 1e-12)
-        found = {name: 0.5 if name == verdict else found[name] * share for name in VERDICTS}
-    if unrecorded:
-        found |= dict.fromkeys((verdict, "unknown"), 0.5 * (found[verdict] + found["unknown"]))
-    return found
+    told = {name: with_lapse(chance, len(VERDICTS)) for name, chance in chances.verdict.items()}
+    if max(told, key=lambda name: told[name]) != verdict:
+        share = 0.5 / max(1.0 - told[verdict], 1e-12)
+        told = {name: 0.5 if name == verdict else told[name] * share for name in VERDICTS}
+    if found.state.memory.wander is None and is_open(error, problem.noise, problem.rounding[1]):
+        told |= dict.fromkeys((verdict, "unknown"), 0.5 * (told[verdict] + told["unknown"]))
+    return told
 
 
 def _errors(found: Found, keys: tuple[str, ...]) -> dict[str, dict[str, float]]:
