@@ -129,7 +129,7 @@ def commands(compensator: Compensator, targets: np.ndarray) -> list[tuple[str, f
     out = np.empty_like(wide)
     table = [(f"{CENTRES} exponentials, numpy", best(lambda: np.exp(wide, out=out), len(wide)))]
     part = targets[:20_000]
-    correction, inside = compensator.network_parts(part)
+    correction, inside = compensator.network_parts()
     begin = time.perf_counter()
     slow = compensate(compensator.model, make_table(part), correction=correction, inside=inside)
     table.append(("command, ptt predict (torch, statuses and all)", (time.perf_counter() - begin) / len(part)))

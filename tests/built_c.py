@@ -103,15 +103,15 @@ def path_of(file: MachineFile, seed: int, rows: int = 120) -> np.ndarray:
     return np.asarray((low + high) / 2 + 0.1 * waves * (high - low))
 
 
-def expected(compensator: Compensator, targets: Table, posture: np.ndarray):
-    correction, inside = compensator.network_parts(posture)
+def expected(compensator: Compensator, targets: Table):
+    correction, inside = compensator.network_parts()
     return compensate(compensator.model, targets, correction=correction, inside=inside)
 
 
 def check(compensator: Compensator, targets: np.ndarray, folder: Path, payload: float = 1.3, temp: float = 26.0):
     """Commands of C against those of Python, on rows both send; and that they send the same rows."""
     table = make_table(targets, payload_kg=payload, temp_c=temp)
-    found = expected(compensator, table, targets)
+    found = expected(compensator, table)
     built = Built(compensator, folder)
     code, q = built.commands(targets, Context(payload, temp, 0.0, 0.0))
     np.testing.assert_array_equal(np.isfinite(q).all(axis=1), found.sent)

@@ -119,17 +119,17 @@ def test_a_tracker_effect_is_not_inverted():
 
 
 def test_a_correction_shifts_what_the_model_is_asked_for():
-    def correct(wanted):
+    def correct(wanted, _):
         return wanted + np.array([0.0, 0.0, 0.25])
 
-    commands = compensate(STEADY, TARGETS, correction=correct, inside=lambda wanted: wanted[:, 0] > 0)
-    np.testing.assert_allclose(landing(STEADY, TARGETS, commands.q), correct(TARGETS.target), atol=1e-6)
+    commands = compensate(STEADY, TARGETS, correction=correct, inside=lambda wanted, _: wanted[:, 0] > 0)
+    np.testing.assert_allclose(landing(STEADY, TARGETS, commands.q), correct(TARGETS.target, commands.q), atol=1e-6)
     np.testing.assert_array_equal(commands.in_domain, TARGETS.target[:, 0] > 0)
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 2.0])
 def test_the_first_order_form_differs_by_the_third_order_of_the_correction(size):
-    commands = compensate(with_effects(FILE), TARGETS, correction=lambda p: p + size / np.sqrt(3.0))
+    commands = compensate(with_effects(FILE), TARGETS, correction=lambda p, _: p + size / np.sqrt(3.0))
     assert 0 < commands.first_order_gap.max() < 5e-5 * size**3 / 2**3  # 0.05 um at 2 mm
 
 
@@ -178,7 +178,7 @@ def test_beyond_the_edge_every_row_has_a_status_and_the_nearest_command_works(mo
 
 
 def test_a_correction_beyond_the_limit_is_not_sent():
-    def mirrored(wanted):
+    def mirrored(wanted, _):
         return np.where(wanted[:, :1] > 30.0, wanted * [-1.0, 1.0, 1.0], wanted + np.array([0.0, 0.0, 0.4]))
 
     commands = compensate(STEADY, TARGETS, correction=mirrored)
@@ -190,7 +190,7 @@ def test_a_correction_beyond_the_limit_is_not_sent():
 
 
 def test_the_limit_counts_physics_and_network_together():
-    def lifted(wanted):
+    def lifted(wanted, _):
         return wanted + np.array([0.0, 0.0, 0.3])
 
     physics = with_effects(

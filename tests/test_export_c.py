@@ -163,7 +163,7 @@ def test_arms_keep_the_posture_of_nominal_joint_values(name: str, tmp_path: Path
     posture = path_of(file, 6, 60)
     targets = build_mechanism(file.machine).forward(torch.tensor(posture)).numpy()
     table = make_table(targets, posture, payload_kg=1.3, temp_c=26.0, joint_prefix="q")
-    found = expected(compensator, table, posture)
+    found = expected(compensator, table)
     built = Built(compensator, tmp_path)
     context = Context(1.3, 26.0, 0.0, 0.0)
     state = built.start()

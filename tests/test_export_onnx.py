@@ -54,7 +54,7 @@ def test_the_network_its_domain_and_a_frame(bench: MachineFile, tmp_path: Path) 
         random_model(stated, 9, ("homing-offset", "lead-scale")), network_over(targets[:90], 3), {}
     )
     write(compensator, tmp_path / "m.onnx", Options())
-    correction, inside = compensator.network_parts(targets)
+    correction, inside = compensator.network_parts()
     expected = compensate(compensator.model, make_table(targets), correction=correction, inside=inside)
     found = run(tmp_path / "m.onnx", p=targets)
     np.testing.assert_array_equal(found["inside"][:, 0], expected.in_domain)

@@ -79,7 +79,7 @@ def test_a_three_ptt_and_targets_without_joints_have_tool_space_only(run: Proble
 def test_commands_from_a_network_over_joints_mend_the_arm(trained: Training) -> None:
     fresh = draw(60, 8, 0.5)
     wanted = build_mechanism(file_of().machine).forward(torch.tensor(fresh)).numpy()
-    correct = correction_of(trained.rbf.network, fresh)
+    correct = correction_of(trained.rbf.network, "joints")
     sent = compensate(Model(file_of()), make_table(None, fresh), correction=correct).q
     quiet = replace(uneven(), sigma_mm=0.0)
     before, after = (
@@ -101,7 +101,7 @@ def test_folder_and_predict_keep_the_space(trained: Training, tmp_path: Path) ->
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0, result.output
     sent = np.genfromtxt(out, delimiter=",", names=True)
-    correct = correction_of(trained.rbf.network, fresh)
+    correct = correction_of(trained.rbf.network, "joints")
     wanted = compensate(Model(file_of()), make_table(None, fresh), correction=correct).q
     np.testing.assert_allclose(np.column_stack([sent[f"q{i + 1}"] for i in range(4)]), wanted, atol=1e-9)
 

@@ -188,7 +188,7 @@ def test_what_is_kept_belongs_to_its_drawing(tmp_path):
 def test_a_network_is_sure_within_its_domain_only():
     wanted = np.random.default_rng(0).uniform(-40, 40, (50, 3))
     commands = compensate(
-        read_model(FILE), make_table(wanted), correction=lambda p: p + 0.1, inside=lambda p: p[:, 0] > 0.0,
+        read_model(FILE), make_table(wanted), correction=lambda p, _: p + 0.1, inside=lambda p, _: p[:, 0] > 0.0,
         network=NetworkError(inside=0.008, outside=0.14),
     )  # fmt: skip
     np.testing.assert_array_equal(commands.status == "uncertain", wanted[:, 0] <= 0.0)
@@ -204,7 +204,7 @@ def test_parameters_beside_a_network_leave_a_command_sure_where_they_are(tmp_pat
     assert bare.sigma[20:].max() > promised  # there they say less than the network promises
     network = NetworkError(inside=promised, outside=promised)  # as of one that found nothing to learn
     both = compensate(
-        model, make_table(far), correction=lambda p: p, inside=lambda p: p[:, 0] < np.inf, network=network
+        model, make_table(far), correction=lambda p, _: p, inside=lambda p, _: p[:, 0] < np.inf, network=network
     )
     np.testing.assert_array_equal(both.status == "uncertain", bare.sigma > promised)
     np.testing.assert_allclose(both.sigma, np.maximum(bare.sigma, promised))

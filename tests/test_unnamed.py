@@ -81,7 +81,7 @@ def test_what_a_network_has_learned_is_no_doubt_within_its_domain() -> None:
     for inside, share in ((0.02, 1.0), (0.002, 0.1)):
         network = NetworkError(inside=inside, outside=0.02)
         learned = compensate(
-            model, make_table(wanted), correction=lambda p: p, inside=lambda p: p[:, 0] > 0.0, network=network
+            model, make_table(wanted), correction=lambda p, _: p, inside=lambda p, _: p[:, 0] > 0.0, network=network
         )
         np.testing.assert_allclose(learned.sigma[~near], np.maximum(bare, 0.02)[~near])
         assert (learned.sigma[near] >= np.maximum(share * bare[near], inside) - 1e-12).all()

@@ -1,6 +1,5 @@
 """A rig measured again without noise, with the commands of a model: the errors of its tool."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,16 +7,14 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from ptt.challenge.truth import READINGS, in_base_frame, mount_columns, table_of, without_set_up
-from ptt.correct.compensate import Correction, compensate
+from ptt.correct.compensate import compensate
+from ptt.correct.task import Correction
 from ptt.errors import WorkspaceError
 from ptt.model.model import Model
 from ptt.rig import Rig, RunResult, simulate
 from ptt.rig.arm_odd_schema import SlippingTool
 from ptt.rig.draw import DrawnRig
 from ptt.run.axes import rms
-
-# Of nominal joint commands (n, k) or None, which a network over joints asks for.
-CorrectionAt = Callable[[np.ndarray | None], Correction | None]
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,7 @@ class ToolError:
         return {"before": rms(self.before), "after": None if self.after is None else rms(self.after)}
 
 
-def remeasure(model: Model, drawn: DrawnRig, correction_at: CorrectionAt | None = None) -> ToolError:
+def remeasure(model: Model, drawn: DrawnRig, correction: Correction | None = None) -> ToolError:
     """Run a rig, as its run has left it, with a model's commands for the run's own targets.
 
     Errors are taken at the rows that are read, not where the run only passes.
@@ -55,7 +52,7 @@ def remeasure(model: Model, drawn: DrawnRig, correction_at: CorrectionAt | None 
     Args:
         model: effects with their parameters.
         drawn: the rig and its targets.
-        correction_at: what a network adds to the commands; None without one.
+        correction: what a network adds to the commands; None without one.
 
     Returns:
         The tool's error before and after.
@@ -67,7 +64,6 @@ def remeasure(model: Model, drawn: DrawnRig, correction_at: CorrectionAt | None 
     read, missed, sigma = before.frame[READINGS].notna().all(axis=1)[poses].to_numpy(), None, None
     mount = mount_columns(drawn)
     try:
-        correction = None if correction_at is None else correction_at(wanted.command)
         commands = compensate(model, wanted, correction=correction)
         if not commands.sent.all():
             return ToolError(_error(before, drawn, read, mount), None)

@@ -7,8 +7,9 @@ from typing import Any, Literal
 import numpy as np
 import torch
 
-from ptt.challenge.remeasure import CorrectionAt, ToolError, remeasure
+from ptt.challenge.remeasure import ToolError, remeasure
 from ptt.challenge.truth import UM_PER_MM, UNDETECTABLE, HiddenFault, Truth
+from ptt.correct.task import Correction
 from ptt.model.model import Model, Term, parameter_names, told_values
 from ptt.run.noise import Noise
 
@@ -140,13 +141,13 @@ def judge(keys: Sequence[str], truth: Truth) -> Judgement:
     return Judgement(faults, named, instead)
 
 
-def score(model: Model, truth: Truth, correction_at: CorrectionAt | None = None) -> Score:
+def score(model: Model, truth: Truth, correction: Correction | None = None) -> Score:
     """Score a fitted model.
 
     Args:
         model: effects with their parameters.
         truth: what was hidden.
-        correction_at: what a network adds to the commands; None without one.
+        correction: what a network adds to the commands; None without one.
 
     Returns:
         The score.
@@ -162,7 +163,7 @@ def score(model: Model, truth: Truth, correction_at: CorrectionAt | None = None)
         _read_parameters(model),
         truth.noise,
         UM_PER_MM * truth.left_rms(model.keys),
-        remeasure(model, truth.drawn, correction_at),
+        remeasure(model, truth.drawn, correction),
     )
 
 

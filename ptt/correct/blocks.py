@@ -92,7 +92,7 @@ def cut(task: CommandTask, low: int, high: int) -> CommandTask:
     """The task of some rows."""
     if (low, high) == (0, task.targets.rows):
         return task
-    names = ("wanted", "asked", "nominal", "start", "time")
+    names = ("wanted", "asked", "in_domain", "nominal", "start", "time")
     own = {name: getattr(task, name)[low:high] for name in names}
     own["contexts"] = {name: values[low:high] for name, values in task.contexts.items()}
     index = np.arange(low, high)

@@ -13,7 +13,7 @@ from ptt.correct.context import far_beyond
 from ptt.correct.doubt import NetworkError, approach_doubt, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
 from ptt.correct.settle import first_order, nearest_commands
-from ptt.correct.task import CommandTask
+from ptt.correct.task import CommandTask, Correction
 from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
 from ptt.mechanisms import build_mechanism
@@ -30,9 +30,8 @@ __all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "co
 
 LIMIT_MM = 5.0  # machines err by 0.1 to 2 mm; a larger correction is a mistake in drawing, frame or network
 
-# From wanted positions, (n, 3) mm: positions to ask the model for, (n, 3) mm; and which a network knows, (n,) bool.
-Correction = Callable[[np.ndarray], np.ndarray]
-Inside = Callable[[np.ndarray], np.ndarray]
+# Which wanted positions, (n, 3) mm, with their nominal joint values, (n, k), a network knows, (n,) bool.
+Inside = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def compensate(
@@ -59,8 +58,8 @@ def compensate(
     Args:
         model: effects with their parameters.
         targets: wanted tool positions in travel order, with payload, temperature and speed where the model needs them.
-        correction: of a network: wanted position -> position that the model is to reach.
-        inside: which wanted positions lie in the network's training domain.
+        correction: of a network: wanted position, nominal joint values -> position that the model is to reach.
+        inside: which of these lie in the network's training domain.
         reversal: 'software', the default, puts the reversal compensation into the commands, 'none' leaves it out.
             What the machine file says its controller compensates is never put in.
         limit: largest correction that is sent, mm of tool: physics, network and reversal together.
@@ -77,10 +76,10 @@ def compensate(
     tell = progress or unwatched
     tell("invert", 0, 1)
     plan = plan_of(model, reversal, limit, network)
-    task, rows = prepare(plan, targets, correction), targets.rows
+    task, rows = prepare(plan, targets, correction, inside), targets.rows
     done = []
     for settled in settle_task(task):
-        done.append(finish(plan, settled, inside))
+        done.append(finish(plan, settled))
         if settled.last < rows:
             tell("invert", settled.last, rows)
     commands = joined(done)
@@ -123,24 +122,22 @@ def plan_of(model: Model, reversal: Reversal | None, limit: float, network: Netw
     return InversionPlan(model, *split_terms(model, reversal), limit, network)
 
 
-def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Commands:
+def finish(plan: InversionPlan, settled: Settled) -> Commands:
     """The commands of an inverted block, with their uncertainty; `nearest` is left blank.
 
     Args:
         plan: the plan.
         settled: the block.
-        inside: which wanted positions lie in the network's training domain.
 
     Returns:
         The commands of its own rows.
     """
     part, own, solved = settled.task, settled.own, settled.outcome.solved
     sent = sent_rows(settled.outcome.status)
-    in_domain = np.ones(len(sent), dtype=bool) if inside is None else inside(part.wanted.numpy())
     sigma, approach, promised = np.full(len(sent), np.nan), np.zeros(len(sent)), None
     if sent[own].any():
         terms, paced = [*part.steady, *part.reversing], part.paced(sent)
-        sigma, promised = command_sigma(plan.model, paced, terms, solved.q, in_domain, plan.network)
+        sigma, promised = command_sigma(plan.model, paced, terms, solved.q, part.in_domain, plan.network)
         approach = approach_doubt(paced, terms, solved.q)
         sigma = np.hypot(sigma, approach)
     q, height, sent, sigma = solved.q[own].numpy(), solved.height[own], sent[own], sigma[own]
@@ -154,7 +151,7 @@ def finish(plan: InversionPlan, settled: Settled, inside: Inside | None) -> Comm
     blank, reversed_ = np.where(sent[:, None], 0.0, np.nan), q - height.numpy()
     nothing, sigma = np.full(q.shape, np.nan), np.where(sent, sigma, np.nan)
     return Commands(
-        q + blank, reversed_ + blank, status, in_domain[own], shift, gap, plan.words,
+        q + blank, reversed_ + blank, status, part.in_domain[own], shift, gap, plan.words,
         missed, nothing, nothing[:, 0].copy(), sigma, np.where(sent, approach[own], 0.0),
     )  # fmt: skip
 
@@ -193,6 +190,7 @@ def prepare(
     plan: InversionPlan,
     targets: Table,
     correction: Correction | None,
+    inside: Inside | None,
     time: Tensor | None = None,
     *,
     by_feed: bool | None = None,
@@ -202,7 +200,8 @@ def prepare(
     Args:
         plan: the plan.
         targets: the rows.
-        correction: of a network: wanted position -> position that the model is to reach.
+        correction: as `compensate`.
+        inside: as `compensate`.
         time: seconds since the first row of the whole list, (n,) s; None: these are the whole list.
         by_feed: whether the whole list shows a feed; None: these are the whole list.
 
@@ -218,8 +217,10 @@ def prepare(
     near = _posture(plan.model, targets)
     wanted = _wanted(plan.model, targets) if near is None else mechanism.forward(near).numpy()
     place = torch.as_tensor(wanted)
-    asked = place if correction is None else torch.as_tensor(correction(wanted))
     nominal = mechanism.inverse(place, None, near)
+    joints = (nominal if near is None else near).numpy()
+    asked = place if correction is None else torch.as_tensor(correction(wanted, joints))
+    in_domain = np.ones(len(wanted), dtype=bool) if inside is None else inside(wanted, joints)
     start = nominal if correction is None else mechanism.inverse(asked, None, near)
     start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
     time = elapsed(targets) if time is None else time
@@ -228,5 +229,6 @@ def prepare(
     targets = without_empty(targets).replace(time_s=None, feed_mm_s=None)
     ways = plan.steady, plan.reversing
     return CommandTask(
-        plan.model, targets, mechanism, *ways, place, asked, nominal, start, plan.limit, time, contexts, clock=clock
-    )
+        plan.model, targets, mechanism, *ways, place, asked, in_domain, nominal, start, plan.limit, time, contexts,
+        clock=clock,
+    )  # fmt: skip

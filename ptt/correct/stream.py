@@ -11,10 +11,10 @@ from torch import Tensor
 
 from ptt.correct.blocks import ROWS, settle_blocks, with_one_clock
 from ptt.correct.commands import Commands
-from ptt.correct.compensate import Correction, Inside, InversionPlan, finish, prepare
+from ptt.correct.compensate import Inside, InversionPlan, finish, prepare
 from ptt.correct.nearest import Nearest, nearest_of
 from ptt.correct.settle import nearest_commands
-from ptt.correct.task import CommandTask
+from ptt.correct.task import CommandTask, Correction
 from ptt.fitting.chunks import stretches
 from ptt.progress import Progress
 from ptt.run.spool import Spool
@@ -76,7 +76,7 @@ class Stream:
         for index, settled in enumerate(settle_blocks(self.bounds, self._runs, self._task)):
             task, own = settled.task, settled.own
             self.starts.append(float(task.time[own.start]))
-            commands = finish(self._plan, settled, self._inside)
+            commands = finish(self._plan, settled)
             contexts = {name: values[own].copy() for name, values in task.contexts.items()}
             wanted, nominal = task.wanted[own].clone(), task.nominal[own].clone()
             part = Part(settled.first, settled.last, commands, wanted, nominal, contexts)
@@ -97,7 +97,8 @@ class Stream:
 
     def _task(self, low: int, high: int, start: float) -> CommandTask:
         table = self._spool.take(low, high).replace(command=None)  # it tells the frame of targets, and that is known
-        task = prepare(self._plan, table, self._correction, elapsed(table) + start, by_feed=self._spool.feed)
+        parts, time = (self._correction, self._inside), elapsed(table) + start
+        task = prepare(self._plan, table, *parts, time, by_feed=self._spool.feed)
         if task.clock is None or len(self.bounds) == 1:
             return task
         return replace(task, clock=with_one_clock(task.clock, self._spool.feed, task.wanted.numpy()))

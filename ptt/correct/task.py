@@ -1,6 +1,6 @@
 """The task of an inversion: targets, what drawing and model are asked for, and the state handed on by rows before."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,9 @@ from ptt.run.travel import run_starts
 from ptt.run.view import View
 from ptt.run.viewing import build_view
 
+# From wanted positions, (n, 3) mm, with their nominal joint values, (n, k): positions to ask the model for, (n, 3) mm.
+Correction = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
 
 @dataclass(frozen=True)
 class CommandTask:
@@ -34,6 +37,7 @@ class CommandTask:
         reversing: effects that depend on the direction or travel before, as far as the commands compensate them.
         wanted: targets in the base frame, (n, 3) mm.
         asked: positions that the model is to reach, (n, 3) mm: the targets, shifted by the network where there is one.
+        in_domain: targets inside the training domain of the network, all True without one, (n,) bool.
         nominal: joint values of the targets by the drawing, (n, k) mm or rad; NaN out of reach.
         start: joint values where Newton's method starts, (n, k).
         limit: largest correction that is sent, mm.
@@ -52,6 +56,7 @@ class CommandTask:
     reversing: EffectTerms
     wanted: Tensor
     asked: Tensor
+    in_domain: np.ndarray
     nominal: Tensor
     start: Tensor
     limit: float

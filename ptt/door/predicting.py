@@ -210,8 +210,9 @@ def warnings_of(
 
 def _invert(machine: Model, table: Table, reversal: Reversal | None, limit_mm: float, progress: Progress) -> Commands:
     compensator, network = machine.compensator, machine.compensator.network
-    posture = _posture(table) if network is not None and compensator.space == "joints" else None
-    correction, inside = compensator.network_parts(posture)
+    if network is not None and compensator.space == "joints":
+        _require_posture(table)
+    correction, inside = compensator.network_parts()
     return compensate(
         compensator.model,
         table,
@@ -224,12 +225,11 @@ def _invert(machine: Model, table: Table, reversal: Reversal | None, limit_mm: f
     )
 
 
-def _posture(table: Table) -> np.ndarray:
-    """Nominal joint commands that a network over joints is asked at, (n, k) rad."""
+def _require_posture(table: Table) -> None:
+    """Refuse targets without the nominal joint commands that a network over joints is asked at."""
     if table.command is None or not np.isfinite(table.command).all():
         raise TableError(
             "the compensator's network was trained on joint commands and these targets have none",
             where=table.source,
             fix="add q1_cmd_rad, q2_cmd_rad, ... of the nominal posture",
         )
-    return table.command

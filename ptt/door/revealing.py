@@ -48,7 +48,7 @@ def reveal(model: Model, folder: str | Path) -> Revealed:
     """
     sealed = open_challenge(folder)
     truth = find_truth(sealed.drawn, model.library)
-    return Revealed(sealed, score(model.physics, truth, lambda posture: model.compensator.network_parts(posture)[0]))
+    return Revealed(sealed, score(model.physics, truth, model.compensator.network_parts()[0]))
 
 
 def _text(data: dict[str, Any]) -> str:

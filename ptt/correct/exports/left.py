@@ -79,14 +79,14 @@ def sample_workspace(compensator: "Compensator", options: Options, poses: int = 
         place, command=q.numpy() if arm else None, direction=direction, **_context(options.table, len(place))
     )
     table = table.replace(joint_prefix="q" if arm else "b", source="workspace")
-    first = solve(compensator, table, q.numpy())
+    first = solve(compensator, table)
     kept = np.flatnonzero(first.sent)
     if not len(kept):
         raise PosesError(
             f"{file.source}: no place of the workspace can be sent; `ptt predict` says why for each target"
         )
     table = take_rows(table, kept)
-    commands = first if len(kept) == len(q) else solve(compensator, table, q.numpy()[kept])
+    commands = first if len(kept) == len(q) else solve(compensator, table)
     static = commands.q - commands.reversal
     return WorkspaceSample(compensator, table, place[kept], q.numpy()[kept], direction[kept], static, commands)
 
@@ -169,8 +169,8 @@ def _tool(sample: WorkspaceSample, q: np.ndarray) -> np.ndarray:
 
 def _asked(sample: WorkspaceSample) -> np.ndarray:
     """Positions that the physics has to reach so that physics and network together reach the targets, (n, 3) mm."""
-    correction, _ = sample.compensator.network_parts(sample.nominal)
-    return sample.targets if correction is None else correction(sample.targets)
+    correction, _ = sample.compensator.network_parts()
+    return sample.targets if correction is None else correction(sample.targets, sample.nominal)
 
 
 def without(compensator: "Compensator", keys: Iterable[str]) -> "Compensator":
@@ -178,19 +178,18 @@ def without(compensator: "Compensator", keys: Iterable[str]) -> "Compensator":
     return replace(compensator, model=reduce(Model.without, keys, compensator.model))
 
 
-def solve(compensator: "Compensator", table: Table, posture: np.ndarray, progress: Progress = unwatched) -> Commands:
+def solve(compensator: "Compensator", table: Table, progress: Progress = unwatched) -> Commands:
     """Commands of targets by physics and network, without a search for the nearest reachable point of unreachable ones.
 
     Args:
         compensator: with or without a network.
-        table: n targets.
-        posture: (n, k) nominal joint commands, for a network over joints.
+        table: n targets, of an arm with nominal joint commands.
         progress: told what is done, how much of how much.
 
     Returns:
         The commands.
     """
-    correction, inside = compensator.network_parts(posture)
+    correction, inside = compensator.network_parts()
     return compensate(
         compensator.model,
         table,

@@ -63,7 +63,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     model = build_graph(without(compensator, cannot), head_lines(compensator, options))
     onnx.checker.check_model(model)
     written = write_all({out: model.SerializeToString()})
-    q = solve(without(sample.compensator, cannot), sample.table, sample.nominal).q
+    q = solve(without(sample.compensator, cannot), sample.table).q
     holds, left_out = holdings(sample, cannot)
     left, network = error_left(sample, q), compensator.network is not None
     return Written(written, holds, left_out, left, useless_note(sample, left, holds), network)

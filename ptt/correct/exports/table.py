@@ -143,7 +143,7 @@ def _finest(low: np.ndarray, high: np.ndarray) -> float:
 
 def _corrections(still: "Compensator", places: np.ndarray, progress: Progress) -> np.ndarray:
     """Corrected command less that of the drawing, (n, 3) mm; NaN where none can be sent."""
-    commands = solve(still, make_table(places), places, progress)  # a network is over places here
+    commands = solve(still, make_table(places), progress)  # a network is over places here
     nominal = build_mechanism(still.model.file.machine).inverse(torch.as_tensor(places)).numpy()
     return np.asarray(np.where(commands.sent[:, None], commands.q - nominal, np.nan))
 

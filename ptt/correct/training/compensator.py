@@ -27,7 +27,7 @@ from ptt.version import __version__
 
 NETWORK = "rbf.safetensors"
 OWN = frozenset({MODEL, NETWORK, f"{NETWORK}.sha256", NOTES})  # older folders have a file with its digest too
-OfPositions = Callable[[np.ndarray], np.ndarray]  # of wanted positions, (n, 3) mm
+OfTargets = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of wanted positions, (n, 3) mm, and joint values, (n, k)
 TRIES = 3  # attempts at reading a folder, which another process may replace meanwhile
 
 
@@ -59,22 +59,17 @@ class Compensator:
         """The network's inputs: tool positions or joint commands."""
         return "joints" if self.notes.get("rbf", {}).get("inputs") == "joints" else "tool"
 
-    def network_parts(self, posture: np.ndarray | None = None) -> tuple[OfPositions | None, OfPositions | None]:
+    def network_parts(self) -> tuple[OfTargets | None, OfTargets | None]:
         """Correction and domain of the network, arguments of `ptt.correct.compensate.compensate`.
 
-        Args:
-            posture: (n, k) rad, nominal joint commands of the rows to be corrected; needed only by a network of joint
-                inputs.
-
         Returns:
-            Wanted position -> position to ask the model for; wanted position -> whether it is in the training domain.
-            None without a network.
+            Wanted position, nominal joint values -> position to ask the model for; the same -> whether it is in the
+            training domain. None without a network.
         """
-        network = self.network
+        network, space = self.network, self.space
         if network is None:
             return None, None
-        at = posture if self.space == "joints" else None
-        return correction_of(network, at), lambda wanted: network.inside(wanted if at is None else at)
+        return correction_of(network, space), lambda wanted, q: network.inside(wanted if space == "tool" else q)
 
     def in_base(self) -> "Compensator":
         """A compensator for targets in the base frame, whatever frame the targets of its runs were stated in."""

@@ -112,18 +112,17 @@ def learn_rest(
     return replace(trained, network=_with_domain_of(trained.network, rest.places))
 
 
-def correction_of(network: GaussianRbf, posture: np.ndarray | None = None) -> Callable[[np.ndarray], np.ndarray]:
-    """Wanted position -> position to ask the model for.
+def correction_of(network: GaussianRbf, space: Space = "tool") -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """Wanted position and nominal joint values -> position to ask the model for.
 
     Args:
         network: trained on the rest.
-        posture: (n, k) rad, nominal joint commands of the rows that will be asked for, where the network was trained on
-            joints; None where it was trained on tool positions.
+        space: what its inputs are.
 
     Returns:
-        N(p) = p + step(p), p unchanged outside the training domain.
+        N(p) = p + step(p), or step(q) for joint inputs; p unchanged outside the training domain.
     """
-    return lambda wanted: wanted + step_of(network, wanted if posture is None else posture)
+    return lambda wanted, joints: wanted + step_of(network, wanted if space == "tool" else joints)
 
 
 def step_of(network: GaussianRbf, place: np.ndarray) -> np.ndarray:

@@ -59,7 +59,7 @@ def write(compensator: "Compensator", out: Path, options: Options) -> Written:
     cannot = source.parts.cannot
     holds, left_out = holdings(sample, cannot)
     held = without(sample.compensator, cannot)
-    left = error_left(sample, sample.commands.q if not cannot else solve(held, sample.table, sample.nominal).q)
+    left = error_left(sample, sample.commands.q if not cannot else solve(held, sample.table).q)
     network = compensator.network is not None
     head += [f"holds {said_held(holds, [item.effect for item in left_out], left, network=network)}"]
     head += [f"cannot hold {item.effect}" for item in left_out]
@@ -86,7 +86,7 @@ def _selftest(file: MachineFile, held: "Compensator", sample: WorkspaceSample, h
         Text of the program.
     """
     path = _path(held, sample)
-    q = solve(held, path, np.asarray(sample.nominal[: path.rows] if path.command is None else path.command)).q
+    q = solve(held, path).q
     (frame,) = target_frames(file, make_table(path.target))
     arm = path.command is not None
     tables = table("nominal", path.command) if arm else table("target", frame.as_stated(path.target))
@@ -116,7 +116,7 @@ def _path(held: "Compensator", sample: WorkspaceSample) -> Table:
     arm = file.machine.kind == "serial"
     context = {"payload_kg": LOAD, "temp_c": file.machine.reference_temp_c + WARM}
     path = make_table(place, command=joints if arm else None, joint_prefix="q" if arm else "b", **context)
-    sent = solve(held, path, joints).sent
+    sent = solve(held, path).sent
     return take_rows(path, np.flatnonzero(sent))
 
 
@@ -140,9 +140,9 @@ def tool_place(held: "Compensator", q: np.ndarray, like: Table) -> np.ndarray:
     for _ in range(ROUNDS if held.network is not None else 0):
         if held.space == "joints":
             posture = build_mechanism(model.file.machine).inverse(torch.as_tensor(place), None, torch.as_tensor(q))
-        correction, _ = held.network_parts(posture.numpy())
+        correction, _ = held.network_parts()
         assert correction is not None
-        place = physics - (correction(place) - place)
+        place = physics - (correction(place, posture.numpy()) - place)
     return np.asarray(place)
 
 
