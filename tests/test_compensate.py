@@ -186,7 +186,23 @@ def test_a_correction_beyond_the_limit_is_not_sent():
     np.testing.assert_array_equal(commands.status, np.where(large, "too large", "ok"))
     assert np.isnan(commands.q[large]).all() and np.isfinite(commands.q[~large]).all()
     np.testing.assert_allclose(commands.shift[large], 2.0 * TARGETS.target[large, 0], rtol=1e-9)
-    assert (commands.nearest_gap[large] < 1.0).all()  # by the physics alone
+    apart = np.linalg.norm(TARGETS.target[large][:, None] - TARGETS.target[~large], axis=-1).min(axis=1)
+    assert (commands.nearest_gap[large] <= apart + 1e-9).all()  # on the line to them it is too large as well
+
+
+@pytest.mark.parametrize(
+    "step", [lambda joints: np.array([0.2, 0.1, -0.3]), lambda joints: 1e-3 * joints], ids=["of the tool", "of joints"]
+)
+def test_the_nearest_command_has_the_networks_correction_too(step):
+    targets, bad = mixed()
+    commands = compensate(STEADY, targets, correction=lambda wanted, joints: wanted + step(joints))
+    np.testing.assert_array_equal(commands.sent, ~bad)
+    landed = landing(STEADY, make_table(targets.target[bad]), commands.nearest[bad])
+    place, mechanism = landed, build_mechanism(FILE.machine)
+    for _ in range(10):  # the place whose correction lands there
+        place = landed - step(mechanism.inverse(torch.as_tensor(place)).numpy())
+    gap = np.linalg.norm(place - targets.target[bad], axis=1)
+    np.testing.assert_allclose(commands.nearest_gap[bad], gap, rtol=0.0, atol=1e-6)
 
 
 def test_the_limit_counts_physics_and_network_together():

@@ -230,5 +230,5 @@ def prepare(
     ways = plan.steady, plan.reversing
     return CommandTask(
         plan.model, targets, mechanism, *ways, place, asked, in_domain, nominal, start, plan.limit, time, contexts,
-        clock=clock,
+        clock=clock, correction=correction,
     )  # fmt: skip

@@ -128,8 +128,9 @@ def _nearest(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.
     lines, table = find_lines(task.mechanism, goal, nearest), take_rows(task.targets, rows)
     for spare in SPARES:
         place, start = lines.last_positions(spare)
+        asked = place if task.correction is None else torch.as_tensor(task.correction(place.numpy(), start.numpy()))
         part = replace(
-            task, targets=table, wanted=place, asked=place, nominal=start, start=start, reversing=(), clock=None,
+            task, targets=table, wanted=place, asked=asked, nominal=start, start=start, reversing=(), clock=None,
             time=task.time[rows],
         )  # fmt: skip
         found = settle(part)

@@ -47,6 +47,7 @@ class CommandTask:
         clock: the targets with time and feed, from which speeds follow; None where no effect depends on speed.
         pace: of the travel; None until it is known which rows are sent.
         velocity: of the joints, (n, k) mm/s or rad/s, where it no longer depends on the commands.
+        correction: of the network, for positions that are no targets; None without one.
     """
 
     model: Model
@@ -66,6 +67,7 @@ class CommandTask:
     clock: Table | None = None
     pace: Pace | None = None
     velocity: Tensor | None = None
+    correction: Correction | None = None
 
     @property
     def given(self) -> int:
