@@ -1,6 +1,7 @@
 """What a set-up did in one run is that run's; what happened to the machine stays with the machine."""
 
 import json
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,9 +11,10 @@ import pytest
 import torch
 from command_line import invoke
 
+import ptt
 from ptt.correct.compensate import compensate
 from ptt.effects import library
-from ptt.effects.dated import RunPlace, at_place
+from ptt.effects.dated import RunPlace, at_place, unplaced
 from ptt.machine import load_machine, save_machine
 from ptt.machine_schema import TrackerSpec
 from ptt.model.entries import read_model
@@ -123,6 +125,32 @@ def test_between_two_runs_a_slip_lasts_and_a_knock_is_of_its_own_run(name, share
     effect = at_place(library()[name](), RunPlace((1,), begun, 20.0))
     moved = effect.basis(view, {"after": torch.tensor([9.0], dtype=torch.float64)}).abs().sum(dim=(1, 2)) > 0.0
     assert [float(moved[20 * run : 20 * run + 20].double().mean()) for run in range(3)] == share
+
+
+@pytest.mark.parametrize("name", ["homing-slip", "setup-jump"])
+def test_a_place_is_replaced_by_another(name):
+    table = make_table(np.zeros((40, 3)), run=np.repeat([0, 1], 20), time_s=np.tile(np.arange(20.0), 2))
+    view, shape = build_view(FILE, table), {"after": torch.tensor([9.0], dtype=torch.float64)}
+    bare, begun = library()[name](), RunPlace((1,), 500.0, 20.0)
+    for place in (RunPlace(()), begun):
+        twice = pickle.loads(pickle.dumps(at_place(at_place(bare, begun), place)))
+        torch.testing.assert_close(twice.basis(view, shape), at_place(bare, place).basis(view, shape))
+        assert unplaced(twice) is type(bare)
+
+
+def test_what_was_trained_beside_another_run_is_what_its_folder_holds(tmp_path):
+    """The slip is of run b; a and b together train, and targets come after both."""
+    save_machine(FILE, tmp_path / "m.toml")
+    slip = {"slip_row": 70, "slip_mm": [0.0, 0.12, 0.0]}
+    write_run(run_of(11), tmp_path / "a.csv")
+    write_run(run_of(12, drive=slip), tmp_path / "b.csv")
+    model = ptt.load(tmp_path / "m.toml")
+    model = ptt.add(model, ptt.read(tmp_path / "b.csv", model), "homing-slip").model
+    trained = ptt.train(model, ptt.read(tmp_path / "a.csv", model, also=[tmp_path / "b.csv"]), anyway=True)
+    trained.save(tmp_path / "c")
+    targets = np.array([[0.0, 0.0, 0.0], [10.0, 20.0, 5.0]])
+    kept = ptt.predict(ptt.load(tmp_path / "c"), targets, anyway=True)
+    np.testing.assert_allclose(ptt.predict(trained, targets, anyway=True).b, kept.b, rtol=0.0, atol=1e-9)
 
 
 def test_a_slider_that_slipped_stays_where_it_slipped_to(tmp_path):

@@ -42,6 +42,16 @@ def is_dated(effect: Effect) -> bool:
     return effect.of_run or isinstance(effect, Sudden)
 
 
+def unplaced(effect: Kind) -> type[Kind]:
+    """Class of an effect without the place that `at_place` has given it.
+
+    Args:
+        effect: with or without one.
+    """
+    own: type[Kind] = getattr(type(effect), "_unplaced", type(effect))
+    return own
+
+
 def at_place(effect: Kind, place: RunPlace) -> Kind:
     """The same effect for a table in which its run is one of several, or is not there.
 
@@ -50,14 +60,17 @@ def at_place(effect: Kind, place: RunPlace) -> Kind:
     to lie in the past.
 
     Args:
-        effect: it belongs to one run.
+        effect: it belongs to one run; a place that it has already is replaced.
         place: where that run lies.
 
     Returns:
         An effect of a subclass made here, with the same parameters.
     """
-    own = type(effect)
+    own = unplaced(effect)
+    values = {each.name: getattr(effect, each.name) for each in fields(effect)}
+    effect = own(**values)
     parts: dict[str, Any] = {
+        "_unplaced": own,
         "basis": lambda self, view, shape: _basis(own, self, view, shape, place),
         "__reduce__": lambda self: (at_place, (effect, place)),
     }
@@ -72,7 +85,7 @@ def at_place(effect: Kind, place: RunPlace) -> Kind:
     if not place.runs:
         parts["needs"] = lambda self, view: "the run that it was found on"
     made = type(own.__name__, (own,), parts)
-    return made(**{each.name: getattr(effect, each.name) for each in fields(effect)})
+    return made(**values)
 
 
 def _basis(own: type[Effect], effect: Effect, view: View, shape: Mapping[str, Tensor], place: RunPlace) -> Tensor:

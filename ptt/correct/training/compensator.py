@@ -15,6 +15,7 @@ from ptt.correct.training.rest import Space, correction_of
 from ptt.correct.training.train import Training
 from ptt.documents import format_json
 from ptt.effects import Library
+from ptt.effects.dated import unplaced
 from ptt.errors import InputError
 from ptt.files import sha256, write_text
 from ptt.fitting.kept import keep_covariance
@@ -135,9 +136,8 @@ def compensator_of(training: Training, inputs: Sequence[str]) -> Compensator:
     fitted = training.physics.fitted
     covariance = None if fitted is None else keep_covariance(fitted, 1e-3 * training.heldout_um["physics"]["total"])
     written = write_model(training.physics.model, [sha256(name) for name in inputs])
-    known = {
-        term.effect.name: type(term.effect) for term in (*training.physics.model.terms, *training.physics.model.aside)
-    }
+    terms = (*training.physics.model.terms, *training.physics.model.aside)
+    known = {term.effect.name: unplaced(term.effect) for term in terms}
     file = parse_machine(format_machine(replace(written, covariance=covariance)), written.source)
     model = read_model(file, known, checked=True)
     return Compensator(model, training.rbf.network, _notes(training, inputs))
