@@ -237,6 +237,16 @@ def test_an_arm_whose_joints_state_no_limits_goes_as_far_as_its_targets_ask():
     np.testing.assert_allclose(sent.q, q, atol=1e-6)
 
 
+def test_a_place_just_beyond_an_arms_reach_is_sent_where_the_network_asks_for_less():
+    file = parse_machine(
+        '[machine]\nkind = "serial"\nname = "two links"\nconvention = "standard"\ntool_mm = [0, 0, 0]\n'
+        "joint = [{a_mm = 300}, {a_mm = 200}, {a_mm = 100}]\n"
+    )
+    far = make_table(np.array([[600.5, 0.0, 0.0], [605.0, 0.0, 0.0]]))
+    sent = compensate(Model(file), far, correction=lambda wanted, _: wanted - [2.0, 0.0, 0.0])
+    assert sent.status.tolist() == ["ok", "out of reach"]
+
+
 def test_a_list_that_cannot_be_sent_at_all_comes_back_with_its_status():
     commands = compensate(PLAY, make_table(np.full((5, 3), 900.0) + np.arange(5)[:, None]))
     assert commands.counts["out of reach"] == 5 and np.isnan(commands.q).all()

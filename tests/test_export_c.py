@@ -18,6 +18,7 @@ from ptt.correct.exports.c.write import write
 from ptt.correct.exports.format import Options
 from ptt.correct.training.compensator import Compensator
 from ptt.effects import library
+from ptt.effects.bench import sample_machine
 from ptt.effects.registry import make_effect
 from ptt.machine import MachineFile, load_machine
 from ptt.machine_schema import ControllerSpec, TargetsSpec
@@ -104,6 +105,17 @@ def test_the_network_and_its_domain(bench: MachineFile, tmp_path: Path) -> None:
     other = Built(still, tmp_path / "still")
     _, q = other.commands(targets[:100], Context(1.3, 26.0, 0.0, 0.0))
     np.testing.assert_allclose(other.forward(q, Context(1.3, 26.0, 0.0, 0.0)), targets[:100], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("joints", [4, 6])
+def test_an_arm_beside_a_network_keeps_the_posture_of_its_places(joints: int, tmp_path: Path) -> None:
+    """A search of its own for what the network asks for would end elsewhere on the arm's self-motion."""
+    file = sample_machine("serial", joints)
+    middle, half = np.array([0.3, 0.9, -1.2, 0.2, 0.2, 0.2]), np.array([0.5, 0.3, 0.4, 0.5, 0.5, 0.5])
+    q = middle[:joints] + half[:joints] * np.random.default_rng(0).uniform(-1.0, 1.0, (100, joints))
+    places = build_mechanism(file.machine).forward(torch.tensor(q)).numpy()
+    _, found, _ = check(Compensator(Model(file), network_over(places, 3), {}), places[:40], tmp_path)
+    assert found.in_domain.mean() > 0.8 and found.sent.mean() > 0.8
 
 
 @pytest.mark.parametrize("centres", [1, 6, 60])

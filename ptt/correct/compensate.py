@@ -16,7 +16,7 @@ from ptt.correct.settle import first_order, nearest_commands
 from ptt.correct.task import CommandTask, Correction
 from ptt.correct.terms import Reversal, split_terms
 from ptt.errors import TableError
-from ptt.mechanisms import build_mechanism
+from ptt.mechanisms import Mechanism, build_mechanism
 from ptt.model.chain import EffectTerms
 from ptt.model.model import Model
 from ptt.progress import Progress, unwatched
@@ -186,6 +186,17 @@ def _posture(model: Model, targets: Table) -> Tensor | None:
     return torch.as_tensor(np.array(targets.command, dtype=float))
 
 
+def _start(mechanism: Mechanism, asked: Tensor, nominal: Tensor, near: Tensor | None) -> Tensor:
+    """Joint values that reach what is asked in the posture of the target, else those of the target, (n, k).
+
+    An arm with joints to spare reaches it in many postures: another than that of `nominal` would be sent unjudged.
+    """
+    start, lost = mechanism.inverse(asked, None, nominal if near is None else near), ~torch.isfinite(nominal).all(dim=1)
+    if near is None and lost.any():
+        start[lost] = mechanism.inverse(asked[lost])
+    return torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
+
+
 def prepare(
     plan: InversionPlan,
     targets: Table,
@@ -221,8 +232,7 @@ def prepare(
     joints = (nominal if near is None else near).numpy()
     asked = place if correction is None else torch.as_tensor(correction(wanted, joints))
     in_domain = np.ones(len(wanted), dtype=bool) if inside is None else inside(wanted, joints)
-    start = nominal if correction is None else mechanism.inverse(asked, None, near)
-    start = torch.where(torch.isfinite(start).all(dim=1)[:, None], start, nominal)
+    start = nominal if correction is None else _start(mechanism, asked, nominal, near)
     time = elapsed(targets) if time is None else time
     contexts = contexts_of(targets, wanted, time.numpy(), by_feed=by_feed)
     clock = targets if plan.follows_speed else None
