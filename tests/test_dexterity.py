@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
@@ -16,6 +17,7 @@ from torch.testing import assert_close
 
 from ptt.commands.main import run
 from ptt.machine import load_machine
+from ptt.mechanisms import dexterity_report
 from ptt.mechanisms.dexterity import (
     condition_number,
     determinant,
@@ -275,6 +277,25 @@ def test_equal_radii_are_told_as_the_singularity_that_they_are(tmp_path, capsys)
     assert run(["dexterity", str(path), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)["home"]
     assert said["condition"] is None and said["status"] == "near singular"
+
+
+@pytest.mark.parametrize("lean", [0.0, 30.0, 80.0])
+@pytest.mark.parametrize("travel", [(150.0, 420.0), (280.0, 300.0)])
+def test_the_poses_looked_at_are_all_over_what_the_travel_reaches(lean, travel, monkeypatch):
+    """Upright rails lift the tool further than a slider travels, and leaning ones carry it across."""
+    maps = []
+    monkeypatch.setattr(dexterity_report, "workspace_map", lambda *given: maps.append(given) or workspace_map(*given))
+    drawn = drawing(slider_lean_deg=(lean,) * 3, slider_travel_mm=travel)
+    told = describe_dexterity(replace(load_machine(DATA / "machine.toml"), machine=drawn))["workspace"]
+    ((mechanism, *axes),) = maps
+    low, high = mechanism.limits()
+    share = torch.rand(2000, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
+    place = mechanism.forward(low + share * (high - low))
+    least, most = (torch.stack([axis[end] for axis in axes]) for end in (0, -1))
+    room = 0.03 * (most - least)
+    assert bool(((place > least - room) & (place < most + room)).all())
+    assert bool((most - least < 2.0 * (place.amax(dim=0) - place.amin(dim=0))).all())
+    assert told["poses"] > 300
 
 
 @pytest.mark.parametrize(

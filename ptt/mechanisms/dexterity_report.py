@@ -16,6 +16,7 @@ from ptt.mechanisms.workspace import NEAR_SINGULAR, OK, reach, workspace_map
 
 GRID = 41  # points along x and along y
 HEIGHTS = 9  # points along z
+PLACES = 13  # of each slider, all combinations, to find how far these points have to go
 MARGINS = ("inverse_mm", "edge_mm", "inverse", "direct", "constraint")
 
 
@@ -35,7 +36,7 @@ def describe_dexterity(
     mechanism = build_mechanism(file.machine)
     if isinstance(mechanism, ThreePtt):
         centre = torch.zeros(1, 3, dtype=torch.float64)
-        home, workspace = _at(mechanism, centre, mechanism.inverse(centre)), _over_workspace(mechanism, file)
+        home, workspace = _at(mechanism, centre, mechanism.inverse(centre)), _over_workspace(mechanism)
     else:
         assert isinstance(mechanism, Serial)
         home, workspace = _arm_at_middle(mechanism), _arm_workspace(mechanism)
@@ -77,15 +78,12 @@ def _at(mechanism: Mechanism, p: Tensor, q: Tensor) -> list[dict[str, Any]]:
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
-def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
+def _over_workspace(mechanism: ThreePtt) -> dict[str, Any]:
     """Range of the condition number over a grid of the positions that the sliders' travel reaches."""
-    spec = file.machine
-    assert spec.kind == "three-ptt"
-    half = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)
-    home = float(mechanism.home().mean())
-    low, high = (end - home for end in spec.common_travel)
-    across = torch.linspace(-half, half, GRID, dtype=torch.float64)
-    heights = torch.linspace(low, high, HEIGHTS, dtype=torch.float64)
+    least, most = _reached_box(mechanism)
+    half = float(torch.maximum(-least, most)[:2].max())
+    across = torch.linspace(-half, half, GRID, dtype=torch.float64)  # with the middle, where the condition is best
+    heights = torch.linspace(float(least[2]), float(most[2]), HEIGHTS, dtype=torch.float64)
     found = workspace_map(mechanism, across, across, heights)
     inside = ~torch.isnan(found.condition) & (found.travel_margin >= 0.0)
     values = found.condition[inside]
@@ -98,6 +96,20 @@ def _over_workspace(mechanism: ThreePtt, file: MachineFile) -> dict[str, Any]:
         "condition": {"least": float(values.min()), "median": float(values.median()), "largest": float(values.max())},
         "near_singular_share": float(near.mean()),
     }
+
+
+def _reached_box(mechanism: ThreePtt) -> tuple[Tensor, Tensor]:
+    """Lowest and highest x, y, z that the sliders' travel reaches, (3,) mm each."""
+    low, high = mechanism.limits()
+    share = torch.linspace(0.0, 1.0, PLACES, dtype=torch.float64)
+    place = mechanism.forward(low + torch.cartesian_prod(*[share] * len(low)) * (high - low))
+    place = place[torch.isfinite(place).all(dim=1)]
+    if len(place):
+        return place.amin(dim=0), place.amax(dim=0)
+    # Equal radii leave every pose to the inverse alone: no position is farther than a link from a rail's travel.
+    ends = mechanism.foot + torch.stack((low, high))[..., None] * mechanism.rail  # shape: (ends, legs, xyz)
+    link = mechanism.link[:, None]
+    return (ends.amin(0) - link).amax(0), (ends.amax(0) + link).amin(0)
 
 
 def _arm_at_middle(arm: Serial) -> list[dict[str, Any]]:
