@@ -27,6 +27,7 @@ from ptt.mechanisms.dexterity import (
     singularities,
 )
 from ptt.mechanisms.dexterity_report import describe_dexterity
+from ptt.mechanisms.least_move import least_move
 from ptt.mechanisms.statics import GRAVITY, link_forces, weight
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
@@ -181,6 +182,15 @@ def test_a_singular_pose_has_no_finite_condition():
     assert condition_number(flat[None]).tolist() == [math.inf]
     assert condition_number(torch.diag(tensor([1.0, 1.0, 1e-12])[0])[None]).item() == pytest.approx(1e12)
     assert bool(torch.isnan(condition_number(math.nan * flat[None])).all())
+
+
+@pytest.mark.parametrize("joints", [2, 3, 4])
+def test_a_singular_pose_has_no_least_move_and_the_others_theirs(joints):
+    whole, flat = torch.eye(3, joints, dtype=torch.float64), torch.ones(3, joints, dtype=torch.float64)
+    wanted = tensor([1.0, 2.0, 3.0]).expand(3, 3)
+    move = least_move(torch.stack((whole, flat, math.nan * whole)), wanted, min(joints, 3))
+    assert move[0].tolist() == [1.0, 2.0, 3.0, 0.0][:joints]
+    assert bool(torch.isnan(move[1:]).all())
 
 
 def test_singular_values_keep_nan_in_its_own_row():

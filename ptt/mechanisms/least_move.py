@@ -27,8 +27,14 @@ def least_move(jacobian: Tensor, step: Tensor, rank: int) -> Tensor:
         move[known] = (right[..., :rank, :].mT @ along[..., None])[..., 0]
         return move
     if jacobian.shape[-1] == step.shape[-1]:
-        return torch.linalg.solve_ex(jacobian, step[..., None])[0][..., 0]
+        return _solved(jacobian, step)
     transposed = jacobian.mT
     if jacobian.shape[-1] > step.shape[-1]:
-        return (transposed @ torch.linalg.solve_ex(jacobian @ transposed, step[..., None])[0])[..., 0]
-    return torch.linalg.solve_ex(transposed @ jacobian, transposed @ step[..., None])[0][..., 0]
+        return (transposed @ _solved(jacobian @ transposed, step)[..., None])[..., 0]
+    return _solved(transposed @ jacobian, (transposed @ step[..., None])[..., 0])
+
+
+def _solved(matrix: Tensor, right: Tensor) -> Tensor:
+    """Solutions (n, m) of square systems (n, m, m), NaN where the matrix is singular."""
+    found, failed = torch.linalg.solve_ex(matrix, right[..., None])
+    return torch.where(failed[..., None] == 0, found[..., 0], torch.nan)
