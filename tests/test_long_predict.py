@@ -177,6 +177,20 @@ def test_what_is_handed_on_matters(bench: MachineFile, monkeypatch: pytest.Monke
     assert np.nanmax(np.abs(compensate(model_of(bench), targets).q - whole)) > 0.01
 
 
+@pytest.mark.parametrize("runs", [1, 2])
+def test_blocks_remember_that_nobody_said_from_where_the_first_row_was_reached(bench, monkeypatch, runs: int) -> None:
+    """By steps of micrometres a drive takes hundreds of rows to wind up."""
+    place = np.arange(240)[:, None] * np.array([0.002, 0.0, 0.004])
+    targets = make_table(place, run=np.arange(240) * runs // 240)
+    twist = Term(Windup(), torch.tensor([0.02, 0.02, 0.02, 2.0, 2.0, 2.0], dtype=torch.float64))
+    whole = compensate(Model(bench) + twist, targets, nearest=False)
+    assert (whole.approach[1:120] > 0.01).all() and (whole.approach[120] == 0.0) == (runs == 2)
+    in_blocks(monkeypatch, 50)
+    parts = compensate(Model(bench) + twist, targets, nearest=False)
+    np.testing.assert_allclose(parts.approach, whole.approach, rtol=0.0, atol=1e-9)
+    assert (parts.status == whole.status).all()
+
+
 def test_files_are_read_and_written_in_parts_as_in_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = read_table(DATA / "sealed_one" / "run.csv")
     table = table.replace(name=np.array([f'p "{row}", #' if row % 3 else "" for row in range(table.rows)]))

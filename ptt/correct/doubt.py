@@ -86,23 +86,48 @@ def approach_doubt(task: CommandTask, terms: EffectTerms, q: Tensor) -> np.ndarr
     """
     drives = [(effect, theta) for effect, theta in terms if effect.stage == "drive" and len(theta)]
     known, view = [(effect, theta) for effect, theta in drives if effect.reverses], task.view_of(q)
-    stated = task.targets.direction
-    untold = torch.ones_like(q, dtype=torch.bool) if stated is None else torch.as_tensor(~(np.abs(stated) > 0.0))
-    moved = (q.diff(dim=0, prepend=q[:1]).abs() > STANDSTILL) & ~view.starts[:, None]
-    run = torch.cumsum(view.starts, dim=0) - int(view.starts[0])  # of each row, as the list has them
-    moving = torch.zeros(int(run.max()) + 1, view.joints, dtype=torch.int64).index_add(0, run, moved.long())[run] > 0
-    turned = view.starts[:, None] & untold & moving
-    past = _past_doubt(known, view, ~untold)
-    if not known or not turned.any():
+    past, other = _past_doubt(known, view, ~_untold(task, q)), from_other_side(task, view)
+    if not known or other is None:
         return past
-    other = replace(view, direction=torch.where(turned, -view.direction, view.direction))
     apart = torch.stack([effect.shift(theta, view) - effect.shift(theta, other) for effect, theta in known]).sum(dim=0)
     each = view.jacobian * apart[:, None, :]  # shape: (n, 3, k)
     # Each joint may have come from the other side independently: second moment of a sum of k independent coin tosses.
     off = (CHANCE**2 * each.sum(dim=2).square() + CHANCE * (1.0 - CHANCE) * each.square().sum(dim=2)).sum(dim=1).sqrt()
-    ever = moved.any(dim=1).cumsum(dim=0)
+    ever = _moved(view).any(dim=1).cumsum(dim=0)
     stands = ever == torch.where(view.starts, ever, torch.zeros_like(ever)).cummax(dim=0).values  # where the run began
+    stands &= view.starts.cumsum(dim=0) > 0
     return np.hypot(torch.where(stands, torch.zeros_like(off), off).numpy(), past)
+
+
+def from_other_side(task: CommandTask, view: View) -> View | None:
+    """The travel with joints that came to the first row of a run from the other side, where the targets do not say it.
+
+    Args:
+        task: the targets.
+        view: the travel of their commands.
+
+    Returns:
+        The view; None where no joint may have come from there, or none of the rows remembers that it did.
+    """
+    moved, run = _moved(view), torch.cumsum(view.starts, dim=0) - int(view.starts[0])  # of each row, as the list has it
+    moving = torch.zeros(int(run.max()) + 1, view.joints, dtype=torch.int64).index_add(0, run, moved.long())[run] > 0
+    turned = view.starts[:, None] & _untold(task, view.q) & moving
+    before = None if task.handover is None else task.handover.other_side
+    if before is None and not turned.any():
+        return None
+    entries = view.entries if before is None else (replace(before, row=0),)
+    return replace(view, direction=torch.where(turned, -view.direction, view.direction), entries=entries)
+
+
+def _untold(task: CommandTask, q: Tensor) -> Tensor:
+    """Arrivals of commands q (n, k) whose direction the targets do not state, (n, k) bool."""
+    stated = task.targets.direction
+    return torch.ones_like(q, dtype=torch.bool) if stated is None else torch.as_tensor(~(np.abs(stated) > 0.0))
+
+
+def _moved(view: View) -> Tensor:
+    """Which joints have moved since the row before in the same run, (n, k) bool."""
+    return (view.q.diff(dim=0, prepend=view.q[:1]).abs() > STANDSTILL) & ~view.starts[:, None]
 
 
 def _past_doubt(known: EffectTerms, view: View, told: Tensor) -> np.ndarray:

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from ptt.correct.commands import TOO_LARGE, sent_rows
+from ptt.correct.doubt import from_other_side
 from ptt.correct.lead import Lead, lead_of
 from ptt.correct.nearest import Nearest, find_lines
 from ptt.correct.newton import MISSED, gaps_of, invert, invert_together, open_gaps
@@ -99,7 +100,9 @@ def hand_on(task: CommandTask, solved: Solved, rows: int, beside: int) -> Handov
     turned = view.turning_point[first] - view.q[first]
     travel = TravelBefore(enter(view, [first])[0], view.direction[first], turned)
     sent = solved.reached & torch.isfinite(solved.missed).all(dim=1).numpy()
-    return Handover(travel, solved.height[first:rows], solved.q[first:rows], task.positions(sent)[first:rows])
+    other = from_other_side(task, view) if task.reversing else None
+    side = None if other is None else enter(other, [first])[0]
+    return Handover(travel, solved.height[first:rows], solved.q[first:rows], task.positions(sent)[first:rows], side)
 
 
 def nearest_commands(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ from ptt.run.beside import rows_beside
 from ptt.run.pace import SMOOTH, Pace, line_ends, pace_of, runs_straight
 from ptt.run.table import Table
 from ptt.run.travel import run_starts
+from ptt.run.turns import Entry
 from ptt.run.view import View
 from ptt.run.viewing import build_view
 
@@ -138,12 +139,15 @@ class Handover:
         height: commands of the rows without reversal compensation, (m, k).
         q: commands with it, (m, k).
         place: their targets, (m, 3) mm; of rows that are not sent, that of the row before.
+        other_side: what the joints remember on arrival at the first of them if they came to that of the run from the
+            other side; None where the targets say from which side, or nothing depends on it.
     """
 
     travel: TravelBefore
     height: Tensor
     q: Tensor
     place: Tensor
+    other_side: Entry | None = None
 
 
 def rows_of(handover: Handover | None) -> int:
