@@ -79,6 +79,7 @@ def add(
     from ptt.files import sha256
     from ptt.fleet.called import machine_called
     from ptt.fleet.store import add_machine, add_run, drawing_of, is_there, open_store, read_date
+    from ptt.run.conditions import settle_conditions
 
     opened, when, files = open_store(store), None if date is None else read_date(date), _files(effects)
     if model is None:
@@ -92,6 +93,8 @@ def add(
     for path in run:
         try:
             table = read_rows(path, file, reading, checked=True)
+            for line in settle_conditions(table)[1]:  # done anew whenever the run is worked on
+                note(line)
             is_there(opened, machine, sha256(path), path)
             add_machine(opened, machine, model)  # only with its first run: a machine without runs is no use
             added.append(add_run(opened, machine, path, table, when, ordered=ordered, units_said=reading.states_units))

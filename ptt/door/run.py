@@ -11,8 +11,8 @@ from ptt.door.options import ReadOptions
 from ptt.door.reading import ask_once, beyond_travel, read_rows
 from ptt.door.result import Note, ignore_note
 from ptt.notebook import InNotebook
-from ptt.run.blanks import fill_between, fill_blanks
-from ptt.run.display import between_steps
+from ptt.run.blanks import fill_between
+from ptt.run.conditions import settle_conditions
 from ptt.run.readers import Ask
 from ptt.run.readers.order import OrderError
 from ptt.run.table import Table
@@ -141,9 +141,8 @@ def read_path(
         table = read_rows(path, model.file, reading, checked=True, ordered=False, ask=ask, note=note)
         if not any(found.sure for found in find_disorder(Setup(model.file, table))[0]):
             raise
-    table, blanks = fill_blanks(table)
-    table, steps = between_steps(table)
-    lines = (*blanks, *steps, *beyond_travel(model.file, table))
+    table, settled = settle_conditions(table)
+    lines = (*settled, *beyond_travel(model.file, table))
     for line in lines:
         note(line)
     files = (Path(path), *map(Path, reading.also or ()))

@@ -10,6 +10,7 @@ from ptt.machine import parse_machine
 from ptt.model.entries import read_model
 from ptt.model.model import Model
 from ptt.model.of_run import for_runs
+from ptt.run.conditions import settle_conditions
 from ptt.run.from_columns import columns_to_table
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table
@@ -32,8 +33,8 @@ class Opened:
 
 
 def read_task(task: Task) -> tuple[Table, Check]:
-    """The table of a run, and the check of its set-up."""
-    table = columns_to_table(task.columns, task.file, task.run)
+    """The table of a run as `ptt.read` has it, and the check of its set-up; the store keeps what was read."""
+    table, _ = settle_conditions(columns_to_table(task.columns, task.file, task.run))
     file = parse_machine(task.drawing, task.machine)
     return table, check_setup(file, table, ordered=task.ordered, units_said=task.units_said)
 
