@@ -8,14 +8,16 @@ import numpy as np
 
 from ptt.errors import InputError
 from ptt.fleet.database import duckdb, in_memory
+from ptt.run.from_columns import EXTRA
 from ptt.run.table import Table
 from ptt.run.written import table_to_frame
 
 OWN = ("machine", "run_sha256", "line")  # columns that the file has beside those of a tracker CSV
+TEXTS = ("name", "role", "run", *OWN)  # of all columns of its own
 
 
 def write_readings(table: Table, machine: str, run: str, path: Path) -> None:
-    """Write a table as Parquet, whole or not at all: the columns of a tracker CSV, and those of `OWN`.
+    """Write a table as Parquet, whole or not at all: the columns of a tracker CSV, those of `OWN`, and the user's own.
 
     Args:
         table: one run.
@@ -23,8 +25,8 @@ def write_readings(table: Table, machine: str, run: str, path: Path) -> None:
         run: SHA-256 of the run's file.
         path: file to write.
     """
-    frame = table_to_frame(table).drop(columns=[title for title in table.extra if title in OWN])
-    frame = frame.assign(line=table.line)
+    extra = {EXTRA + title: values for title, values in table.extra.items()}
+    frame = table_to_frame(table.replace(extra={})).assign(line=table.line, **extra)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
     with in_memory() as connection:
@@ -42,7 +44,7 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
         path: Parquet file of `write_readings`.
 
     Returns:
-        Title -> values, without 'machine' and 'run_sha256'.
+        Title -> values, without 'machine' and 'run_sha256'; the user's own have `EXTRA` before their titles.
 
     Raises:
         InputError: it is gone or damaged.
@@ -54,7 +56,13 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
         except package.Error as error:
             what = "readings of the store are damaged" if path.exists() else "readings of the store are missing"
             raise InputError(what, where=str(path), fix="put the file back from a copy of the store") from error
-    return {name: each for name, each in plain_columns(columns).items() if name not in ("machine", "run_sha256")}
+    plain = {name: each for name, each in plain_columns(columns).items() if name not in ("machine", "run_sha256")}
+    return {EXTRA + name if _is_unmarked(name, each) else name: each for name, each in plain.items()}
+
+
+def _is_unmarked(name: str, values: np.ndarray) -> bool:
+    """Whether a column is the user's own in a file of an earlier program, which did not mark it: it is kept as text."""
+    return values.dtype.kind == "U" and name not in TEXTS and not name.startswith(EXTRA)
 
 
 def plain_columns(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:

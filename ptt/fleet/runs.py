@@ -34,8 +34,9 @@ class Opened:
 
 def read_task(task: Task) -> tuple[Table, Check]:
     """The table of a run as `ptt.read` has it, and the check of its set-up; the store keeps what was read."""
-    table, _ = settle_conditions(columns_to_table(task.columns, task.file, task.run))
     file = parse_machine(task.drawing, task.machine)
+    read = columns_to_table(task.columns, task.file, task.run, file.machine.letter, file.machine.joints)
+    table, _ = settle_conditions(read)
     return table, check_setup(file, table, ordered=task.ordered, units_said=task.units_said)
 
 
