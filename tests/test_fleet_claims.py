@@ -50,12 +50,21 @@ def test_a_run_interrupted_goes_on_where_it_was(tmp_path):
     assert len(set(seen)) == 4
 
 
-def test_readings_that_are_gone_are_named_with_the_way_out(tmp_path):
-    store = fill(tmp_path / "s", 1, 1)
-    for path in (store.folder / "readings").glob("*.parquet"):
-        path.unlink()
-    with pytest.raises(InputError, match="readings of the store are missing; put the file back"):
-        run_all(store)
+@pytest.mark.parametrize("damage", ["gone", "cut"])
+def test_readings_that_are_gone_or_damaged_fail_their_run_and_the_others_go_on(tmp_path, damage):
+    store = fill(tmp_path / "s", 2, 2)
+    (lost,) = store.ask("SELECT run, readings FROM runs WHERE machine = 'm0' ORDER BY date LIMIT 1")
+    path = store.folder / lost["readings"]
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2]) if damage == "cut" else path.unlink()
+    assert run_all(store, work=lambda task, tell: outcome(task)).verdicts == {"failed": 1, "same": 3}
+    (told,) = store.ask("SELECT run, did, words FROM outcomes WHERE verdict = 'failed'")
+    what = "missing" if damage == "gone" else "damaged"
+    assert (told["run"], told["did"]) == (lost["run"], "nothing")
+    assert f"readings of the store are {what}; put the file back from a copy of the store" in told["words"]
+    path.write_bytes(whole)
+    assert requeue_failed(store) == 1
+    assert run_all(store, work=lambda task, tell: outcome(task)).verdicts == {"same": 1}
 
 
 def test_what_came_of_a_run_is_written_once(tmp_path):

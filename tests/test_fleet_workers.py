@@ -81,6 +81,14 @@ def test_a_machine_whose_runs_no_worker_survives_is_left_and_the_others_go_on(ru
     assert run_on_workers(store, running[0], work=slow).runs == 2  # another day it may do
 
 
+def test_a_run_whose_readings_are_gone_fails_and_the_others_go_on(running, tmp_path):
+    store = fill(tmp_path / "s", machines=2, runs=2)
+    (lost,) = store.ask("SELECT readings FROM runs WHERE machine = 'm0' ORDER BY date LIMIT 1")
+    (store.folder / lost["readings"]).unlink()
+    done = run_on_workers(store, running[0], work=slow)
+    assert (done.verdicts, done.lost, done.elsewhere, waiting(store)) == ({"failed": 1, "same": 3}, [], 0, {})
+
+
 RUN = """
 import sys
 from fleet_work import slow

@@ -93,7 +93,7 @@ def release(store: Store, owner: str, machine: str | None = None) -> None:
         connection.execute(*((query, [owner]) if machine is None else (f"{query} AND machine = ?", [owner, machine])))
 
 
-def next_task(store: Store, machine: str, besides: Sequence[str] = ()) -> Task | None:
+def next_task(store: Store, machine: str, besides: Sequence[str] = ()) -> Task | Outcome | None:
     """The oldest waiting run of a machine, with its readings and the model that it is compared with.
 
     Args:
@@ -102,18 +102,26 @@ def next_task(store: Store, machine: str, besides: Sequence[str] = ()) -> Task |
         besides: runs to pass over: they were given up for now.
 
     Returns:
-        The task; None where none waits.
+        The task, or the outcome 'failed' where its readings cannot be read, which must not stop the other runs; None
+        where none waits.
     """
     with transaction(store.file, read_only=True) as connection:
         found = rows(connection, NEXT, machine, list(besides))
         if not found:
             return None
         drawing, held = drawing_of(connection, machine), model_at(connection, machine, found[0]["run"])
-    return task_of(store, found[0], drawing, None if held is None else held[1])
+    try:
+        return task_of(store, found[0], drawing, None if held is None else held[1])
+    except InputError as error:
+        return Outcome(found[0]["run"], machine, "nothing", "failed", str(error), 0.0)
 
 
 def task_of(store: Store, run: Mapping[str, Any], drawing: str, solved: str | None) -> Task:
-    """The task for a run: its row of the table of runs, the drawing, and the model to compare with (both as TOML)."""
+    """The task for a run: its row of the table of runs, the drawing, and the model to compare with (both as TOML).
+
+    Raises:
+        InputError: its readings are gone or damaged.
+    """
     columns = read_columns(store.folder / run["readings"])
     return Task(
         run["run"], run["machine"], run["date"].isoformat(), run["file"], columns, drawing, solved, run["ordered"],

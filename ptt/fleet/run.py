@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from typing import ClassVar
 
 from ptt.fleet.owner import owner
@@ -70,8 +69,7 @@ def run_all(store: Store, progress: Progress | None = None, work: Work | None = 
         try:
             while (machine := claim(store, name)) is not None:
                 while (task := next_task(store, machine)) is not None:
-                    place = f"{machine}, {task.date[:10]}"
-                    outcome = do(task, partial(_tell, tell, place, done.runs, total))
+                    outcome = task if isinstance(task, Outcome) else do(task, _telling(tell, task, done.runs, total))
                     if keep_outcome(store, outcome):
                         done.count(outcome.verdict)
                 release(store, name, machine)
@@ -81,5 +79,5 @@ def run_all(store: Store, progress: Progress | None = None, work: Work | None = 
     return done
 
 
-def _tell(tell: Progress, place: str, done: int, total: int, what: str) -> None:
-    tell(f"{place}: {what}", done, total)
+def _telling(tell: Progress, task: Task, done: int, total: int) -> Tell:
+    return lambda what: tell(f"{task.machine}, {task.date[:10]}: {what}", done, total)

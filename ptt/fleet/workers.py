@@ -126,7 +126,9 @@ def _distribute(
     given_up, ended = dict[str, list[str]](), set[str]()
 
     def submit(machine: str) -> None:
-        task = next_task(store, machine, given_up.get(machine, []))
+        while isinstance(task := next_task(store, machine, given_up.get(machine, [])), Outcome):
+            if keep_outcome(store, task):
+                done.count(task.verdict)
         if task is None:
             ended.add(machine)  # all that still waits there was given up: claimed again, it would come back for ever
             release(store, name, machine)
