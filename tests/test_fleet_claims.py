@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -13,9 +14,11 @@ from test_fleet_store import fill
 from ptt.errors import InputError
 from ptt.fleet.database import transaction
 from ptt.fleet.queue import claim, keep_outcome, next_task, requeue_failed, waiting
+from ptt.fleet.remove import remove
 from ptt.fleet.run import run_all
-from ptt.fleet.store import create_store
+from ptt.fleet.store import add_run, create_store
 from ptt.fleet.task import Outcome
+from ptt.run.reading import read_table
 
 
 def test_runs_are_worked_on_by_date_once_and_the_first_makes_the_model(tmp_path):
@@ -141,3 +144,58 @@ def test_a_failed_run_waits_again_only_when_asked(tmp_path):
     assert run_all(store, work=failed).verdicts == {"failed": 2}
     assert run_all(store, work=failed).runs == 0
     assert requeue_failed(store) == 2 and sum(waiting(store).values()) == 2
+
+
+@pytest.fixture
+def between(monkeypatch):
+    """Lets something happen once, before or after the first transaction in which a file of the package writes."""
+
+    def once(module: str, what, *, after: bool) -> None:
+        @contextmanager
+        def interrupted(path, **options):
+            if writes := not options.get("read_only"):
+                monkeypatch.setattr(f"{module}.transaction", transaction)
+            if writes and not after:
+                what()
+            with transaction(path, **options) as connection:
+                yield connection
+            if writes and after:
+                what()
+
+        monkeypatch.setattr(f"{module}.transaction", interrupted)
+
+    return once
+
+
+def files_of(store) -> list[bool]:
+    (run,) = store.ask("SELECT kept, readings FROM runs")
+    return [(store.folder / run[column]).is_file() for column in ("kept", "readings")]
+
+
+def test_a_run_that_is_added_while_it_is_removed_keeps_its_files(tmp_path, between):
+    store = fill(tmp_path / "s", 2, 1)
+    remove(store, "m1", "2026-01-05")
+    path = tmp_path / "m0-2026-01-05.csv"
+
+    def add_again():  # as another machine's: no claim of the first one holds it back
+        add_run(store, "m1", path, read_table(path), None, ordered=False, units_said=False)
+
+    between("ptt.fleet.remove", add_again, after=True)
+    remove(store, "m0", "2026-01-05")
+    assert store.ask("SELECT machine FROM runs") == [{"machine": "m1"}] and files_of(store) == [True, True]
+    remove(store, "m1", "2026-01-05")
+    assert not any(path.is_file() for folder in ("runs", "readings") for path in (store.folder / folder).iterdir())
+
+
+def test_a_run_that_is_removed_while_it_is_added_again_has_its_files(tmp_path, between):
+    store = fill(tmp_path / "s", 1, 1)
+    remove(store, "m0", "2026-01-05")
+    path = tmp_path / "m0-2026-01-05.csv"
+
+    def add_and_remove():
+        add_run(store, "m0", path, read_table(path), None, ordered=False, units_said=False)
+        remove(store, "m0", "2026-01-05")
+
+    between("ptt.fleet.store", add_and_remove, after=False)
+    added = add_run(store, "m0", path, read_table(path), None, ordered=False, units_said=False)
+    assert added.new and files_of(store) == [True, True]

@@ -1,8 +1,9 @@
 """Removing a run from a store, such as one of another machine or one that was measured wrongly."""
 
 from dataclasses import dataclass
+from typing import Any
 
-from ptt.fleet.database import transaction
+from ptt.fleet.database import rows, transaction
 from ptt.fleet.models import forget_run
 from ptt.fleet.queue import alone_with
 from ptt.fleet.store import Store, shown
@@ -50,8 +51,16 @@ def remove(store: Store, machine: str, which: str) -> Removed:
         InputError: no such machine or run, or another process works on the machine.
     """
     run = which_run(store, machine, which)
-    with alone_with(store, machine, "remove when it is done"), transaction(store.file) as connection:
-        later = forget_run(connection, machine, run["run"])
-    for kept in (run["kept"], run["readings"]):  # last: a process killed before this leaves files that no row names
-        (store.folder / kept).unlink(missing_ok=True)
+    with alone_with(store, machine, "remove when it is done"):
+        with transaction(store.file) as connection:
+            later = forget_run(connection, machine, run["run"])
+        _drop_files(store, run)  # last: a process killed before this leaves files that no row names
     return Removed(machine, run["run"], run["file"], run["date"].isoformat(), len(later))
+
+
+def _drop_files(store: Store, run: dict[str, Any]) -> None:
+    """Delete a run's files unless it was added again meanwhile; nobody adds runs while the transaction lasts."""
+    with transaction(store.file) as connection:
+        for column in ("kept", "readings"):
+            if not rows(connection, f"SELECT 1 FROM runs WHERE {column} = ?", run[column]):
+                (store.folder / run[column]).unlink(missing_ok=True)

@@ -191,11 +191,13 @@ def add_run(
         (held,) = store.ask("SELECT date FROM runs WHERE run = ?", run)
         return Added(path.name, run, table.rows, f"{held['date'].date().isoformat()} (as it is kept)", False)
     kept, readings = f"runs/{run}{path.suffix}", f"readings/{run}.parquet"
-    _copy(path, store.folder / kept)
-    write_readings(table, machine, run, store.folder / readings)
+    put = partial(_put_files, path, store.folder / kept, table, machine, run, store.folder / readings)
+    put()  # here, so that a long file keeps nobody from the store
     with transaction(store.file) as connection:
         if rows(connection, "SELECT 1 FROM runs WHERE run = ?", run):
             return Added(path.name, run, table.rows, told, False)
+        if not all((store.folder / file).is_file() for file in (kept, readings)):
+            put()  # another process had added the same run, and removed it with its files
         place = rows(connection, "SELECT coalesce(max(place), 0) + 1 AS place FROM runs")[0]["place"]
         insert(
             connection, "runs", run=run, machine=machine, date=when, place=place, file=path.name, kept=kept,
@@ -250,7 +252,8 @@ def _drawing(file: MachineFile) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _copy(path: Path, to: Path) -> None:
-    """Copy a file whole or not at all, whatever its size."""
+def _put_files(path: Path, kept: Path, table: Table, machine: str, run: str, readings: Path) -> None:
+    """Put a run's file, unchanged, and its readings in place, each whole or not at all, whatever their size."""
     with path.open("rb") as file:
-        write_parts(to, iter(partial(file.read, PART), b""))
+        write_parts(kept, iter(partial(file.read, PART), b""))
+    write_readings(table, machine, run, readings)
