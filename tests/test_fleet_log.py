@@ -190,7 +190,7 @@ def test_semicolons_and_decimal_commas_are_read_as_of_a_run(tmp_path):
     for name in ("log", "office"):
         to_parquet(tmp_path / f"{name}.csv", tmp_path / f"{name}.parquet")
         require_sound(machine, tmp_path / f"{name}.parquet", tmp_path / f"{name}.csv")
-        read.append(read_log(tmp_path / f"{name}.parquet", "LIMIT 60"))
+        read.append(read_log(machine, tmp_path / f"{name}.parquet", "LIMIT 60"))
     np.testing.assert_array_equal(read[0].measured, read[1].measured)
     np.testing.assert_array_equal(read[0].target, read[1].target)
 

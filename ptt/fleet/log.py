@@ -4,7 +4,6 @@ Neighbouring rows are read with a part, so that its speeds and directions are th
 hysteresis at its first row is passed on from the part before (`ptt.run.turns`).
 """
 
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,11 +16,11 @@ from ptt.effects.memory import entry_after, keep_direction
 from ptt.errors import InputError
 from ptt.fitting.chunks import CHUNK, NEIGHBOUR_ROWS, stretches, take_entered
 from ptt.fleet.database import duckdb, in_memory
+from ptt.fleet.log_columns import log_table
 from ptt.fleet.readings import plain_columns
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
 from ptt.run.driven import by_feed
-from ptt.run.from_columns import columns_to_table
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.ranges import ranges_of
@@ -32,9 +31,6 @@ from ptt.run.viewing import build_view
 
 SPREAD = 4_000  # rows, evenly spaced over a log, from which the frame and what varies are found (one to two times)
 KEPT_ROWS = 4  # of these rows that `Log.whole` keeps: it is sent with every task
-NUMBERS = re.compile(  # titles of numeric columns
-    r"[xyz]_(cmd|meas|std)|q[xyzw]_(cmd|meas)|[bq]\d+_cmd(_rad|_deg)?|(dir|tau)\d+|repeat|time_s|payload_kg|temp_c|feed_mm_s"
-)
 
 Part = tuple[int, int]  # first row, and the row after the last
 
@@ -62,7 +58,7 @@ class Log:
 
     Attributes:
         machine: the machine.
-        file: Parquet file with the columns of a tracker CSV, in travel order.
+        file: Parquet file with the columns of a tracker CSV, in any of their units, in travel order.
         rows: number of its rows.
         parts: first row, and row after the last, of each part.
         whole: a problem of few rows that holds what all parts share: the first estimate of the motion into the base
@@ -102,9 +98,9 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
     path = Path(file)
     rows = int(ask_log(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
     step = max(rows // SPREAD, 1)
-    spread = build_problem(machine, read_log(path, f"WHERE file_row_number % {step} = 0"))
+    spread = build_problem(machine, read_log(machine, path, f"WHERE file_row_number % {step} = 0"))
     _require_one_run(spread, path)
-    table = read_log(path, f"LIMIT {CHUNK}")
+    table = read_log(machine, path, f"LIMIT {CHUNK}")
     first = build_problem(machine, table)
     seen = build_view(machine, in_base(table, first.stated_in))
     driven = ("speed" in seen.varies) == ("speed" in first.view.varies)
@@ -127,7 +123,7 @@ def read_part(log: Log, part: Part) -> Problem:
         The rows as a problem, from which `enter_part` removes the neighbours.
     """
     low, high = max(part[0] - NEIGHBOUR_ROWS, 0), min(part[1] + NEIGHBOUR_ROWS, log.rows)
-    table, whole = read_log(log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
+    table, whole = read_log(log.machine, log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
     view = build_view(log.machine, in_base(table, whole.stated_in))
     time = view.time if table.time_s is None else torch.as_tensor(np.asarray(table.time_s, float) - log.clock)
     fed = by_feed(view, *log.ranges.get("feed_mm_s", (0.0, 0.0)))
@@ -191,10 +187,11 @@ def _require_one_run(problem: Problem, path: Path) -> None:
         raise InputError(f"has {what}, which cannot be fitted in parts", where=str(path), fix=fix)
 
 
-def read_log(path: Path, which: str) -> Table:
+def read_log(machine: MachineFile, path: Path, which: str) -> Table:
     """Read some rows of a log.
 
     Args:
+        machine: the machine.
         path: Parquet file.
         which: end of the SQL query, such as 'LIMIT 20'.
 
@@ -202,23 +199,14 @@ def read_log(path: Path, which: str) -> Table:
         The rows, with their line numbers.
 
     Raises:
-        InputError: it cannot be read, or has no readings.
+        InputError: it cannot be read, has no readings, or a column or value that a run is refused for.
     """
     columns = plain_columns(ask_log(path, f"SELECT * FROM {SOURCE} {which}"))
-    columns = {name: _numbers(each) if NUMBERS.fullmatch(name) else each for name, each in columns.items()}
-    number = columns.pop("file_row_number")
-    if missing := [name for name in ("x_meas", "y_meas", "z_meas") if name not in columns]:
-        raise InputError(f"no column {missing[0]}", where=str(path), fix="see docs/files.md for the titles")
-    columns.pop("run_sha256", None), columns.pop("machine", None)
-    return columns_to_table({"line": number + 2, **columns}, path.name, "")
-
-
-def _numbers(values: np.ndarray) -> np.ndarray:
-    """A column as numbers; DuckDB gives one whose cells are all empty as texts."""
-    return np.where(values == "", "nan", values).astype(float) if values.dtype.kind == "U" else values
+    return log_table(machine, columns, columns["file_row_number"] + HEADER, path.name)
 
 
 SOURCE = "read_parquet(?, file_row_number = true)"
+HEADER = 2  # line number of the first row in a file whose first line is its titles
 
 
 def ask_log(path: Path, query: str) -> dict[str, np.ndarray]:

@@ -66,12 +66,15 @@ def _is_unmarked(name: str, values: np.ndarray) -> bool:
 
 
 def plain_columns(columns: Mapping[str, Any]) -> dict[str, np.ndarray]:
-    """Columns as DuckDB returns them (masked where empty) as plain arrays with NaN or '' in empty cells."""
+    """Columns as DuckDB returns them (masked where empty) as plain arrays with NaN or '' in empty cells.
+
+    Whole numbers with an empty cell among them, which have no NaN, come as texts: they may be names.
+    """
     return {name: _plain(values) for name, values in columns.items()}
 
 
 def _plain(values: Any) -> np.ndarray:
-    texts = values.dtype == object
     if isinstance(values, np.ma.MaskedArray):
-        values = values.filled("" if texts else np.nan)
-    return np.asarray(values, dtype=str) if texts else np.asarray(values)
+        values = values if values.dtype.kind in "fO" else values.astype(object)
+        values = values.filled(np.nan if values.dtype.kind == "f" else "")
+    return np.asarray(values, dtype=str) if values.dtype == object else np.asarray(values)

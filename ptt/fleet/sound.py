@@ -11,12 +11,13 @@ from ptt.door.result import Note, ignore_note
 from ptt.door.run import Run
 from ptt.errors import InputError, shown
 from ptt.fitting.chunks import CHUNK
-from ptt.fleet.log import NUMBERS, SOURCE, ask_log, read_log
+from ptt.fleet.log import HEADER, SOURCE, ask_log, read_log
+from ptt.fleet.log_columns import meanings_of
 from ptt.machine import MachineFile
+from ptt.run.readers.columns import dimension_of
 from ptt.run.table import Table
 
 NUMERIC = re.compile("DOUBLE|FLOAT|DECIMAL|U?(TINY|SMALL|BIG|HUGE)?INT.*")
-HEADER = 2  # line number of the first row in a file whose first line is its titles
 
 
 def require_sound(
@@ -32,18 +33,21 @@ def require_sound(
         note: told of them, and of mistakes that are not sure.
 
     Raises:
-        InputError: no rows, a cell that is no number, time that goes back.
+        InputError: no rows, a column in no known unit, a cell that is no number, time that goes back.
         SetupError: a mistake in the set-up that is sure, by the first rows.
     """
     columns = {str(row["name"]): str(row["type"]) for row in _rows(rows, _TYPES)}
     if not int(_rows(rows, f"SELECT count(*) AS rows FROM {SOURCE}")[0]["rows"]):
         raise InputError("holds no rows", where=str(log), fix="export it again; a header and two rows are the least")
-    wanted = {name: kind for name, kind in columns.items() if NUMBERS.fullmatch(name)}
-    for name, kind in wanted.items():
-        _require_numbers(rows, log, name, kind, nan=rows != log)
-    if NUMERIC.fullmatch(columns.get("time_s", "")):
-        _require_order(rows, log, anyway, note)
-    table = read_log(rows, f"LIMIT {CHUNK}").replace(source=str(log))
+    wanted = meanings_of(columns, str(log))
+    for name in (name for name, meaning in wanted.items() if dimension_of(meaning.quantity) != "text"):
+        _require_numbers(rows, log, name, columns[name], nan=rows != log)
+    clock = next((name for name, meaning in wanted.items() if meaning.quantity == "time"), "")
+    if NUMERIC.fullmatch(columns.get(clock, "")):
+        _require_order(rows, log, clock, anyway, note)
+    table = read_log(machine, rows, f"LIMIT {CHUNK}").replace(source=str(log))
+    for line in table.understood.lines:
+        note(line)
     _require_set_up(machine, table, log, anyway, note)
 
 
@@ -68,13 +72,14 @@ def _require_numbers(rows: Path, log: Path, name: str, kind: str, *, nan: bool) 
         raise InputError(what, where=where, fix="remove the row or mark it with an empty cell")
 
 
-def _require_order(rows: Path, log: Path, anyway: bool, note: Note) -> None:
-    found = _rows(rows, _BACK)
+def _require_order(rows: Path, log: Path, clock: str, anyway: bool, note: Note) -> None:
+    found = _rows(rows, _BACK.format(clock=clock))
     if not found:
         return
-    row, before, time = (found[0][key] for key in ("row", "before", "time_s"))
-    what = f"time goes back (from {before:.12g} to {time:.12g} s), so the rows may not be in travel order"
-    where = f"{log} row {int(row) + HEADER}, column time_s"
+    row, before, time = (found[0][key] for key in ("row", "before", "clock"))
+    unit = clock.removeprefix("time_")
+    what = f"time goes back (from {before:.12g} to {time:.12g} {unit}), so the rows may not be in travel order"
+    where = f"{log} row {int(row) + HEADER}, column {clock}"
     if not anyway:
         fix = "sort the log by it, or --anyway keeps the rows as they stand"
         raise InputError(what, where=where, fix=fix)
@@ -84,9 +89,9 @@ def _require_order(rows: Path, log: Path, anyway: bool, note: Note) -> None:
 _TYPES = f"SELECT column_name AS name, column_type AS type FROM (DESCRIBE SELECT * FROM {SOURCE})"
 _BACK = f"""
 SELECT * FROM (
-    SELECT file_row_number AS row, time_s, lag(time_s) OVER (ORDER BY file_row_number) AS before FROM {SOURCE}
-    WHERE time_s IS NOT NULL AND NOT isnan(time_s::DOUBLE)
-) WHERE time_s < before ORDER BY row LIMIT 1"""
+    SELECT file_row_number AS row, {{clock}} AS clock, lag({{clock}}) OVER (ORDER BY file_row_number) AS before
+    FROM {SOURCE} WHERE {{clock}} IS NOT NULL AND NOT isnan({{clock}}::DOUBLE)
+) WHERE clock < before ORDER BY row LIMIT 1"""
 
 
 def _rows(path: Path, query: str) -> list[dict[str, Any]]:
