@@ -63,7 +63,7 @@ def test_joints_that_the_machine_does_not_have_are_no_commands_and_it_is_said(tm
     np.testing.assert_array_equal(log.command, frame[["b1_cmd", "b2_cmd", "b3_cmd"]])
     assert log.joint_prefix == "b" and log.direction.shape == (60, 3)
     require_sound(TRIPOD, path, path, note=notes.append)
-    assert "not used: q1_cmd_rad, q2_cmd_rad, q3_cmd_rad (this machine's joints are b1..)" in notes
+    assert "first 60 rows: not used: q1_cmd_rad, q2_cmd_rad, q3_cmd_rad (this machine's joints are b1..)" in notes
     with pytest.raises(InputError, match=r"missing: b2_cmd .*; give the column its title, see docs/files.md"):
         read_log(TRIPOD, log_of(frame.drop(columns="b2_cmd"), tmp_path), ALL)
 

@@ -38,6 +38,7 @@ from ptt.model.model import Model, Term
 from ptt.progress import Progress
 from ptt.run.axes import AXES_TOTAL
 from ptt.run.noise import Noise, guessed_noise
+from ptt.run.taken import rounded_words
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,8 @@ def fit_file(
         with worded([Handed(rows, str(log))]):
             require_sound(given.file, rows, log, anyway=anyway, note=note)
             opened = open_log(given.file, rows.absolute())
+        if opened.rounded:
+            note(rounded_words(opened.rounded, "deg" if given.file.machine.kind == "serial" else "mm"))
         here = scheduler is None and workers is None
         with nullcontext() if here else cluster(scheduler, workers) as client:
             if client is not None and effects:

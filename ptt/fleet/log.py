@@ -6,7 +6,6 @@ hysteresis at its first row is passed on from the part before (`ptt.run.turns`).
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,15 +14,18 @@ from torch import Tensor
 from ptt.effects.memory import entry_after, keep_direction
 from ptt.errors import InputError
 from ptt.fitting.chunks import CHUNK, NEIGHBOUR_ROWS, stretches, take_entered
-from ptt.fleet.database import duckdb, in_memory
 from ptt.fleet.log_columns import log_table
+from ptt.fleet.log_query import HEADER, SOURCE, ask_log
+from ptt.fleet.log_whole import Display, display_of, require_filled, require_once, settle_rows
 from ptt.fleet.readings import plain_columns
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
 from ptt.run.driven import by_feed
+from ptt.run.lost import without_lost
 from ptt.run.noise import Noise
 from ptt.run.problem import Problem, build_problem
 from ptt.run.ranges import ranges_of
+from ptt.run.rounded import rounded_to, unrounded_by
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base
 from ptt.run.turns import Entry
@@ -67,6 +69,8 @@ class Log:
         driven: whether the machine moved while it was read, so that rows have speeds.
         clock: time of the first row, s.
         noise: the noise floor from the first rows or the machine file; None where neither gives one.
+        rounded: `ptt.run.rounded.rounded_to`: step of joint commands that the targets tell finer, mm or degrees.
+        display: how the display of its thermometer goes from step to step; None where temperatures are no display's.
     """
 
     machine: MachineFile
@@ -78,6 +82,8 @@ class Log:
     driven: bool
     clock: float
     noise: Noise | None
+    rounded: float = 0.0
+    display: Display | None = None
 
 
 def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
@@ -92,24 +98,31 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
         The log.
 
     Raises:
-        InputError: it cannot be read, or has base reflectors, an arm's own mount or several runs, which parts cannot
-            have.
+        InputError: it cannot be read, or has what parts cannot have: base reflectors, an arm's own mount, several
+            runs, empty cells that a part cannot fill, all rows twice.
     """
     path = Path(file)
     rows = int(ask_log(path, f"SELECT count(*) AS rows FROM {SOURCE}")["rows"][0])
-    step = max(rows // SPREAD, 1)
-    spread = build_problem(machine, read_log(machine, path, f"WHERE file_row_number % {step} = 0"))
+    parts, step = tuple(stretches(rows, size)), max(rows // SPREAD, 1)
+    if len(parts) > 1:
+        require_filled(path, rows, NEIGHBOUR_ROWS)
+    require_once(path, rows)
+    display = display_of(path, rows)
+    few = read_log(machine, path, f"WHERE file_row_number % {step} = 0")
+    spread = build_problem(machine, settle_rows(few, display))
     _require_one_run(spread, path)
-    table = read_log(machine, path, f"LIMIT {CHUNK}")
+    table = settle_rows(read_log(machine, path, f"LIMIT {CHUNK}"), display)
     first = build_problem(machine, table)
     seen = build_view(machine, in_base(table, first.stated_in))
     driven = ("speed" in seen.varies) == ("speed" in first.view.varies)
     clock = 0.0 if table.time_s is None else float(table.time_s[0])
     varies = first.view.varies | spread.view.varies - {"speed", "direction"}  # these two need consecutive rows
-    few = take_entered(spread, [(0, KEPT_ROWS)], [None])
-    few = replace(few, view=replace(few.view, varies=varies))
-    parts = tuple(stretches(rows, size))
-    return Log(machine, path, rows, parts, few, ranges_of(spread), driven, clock, first.noise)
+    whole = take_entered(spread, [(0, KEPT_ROWS)], [None])
+    whole = replace(whole, view=replace(whole.view, varies=varies))
+    rounded = rounded_to(machine, in_base(spread.table, spread.stated_in))
+    return Log(
+        machine, path, rows, parts, whole, ranges_of(spread), driven, clock, first.noise, rounded, display
+    )  # fmt: skip
 
 
 def read_part(log: Log, part: Part) -> Problem:
@@ -124,7 +137,8 @@ def read_part(log: Log, part: Part) -> Problem:
     """
     low, high = max(part[0] - NEIGHBOUR_ROWS, 0), min(part[1] + NEIGHBOUR_ROWS, log.rows)
     table, whole = read_log(log.machine, log.file, f"LIMIT {high - low} OFFSET {low}"), log.whole
-    view = build_view(log.machine, in_base(table, whole.stated_in))
+    table = settle_rows(table, log.display)
+    view = build_view(log.machine, unrounded_by(log.machine, in_base(table, whole.stated_in), log.rounded))
     time = view.time if table.time_s is None else torch.as_tensor(np.asarray(table.time_s, float) - log.clock)
     fed = by_feed(view, *log.ranges.get("feed_mm_s", (0.0, 0.0)))
     view = replace(
@@ -196,34 +210,10 @@ def read_log(machine: MachineFile, path: Path, which: str) -> Table:
         which: end of the SQL query, such as 'LIMIT 20'.
 
     Returns:
-        The rows, with their line numbers.
+        The rows, with their line numbers; readings of a lost beam are left out.
 
     Raises:
         InputError: it cannot be read, has no readings, or a column or value that a run is refused for.
     """
     columns = plain_columns(ask_log(path, f"SELECT * FROM {SOURCE} {which}"))
-    return log_table(machine, columns, columns["file_row_number"] + HEADER, path.name)
-
-
-SOURCE = "read_parquet(?, file_row_number = true)"
-HEADER = 2  # line number of the first row in a file whose first line is its titles
-
-
-def ask_log(path: Path, query: str) -> dict[str, np.ndarray]:
-    """The columns that a query of a log returns, each (n,), masked where empty.
-
-    Args:
-        path: Parquet file.
-        query: SQL query of `SOURCE`.
-
-    Raises:
-        InputError: it cannot be read.
-    """
-    package = duckdb()
-    with in_memory() as connection:
-        try:
-            columns: dict[str, Any] = connection.execute(query, [str(path)]).fetchnumpy()
-        except package.Error as error:
-            fix = "see docs/files.md; a CSV is copied to Parquet by `ptt fleet fit`"
-            raise InputError(f"cannot be read: {str(error).splitlines()[0]}", where=str(path), fix=fix) from None
-    return columns
+    return without_lost(log_table(machine, columns, columns["file_row_number"] + HEADER, path.name))

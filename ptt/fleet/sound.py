@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 from ptt.door.opened import check_rows
 from ptt.door.options import ReadOptions
@@ -11,9 +10,11 @@ from ptt.door.result import Note, ignore_note
 from ptt.door.run import Run
 from ptt.errors import InputError, shown
 from ptt.fitting.chunks import CHUNK
-from ptt.fleet.log import HEADER, SOURCE, ask_log, read_log
+from ptt.fleet.log import read_log
 from ptt.fleet.log_columns import meanings_of
+from ptt.fleet.log_query import HEADER, SOURCE, ask_rows, quoted, types_of
 from ptt.machine import MachineFile
+from ptt.run.conditions import settle_conditions
 from ptt.run.readers.columns import dimension_of
 from ptt.run.table import Table
 
@@ -36,8 +37,8 @@ def require_sound(
         InputError: no rows, a column in no known unit, a cell that is no number, time that goes back.
         SetupError: a mistake in the set-up that is sure, by the first rows.
     """
-    columns = {str(row["name"]): str(row["type"]) for row in _rows(rows, _TYPES)}
-    if not int(_rows(rows, f"SELECT count(*) AS rows FROM {SOURCE}")[0]["rows"]):
+    columns = types_of(rows)
+    if not int(ask_rows(rows, f"SELECT count(*) AS rows FROM {SOURCE}")[0]["rows"]):
         raise InputError("holds no rows", where=str(log), fix="export it again; a header and two rows are the least")
     wanted = meanings_of(columns, str(log))
     for name in (name for name, meaning in wanted.items() if dimension_of(meaning.quantity) != "text"):
@@ -46,8 +47,9 @@ def require_sound(
     if NUMERIC.fullmatch(columns.get(clock, "")):
         _require_order(rows, log, clock, anyway, note)
     table = read_log(machine, rows, f"LIMIT {CHUNK}").replace(source=str(log))
-    for line in table.understood.lines:
-        note(line)
+    table, settled = settle_conditions(table)
+    for line in (*table.understood.lines, *settled):
+        note(f"first {table.rows} rows: {line}")
     _require_set_up(machine, table, log, anyway, note)
 
 
@@ -59,13 +61,13 @@ def _require_set_up(machine: MachineFile, table: Table, log: Path, anyway: bool,
 
 
 def _require_numbers(rows: Path, log: Path, name: str, kind: str, *, nan: bool) -> None:
-    column = '"' + name.replace('"', '""') + '"'
+    column = quoted(name)
     value = f"TRY_CAST({column}::VARCHAR AS DOUBLE)"  # a column with a text, or with empty cells alone, is VARCHAR
     if NUMERIC.fullmatch(kind):
         value = f"{column}::DOUBLE"
     wrong = f"{value} IS NULL OR isinf({value})" + (f" OR isnan({value})" if nan else "")
     query = f"SELECT file_row_number AS row, {column}::VARCHAR AS cell FROM {SOURCE} WHERE {column} IS NOT NULL"
-    found = _rows(rows, f"{query} AND ({wrong}) LIMIT 1")
+    found = ask_rows(rows, f"{query} AND ({wrong}) LIMIT 1")
     if found:
         what = f"not a number ('{shown(str(found[0]['cell']))}')"
         where = f"{log} row {int(found[0]['row']) + HEADER}, column {name}"
@@ -73,7 +75,7 @@ def _require_numbers(rows: Path, log: Path, name: str, kind: str, *, nan: bool) 
 
 
 def _require_order(rows: Path, log: Path, clock: str, anyway: bool, note: Note) -> None:
-    found = _rows(rows, _BACK.format(clock=clock))
+    found = ask_rows(rows, _BACK.format(clock=clock))
     if not found:
         return
     row, before, time = (found[0][key] for key in ("row", "before", "clock"))
@@ -86,15 +88,8 @@ def _require_order(rows: Path, log: Path, clock: str, anyway: bool, note: Note) 
     note(f"{where}: {what}; going on with the rows as they stand")
 
 
-_TYPES = f"SELECT column_name AS name, column_type AS type FROM (DESCRIBE SELECT * FROM {SOURCE})"
 _BACK = f"""
 SELECT * FROM (
     SELECT file_row_number AS row, {{clock}} AS clock, lag({{clock}}) OVER (ORDER BY file_row_number) AS before
     FROM {SOURCE} WHERE {{clock}} IS NOT NULL AND NOT isnan({{clock}}::DOUBLE)
 ) WHERE clock < before ORDER BY row LIMIT 1"""
-
-
-def _rows(path: Path, query: str) -> list[dict[str, Any]]:
-    """The rows that a query of a log returns, each as column -> value."""
-    columns = ask_log(path, query)
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -48,6 +48,27 @@ def unrounded(file: MachineFile, table: Table) -> Table:
     return table if command is None else table.replace(command=command)
 
 
+def unrounded_by(file: MachineFile, table: Table, step: float) -> Table:
+    """Some rows of a run with the joint values of its targets, its step of rounding known; arguments as `unrounded`.
+
+    Args:
+        file: the machine.
+        table: n rows, targets in the base frame.
+        step: `rounded_to` of the whole run, mm or degrees.
+
+    Returns:
+        The table; rows whose commands are further from their targets than that keep them, and so do all for a step of
+        zero.
+    """
+    known = _known(table)
+    if table.command is None or not (step and known.any()):
+        return table
+    move, length = _least_moves(file, table.command[known], table.target[known], step)
+    command, near = table.command.copy(), length <= NEAR
+    command[np.flatnonzero(known)[near]] += move[near]
+    return table.replace(command=command)
+
+
 def left_by_rounding(file: MachineFile, table: Table, jacobian: np.ndarray) -> tuple[float, float]:
     """Rounding error of joint commands that the targets do not determine more finely.
 
@@ -80,22 +101,33 @@ def _finer(file: MachineFile, table: Table) -> tuple[float, np.ndarray | None]:
     """The step, and joint values (n, k) mm or rad of the targets; zero and None where commands are not rounded."""
     if table.command is None:
         return 0.0, None
-    known = np.isfinite(table.command).all(axis=1) & np.isfinite(table.target).all(axis=1)
+    known = _known(table)
     if not known.any():
         return 0.0, None
     q, target = table.command[known], table.target[known]
     arm, step = file.machine.kind == "serial", _step(file, q)
     if step <= (0.0 if arm else FINE) or step_of(target) > (FINE if arm else 0.5 * step):
         return 0.0, None
-    size = np.radians(step) if arm else step
-    mechanism = build_mechanism(file.machine)
-    at = torch.as_tensor(q)
-    lacks = torch.as_tensor(target) - mechanism.forward(at)
-    # The least-norm step of a redundant arm: the rounding errors have at least that length.
-    move = least_move(mechanism.jacobian(at), lacks, translation_rank(mechanism)).numpy()
-    length = np.linalg.norm(move, axis=1) / (size * np.sqrt(q.shape[1]))
+    move, length = _least_moves(file, q, target, step)
     if not (length <= NEAR).all() or np.sqrt(np.mean(length**2)) < LEAST:
         return 0.0, None
     command = table.command.copy()
     command[known] = q + move
     return step, command
+
+
+def _known(table: Table) -> np.ndarray:
+    """Rows (n,) that have both commands and targets."""
+    told = np.isfinite(table.target).all(axis=1)
+    return np.asarray(told if table.command is None else told & np.isfinite(table.command).all(axis=1))
+
+
+def _least_moves(file: MachineFile, q: np.ndarray, target: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """The least moves (m, k) of joints q to their targets, and their rms over the joints in steps, (m,)."""
+    size = np.radians(step) if file.machine.kind == "serial" else step
+    mechanism = build_mechanism(file.machine)
+    at = torch.as_tensor(q)
+    lacks = torch.as_tensor(target) - mechanism.forward(at)
+    # The least-norm step of a redundant arm: the rounding errors have at least that length.
+    move = least_move(mechanism.jacobian(at), lacks, translation_rank(mechanism)).numpy()
+    return move, np.linalg.norm(move, axis=1) / (size * np.sqrt(q.shape[1]))

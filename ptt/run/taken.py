@@ -68,13 +68,16 @@ def set_up_lines(problem: Problem) -> list[str]:
     return lines + _base_words(problem)
 
 
+def rounded_words(step: float, unit: str) -> str:
+    """What is done with joint commands that are rounded to a step, in a unit."""
+    return f"joint commands are those of the targets, rounded to {step:g} {unit}; the targets tell finer and count"
+
+
 def _rounding_words(problem: Problem, unit: str) -> list[str]:
     """Joint commands of few digits: what is taken for them, or what their rounding may look like."""
     table = in_base(problem.table, problem.stated_in)
     if step := rounded_to(problem.file, table):
-        return [
-            f"joint commands are those of the targets, rounded to {step:g} {unit}; the targets tell finer and count"
-        ]
+        return [rounded_words(step, unit)]
     step, aside = problem.rounding
     if not step:
         return []
