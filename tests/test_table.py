@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from ptt.errors import TableError, TooFewError
+from ptt.errors import TableError
 from ptt.run.given_noise import noise_from_std
 from ptt.run.reading import read_table
 from ptt.run.written import table_to_frame
@@ -181,6 +181,7 @@ BAD = {
     "empty file": ("", "run.csv: the file is empty"),
     "only comments": ("# nothing\n\n", "run.csv: the file is empty"),
     "header only": (csv(), "run.csv: only a header, no rows"),
+    "one row": (csv(ROWS[0]), "run.csv row 2: only one row"),
     "empty command": (csv(ROWS[0], "1,,3,4,5,6"), "row 3, column y_cmd: empty target; fill in where the tool"),
     "empty joint": (
         csv("1,,3,1,2,3", "1,2,3,4,1,2", header="b1_cmd,b2_cmd,b3_cmd,x_meas,y_meas,z_meas"),
@@ -233,12 +234,6 @@ def test_bad_input(tmp_path: Path, text: str, message: str) -> None:
     assert "\n" not in str(caught.value)
     assert caught.value.exit_code == 2
     assert caught.value.fix
-
-
-def test_a_sound_file_of_one_reading_is_too_few(tmp_path: Path) -> None:
-    with pytest.raises(TooFewError, match="row 2: only one row") as caught:
-        read_table(write(tmp_path, csv(ROWS[0])))
-    assert caught.value.exit_code == 3 and caught.value.fix
 
 
 def test_missing_file(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ptt.errors import TableError, TooFewError, shown
+from ptt.errors import TableError, shown
 from ptt.run.pasted import taken_as
 from ptt.run.readers.clock import counts_days, goes_back, joined, with_date_for_time
 from ptt.run.readers.columns import Column, Meaning, to_standard
@@ -213,8 +213,7 @@ def _refuse_unknown(raw: RawText, titles: tuple[str, ...]) -> None:
 def _refuse_single(raw: RawText) -> None:
     if len(raw.body) == 1:
         where = f"{raw.source} row {raw.line[0]}"
-        what = "only one row; nothing can be learned from one reading"
-        raise TooFewError(what, where=where, fix="measure more poses")
+        raise TableError("only one row; nothing can be learned from one reading", where=where, fix="measure more poses")
 
 
 def _copies(raw: RawText, values: dict[str, np.ndarray]) -> list[str]:
