@@ -193,7 +193,9 @@ def _renamed(rows: AnyRows, written: Sequence[Handed]) -> AnyRows:
     """Rows whose notes and labels name data frames instead of their files, which they keep alive."""
     if not any(each.called for each in written):
         return rows
-    labels = tuple(called_in(label, written) for label in rows.table.run_label)
-    table = rows.table.replace(source=called_in(rows.table.source, written), run_label=labels)
+    labels, files = (
+        tuple(called_in(each, written) for each in names) for names in (rows.table.run_label, rows.table.files)
+    )
+    table = rows.table.replace(source=called_in(rows.table.source, written), run_label=labels, files=files)
     notes = tuple(called_in(line, written) for line in rows.notes)
     return replace(rows, table=table, notes=notes, _kept=tuple(each.folder for each in written))

@@ -80,7 +80,7 @@ def _stretch(part: np.ndarray, residual: np.ndarray, problem: Problem) -> Stretc
     table = problem.table
     x, y, z = np.median(residual[part], axis=0).tolist()
     lines = int(table.line[part[0]]), int(table.line[part[-1]])
-    file = f"{table.run_label[table.run[part[0]]]}: " if " + " in table.source else ""
+    file = f"{table.run_label[table.run[part[0]]]}: " if table.of_several_files else ""
     return Stretch(f"{file}lines {lines[0]} to {lines[1]}", lines, len(part), (x, y, z))
 
 

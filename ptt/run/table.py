@@ -35,12 +35,14 @@ class Table:
         orientation_measured: (n, 4) quaternion x, y, z, w, or None.
         orientation_command: (n, 4) quaternion x, y, z, w, or None.
         line: (n,) int, line numbers in the file.
-        source: file name, or names joined by ' + '.
+        source: file name, or names joined by ' + ', for people: one name may hold ' + ' too.
         joint_prefix: 'b' (sliders) or 'q' (joint angles).
         extra: title -> (n,) str, columns that mean nothing to the program, as written.
         watched: titles of those that a person wants looked at.
         understood: what was made of the file.
         run_sha256: SHA-256 of the file that each run was read from; empty where there is none.
+        files: names of the files where the rows are of several; empty where all are of one, which `source` names.
+        run_file: index in `files` of the file that each run was read from; empty as they are.
     """
 
     target: np.ndarray
@@ -67,6 +69,8 @@ class Table:
     watched: tuple[str, ...] = ()
     understood: Understood = field(default_factory=Understood)
     run_sha256: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    run_file: tuple[int, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -83,9 +87,18 @@ class Table:
         """(n,) bool, rows with at least one measured coordinate."""
         return np.asarray(~np.isnan(self.measured).all(axis=1))
 
+    @property
+    def of_several_files(self) -> bool:
+        """Whether the rows were read from several files, which the labels of their runs name."""
+        return len(self.files) > 1
+
+    def file_of(self, run: int) -> str:
+        """Name of the file that the run of this code was read from."""
+        return self.files[self.run_file[run]] if self.run_file else self.source
+
     def place(self, row: int, column: str = "") -> str:
         """Where row number `row` (from 0) stands in its file, for messages: `run.csv row 41, column x_meas`."""
-        source = self.run_label[self.run[row]] if " + " in self.source else self.source
+        source = self.run_label[self.run[row]] if self.of_several_files else self.source
         return f"{source} row {self.line[row]}" + (f", column {column}" if column else "")
 
     def replace(self, **changes: Any) -> "Table":

@@ -106,7 +106,7 @@ def target_frames(file: MachineFile, table: Table) -> tuple[RunFrame, ...]:
     for run, label in enumerate(table.run_label):
         here = table.run == run
         frame = find_frame(table.target[here], place[here], file.targets, arm=arm)
-        _require_frame(frame, table, here, label if " + " in table.source else table.source)
+        _require_frame(frame, table, here, label if table.of_several_files else table.source)
         frames.append(frame)
     return tuple(frames)
 

@@ -52,7 +52,7 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
     cured, parts, stations, stated = file, list[Table](), list[Setup](), stated_frame(file.targets)
     places = _set_ups(file, table)
     for part in (table if len(rows) == table.rows else take_rows(table, rows) for rows in places):
-        part = part.replace(source=_file_of(part))
+        part = _of_one_file(part)
         found, after = _check_one(Setup(cured, part.replace(target=stated.into_base(part.target))), ordered, units_said)
         findings += [
             item for item in found if (item.mistake, item.words) not in {(f.mistake, f.words) for f in findings}
@@ -65,7 +65,7 @@ def check_setup(file: MachineFile, table: Table, *, ordered: bool = False, units
         elsewhere, cured = find_stations(stations)
         findings += elsewhere
     findings.sort(key=lambda item: not item.sure)
-    whole = table if " + " in table.source else _together(parts, places)
+    whole = table if table.of_several_files else _together(parts, places)
     little = "" if any(item.sure for item in findings) else too_little(file, table)
     return Check(tuple(findings), written(cured, file), whole, table.rows, little, "; ".join(open_ends[:1]))
 
@@ -174,19 +174,18 @@ def _set_ups(file: MachineFile, table: Table) -> list[np.ndarray]:
 
     Readings of two set-ups differ by an arbitrary rigid motion; together they would look like another reflector.
     """
-    own = file.tracker.frame in OWN_FRAME
     if not table.rows:
         return [np.arange(0)]
-    sources = table.source.split(" + ")
-    of_run = np.array([index if own else _source_of(label, sources) for index, label in enumerate(table.run_label)])
-    code = of_run[table.run]
+    own = file.tracker.frame in OWN_FRAME
+    of_run = range(len(table.run_label)) if own else table.run_file or (0,) * len(table.run_label)
+    code = np.array(of_run)[table.run]
     return [np.flatnonzero(code == each) for each in dict.fromkeys(code.tolist())]
 
 
-def _file_of(part: Table) -> str:
-    """The file that the rows of a part were read from."""
-    sources = part.source.split(" + ")
-    return part.source if len(sources) == 1 else sources[_source_of(part.run_label[part.run[0]], sources)]
+def _of_one_file(part: Table) -> Table:
+    """The rows of one set-up as a table of the file they were read from."""
+    source = part.file_of(part.run[0]) if part.rows else part.source
+    return part.replace(source=source, files=(), run_file=())
 
 
 def _together(parts: list[Table], places: list[np.ndarray]) -> Table:
@@ -201,7 +200,3 @@ def _together(parts: list[Table], places: list[np.ndarray]) -> Table:
     }
     extra = {title: np.concatenate([part.extra[title] for part in parts])[back] for title in parts[0].extra}
     return parts[0].replace(**columns, extra=extra)
-
-
-def _source_of(label: str, sources: list[str]) -> int:
-    return next((index for index, source in enumerate(sources) if label.startswith(source)), 0)

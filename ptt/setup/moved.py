@@ -185,6 +185,7 @@ def _is_of_joints(setup: Setup, posed: PosedReadings, part: np.ndarray) -> bool:
 def _columns_with_new_runs(table: Table, firsts: np.ndarray) -> dict[str, Any]:
     """Run columns of a table in which a new run begins at each of the given rows."""
     run, labels, digests = table.run.copy(), list(table.run_label), list(table.run_sha256)
+    files = list(table.run_file)
     named = list(table.run_label)
     for first in firsts:
         code = table.run[first]
@@ -192,7 +193,8 @@ def _columns_with_new_runs(table: Table, firsts: np.ndarray) -> dict[str, Any]:
         run[(np.arange(table.rows) >= first) & (table.run == code)] = len(labels)
         labels.append(f"{named[code]} from row {table.line[first]}".strip())
         digests += [table.run_sha256[code]] if digests else []
-    return {"run": run, "run_label": tuple(labels), "run_sha256": tuple(digests)}
+        files += [table.run_file[code]] if files else []
+    return {"run": run, "run_label": tuple(labels), "run_sha256": tuple(digests), "run_file": tuple(files)}
 
 
 def with_own_frames(file: MachineFile) -> MachineFile:

@@ -50,6 +50,7 @@ class Comparison:
         source: name of the run.
         machine: name of the machine.
         effects: effects of the model.
+        files: number of files that the run was read from.
     """
 
     raw: np.ndarray
@@ -69,6 +70,7 @@ class Comparison:
     source: str
     machine: str
     effects: tuple[str, ...]
+    files: int = 1
 
     @property
     def rows(self) -> int:
@@ -184,6 +186,7 @@ def compare_run(
         source=problem.table.source,
         machine=model.file.machine.name,
         effects=model.keys,
+        files=max(len(problem.table.files), 1),
     )
 
 

@@ -129,7 +129,7 @@ def worst_part(result: Comparison) -> str | None:
 
 def place_of(result: Comparison, row: WorstRow) -> str:
     """Where a row stands; the file too where several were read."""
-    return f"{row.run} line {row.line}" if " + " in result.source else f"line {row.line}"
+    return f"{row.run} line {row.line}" if result.files > 1 else f"line {row.line}"
 
 
 def percent(share: float) -> str:

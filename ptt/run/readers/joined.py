@@ -9,7 +9,8 @@ import numpy as np
 from ptt.errors import TableError
 from ptt.run.readers.mapping import Understood
 
-_KEPT = ("run", "run_label", "source", "joint_prefix", "extra", "watched", "understood", "run_sha256")
+_OF_RUNS = ("run", "run_label", "run_sha256", "run_file")
+_KEPT = (*_OF_RUNS, "source", "files", "joint_prefix", "extra", "watched", "understood")
 
 
 def join_fields(parts: Sequence[Dictionary[str, Any]]) -> dict[str, Any]:
@@ -27,7 +28,9 @@ def join_fields(parts: Sequence[Dictionary[str, Any]]) -> dict[str, Any]:
     """
     _check_same_machine(parts)
     offsets = np.cumsum([0, *(len(part["run_label"]) for part in parts)])
-    labels = [_label(part["source"], label) for part in parts for label in part["run_label"]]
+    labels = [_label(part, label) for part in parts for label in part["run_label"]]
+    files = [part["files"] or (part["source"],) for part in parts]
+    firsts = np.cumsum([0, *map(len, files)]).tolist()
     fields = {name: _join(parts, name) for name in parts[0] if name not in _KEPT}
     understood = [part["understood"] for part in parts]
     return fields | {
@@ -35,6 +38,12 @@ def join_fields(parts: Sequence[Dictionary[str, Any]]) -> dict[str, Any]:
         "run_label": tuple(_distinct(labels)),
         "run_sha256": tuple(
             digest for part in parts for digest in part["run_sha256"] or ("",) * len(part["run_label"])
+        ),
+        "files": tuple(name for names in files for name in names),
+        "run_file": tuple(
+            first + index
+            for part, first in zip(parts, firsts, strict=False)
+            for index in part["run_file"] or (0,) * len(part["run_label"])
         ),
         "source": " + ".join(part["source"] for part in parts),
         "joint_prefix": parts[0]["joint_prefix"],
@@ -81,9 +90,10 @@ def _join_extra(parts: Sequence[Dictionary[str, Any]]) -> dict[str, np.ndarray]:
     }
 
 
-def _label(source: str, run: str) -> str:
-    if " + " in source:  # joined before: its labels name their files already
+def _label(part: Dictionary[str, Any], run: str) -> str:
+    if part["files"]:  # joined before: its labels name their files already
         return run
+    source = part["source"]
     return f"{source}:{run}" if run else source
 
 

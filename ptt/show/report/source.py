@@ -112,6 +112,7 @@ def shown_table(table: Table, source: MadeOf) -> Table:
     return table.replace(
         source=source.clean(table.source),
         run_label=tuple(source.clean(label) for label in table.run_label),
+        files=tuple(source.clean(name) for name in table.files),
         understood=replace(table.understood, lines=lines),
     )
 
