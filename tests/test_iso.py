@@ -170,6 +170,16 @@ def test_arrival_comes_from_the_commands_unless_it_is_stated():
     assert iso_of_poses(make_table(target, measured=measured), by_direction=False).as_measured.variations == ()
 
 
+def test_stated_directions_of_an_arms_joints_tell_approaches_apart_beside_targets_alone():
+    target = np.tile([[0.0, 0.0, 0.0], [30.0, 10.0, 0.0], [60.0, -20.0, 5.0]], (8, 1))
+    side = np.tile(np.repeat([1.0, -1.0], 12)[:, None], (1, 6))
+    side[:, 3] = np.nan  # a joint that nothing is said of
+    measured = target + side[:, :1] * [0.0, 0.0, 0.005]
+    found = iso_of_poses(make_table(target, measured=measured, direction=side, joint_prefix="q"))
+    assert {pose.direction for pose in found.as_measured.poses} == {(1, 1, 1, 0, 1, 1), (-1, -1, -1, 0, -1, -1)}
+    assert [v.variation for v in found.as_measured.variations] == pytest.approx([0.01] * 3)
+
+
 def test_frames_per_run_are_aligned_run_by_run():
     random = np.random.default_rng(5)
     target = np.tile(random.uniform(-50.0, 50.0, (5, 3)), (4, 1))
@@ -177,7 +187,9 @@ def test_frames_per_run_are_aligned_run_by_run():
     measured = np.where(run[:, None] == 0, target, target + np.array([100.0, 0.0, 0.0]))
     table = make_table(target, measured=measured, run=run)
     assert max(p.repeatability for p in iso_of_poses(table, False, False).aligned.poses) > 1.0
-    assert max(p.repeatability for p in iso_of_poses(table, True, False).aligned.poses) < 1e-9
+    own = iso_of_poses(table, True, False)
+    assert max(p.repeatability for p in own.aligned.poses) < 1e-9
+    assert min(p.repeatability for p in own.as_measured.poses) > 1.0
 
 
 def test_a_run_without_targets_is_refused():

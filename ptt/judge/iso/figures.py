@@ -136,7 +136,9 @@ def _titled(name: object) -> tuple[str, str]:
 class IsoPoses(Record):
     """ISO 9283 figures of a tracker run, in the tracker's frame and after the rigid motion onto the targets.
 
-    Only AP and its drift differ between the two. All readings count, as the standard asks.
+    With one frame for all runs only AP and its drift differ between the two. Where every run has a frame of its own,
+    RP, AD and RD of poses in several runs do as well: as measured they hold the distances of the frames. All readings
+    count, as the standard asks.
 
     Attributes:
         as_measured: in the tracker's frame.
@@ -260,4 +262,6 @@ def _arrival(table: Table, keep: NDArray[np.intp]) -> NDArray[np.int8]:
     if table.direction is None:
         return direction
     stated = table.direction[keep]
+    if stated.shape != direction.shape:  # of an arm's joints, beside targets alone, whose directions are of x, y, z
+        direction = np.zeros(stated.shape, dtype=np.int8)
     return np.where(np.isfinite(stated) & (stated != 0), np.nan_to_num(stated), direction).astype(np.int8)
