@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from numbers import Real
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 from ptt.correct.training.heldout import evaluate_heldout
@@ -54,7 +55,7 @@ def evaluate(
     """Say how much error is gone: two runs as measured, or one run and a model on held-out rows.
 
     Args:
-        first: a run before, or a model.
+        first: a run before, or a model: one that was loaded, or the path of a machine.toml or compensator folder.
         second: a run after of the same poses, or the run.
         model: of two runs, the machine, where its tracker policy counts.
         frame: of two runs, how readings are brought into the base frame, instead of the machine's policy.
@@ -147,7 +148,7 @@ def _is_model(given: Any) -> bool:
         return False
     if isinstance(given, Model) or isinstance(getattr(given, "model", None), Model):
         return True
-    return isinstance(given, str) and given.endswith(".toml")
+    return isinstance(given, str | Path) and (Path(given).suffix == ".toml" or Path(given).is_dir())  # no run is either
 
 
 def _rows_of(given: RowsLike, model: Model | None) -> Table:
