@@ -5,15 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from iso_command import app as app
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from ptt.errors import TableError
-from ptt.judge.iso.figures import align_to_targets, is_axis_file, iso_of_poses
+from ptt.judge.iso.figures import align_to_targets, is_axis_file, iso_of_poses, iso_of_problem
 from ptt.judge.iso.pose import accuracy_and_repeatability, distance_figures, group_rows, pose_report
+from ptt.machine import load_machine, save_machine
+from ptt.mechanisms import build_mechanism
+from ptt.run.problem import build_problem
 from ptt.run.table import make_table
+from ptt.run.written import write_table
 
 
 def test_pose_figures_by_hand():
@@ -219,6 +225,40 @@ def test_command_on_a_tracker_run(app, tmp_path):
     )
     refused = CliRunner().invoke(app, [str(path), "--model", str(tmp_path / "half")])
     assert refused.exit_code != 0 and "compensator.json: no such file" in str(refused.exception)
+
+
+def workpiece(kind):
+    """A machine, joint commands of poses in three cycles, readings, and targets as of a workpiece that is turned."""
+    random = np.random.default_rng(7)
+    file = load_machine(Path(__file__).resolve().parents[1] / "data" / kind / "machine.toml")
+    mechanism = build_mechanism(file.machine)
+    if file.machine.kind == "serial":
+        q = np.tile(random.uniform(-1.0, 1.0, (12, 6)), (3, 1))
+        place, turn = (each.numpy() for each in mechanism.pose(torch.as_tensor(q)))
+        seat = turn @ [0.0, 30.0, 80.0]
+    else:
+        place, seat = np.tile(random.uniform(-40.0, 40.0, (12, 3)), (3, 1)), 0.0
+        q = mechanism.inverse(torch.as_tensor(place)).numpy()
+    reading = place + seat + 0.003 * random.normal(size=place.shape)
+    turned = Rotation.from_euler("z", 40.0, degrees=True).as_matrix()
+    return file, q, reading, (place - [300.0, 100.0, 50.0]) @ turned
+
+
+@pytest.mark.parametrize("kind", ["sealed_one", "arm"])
+def test_the_frame_that_targets_are_stated_in_changes_no_aligned_figure(app, tmp_path, kind):
+    file, q, reading, stated = workpiece(kind)
+    alone = make_table(None, q, reading, joint_prefix=file.machine.letter)
+    bare = np.arange(len(q))[:, None] % 4 == 0  # rows with commands alone among those with targets
+    tables = [alone, alone.replace(target=stated), alone.replace(target=np.where(bare, np.nan, stated))]
+    base, whole, some = (iso_of_problem(build_problem(file, table)).aligned.to_dict() for table in tables)
+    assert base["AP_um"]["worst"] < 10.0
+    for found in (whole, some):
+        assert found["AP_um"] == pytest.approx(base["AP_um"], rel=1e-4)
+        assert found["RP_um"] == pytest.approx(base["RP_um"], rel=1e-4)
+    write_table(tables[2], tmp_path / "run.csv")
+    save_machine(file, tmp_path / "m.toml")
+    outcome = CliRunner().invoke(app, [str(tmp_path / "run.csv"), "--model", str(tmp_path / "m.toml"), "--json"])
+    assert json.loads(outcome.stdout)["aligned"]["AP_um"] == pytest.approx(base["AP_um"], rel=1e-4)
 
 
 def test_targets_a_hair_apart_are_one_pose_and_loads_too():

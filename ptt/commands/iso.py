@@ -74,15 +74,12 @@ def _run_table(run: Path, model: Path | None, reading: dict[str, Any]) -> "tuple
     if model is None:
         return read_table(run, None, **reading), None
     from ptt.correct.training.machine_of import machine_of
-    from ptt.judge.iso.figures import with_targets
-    from ptt.mechanisms import build_mechanism
+    from ptt.run.wanted import placed
 
     file = machine_of(model)
-    mechanism = build_mechanism(file.machine)
-    table = read_table(
-        run, joints=mechanism.joints, joint_prefix=file.machine.letter, ends=file.machine.travel_ends, **reading
-    )
-    return with_targets(table, mechanism), file
+    spec = file.machine
+    table = read_table(run, joints=spec.joints, joint_prefix=spec.letter, ends=spec.travel_ends, **reading)
+    return placed(file, table), file
 
 
 def _text(figures: dict[str, Any]) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ptt.errors import TableError, shown
@@ -17,11 +16,10 @@ from ptt.judge.iso.pose import pose_report
 from ptt.judge.iso.pose_figures import PoseReport
 from ptt.judge.run_errors import seats_of
 from ptt.machine import MachineFile
-from ptt.mechanisms import build_mechanism
-from ptt.mechanisms.protocol import Mechanism
 from ptt.record import Record
 from ptt.run.direction import travel_direction
 from ptt.run.frames import align, kabsch
+from ptt.run.mounts import mount_of_rows
 from ptt.run.problem import Problem
 from ptt.run.readers.columns import UNITS as UNITS_OF
 from ptt.run.readers.plain import numbers_of, read_plain
@@ -29,6 +27,8 @@ from ptt.run.readers.scale import LARGEST_IN_METRES
 from ptt.run.readers.text import LONGEST
 from ptt.run.same_pose import same_places
 from ptt.run.table import Table, take_rows
+from ptt.run.target_frame import in_base, target_frames
+from ptt.run.wanted import placed
 
 Array = NDArray[np.float64]
 Motion = Callable[[Array, Array], tuple[Array, Array]]
@@ -157,19 +157,6 @@ class IsoPoses(Record):
     without: PoseReport | None = None
 
 
-def with_targets(table: Table, mechanism: Mechanism) -> Table:
-    """Fill in missing targets of a table: the forward kinematics of its joint commands by the drawing.
-
-    Args:
-        table: n rows.
-        mechanism: the drawing.
-    """
-    if table.command is None:
-        return table
-    reached = mechanism.forward(torch.as_tensor(table.command)).numpy()
-    return table.replace(target=np.where(np.isnan(table.target), reached, table.target))
-
-
 def align_to_targets(measured: Array, target: Array, motion: Motion = kabsch) -> Array:
     """Readings moved by the rigid motion that brings them nearest to their targets (Kabsch 1976).
 
@@ -228,15 +215,24 @@ def iso_of_poses(
 
 def iso_of_problem(problem: Problem) -> IsoPoses:
     """ISO 9283 figures as from `ptt iso`: missing targets are computed from the joint commands."""
-    table = with_targets(problem.table, build_mechanism(problem.file.machine))
-    return iso_of_poses(table, problem.file.tracker.frame == "fitted-per-run", file=problem.file)
+    return iso_of_poses(
+        placed(problem.file, problem.table), problem.file.tracker.frame == "fitted-per-run", file=problem.file
+    )
 
 
 def _seats(table: Table, file: MachineFile | None, frame: NDArray[np.intp]) -> Array:
-    """Offset of the reflector from the tool point, (n, 3) mm; zero where none is fitted."""
+    """Offset of the reflector from the tool point, in the axes of the targets, (n, 3) mm; zero where none is fitted."""
+    if file is None or (mount_of_rows(file, table) < 0).all():
+        return np.zeros_like(table.measured)
     pose = (table.role != "base") & np.isfinite(table.target).all(axis=1) & np.isfinite(table.measured).all(axis=1)
-    seats = seats_of(table, file, table.target, table.measured, pose, frame, free=True)
-    return np.zeros_like(table.measured) if seats is None else seats
+    stated_in = target_frames(file, table)
+    place = in_base(table, stated_in).target
+    seats = seats_of(table, file, place, table.measured, pose, frame, free=True)
+    seat = np.zeros_like(place) if seats is None else seats
+    for run, own in enumerate(stated_in):
+        here = table.run == run
+        seat[here] = own.as_stated(seat[here]) - own.as_stated(np.zeros(3))
+    return seat
 
 
 def _aligned(measured: Array, target: Array, set_up: NDArray[np.intp], motion: Motion = kabsch) -> Array:
