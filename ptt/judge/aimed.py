@@ -6,14 +6,14 @@ target: it is off by the correction, and judged against it no compensation does 
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ptt.machine import MachineFile
 from ptt.run.same_pose import SAME_POSE, same_places
 from ptt.run.table import Table
-from ptt.run.target_frame import in_base, target_frames
+from ptt.run.target_frame import in_base, kept_frame, target_frames
 from ptt.run.wanted import placed
 
 ROUNDED_MM = 0.1  # commands in thousandths of a degree: 35 um at 2 m, several joints together
@@ -96,6 +96,17 @@ def _as_stated_after(before: Table, after: Table, file: MachineFile) -> Table:
     later, here = _same_pose(after, [wanted], place[rest], ROUNDED_MM)
     target[rest[here]] = after.target[later]
     return given.replace(target=target)
+
+
+def with_frame_of(file: MachineFile, table: Table) -> MachineFile:
+    """The machine file with the frame that all runs of a table state their targets in, where they share one.
+
+    Args:
+        file: the machine.
+        table: rows before a correction: those after it, whose commands tell less, are then taken to be in its frame.
+    """
+    kept = kept_frame(file.targets, target_frames(file, table, corrected=True))
+    return file if kept.frame == "unknown" else replace(file, targets=kept)
 
 
 def lent_in_words(rows: int) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ptt.errors import TableError
-from ptt.judge.aimed import MISSING, aim, lent_in_words
+from ptt.judge.aimed import MISSING, aim, lent_in_words, with_frame_of
 from ptt.judge.compare.comparison import figures
 from ptt.judge.match import match_rows, targets_of
 from ptt.judge.run_errors import LEAST_ROWS, errors_of
@@ -25,7 +25,7 @@ class Side:
 
     Attributes:
         source: names of its files.
-        place: targets, (m, 3) mm.
+        place: targets in the base frame, (m, 3) mm.
         error: reading less target, the tracker's frame taken out as the machine file says, (m, 3) mm.
     """
 
@@ -125,6 +125,7 @@ def compare_pair(before: Table, after: Table, file: MachineFile) -> BeforeAfter:
     Raises:
         TableError: a run without targets or with too few readings.
     """
+    file = with_frame_of(file, before)
     aimed = aim(before, after, file)
     before, after = runs = aimed.before, aimed.after
     if not aimed.told[after.role != "base"].any():

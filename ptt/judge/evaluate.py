@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 
 from ptt.errors import TableError, TooFewError
-from ptt.judge.aimed import MISSING, aim
+from ptt.judge.aimed import MISSING, aim, with_frame_of
 from ptt.judge.evaluation import Evaluation
 from ptt.judge.gross import gross_rows
 from ptt.judge.match import match_rows, targets_of
@@ -43,6 +43,7 @@ def evaluate_pair(
     Raises:
         TableError: no pose in common, or a run that cannot be evaluated.
     """
+    file = file and with_frame_of(file, before)
     aimed = aim(before, after, file)
     before, after = runs = aimed.before, aimed.after
     whole = [errors_of(table, file, frame) for table in runs]

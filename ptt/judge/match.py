@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from ptt.machine import MachineFile
-from ptt.run.problem import build_problem
 from ptt.run.same_pose import same_places
 from ptt.run.table import Table
+from ptt.run.target_frame import in_base, target_frames
+from ptt.run.wanted import placed
 
 
 def match_rows(
@@ -46,10 +47,13 @@ def match_rows(
 
 
 def targets_of(table: Table, file: MachineFile | None) -> np.ndarray:
-    """Targets of a run, (n, 3) mm; where it has joint commands only, their forward kinematics by the drawing."""
-    if file is None or np.isfinite(table.target).all(axis=1)[table.role != "base"].all():
+    """Targets of a run in the base frame, (n, 3) mm; of rows with joint commands only, where the drawing puts the tool.
+
+    Without a machine file they are taken as stated.
+    """
+    if file is None:
         return table.target
-    return np.where(np.isfinite(table.target), table.target, build_problem(file, table).target)
+    return in_base(placed(file, table), target_frames(file, table, corrected=True)).target
 
 
 def _keys(table: Table, usable: np.ndarray, by_name: bool, place: np.ndarray) -> dict[tuple[Any, int], int]:

@@ -11,7 +11,7 @@ from ptt.judge.match import targets_of
 from ptt.machine import MachineFile
 from ptt.model.chain import trace
 from ptt.model.entries import read_model
-from ptt.run.base_frame import into_base
+from ptt.run.base_frame import into_base, refuse_untrue
 from ptt.run.direction import travel_direction
 from ptt.run.frames import align
 from ptt.run.given_noise import given_noise
@@ -20,7 +20,9 @@ from ptt.run.noise import Noise
 from ptt.run.problem import build_problem
 from ptt.run.same_pose import count_places, same_places
 from ptt.run.table import Table
+from ptt.run.target_frame import target_frames
 from ptt.run.travel import run_starts
+from ptt.run.wanted import placed
 
 LEAST_ROWS = 4  # poses: a rigid motion needs three, and fitted to three alone it would absorb most of their errors
 
@@ -33,8 +35,9 @@ class Errors:
     """Errors of the rows of one run, n rows.
 
     Attributes:
-        raw: measured less target without alignment, (n, 3) mm; NaN where not observed, and on base reflectors.
-        aligned: measured less target after the frame policy, (n, 3) mm.
+        raw: measured less target as stated, without alignment, (n, 3) mm; NaN where not observed, and on base
+            reflectors.
+        aligned: measured less target after the frame policy, in the base frame, (n, 3) mm.
         frame: the policy, in words.
         noise: noise floor from repeats, std columns or the machine file; None where nothing tells it.
     """
@@ -60,7 +63,8 @@ def errors_of(
         The errors; missing targets are the forward kinematics of the commands by the drawing.
 
     Raises:
-        TableError: too few readings, no targets, base reflectors missing.
+        TableError: too few readings, no targets, base reflectors missing, or readings that are trusted to be in the
+            base frame and are in that of the targets.
     """
     policy = frame or (file.tracker.frame if file is not None else "fitted")
     target = targets_of(table, file)
@@ -72,7 +76,10 @@ def errors_of(
         pose &= rows
     if not pose.any():
         raise TableError("no row has both a target and a reading", where=table.source, fix="check columns and roles")
-    raw = np.where(pose[:, None], table.measured - target, np.nan)
+    stated = table.target if file is None else placed(file, table).target
+    raw = np.where(pose[:, None], table.measured - stated, np.nan)
+    if file is not None and policy == "trusted":
+        refuse_untrue(table, target, target_frames(file, table, corrected=True), pose)
     moved, words, turns = _align(table, file, target, pose, policy)
     aligned = np.where(pose[:, None], moved - target, np.nan)
     return Errors(raw, aligned, words, _noise(table, target, moved, file, turns))

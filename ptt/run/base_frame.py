@@ -55,14 +55,25 @@ def into_base(reading: np.ndarray, frame: np.ndarray, rotations: np.ndarray, shi
     return np.einsum("ni,nij->nj", reading - shifts[frame], rotations[frame])
 
 
-def refuse_untrue(table: Table, view: View, stated_in: Sequence[RunFrame], used: np.ndarray) -> None:
-    """Refuse frame = "trusted" where the readings are in the frame of targets that are stated in another one."""
+def refuse_untrue(table: Table, place: np.ndarray, stated_in: Sequence[RunFrame], used: np.ndarray) -> None:
+    """Refuse frame = "trusted" where the readings are in the frame of targets that are stated in another one.
+
+    Args:
+        table: n rows.
+        place: where the tool should be, in the base frame, (n, 3) mm.
+        stated_in: in which each run states its targets.
+        used: rows that count, (n,) bool.
+
+    Raises:
+        TableError: they are.
+    """
     for run, frame in enumerate(stated_in):
         here = used & (table.run == run) & np.isfinite(table.target).all(axis=1)
         if frame.source not in ("stated", "commands") or not here.any():
             continue
-        read, place = table.measured[here], view.p.numpy()[here]
-        apart, beside = (np.median(np.linalg.norm(read - to, axis=1)) for to in (place, table.target[here]))
+        apart, beside = (
+            np.median(np.linalg.norm(table.measured[here] - to[here], axis=1)) for to in (place, table.target)
+        )
         if beside < LIMIT < apart:
             raise TableError(
                 f'frame = "trusted", but the readings are in the frame of the targets, {apart:.0f} mm from the base',

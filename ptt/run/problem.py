@@ -171,7 +171,7 @@ def build_problem(file: MachineFile, table: Table) -> Problem:
     _require_places(file, table, view, used)
     policy = file.tracker.frame
     if policy == "trusted":
-        refuse_untrue(table, view, stated_in, used)
+        refuse_untrue(table, view.p.numpy(), stated_in, used)
     if used.sum() < 4:
         raise TooFewError(f"only {used.sum()} readings", where=table.source, fix="at least 4 measured rows are needed")
     fitted, of_runs = policy in ("fitted", "fitted-per-run"), policy in ("fitted-per-run", "measured")

@@ -84,12 +84,13 @@ class RunFrame(Record):
 MOVED = ("stated", "commands")
 
 
-def target_frames(file: MachineFile, table: Table) -> tuple[RunFrame, ...]:
+def target_frames(file: MachineFile, table: Table, *, corrected: bool = False) -> tuple[RunFrame, ...]:
     """Find the frame in which each run of a table states its targets.
 
     Args:
         file: the machine.
         table: n rows.
+        corrected: whether the commands may hold a correction: then a rigid motion as small as one is no frame.
 
     Returns:
         One frame for each run.
@@ -105,7 +106,7 @@ def target_frames(file: MachineFile, table: Table) -> tuple[RunFrame, ...]:
     frames = []
     for run, label in enumerate(table.run_label):
         here = table.run == run
-        frame = find_frame(table.target[here], place[here], file.targets, arm=arm)
+        frame = find_frame(table.target[here], place[here], file.targets, arm=arm, corrected=corrected)
         _require_frame(frame, table, here, label if table.of_several_files else table.source)
         frames.append(frame)
     return tuple(frames)
@@ -185,7 +186,9 @@ def kept_frame(spec: TargetsSpec, frames: Sequence[RunFrame]) -> TargetsSpec:
     return first if alike else TargetsSpec(frame="unknown")
 
 
-def find_frame(target: np.ndarray, place: np.ndarray, spec: TargetsSpec, *, arm: bool = False) -> RunFrame:
+def find_frame(
+    target: np.ndarray, place: np.ndarray, spec: TargetsSpec, *, arm: bool = False, corrected: bool = False
+) -> RunFrame:
     """Find how the targets of one run lie in the base frame.
 
     Args:
@@ -193,6 +196,7 @@ def find_frame(target: np.ndarray, place: np.ndarray, spec: TargetsSpec, *, arm:
         place: (n, 3) mm, nominal positions of the commands, NaN where there is no command.
         spec: what the machine file states.
         arm: a serial arm, whose commands may be encoders' readings and whose targets may be of another tool.
+        corrected: whether the commands may hold a correction.
 
     Returns:
         The frame.
@@ -207,7 +211,7 @@ def find_frame(target: np.ndarray, place: np.ndarray, spec: TargetsSpec, *, arm:
     own = _own_frame(wanted, asked) if spec.frame != "base" else best
     angle = np.radians(np.linalg.norm(own.turn_deg))
     pure = own.left < PURE * best.left
-    sure = pure and not arm and (angle > TURNED or best.left > SHIFTED)
+    sure = pure and not arm and not corrected and (angle > TURNED or best.left > SHIFTED)
     if best.left <= (ARM_LIMIT if arm else LIMIT) and not sure:
         return replace(best, doubt=best.left if pure and best.left > SEEN_MM and not arm else 0.0)
     if own.left <= LIMIT and spec.frame != "base" and not _mirrored(wanted, asked, own):
