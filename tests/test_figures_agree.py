@@ -13,7 +13,7 @@ import ptt
 from ptt.door.diagnosing import format_diagnosis
 from ptt.mechanisms import build_mechanism
 from ptt.run.named import named_rows
-from ptt.run.table import make_table
+from ptt.run.table import concat_tables, make_table, take_rows
 from ptt.run.written import write_table
 
 REFLECTORS = np.array([[380.0, 140, -220], [-390, 180, -210], [-120, -410, -230], [260, 330, 420]])
@@ -95,5 +95,5 @@ def test_rows_are_named_by_file_and_no_more_than_a_handful():
     assert named_rows(table, np.zeros(9, dtype=bool)) == ""
     assert named_rows(table, np.array([4])) == "a.csv line 6"
     assert named_rows(table, np.arange(9)) == "a.csv lines 2, 3, 4, 5, 6 and 4 more"
-    both = table.replace(run=np.repeat([0, 1], [5, 4]), run_label=("a.csv", "b.csv"), source="a.csv + b.csv")
+    both = concat_tables([take_rows(table, np.arange(5)), take_rows(table, np.arange(5, 9)).replace(source="b.csv")])
     assert named_rows(both, np.array([1, 3, 8])) == "a.csv lines 3 and 5; b.csv line 10"
