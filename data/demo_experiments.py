@@ -145,7 +145,9 @@ def compensated(bench: Bench, trained: tuple[Model, GaussianRbf], targets: str) 
     # All cycles in travel order: the way back to the first target reverses sliders too.
     cycles = bench.rig.conditions.cycles
     every = make_table(np.tile(wanted.target, (cycles, 1)), name=np.tile(wanted.name, cycles), source=wanted.source)
-    commands = compensate(model, every, correction=correction_of(network), inside=network.inside)
+    commands = compensate(
+        model, every, correction=correction_of(network), inside=lambda place, _: network.inside(place)
+    )
     return run_rig(bench, targets, commands.q)
 
 

@@ -84,7 +84,7 @@ def walk_loop(name: str, out: Path) -> str:
     after = measure_again(sealed, trained, read_table(HERE / name / "targets.csv", purpose="targets"), out)
     errors = error_um(run, file), error_um(after, file)
     truth = find_truth(sealed.drawn, known)
-    scored = score(trained.physics.model, truth, lambda _: correction_of(trained.rbf.network))
+    scored = score(trained.physics.model, truth, correction_of(trained.rbf.network))
     walk = Walk(compared, found, ladder, trained, errors, scored)
     draw_walk(walk, run, out / "loop.png")
     return describe(walk, name)
@@ -93,7 +93,9 @@ def walk_loop(name: str, out: Path) -> str:
 def measure_again(sealed: Sealed, trained: Training, wanted: Table, out: Path) -> Table:
     """Send corrected commands for the run's own targets to the opened rig."""
     network = trained.rbf.network
-    commands = compensate(trained.physics.model, wanted, correction=correction_of(network), inside=network.inside)
+    commands = compensate(
+        trained.physics.model, wanted, correction=correction_of(network), inside=lambda place, _: network.inside(place)
+    )
     sent = pd.DataFrame(commands.q, columns=["b1", "b2", "b3"])
     rig = sealed.drawn.rig
     result = simulate(rig, sealed.drawn.targets, sliders=sent, seed=rig.seed + AFTER_SEED)
