@@ -67,7 +67,8 @@ def test_errors_of_places_on_a_line_do_not_turn_the_tracker_about_it() -> None:
     turn = Rotation.from_euler("y", 80.0, degrees=True).as_matrix()
     found, _ = kabsch(place, (place + wrong) @ turn.T + PLACE)
     np.testing.assert_allclose(found @ [1.0, 0.0, 0.0], turn @ [1.0, 0.0, 0.0], atol=1e-3)
-    np.testing.assert_allclose(kabsch(place[:1], place[:1])[0], np.eye(3))
+    one = np.tile([12.3, -45.6, 78.9], (5, 1))
+    np.testing.assert_allclose(kabsch(one, one + draws.normal(0.0, 0.01, one.shape))[0], np.eye(3))
 
 
 def two_setups(file: MachineFile) -> Table:

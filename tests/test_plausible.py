@@ -142,3 +142,25 @@ def test_a_screw_that_would_grow_more_than_any_material_is_asked_about_beside_th
     assert found.oversized == ("screw-growth",) and "screw-growth" in found.perhaps
     assert "could be screw-growth, at a size" in found.words
     assert found.candidates[0].effect == "screw-growth"
+
+
+def test_repeats_that_scatter_are_no_reason_beside_an_unknown_that_was_found() -> None:
+    draws = np.random.default_rng(3)
+    pose = np.round(draws.uniform(-60.0, 60.0, (60, 3)), 3)
+    place = pose[np.concatenate([draws.permutation(60) for _ in range(3)])]
+    error = draws.normal(0.0, 1.4 * NOISE, place.shape) + 0.05 * np.sin(place[:, :1] / 25.0) * [0.0, 0.0, 1.0]
+    found = told_of(stated(), place, error, np.zeros_like(place))
+    assert (found.verdict, found.rest.reasons) == ("unknown", ())
+
+
+def test_visits_that_err_by_far_more_than_their_readings_are_told_beside_a_name_too() -> None:
+    draws = np.random.default_rng(3)
+    place = np.repeat(np.round(draws.uniform(-60.0, 60.0, (100, 3)), 3), 3, axis=0)
+    joints = build_mechanism(stated().machine).inverse(torch.as_tensor(place)).numpy()
+    way = np.sign(np.repeat(np.diff(joints[::3], axis=0, prepend=joints[:1]), 3, axis=0))
+    error = np.repeat(draws.normal(0.0, 5.0 * NOISE, (100, 3)), 3, axis=0) + draws.normal(0.0, NOISE, place.shape)
+    bare = replace(stated(), tracker=stated().tracker.model_copy(update={"sigma_mm": None}))
+    for file in (stated(), bare):
+        found = told_of(file, place, error, -0.1 * way)
+        assert (found.verdict, [step[0] for step in found.suggested]) == ("unknown", ["backlash"])
+        assert any("poses repeat no better" in reason for reason in found.rest.reasons)

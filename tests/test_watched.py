@@ -105,6 +105,13 @@ def test_what_is_watched_is_said_once_and_not_as_unused(folder):
     assert f"not used: {IDLE}" in lines
 
 
+@pytest.mark.parametrize("title", ["turn", "way x", "direction", "reversal"])
+def test_a_title_that_is_the_programs_own_word_is_refused(title: str) -> None:
+    table = make_table(np.zeros((3, 3)), extra={title: np.array(["1", "2", "3"])})
+    with pytest.raises(TableError, match="give the column another title"):
+        watch(table, [title])
+
+
 @pytest.mark.parametrize("title", ["turntable", "runout", "directional valve", "T1"])
 def test_a_title_like_a_variable_of_the_run_is_a_column_like_any_other(title: str) -> None:
     values = np.cumsum(np.random.default_rng(0).normal(size=80))

@@ -133,8 +133,8 @@ def _nearest(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.
         place, start = lines.last_positions(spare)
         asked = place if task.correction is None else torch.as_tensor(task.correction(place.numpy(), start.numpy()))
         part = replace(
-            task, targets=table, wanted=place, asked=asked, nominal=start, start=start, reversing=(), clock=None,
-            time=task.time[rows],
+            task, targets=table, wanted=place, asked=asked, in_domain=task.in_domain[rows], nominal=start,
+            start=start, reversing=(), clock=None, time=task.time[rows],
         )  # fmt: skip
         found = settle(part)
         better = (found.status == OK) & found.solved.reached & np.isnan(distance)

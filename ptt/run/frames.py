@@ -165,6 +165,8 @@ def kabsch(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarr
     about, read = place - middle, reading - centre
     turn = _turn_of(read.T @ about)
     _, sizes, axes = np.linalg.svd(about, full_matrices=False)
+    if sizes[0] <= ROUNDING * np.abs(place).max() * np.sqrt(len(place)):  # one place, but for rounding
+        return np.eye(3), centre - middle
     width = sizes[1] / np.sqrt(len(place)) if len(sizes) > 1 else 0.0
     if len(sizes) < 2 or sizes[1] < LINE * sizes[0]:
         left = float(np.median(np.linalg.norm(read - about @ turn.T, axis=1)))

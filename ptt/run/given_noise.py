@@ -25,7 +25,8 @@ def noise_from_std(table: "Table", rotation: np.ndarray, frame: np.ndarray) -> N
     """
     if table.std is None:
         return None
-    told = (table.std > 0.0).all(axis=1) & (table.role != "base")  # zero stands for unknown
+    read = np.isfinite(table.measured).all(axis=1) & (table.role != "base")
+    told = read & (table.std > 0.0).all(axis=1)  # zero stands for unknown
     if not told.any():
         return None
     covariance = 1e-14 * np.eye(3)

@@ -14,6 +14,9 @@ from ptt.run.table import Table
 
 OWN = re.compile(r"[bq]\d+|direction\d+|speed\d*|velocity|payload|(memory of )?temperature|time|run|[xyz]")
 
+# What a diagnosis itself calls so: told of a column, it would be taken for that
+TAKEN = re.compile(r"direction|(way|turn)( [xyz])?|reversal")
+
 
 def watch(table: Table, titles: Sequence[str]) -> Table:
     """Mark columns of the user's own as something that the error may depend on.
@@ -27,11 +30,14 @@ def watch(table: Table, titles: Sequence[str]) -> Table:
 
     Raises:
         TableError: there is no such column, a pose has no number in it, it never varies, or its title is that of
-            something the program looks at in any case.
+            something that the program looks at itself.
     """
     for title in titles:
         if OWN.fullmatch(title):
             raise TableError(f"'{title}' is examined in any case", where=table.source, fix="leave it out of --context")
+        if TAKEN.fullmatch(title):
+            what = f"'{title}' is the program's own word for how the machine moves"
+            raise TableError(what, where=table.source, fix="give the column another title")
         if title not in table.extra:
             raise TableError(f"no column '{shown(title)}' to examine", where=table.source, fix=_way_out(table, title))
     if not titles:

@@ -43,7 +43,8 @@ def unwitnessed(term: Term, problem: Problem, noise: Noise) -> list[str]:
         noise: the noise floor.
 
     Returns:
-        None for other effects. Where base reflectors were read, none but that on a drift with temperature.
+        None for other effects. Where base reflectors were read along the run, none but that on a drift with
+        temperature; on both sides of a knock, none on it.
     """
     if isinstance(term.effect, SetupJump):
         moved = "a base" if problem.file.machine.kind == "serial" else "a base, a platform or a reflector"
@@ -152,9 +153,13 @@ def _beside_shift(moved: np.ndarray, problem: Problem) -> np.ndarray:
 
 
 def _was_watched_at(moment: float, problem: Problem) -> bool:
-    """Whether base reflectors were read before and after a moment, by the view's clock."""
-    clock = None if problem.base is None else problem.base.view.time
-    return clock is not None and bool((clock <= moment).any() and (clock > moment).any())
+    """Whether base reflectors were read on both sides of a moment of the view's clock, in the frame it lies in."""
+    if problem.base is None:
+        return False
+    clock, seen = problem.view.clock.numpy(), problem.base.view.clock.numpy()
+    frame = problem.frame[np.flatnonzero(clock <= moment)[-1:]]
+    read = seen[np.isin(problem.base.frame, frame)]
+    return bool((read <= moment).any() and (read > moment).any())
 
 
 def _was_watched(problem: Problem) -> bool:

@@ -29,7 +29,7 @@ class Objections:
         idle: names of effects that do nothing visible at their fitted values.
         backward: names of effects with values of a physically impossible sign.
         set_aside: what the readings set aside as gross errors have in common, in words; None for nothing.
-        unexplained_error: that the error is too large though no effect is named, in words; None where it is not.
+        unexplained_error: that the error which no named effect explains is too large, in words; None where it is not.
     """
 
     faithful: bool = True

@@ -151,9 +151,9 @@ def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error:
     left, stated = visit_left(system, state), stated_noise(problem, system, state)
     wanders = state.memory.wander is not None and system.clock.is_slow(state.memory.wander)
     by_visit = bool(system.by_visit and state.memory.pose)
-    silent = _verdict(found, bool(naming.named.steps), rest) == "nothing-missing"
-    much = None
-    if silent or (problem.noise is not None and problem.noise.stated is not None):
+    before, much = _verdict(found, bool(naming.named.steps), rest), None
+    repeated = by_visit or (problem.noise is not None and problem.noise.stated is not None)
+    if before == "nothing-missing" or (before == "missing" and repeated):
         rounding_mm = problem.rounding[1]
         much = too_much_left(error, problem.noise, wanders=wanders, by_visit=by_visit, rounding_mm=rounding_mm)
     objections = Objections(
