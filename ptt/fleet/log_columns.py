@@ -83,9 +83,8 @@ def log_table(machine: MachineFile, columns: Mapping[str, np.ndarray], line: np.
     """
     meanings = meanings_of(columns, name)
     held = {each.quantity: _as_held(columns[title], each) for title, each in meanings.items()}
-    answers = Answers(
-        columns={title: each.quantity for title, each in meanings.items()}
-    )  # so that messages name titles
+    # so that messages name titles
+    answers = Answers(columns={title: each.quantity for title, each in meanings.items()})
     joints, letter = machine.machine.joints, machine.machine.letter
     export = Export(name, held, {}, line, Understood(mapping=answers))
     try:

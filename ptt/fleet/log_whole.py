@@ -71,9 +71,9 @@ def require_filled(path: Path, rows: int, beside: int) -> None:
         if not load and meaning.quantity not in (*FILLED, *STEADY):
             continue
         number = _number(title)
-        found = ask_rows(path, f"SELECT count({number}) AS told, min({number}) = max({number}) AS same FROM {SOURCE}")[
-            0
-        ]
+        (found,) = ask_rows(
+            path, f"SELECT count({number}) AS told, min({number}) = max({number}) AS same FROM {SOURCE}"
+        )
         if int(found["told"]) in (0, rows):  # without any value it counts as absent, as in a run
             continue
         where, what = f"{path}, column {shown(title)}", f"is empty in {rows - int(found['told'])} rows"

@@ -8,7 +8,7 @@ TRIMS = 4  # rounds of leaving out outliers
 LINE = 0.03  # width by length from which on no error of a machine determines the turn of places about their line
 TOLD = 10.0  # width of narrower places in errors of their fit, above which they tell that turn, to a tenth of a radian
 FAINT = 1e-9  # of the direction of a line: prefers the least turn about it, and turns the line by no more than that
-ROUNDING = 1e-12  # share of the largest inertia below which that about a line of points is rounding
+ROUNDING = 1e-12  # share of the largest inertia, size or coordinate of points below which another is rounding
 
 
 def align(place: np.ndarray, reading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
