@@ -33,10 +33,23 @@ class Gains:
 
         Both apply to the state before the batch followed by its w rows. Innovations are over their standard deviations.
         """
-        count = len(self.root)
-        keep, take, root = np.zeros((3, -(-count // BATCH_ROWS) * BATCH_ROWS))  # padded behind the last row
-        keep[: count - 1], take[: count - 1], root[:count], root[count:] = self.keep, self.take, self.root, 1.0
-        return _triangles(*(part.reshape(-1, BATCH_ROWS) for part in (keep, take, root)))
+        keep, take, over = self._whole
+        return _triangles(keep, take, over, over)
+
+    @cached_property
+    def batches_back(self) -> tuple[np.ndarray, np.ndarray]:
+        """Weights of the adjoint's batches, from the last row to the first: of its results and of its next state.
+
+        With u_i the sum of what rows from i on have to do with the state, u_i = keep_i u_(i+1) + y_i / root_i, and the
+        result is y_i / root_i - take_i u_(i+1).
+        """
+        keep, take, over = (part[::-1] for part in self._whole)
+        return _triangles(keep, over, over, take)
+
+    @property
+    def _whole(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Weights of the state and of the row, nothing behind the last one, and one over the deviations, (n,) each."""
+        return np.append(self.keep, 0.0), np.append(self.take, 0.0), 1.0 / self.root
 
 
 def gains_of(share: float, decay: np.ndarray, begun: np.ndarray) -> Gains:
@@ -83,6 +96,15 @@ def _filter(rows: np.ndarray, weights: np.ndarray, onward: np.ndarray, white: np
     white[:, full * BATCH_ROWS :] = (both[full:] @ weights[full:]).sum(axis=0)[:, : length - full * BATCH_ROWS]
 
 
+def filter_back(white: np.ndarray, gains: Gains) -> np.ndarray:
+    """The adjoint of `filter_rows` along series of n rows, (r, n): the same batches from the last row to the first."""
+    back = np.empty_like(white)
+    for first in range(0, len(white), BATCH_COLUMNS):
+        some = slice(first, first + BATCH_COLUMNS)
+        _filter(white[some, ::-1], *gains.batches_back, back[some])
+    return back[:, ::-1]
+
+
 def _cut(rows: np.ndarray, count: int) -> np.ndarray:
     """Batches of w rows of series (r, n), (count, r, w): a view."""
     return rows[:, : count * BATCH_ROWS].reshape(len(rows), count, BATCH_ROWS).transpose(1, 0, 2)
@@ -112,8 +134,23 @@ def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndar
     return state
 
 
-def _triangles(keep: np.ndarray, take: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`Gains.batches` from keep, take and root of all batches, (s, w) each."""
+def _triangles(
+    keep: np.ndarray, take: np.ndarray, own: np.ndarray, less: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Batches of a state s and results r over rows x, s_(i+1) = keep_i s_i + take_i x_i and r_i = own_i x_i - less_i s_i.
+
+    Args:
+        keep: weight of the state in the next one, (n,).
+        take: weight of the row in the next state, (n,).
+        own: weight of the row in its result, (n,).
+        less: weight of the state in the result, (n,).
+
+    Returns:
+        As `Gains.batches`.
+    """
+    parts = np.zeros((4, -(-len(keep) // BATCH_ROWS) * BATCH_ROWS))  # padded behind the last row
+    parts[:, : len(keep)] = keep, take, own, less
+    keep, take, own, less = parts.reshape(4, -1, BATCH_ROWS)
     count, width = keep.shape
     weights = np.zeros((count, width + 1, width + 1))
     weights[:, 0, 0] = 1.0
@@ -121,6 +158,6 @@ def _triangles(keep: np.ndarray, take: np.ndarray, root: np.ndarray) -> tuple[np
         weights[:, : row + 1, row + 1] = keep[:, row, None] * weights[:, : row + 1, row]
         weights[:, row + 1, row + 1] = take[:, row]
     onward, every = weights[:, :, width].copy(), np.arange(width)
-    weights = weights[:, :, :width] * (-1.0 / root[:, None])
-    weights[:, every + 1, every] = 1.0 / root
+    weights = weights[:, :, :width] * -less[:, None]
+    weights[:, every + 1, every] = own
     return weights, onward

@@ -1,14 +1,16 @@
 """Poses: which rows are visits of which pose, and sums for a random error common to the visits of each pose."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from ptt.diagnosis.noise.gains import filter_rows
+from ptt.diagnosis.noise.gains import Gains, filter_back, filter_rows
 from ptt.diagnosis.noise.wander import Clock, Wander
 
-# Numbers of weights that are kept, 160 MB: those of all wanders that one search tries, of most runs
-MOST_WEIGHT_NUMBERS = 20_000_000
+# Numbers of weights that are kept, 160 MB: those of all wanders that one diagnosis tries, of most runs
+MOST_WAY_NUMBERS = 20_000_000
+Filter = tuple[slice, Gains, np.ndarray]  # axes with the same gains, these, and weights (`PosesBeside.filters`)
 
 
 @dataclass(frozen=True)
@@ -24,14 +26,15 @@ class Poses:
     order: np.ndarray
     first: np.ndarray
     visits: np.ndarray
-    _ways: dict[tuple[float, float], tuple[np.ndarray, np.ndarray]] = field(
-        default_factory=dict, compare=False, repr=False
-    )
 
     def means(self, rows: np.ndarray) -> np.ndarray:
         """Mean over the visits of each pose, times the root of their number, (.., poses), from rows (.., m)."""
+        return self.totals(rows) / np.sqrt(self.visits)
+
+    def totals(self, rows: np.ndarray) -> np.ndarray:
+        """Sum over the visits of each pose, (.., poses), from rows (.., m)."""
         ordered = np.take(rows, self.order, axis=-1)  # twice as fast as an index behind an ellipsis
-        return np.asarray(np.add.reduceat(ordered, self.first, axis=-1) / np.sqrt(self.visits))
+        return np.asarray(np.add.reduceat(ordered, self.first, axis=-1))
 
     def shrunk(self, rows: np.ndarray, size: float) -> np.ndarray:
         """Posterior mean of the pose error at each row, (.., m), from rows (.., m).
@@ -58,24 +61,32 @@ class Poses:
         """The counterpart for rows that were filtered by a wander."""
         if wander is None:
             return self
-        weights, visits = list[tuple[slice, np.ndarray]](), np.empty((3, len(self.visits)))
+        filters, visits = list[Filter](), np.empty((3, len(self.visits)))
         for axes, share in wander.parts:
             visits[axes], ways = self._beside(share, wander.constant, clock)
-            weights.append((axes, ways))
-        return PosesBeside(tuple(weights), visits)
+            filters.append((axes, clock.gains(share, wander.constant), ways))
+        return PosesBeside(self, tuple(filters), visits)
 
     def _beside(self, share: float, constant: float, clock: Clock) -> tuple[np.ndarray, np.ndarray]:
         """Eigenvalues and scaled eigenvectors of the filtered visits along one axis; cached."""
-        if (share, constant) not in self._ways:
-            if len(self._ways) * len(self.visits) * len(self.order) > MOST_WEIGHT_NUMBERS:
-                self._ways.clear()
+        kept = _kept(self.order.tobytes(), self.first.tobytes(), clock.time.tobytes(), clock.starts.tobytes(),
+                     clock.registered)  # fmt: skip
+        if (share, constant) not in kept:
+            if len(kept) * len(self.visits) ** 2 > MOST_WAY_NUMBERS:
+                del kept[next(iter(kept))]  # the one found first: a search moves on along the grid
             own = np.zeros((len(self.visits), len(self.order)))
             own[np.repeat(np.arange(len(own)), self.visits), self.order] = 1.0
             white = np.empty_like(own)
             filter_rows(own, clock.gains(share, constant), white)
             counts, ways = np.linalg.eigh(white @ white.T)
-            self._ways[share, constant] = counts, (ways.T @ white) / np.sqrt(counts)[:, None]
-        return self._ways[share, constant]
+            kept[share, constant] = counts, ways / np.sqrt(counts)
+        return kept[share, constant]
+
+
+@lru_cache(maxsize=2)
+def _kept(*rows: bytes | bool) -> dict[tuple[float, float], tuple[np.ndarray, np.ndarray]]:
+    """What is cached for rows of these poses and times: every system that a search linearises has the same ones."""
+    return {}
 
 
 @dataclass(frozen=True)
@@ -86,19 +97,22 @@ class PosesBeside:
     v (L Z)(L Z)^T among innovations. Along its eigenvectors they are independent, as pose means are among white rows.
 
     Attributes:
-        weights: axes with the same gains, and the weights of the rows in each combination, (poses, m).
+        poses: those of the rows.
+        filters: axes with the same gains, these, and the weights of each pose in each combination, (poses, poses).
         visits: eigenvalue of each combination, in place of a number of visits, (3, poses).
     """
 
-    weights: tuple[tuple[slice, np.ndarray], ...]
+    poses: Poses
+    filters: tuple[Filter, ...]
     visits: np.ndarray
 
     def means(self, rows: np.ndarray) -> np.ndarray:
         """Counterpart of `Poses.means`, (.., 3, poses), from rows filtered by the wander, (.., 3, m)."""
         means = np.empty((*rows.shape[:-1], self.visits.shape[1]))
-        for axes, weights in self.weights:
+        for axes, gains, ways in self.filters:
             own = rows[..., axes, :]
-            means[..., axes, :] = (own.reshape(-1, own.shape[-1]) @ weights.T).reshape(*own.shape[:-1], len(weights))
+            totals = self.poses.totals(filter_back(own.reshape(-1, own.shape[-1]), gains))
+            means[..., axes, :] = (totals @ ways).reshape(*own.shape[:-1], len(ways))
         return means
 
     def share(self, size: float) -> tuple[np.ndarray, float]:
