@@ -161,7 +161,8 @@ def _beside_poses(system: RowSystem, left: np.ndarray, poses: Memory, value: Val
     sizes = [float(size) for size in POSE_RATIOS if 1.0 / POSE_RATIO_STEP < size / poses.pose < POSE_RATIO_STEP]
     spots = _rough_spots(system, left - system.poses.shrunk(left.T, poses.pose).T)
     both = [_best_beside(spot, beside) for spot in spots]
-    alone = [_best_beside(spot, value).memory for spot in both]
+    near = [spot for spot in both if value(spot.memory) >= beside(spot.memory) - FAR_BEHIND]
+    alone = [_best_beside(spot, value).memory for spot in near]
     return alone + [replace(spot.memory, pose=size) for spot in both for size in sizes]
 
 
