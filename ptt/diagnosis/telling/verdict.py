@@ -7,17 +7,18 @@ import numpy as np
 
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.following import dependence_of
-from ptt.diagnosis.evidence.atoms import is_effect
+from ptt.diagnosis.evidence.atoms import is_block, is_effect
 from ptt.diagnosis.evidence.noise_level import noise_after, stated_noise, visit_left, wanders_beyond
 from ptt.diagnosis.evidence.possible import UNUSUAL_NATS, is_oversized
 from ptt.diagnosis.evidence.probability import VERDICTS, Probability, weigh_sets, with_lapse
-from ptt.diagnosis.evidence.state import without
+from ptt.diagnosis.evidence.state import State, without
 from ptt.diagnosis.evidence.system import holds_unknown
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.noise.slow import SECONDS, Slow
 from ptt.diagnosis.search.excess import Objections, is_open, too_much_left
 from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
+from ptt.diagnosis.search.improve import climb
 from ptt.diagnosis.search.moves import droppable
 from ptt.diagnosis.search.rest import Rest
 from ptt.diagnosis.telling.aside import against_gross
@@ -171,12 +172,12 @@ def _objected(rest: Rest, found: Found, naming: Naming, problem: Problem, error:
 def _depends_on(
     found: Found, naming: Naming, rest: Rest, shown: Problem, problem: Problem
 ) -> tuple[Dependence, ...]:  # fmt: skip
-    """What the unknown depends on.
+    """What the unknown depends on, in which effects that are not named have their part.
 
     From the blocks; else from the wander of a joint; else from the residual with the wander in it, where that is no
     tracker's or nothing is named; else from the residual tests; else from the block that would explain most.
     """
-    scorer, state = found.scorer, found.state
+    scorer, state = found.scorer, _in_blocks(found, naming)
     rows = slice(None) if found.sample is None else numbers(found.sample)
     unnamed = unnamed_of(scorer, state, problem, rows)
     depends, left = dependences(unnamed, shown), unnamed.left
@@ -189,11 +190,18 @@ def _depends_on(
     depends = depends or sized(rest.depends_on[:MOST_LINES], left, shown)
     if depends:
         return depends
-    backward = [key for key in state.keys if found.system.atoms[key].name in naming.backward]
-    gone = without(state, *naming.named.unproven, *backward)
-    suspect = with_suspect(scorer, scorer.score(gone, state.memory, state.variances))
+    suspect = with_suspect(scorer, state)
     suspected = dependences(unnamed_of(scorer, suspect, problem, rows), shown)
     return tuple(item for item in suspected if item.share >= LEAST_SHARE)
+
+
+def _in_blocks(found: Found, naming: Naming) -> State:
+    """The best set with blocks in the place of effects that are not named: what these do is unknown to the reader."""
+    scorer, state, said = found.scorer, found.state, {step.key for step in naming.named.steps}
+    unsaid = [key for key in droppable(scorer, state) if found.system.atoms[key].effect is not None and key not in said]
+    if not unsaid:
+        return state
+    return climb(scorer, scorer.score(without(state, *unsaid), state.memory, state.variances), is_block)
 
 
 def _slow(found: Found, problem: Problem) -> Slow | None:
