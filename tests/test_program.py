@@ -203,6 +203,17 @@ def test_a_move_by_so_much_begins_where_every_code_that_goes_home_ends(home: str
     assert corrected(text.format(home), WORN).replace(home, "G28") == corrected(text.format("G28"), WORN)
 
 
+@pytest.mark.parametrize("start", [None, np.array([0.0, 0.0, 40.0])])
+def test_a_lift_from_a_place_that_nobody_knows_makes_no_place_of_it(start: np.ndarray | None) -> None:
+    """Behind G28 only the controller knows Z: 'Z5' by increments is no position 5 that later lines may be sent to."""
+    found = correct_program(WORN, "G90\nG28\nG91\nG1 Z5 F300\nG90\nG1 X40 Y10\nX-40\nZ20\n", start=start)
+    lines = found.text.splitlines()
+    assert re.fullmatch(r"G1 Z[45]\.\d+ F300", lines[3])  # the lift itself stays
+    assert all("Z" not in line for line in lines[4:-1]) and "Z" in lines[-1]
+    assert sum("by increments (G91)" in note and note.startswith("line 4 ") for note in found.notes) == 1
+    assert not any("increments" in note for note in correct_program(WORN, "G0 X0 Y0 Z40\nG91\nG0 X5\n").notes)
+
+
 @pytest.mark.parametrize("turn", ["G17 G3 X-10 Y0 I-10 J0", "G18 G2 X-10 Z0 I-10 K0", "G19 G3 Y10 Z10 J0 K10"])
 def test_a_place_that_is_said_is_stated(turn: str) -> None:
     """A lathe's program never states Y: its arcs are cut once somebody says where the tool is."""

@@ -29,6 +29,7 @@ from ptt.errors import InputError
 Array = np.ndarray
 
 ARC = "IJKRP"
+ADRIFT = "and perhaps others go on by increments (G91) from a place that the program has not stated"
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,7 @@ def read_moves(
         elif _moves(block, state):
             move, state = _move(state, block, codes, index, home, source)
             moves.append(move)
+            notes += [line for line in _adrift(move, block) if not any(ADRIFT in told for told in notes)]
             systems |= set() if move.machine else {state.system}
         states.append(state)
         if len(systems) > 1:
@@ -183,12 +185,15 @@ def _move(
 
 
 def _end(state: ModalState, stated: dict[str, float], origin: Array) -> tuple[Array, Array]:
-    """Where a move ends, mm, and which axes are stated by then; `origin` is that of the numbers."""
+    """Where a move ends, mm, and which axes are stated by then; `origin` is that of the numbers.
+
+    An increment (G91) on a place that is not known leads to another such place.
+    """
     end, known = state.place.copy(), state.known.copy()
     for axis, letter in enumerate(TOOL_AXES):
         if letter in stated:
             base = origin[axis] if state.absolute else state.place[axis]
-            end[axis], known[axis] = base + state.unit * stated[letter], True
+            end[axis], known[axis] = base + state.unit * stated[letter], state.absolute or state.known[axis]
     return end, known
 
 
@@ -214,6 +219,14 @@ def _carried(state: ModalState, stated: dict[str, float]) -> dict[str, tuple[flo
         begin = state.carried.get(letter, 0.0)
         found[letter] = (begin, begin + value if relative else value, relative)
     return found
+
+
+def _adrift(move: Move, block: ProgramBlock) -> list[str]:
+    """A note on an increment from a place that the program has not stated."""
+    letters = [letter for axis, letter in enumerate(TOOL_AXES) if not (move.absolute or move.known[axis])]
+    if not any(word.letter in letters for word in block.words):
+        return []
+    return [f"line {block.line} {ADRIFT}: it is corrected as if the tool were at the start; state positions before it"]
 
 
 def _notes(codes: list[int]) -> list[str]:

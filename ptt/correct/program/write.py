@@ -96,10 +96,10 @@ class Writer:
         return [*words, *moved, *self._further(move, piece)]
 
     def _axis(self, move: Move, axis: int, piece: Piece, said: set[str]) -> list[str]:
-        if not move.known[axis]:
+        letter, here = TOOL_AXES[axis], self.place[axis]
+        if not move.known[axis] and (move.absolute or letter not in said):  # an increment is one from any place
             return []
         digits = DIGITS[move.unit]
-        letter, here = TOOL_AXES[axis], self.place[axis]
         zero = self.home[axis] if move.machine else 0.0 if move.absolute else here
         printed = round((piece.place[axis] - zero) / move.unit, digits)
         same = printed == (round((here - zero) / move.unit, digits))
