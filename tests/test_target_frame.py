@@ -13,10 +13,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from ptt.effects import library
 from ptt.errors import TableError
+from ptt.fitting.solve import fit
 from ptt.machine import format_machine, load_machine, parse_machine, save_machine
 from ptt.machine_schema import TargetsSpec, TrackerSpec
 from ptt.mechanisms import build_mechanism
+from ptt.model.model import Model
+from ptt.plan.again import plan_again
+from ptt.plan.separation import plan_separation
 from ptt.rig import parse_rig, simulate, write_run
 from ptt.run.problem import build_problem
 from ptt.run.reading import read_table
@@ -216,3 +221,32 @@ def test_an_arms_targets_for_another_base_are_brought_back_and_for_another_tool_
     tool = build_problem(file, make_table(place + turn @ [0.0, 30.0, 120.0], q.numpy(), place, joint_prefix="q"))
     assert tool.stated_in[0].source == "unknown"
     np.testing.assert_allclose(tool.target, tool.view.p.numpy(), atol=1e-9)
+
+
+@pytest.mark.parametrize("spec", [{"origin_mm": (30.0, 20.0, 40.0), "turn_deg": (0.0, 0.0, 30.0)}, {}])
+def test_a_plan_counts_targets_as_the_machine_file_states_them(tmp_path, spec):
+    """What a plan of the bench drives is where the bench can go, in whatever frame its controller counts."""
+    for name, file in (("plain", FILE), ("own", replace(FILE, targets=TargetsSpec(**spec)))):
+        save_machine(file, tmp_path / f"{name}.toml")
+        told = invoke("plan", tmp_path / f"{name}.toml", "--rows", 60, "--out", tmp_path / f"{name}.csv")
+        assert ("under [targets]" in told.stdout) == (file.targets != TargetsSpec())
+        words = ("--model", tmp_path / f"{name}.toml", "--out", tmp_path / f"{name}_sent.csv")
+        assert invoke("predict", tmp_path / f"{name}.csv", *words).exit_code == 0
+    plain, own = (pd.read_csv(tmp_path / f"{name}_sent.csv") for name in ("plain", "own"))
+    names = ["b1", "b2", "b3", "dir1", "dir2", "dir3"]
+    np.testing.assert_allclose(own[names], plain[names], atol=3e-4)
+
+
+def test_poses_to_measure_next_are_counted_as_the_targets_of_the_run(base, tmp_path):
+    """Of a run whose targets lie in a workpiece's frame, by its commands alone."""
+    for name, run in (("plain", base), ("own", moved(base, TURNS[1]))):
+        write_run(run, tmp_path / f"{name}.csv")
+    problems = [build_problem(FILE, read_table(tmp_path / f"{name}.csv")) for name in ("plain", "own")]
+    (frame,) = problems[1].stated_in
+    assert frame.source == "commands"
+    again = [plan_again(Model(FILE), problem) for problem in problems]
+    model = Model(FILE) + library()["link-length"]()
+    confused = (("link-length", "joint-offset"),)
+    told = [plan_separation(fit(model, problem), problem, confused).targets for problem in problems]
+    for plain, own in (again, told):
+        np.testing.assert_allclose(frame.into_base(own.target), plain.target, atol=0.05)

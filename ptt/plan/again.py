@@ -1,5 +1,7 @@
 """A further run over the region of one that showed something unknown."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ptt.errors import WorkspaceError
@@ -8,6 +10,7 @@ from ptt.plan.first_run import LEAST_ROWS, ROWS, plan_first_run
 from ptt.plan.space import boxed, build_space, narrow_space
 from ptt.run.problem import Problem
 from ptt.run.table import Table
+from ptt.run.target_frame import kept_frame
 
 MOST_LOADS = 3  # of those of the run: the ends tell a line, the middle whether it is one
 
@@ -23,8 +26,9 @@ def plan_again(model: Model, problem: Problem) -> Table | None:
         problem: the run.
 
     Returns:
-        Targets in driving order; None where the run never left a place.
+        Targets in driving order, in the frame that the run states its own in; None where the run never left a place.
     """
+    model = replace(model, file=replace(model.file, targets=kept_frame(problem.file.targets, problem.stated_in)))
     driven, seen, loads = problem.view.q[problem.used], problem.view.p[problem.used], _loads(problem)
     try:
         space = narrow_space(build_space(problem.file), driven.amin(dim=0), driven.amax(dim=0))

@@ -15,12 +15,13 @@ from ptt.plan.floor import say_floor
 from ptt.plan.forecast import EffectForecast, forecast, see_plan
 from ptt.plan.pool import with_base
 from ptt.plan.space import Space, build_space, can_drive, draw_poses
-from ptt.plan.visits import Visit, both_ways, singles, table_of
+from ptt.plan.visits import Visit, as_counted, both_ways, singles, table_of
 from ptt.progress import Progress
 from ptt.record import Record
 from ptt.run.noise import DEFAULT_SIGMA
 from ptt.run.repeats import ENOUGH, repeat_groups
 from ptt.run.table import Table
+from ptt.run.target_frame import RunFrame, stated_frame
 
 ROWS = 200  # by default
 LEAST_ROWS = 60  # for each payload
@@ -35,7 +36,7 @@ class FirstRun(Record):
     """A plan, and the expected standard errors of each effect.
 
     Attributes:
-        targets: rows in driving order.
+        targets: rows in driving order; positions in the frame that the machine file states for targets.
         freedom: degrees of freedom of true repeats.
         rising: share of rows that each joint reaches upwards, (k,).
         datum_visits: number of rows with the role datum.
@@ -112,8 +113,9 @@ def plan_first_run(
     rising = (view.direction.numpy()[read] > 0).mean(axis=0)
     done = repeats_in(timed, view.direction.numpy())
     visited = int((table.role == "datum").sum())
-    words = _words(table, done, rising, visited, levels) + say_floor(table, space) + _lost(effects)
-    return FirstRun(table, done, rising, visited, effects, sigma, words)
+    frame = stated_frame(model.file.targets)
+    words = _words(table, done, rising, visited, levels) + say_floor(table, space) + _counted(space, frame)
+    return FirstRun(as_counted(table, frame), done, rising, visited, effects, sigma, words + _lost(effects))
 
 
 def repeats_in(table: Table, direction: np.ndarray) -> int:
@@ -200,6 +202,15 @@ def _numbered(visits: list[Visit]) -> list[Visit]:
         count += 1
         result.append(visit.named(f"p{count}") if visit.rows > 1 else replace(visit, name=(f"p{count}",)))
     return result
+
+
+def _counted(space: Space, frame: RunFrame) -> str:
+    """Words on the frame that targets are counted in, where it is not the base frame; '' of an arm's joint commands."""
+    if frame.source == "base" or not space.by_tool:
+        return ""
+    if frame.source == "unknown":
+        return " Targets are in the base frame: the machine file does not know in which frame they are stated."
+    return " Targets are in the frame that the machine file states under [targets]."
 
 
 def _lost(effects: tuple[EffectForecast, ...]) -> str:

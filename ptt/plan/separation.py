@@ -15,11 +15,12 @@ from ptt.plan.planned import planned_rows
 from ptt.plan.pool import Conditions, conditions_for, make_pool, with_base
 from ptt.plan.rivals import Duel, find_duels, instrument
 from ptt.plan.space import Space, build_space
-from ptt.plan.visits import Visit, in_driving_order, table_of
+from ptt.plan.visits import Visit, as_counted, in_driving_order, table_of
 from ptt.plan.words import say_ambiguity, say_separation
 from ptt.record import Record
 from ptt.run.problem import Problem
 from ptt.run.table import Table
+from ptt.run.target_frame import kept_frame, stated_frame
 
 MOST_ROWS = 80  # without base reflectors
 LEAST_ROWS = 24  # so that neither one bad reading nor a corner of the volume decides
@@ -66,7 +67,7 @@ class Separation(Record):
     """What to measure next.
 
     Attributes:
-        targets: rows to drive in this order; None where no pose helps.
+        targets: rows to drive in this order, in the frame that the run states its targets in; None where no pose helps.
         pairs: the confused pairs of effects.
         before: least separation of the pairs that poses can tell apart, on the run, sigma; NaN without any.
         after: least separation of these with the targets, sigma; NaN likewise.
@@ -207,7 +208,9 @@ def _report(
     before = min((pair.before for pair in solvable), default=float("nan"))
     after = min((pair.after for pair in solvable), default=float("nan"))
     straight = problem.file.machine.moves == "straight"
-    targets = table_of(with_base(visits, problem.file), space, straight=straight) if visits else None
+    frame = stated_frame(kept_frame(problem.file.targets, problem.stated_in))
+    rows = with_base(visits, problem.file)
+    targets = as_counted(table_of(rows, space, straight=straight), frame) if visits else None
     reached = bool(solvable) and after >= GOAL
     words = "\n".join(_sentences(pairs, visits, space, problem, conditions))
     return Separation(targets, pairs, before, after, reached, words)

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ptt.plan.space import Space, can_drive, directions, draw_poses
 from ptt.run.table import Table, make_table
+from ptt.run.target_frame import RunFrame
 from ptt.run.travel import read_travel
 
 DECIMALS = 4  # of targets in mm, 0.1 um
@@ -167,6 +168,21 @@ def table_of(visits: Sequence[Visit], space: Space, *, straight: bool) -> Table:
     travel = read_travel(space.mechanism, sent, space.mechanism.forward(sent), table, straight=straight)
     direction = np.where(base[:, None], np.nan, travel.direction.numpy())
     return table.replace(direction=direction)
+
+
+def as_counted(table: Table, frame: RunFrame) -> Table:
+    """A plan as the controller counts targets.
+
+    Args:
+        table: with targets in the base frame.
+        frame: in which the machine's targets are stated.
+
+    Returns:
+        The table with its targets in that frame; an arm's joint commands stay.
+    """
+    if frame.source == "base":
+        return table
+    return table.replace(target=np.round(frame.as_stated(table.target), DECIMALS) + 0.0)
 
 
 def _sent(space: Space, places: np.ndarray, base: np.ndarray) -> Tensor:
