@@ -1,11 +1,15 @@
 """`ptt dexterity`: condition number, manipulability, singularities."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from ptt.commands.common import Json, Map, ReadOptions, note, read_rows, show
+
+if TYPE_CHECKING:
+    from ptt.machine import MachineFile
+    from ptt.run.table import Table
 
 SHOWN_ROWS = 12  # targets without status 'ok' that are listed, at most
 RARE = 0.03  # share of random walks below which a family of singularities is not listed: a crossing of others
@@ -29,7 +33,7 @@ def dexterity(
     from ptt.mechanisms.dexterity_report import describe_dexterity
 
     file = load(machine).file
-    table = None if targets is None else read_rows(targets, file, ReadOptions(map_=map_, json=json), "targets")
+    table = None if targets is None else _in_base(file, targets, ReadOptions(map_=map_, json=json))
     poses = () if table is None else (table.target, table.command)
     data = describe_dexterity(file, *(None if each is None else torch.tensor(each) for each in poses))
     if table is not None:
@@ -42,6 +46,20 @@ def dexterity(
         save(draw_dexterity(file.machine), plot)
         note(f"picture in {plot}")
     show(data, _text(data), json)
+
+
+def _in_base(file: "MachineFile", targets: Path, reading: ReadOptions) -> "Table":
+    """Targets in the base frame, in which the mechanism stands; base reflectors are none."""
+    import numpy as np
+
+    from ptt.door.predicting import note_frames
+    from ptt.run.table import take_rows
+    from ptt.run.target_frame import in_base, target_frames
+
+    table = read_rows(targets, file, reading, "targets")
+    frames = target_frames(file, table)
+    note_frames(frames, note)
+    return take_rows(in_base(table, frames), np.flatnonzero(table.role != "base"))
 
 
 def _text(data: dict[str, Any]) -> str:

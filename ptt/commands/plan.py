@@ -5,12 +5,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Effects, Json, ReadOptions, progress, read_rows, show
+from ptt.commands.common import Effects, Json, ReadOptions, note, progress, read_rows, refuse_idle, show
 
 if TYPE_CHECKING:
     from ptt.door.model import Model
     from ptt.plan.expected import ExpectedKind
     from ptt.plan.first_run import FirstRun
+
+REPEATS = 30  # degrees of freedom
 
 
 def plan(
@@ -24,7 +26,7 @@ def plan(
     ] = "",
     repeats: Annotated[
         int, typer.Option("--repeats", min=0, help="Degrees of freedom wanted from repeated poses.")
-    ] = 30,
+    ] = REPEATS,
     box: Annotated[
         str,
         typer.Option(
@@ -52,6 +54,8 @@ def plan(
 
     model = load(machine, effects=effects or ())
     if candidates is not None:
+        idle = {"--payloads": payloads, "--box": box, "--repeats": repeats != REPEATS}
+        refuse_idle(idle, "says how poses are drawn, but --candidates lists them", "leave one of the two out")
         _choose(candidates, rows, out, model, ReadOptions(json=json), seed)
         return
     loads = parse_numbers(payloads, "--payloads")
@@ -74,12 +78,16 @@ def _choose(candidates: Path, rows: int, out: Path, model: "Model", reading: Rea
 
     table = read_rows(candidates, model.file, reading, "targets")
     chosen = choose_from(model.physics, table, rows, model.library, seed)
+    if aside := chosen.left_aside:
+        some = "1 pose that cannot be driven is" if aside == 1 else f"{aside} poses that cannot be driven are"
+        note(f"{candidates}: {some} left aside; `ptt predict` says why")
     write_table(take_rows(table, chosen.rows), out)
     sets = {"chosen": chosen.indices, "at random": chosen.drawn, "whole list": chosen.whole}
     lines = [f"{out}: {rows} of {table.rows} rows, D-optimal for {', '.join(chosen.effects)}"]
     lines += [f"  {name:<12} {found.poses:>5} poses, {found.text}" for name, found in sets.items()]
     data = {name.replace(" ", "_"): found.to_dict() for name, found in sets.items()}
-    show({"rows": rows, "out": str(out), "effects": list(chosen.effects), **data}, "\n".join(lines), reading.json)
+    told = {"rows": rows, "out": str(out), "effects": list(chosen.effects), "left_aside": chosen.left_aside}
+    show(told | data, "\n".join(lines), reading.json)
 
 
 def format_plan(result: "FirstRun", out: str) -> str:

@@ -10,13 +10,17 @@ from ptt.effects.layout import linear_size
 from ptt.effects.usual import usual_values
 from ptt.errors import InputError
 from ptt.fitting.indices import Indices, observability_indices, project_off
+from ptt.machine import MachineFile
+from ptt.mechanisms import build_mechanism
+from ptt.mechanisms.workspace import OK, reach
 from ptt.model.model import Model
 from ptt.plan.forecast import beside, columns_of, see_plan
 from ptt.plan.selection import select_poses
 from ptt.plan.space import Space, draw_poses
 from ptt.plan.visits import singles, table_of
 from ptt.run.noise import DEFAULT_SIGMA
-from ptt.run.table import Table
+from ptt.run.table import Table, take_rows
+from ptt.run.target_frame import in_base, target_frames
 
 CHOICE = 8  # candidates drawn for each pose that is chosen
 # Effects whose parameters the chosen poses are to determine.
@@ -34,7 +38,8 @@ class Selection:
         rows: chosen rows of the list, ascending, (count,) int.
         indices: observability indices of the chosen poses.
         drawn: of as many poses taken at random from the list.
-        whole: of the whole list.
+        whole: of all rows of the list that can be driven.
+        left_aside: number of poses of the list that cannot: out of reach or travel, or near a singularity.
         effects: keys of the effects that the poses are to determine.
     """
 
@@ -42,6 +47,7 @@ class Selection:
     indices: Indices
     drawn: Indices
     whole: Indices
+    left_aside: int
     effects: tuple[str, ...]
 
 
@@ -83,18 +89,35 @@ def choose_from(model: Model, candidates: Table, count: int, known: Library, see
         The selection.
 
     Raises:
-        InputError: fewer candidates than poses, or no parameter to determine.
+        InputError: no pose is asked for, fewer can be driven, or there is no parameter to determine.
     """
-    if candidates.rows < count:
-        raise InputError(f"{candidates.rows} candidates for {count} poses", where=candidates.source, fix="list more")
+    if count < 1:
+        raise InputError(f"{count} poses cannot be chosen", where=candidates.source, fix="ask for 1 or more")
+    table = in_base(candidates, target_frames(model.file, candidates))
+    there, poses = _driven(model.file, table), int((candidates.role != "base").sum())
+    if len(there) < count:
+        some = "" if len(there) == poses else f", of {poses} in the list"
+        what = f"{len(there)} poses that can be driven{some}: too few to choose {count} from"
+        fix = "list more" if not some else "list more; `ptt predict` says why the others cannot"
+        raise InputError(what, where=candidates.source, fix=fix)
     sigma = model.file.tracker.sigma_mm or DEFAULT_SIGMA
-    columns, own = _columns(model, candidates, known, sigma)
+    columns, own = _columns(model, take_rows(table, there), known, sigma)
     chosen = np.sort(select_poses(columns, count))
     random = np.random.default_rng(seed).permutation(len(columns))[:count]
     names = tuple(dict.fromkeys((*model.keys, *_wanted(model, known))))
     every = np.arange(len(columns))
     mine, drawn, whole = (_indices(columns, own, rows) for rows in (chosen, random, every))
-    return Selection(chosen, mine, drawn, whole, names)
+    return Selection(there[chosen], mine, drawn, whole, poses - len(there), names)
+
+
+def _driven(file: MachineFile, table: Table) -> np.ndarray:
+    """Rows of a list, with targets in the base frame, whose poses the machine can be sent to, (m,) int."""
+    mechanism = build_mechanism(file.machine)
+    place = torch.tensor(table.target)
+    q = torch.full((table.rows, mechanism.joints), torch.nan, dtype=torch.float64)
+    q = q if table.command is None else torch.tensor(table.command)
+    q = torch.where(torch.isfinite(q).all(dim=1)[:, None], q, mechanism.inverse(place))
+    return np.flatnonzero((reach(mechanism, mechanism.forward(q), q) == OK) & (table.role != "base"))
 
 
 def _wanted(model: Model, known: Library) -> list[str]:
