@@ -14,7 +14,8 @@ from command_line import invoke
 from ptt.commands.main import run as run_verb
 from ptt.effects import library
 from ptt.fleet.alarms import Alarm
-from ptt.fleet.models import OF_RUN
+from ptt.fleet.database import insert, transaction
+from ptt.fleet.models import OF_RUN, model_at
 from ptt.fleet.overview import overview
 from ptt.fleet.past import Past, unsettled
 from ptt.fleet.queue import alone_with, keep_outcome, next_task
@@ -207,6 +208,34 @@ def test_a_run_that_is_added_late_is_held_against_the_model_of_its_time(
     keep_outcome(plant, Outcome(task.run, "mill", "recheck", "same", "", 0.0))
     put(plant, late)
     assert next_task(plant, "mill").solved == accepted
+
+
+def test_a_run_whose_own_model_was_accepted_is_held_against_the_one_before(plant: Store, quick: None) -> None:
+    """April is accepted after May: May is worked on again, and its own model would find it unchanged."""
+    march, april, may = (row["run"] for row in plant.ask("SELECT run FROM runs ORDER BY date"))
+    for day in ("2026-05-05", "2026-04-05"):
+        assert fleet("accept", plant.folder, "mill", day).exit_code == 0
+
+    def held(run: str) -> str:
+        with transaction(plant.file, read_only=True) as connection:
+            return (model_at(connection, "mill", run) or ("", ""))[0]
+
+    assert next_task(plant, "mill").run == may
+    assert (held(march), held(april), held(may)) == (april, march, april)
+    solved = str(next_task(plant, "mill").solved)
+    keep_outcome(plant, Outcome(may, "mill", "recheck", "new", "", 0.0, solved=solved + "# new\n"))
+    with transaction(plant.file) as connection:  # a later run: what the user accepted goes before what was added
+        insert(connection, "runs", run="june", machine="mill", date=datetime(2026, 6, 5), place=9, file="", kept="",
+               readings="", row_count=1, ordered=True, units_said=True)  # fmt: skip
+        assert model_at(connection, "mill", "june") == (may, plant_model(connection, may))
+    told = json.loads(fleet("remove", plant.folder, "mill", "2026-04-05", "--json").stdout)
+    assert told["waiting"] == 1 and next_task(plant, "mill").run == may
+    assert overview(plant).machines[0].past[0].verdict == "missing"  # a diagnosis needs no model
+
+
+def plant_model(connection, run: str) -> str:
+    query = "SELECT toml FROM models WHERE run = ? AND made = 'accepted'"
+    return str(connection.execute(query, [run]).fetchall()[0][0])
 
 
 def test_what_happened_before_an_accepted_run_alarms_no_more_but_a_drift_does() -> None:

@@ -36,7 +36,10 @@ def drawing_of(connection: "Connection", machine: str) -> str:
 
 
 def model_at(connection: "Connection", machine: str, run: str) -> tuple[str, str] | None:
-    """The model that a run is compared with: the latest from that run or an earlier one, else the first later one.
+    """The model that a run is compared with: the latest from an earlier run, else the first later one, else its own.
+
+    A model that was accepted from the run itself says nothing of a change before it. Of the models of one run, one that
+    was accepted goes before what a recheck added.
 
     Args:
         connection: to the store.
@@ -46,8 +49,8 @@ def model_at(connection: "Connection", machine: str, run: str) -> tuple[str, str
     Returns:
         SHA-256 of the run that the model was fitted to, and text of its machine.toml; None where there is no model yet.
     """
-    for side, order in ((WHEN.format("<="), "DESC"), (WHEN.format(">"), "ASC")):
-        query = f"{HELD} AND {side} ORDER BY runs.date {order}, runs.place {order} LIMIT 1"
+    for side, order in ((WHEN.format("<"), "DESC"), (WHEN.format(">"), "ASC"), (WHEN.format("="), "ASC")):
+        query = f"{HELD} AND {side} ORDER BY runs.date {order}, runs.place {order}, made LIMIT 1"
         if found := rows(connection, query, machine, run):
             return str(found[0]["run"]), str(found[0]["toml"])
     return None
@@ -87,7 +90,8 @@ def forget_run(connection: "Connection", machine: str, run: str) -> list[str]:
         The runs that are back in the queue: those compared with a model fitted to it and, if any, those after it up to
         the next whose model was accepted.
     """
-    others = [str(row["run"]) for row in rows(connection, "SELECT run FROM outcomes WHERE machine = ?", machine)]
+    compared = "SELECT run FROM outcomes WHERE machine = ? AND did <> 'diagnosis'"  # which compares with no model
+    others = [str(row["run"]) for row in rows(connection, compared, machine)]
     held = {other for other in others if (model_at(connection, machine, other) or ("", ""))[0] == run}
     if held:
         held |= {str(row["run"]) for row in rows(connection, LATER, machine, run, machine, run)}
