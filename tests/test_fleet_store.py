@@ -105,8 +105,17 @@ def test_a_machine_needs_a_drawing_once_and_keeps_it(tmp_path):
     assert add_machine(store, "a", None).machine == add_machine(store, "a", MACHINE).machine
     other = tmp_path / "other.toml"
     other.write_text(MACHINE.read_text().replace("300.0", "301.0"))
-    with pytest.raises(InputError, match="differs from the stored drawing"):
+    with pytest.raises(InputError, match=r"differs from the stored drawing of 'a' in \[machine\]"):
         add_machine(store, "a", other)
+    stated = {
+        "tracker": 'frame = "trusted"',
+        "controller": 'compensates = ["backlash"]',
+        "targets": "origin_mm = [1, 2, 3]",
+    }
+    for section, text in stated.items():  # what is stored would be taken, and what was given be lost unseen
+        other.write_text(MACHINE.read_text().partition("[tracker]")[0] + f"[{section}]\n{text}\n")
+        with pytest.raises(InputError, match=rf"in .*\[{section}\]"):
+            add_machine(store, "a", other)
 
 
 def test_a_broken_file_among_the_runs_keeps_no_other_out_and_makes_no_machine(tmp_path, capsys):

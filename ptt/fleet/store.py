@@ -18,6 +18,10 @@ from ptt.run.dates import date_in_name
 from ptt.run.table import Table
 
 FILE = "fleet.duckdb"
+SECTIONS = {  # of a machine file, which decide what its runs are compared with -> attribute of `MachineFile`
+    "[machine]": "machine", "[[effect]]": "effect", "[tracker]": "tracker", "[controller]": "controller",
+    "[targets]": "targets",
+}  # fmt: skip
 PART = 2**20  # bytes of a run that are copied at a time
 
 
@@ -142,9 +146,11 @@ def drawing_of(store: Store, machine: str, model: Path | None) -> MachineFile:
     if known is None and given is None:
         fix = "give --model M.toml once, or the path of the machine file in place of the name"
         raise InputError(f"no machine '{shown(machine)}' yet", where=str(store.folder), fix=fix)
-    if known is not None and given is not None and (known.machine, known.effect) != (given.machine, given.effect):
-        what = f"differs from the stored drawing of '{shown(machine)}'"
-        raise InputError(what, where=str(model), fix="name the machine alone, or give it another name")
+    if known is not None and given is not None:
+        other = [section for section, name in SECTIONS.items() if getattr(known, name) != getattr(given, name)]
+        if other:
+            what = f"differs from the stored drawing of '{shown(machine)}' in {', '.join(other)}"
+            raise InputError(what, where=str(model), fix="name the machine alone, or give it another name")
     found = known or given
     assert found is not None
     return found
