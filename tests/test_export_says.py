@@ -1,22 +1,28 @@
 """What a file for a controller says: what it holds, what it cannot, what to do with it."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import invoke
 from test_export_c import network_over
 from test_export_firmware import ALL, FILE, GAPS, export, missed, sliders, targets
 from told_models import compensator
 
+import ptt
 from ptt.correct.exports.firmware import what_to_do
 from ptt.correct.exports.format import NOTHING_TO_GAIN, USELESS, ErrorLeft, Options, said_held
 from ptt.correct.exports.held import said_left, untold_note
 from ptt.correct.exports.registry import find_format, writer
 from ptt.correct.training.compensator import Compensator
+from ptt.machine import save_machine
+from ptt.model.entries import write_model
 from ptt.model.model import Model
 from ptt.rig.nominal import ideal_machine, nominal_sliders
 from ptt.run.table import make_table
+from ptt.run.written import write_table
 
 DELTAS = ("klipper", "reprapfirmware", "marlin")
 
@@ -151,3 +157,25 @@ def test_a_bare_drawing_is_said_exactly(tmp_path: Path) -> None:
         np.testing.assert_allclose(sliders(name, FILE, tmp_path / name), wanted, atol=5e-5)
     export("linuxcnc", compensator(FILE), tmp_path / "delta.ini")
     np.testing.assert_allclose(sliders("linuxcnc", FILE, tmp_path / "delta.ini"), wanted, atol=5e-5)
+
+
+def test_a_run_with_empty_cells_is_judged_alike_by_library_and_command(tmp_path: Path) -> None:
+    """Empty temperatures are filled as in every run; poses of a run that has none at all are not judged at."""
+    warm = compensator(FILE, homing_offset={"offset_mm": [0.3, -0.2, 0.1]}, screw_growth={"growth_per_k": [2e-5] * 3})
+    save_machine(write_model(warm.model), tmp_path / "m.toml")
+    place = np.random.default_rng(1).uniform([-50, -50, 0], [50, 50, 40], (40, 3)).round(3)
+    temp = np.linspace(22.0, 34.0, 40).round(2)
+
+    def judged(values: np.ndarray, **columns: np.ndarray) -> list[dict[str, float]]:
+        write_table(make_table(place[np.arange(len(values)) % 40], measured=place[np.arange(len(values)) % 40],
+                               temp_c=values, **columns), tmp_path / "r.csv")  # fmt: skip
+        words = ("--model", tmp_path / "m.toml", "--to", "marlin", "--out", tmp_path / "a", "--run", tmp_path / "r.csv")
+        told = json.loads(invoke("export", *words, "--json").stdout)["error_um"]
+        library = ptt.export(ptt.load(tmp_path / "m.toml"), "marlin", tmp_path / "b", run=tmp_path / "r.csv")
+        return [told, library.to_dict()["error_um"]]
+
+    (whole, same), gap = judged(temp), judged(np.where(np.arange(40) % 9 == 4, np.nan, temp))
+    none = judged(np.append(temp, np.full(40, np.nan)), run=np.repeat([0, 1], 40))
+    assert whole == same and gap[0] == gap[1] and none[0] == none[1]
+    for figures in (gap[0], none[0]):
+        assert figures == pytest.approx(whole, rel=1e-3)

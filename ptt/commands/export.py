@@ -44,7 +44,7 @@ def export(
     from ptt.correct.exports.registry import find_format
     from ptt.door.exporting import export_as
     from ptt.door.model import load
-    from ptt.door.reading import read_rows
+    from ptt.door.run import read_path
 
     chosen = find_format(to)
     reading = ReadOptions(also, targets, set_, map_, effects, json)
@@ -52,7 +52,7 @@ def export(
         idle = {"--also": also, "--targets": targets, "--set": set_, "--map": map_}
         refuse_idle(idle, "says how to read a run, but no run is named", "add --run RUN.csv")
     loaded = load(model, effects=effects or ())
-    table = None if run is None else read_rows(run, loaded.file, reading, checked=True, ask=asker(reading), note=note)
+    table = None if run is None else read_path(run, loaded, reading, ask=asker(reading), note=note).table
     if step is not None and not chosen.stepped:
         note(f"--step does not apply to format {chosen.name}")
     with progress() as tell:

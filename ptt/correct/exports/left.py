@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 POSES = 600  # a root mean square of a smooth field is then known to a few percent
 EVEN = 1e-6  # deg, rounding of even azimuths
+CONTEXT = ("payload_kg", "temp_c", "feed_mm_s")
 COMPENSATED = "left to the controller, which compensates it already"
 
 
@@ -202,9 +203,12 @@ def solve(compensator: "Compensator", table: Table, progress: Progress = unwatch
 
 
 def _context(run: Table | None, rows: int) -> dict[str, np.ndarray]:
-    """Payload, temperature and speed of a run's poses, repeated cyclically."""
+    """Payload, temperature and speed of a run's poses, repeated cyclically.
+
+    Poses that lack one which others have do not count.
+    """
     if run is None:
         return {}
-    poses = take_rows(run, run.role == "pose")
-    found = {key: getattr(poses, key) for key in ("payload_kg", "temp_c", "feed_mm_s")}
-    return {key: np.resize(value, rows) for key, value in found.items() if value is not None and len(value)}
+    found = {key: value for key in CONTEXT if (value := getattr(run, key)) is not None and not np.isnan(value).all()}
+    known = (run.role == "pose") & np.all([np.isfinite(value) for value in found.values()], axis=0)
+    return {key: np.resize(value[known], rows) for key, value in found.items() if known.any()}
