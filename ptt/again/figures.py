@@ -9,11 +9,13 @@ from scipy.linalg import block_diag
 
 from ptt.again.changes import CURVE, Change
 from ptt.again.explanation import Explanation
+from ptt.diagnosis.evidence.noise_level import noise_after
 from ptt.diagnosis.noise.slow import share_within
 from ptt.fitting.evidence import UNGROUPED_VARIANCE
 from ptt.fitting.factor import inverse
 from ptt.record import Record
 from ptt.run.axes import rms
+from ptt.run.problem import Problem
 
 TOTAL = "total"
 CLEAR = 3.0  # standard errors beyond which a difference is clear
@@ -143,7 +145,7 @@ def clear_values(found: Explanation) -> dict[str, set[str]]:
     return names
 
 
-def errors_of(found: Explanation) -> dict[str, float]:
+def errors_of(found: Explanation, problem: Problem) -> dict[str, float]:
     """Error of the readings against the solved model, rms of the vector, um.
 
     All three are in the frame that `ptt compare` uses: a fitted frame is removed, a frame that base reflectors hold is
@@ -151,6 +153,7 @@ def errors_of(found: Explanation) -> dict[str, float]:
 
     Args:
         found: the best explanation.
+        problem: the run.
 
     Returns:
         expected: of a machine that has not changed: noise of the run, uncertainty of the model's values and of the base
@@ -164,7 +167,9 @@ def errors_of(found: Explanation) -> dict[str, float]:
     wander = 0.0  # share of the tracker's wander within runs: the frame of each run takes its mean
     if memory.wander is not None:
         wander = share_within(memory.wander, system.clock.span / max(int(system.clock.starts.sum()), 1))
-    noise = (1e3 * found.noise.total) ** 2 * (1.0 + wander)
+    # What the rows scatter by beyond a noise that is known is no noise: it would make any error an expected one.
+    floor = noise_after(problem, system, found.state).total
+    noise = (1e3 * min(floor, found.noise.total)) ** 2 * (1.0 + wander)
     off = _residual_of_prior(found) - _shift_of(found, prior.values - prior.start) - found.shift_of(found.set_up)
     return {
         "expected": float(np.sqrt(noise + doubtful + prior.left**2)),

@@ -78,7 +78,7 @@ def _nothing_of_machine(diagnosis: Diagnosis, known: Library) -> bool:
 def _is_significant(found: Explanation, problem: Problem, tell: Tell) -> bool:
     """Whether the residual is more than noise, and more than a machine that has not changed would show."""
     system, state = found.system, found.state
-    after, errors = noise_left(system, state).total, errors_of(found)
+    after, errors = noise_left(system, state).total, errors_of(found, problem)
     if problem.noise is not None and (
         1e3 * np.sqrt(max(after**2 - problem.noise.total**2, 0.0)) <= found.prior.left
         or errors["left"] <= errors["expected"]

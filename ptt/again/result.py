@@ -1,9 +1,10 @@
 """The result of a recheck: verdict, changed values, diagnosis of what is new, and their words."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 from ptt.again.figures import Moved
+from ptt.again.words import explain
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.model.model import Model
 from ptt.notebook import InNotebook
@@ -80,6 +81,17 @@ class Recheck(InNotebook, Record):
     def suggested(self) -> tuple[tuple[str, ...], ...]:
         """Steps of the diagnosis of what is new."""
         return () if self.new is None else self.new.suggested
+
+    def with_unexplained(self, words: str) -> "Recheck":
+        """The recheck with its diagnosis headed by a set-up problem (`Diagnosis.with_unexplained`); else as it is.
+
+        Args:
+            words: of the set-up check on columns that disagree beyond any machine's errors; '' for none.
+        """
+        if self.new is None or (new := self.new.with_unexplained(words)) is self.new:
+            return self
+        headed = replace(self, new=new)
+        return replace(headed, words=explain(headed))
 
     def __str__(self) -> str:
         """The recheck as a person reads it."""

@@ -108,4 +108,4 @@ def recheck(
     if opened.compensator.network is not None:
         tell("the compensator's network is left aside: only the physics is compared with the run")
     result = recheck_run(opened.model, opened.problem, opened.library, progress=lambda what: progress(what, 0, 0))
-    return Rechecked(result, opened, tuple(tell.lines))
+    return Rechecked(result.with_unexplained(opened.check.unexplained), opened, tuple(tell.lines))

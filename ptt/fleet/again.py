@@ -1,6 +1,6 @@
 """Comparison of a later run with the machine's model: a recheck, or a diagnosis where the model has no effects."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from ptt.again.recheck import recheck
@@ -49,9 +49,7 @@ def recheck_or_diagnose(model: Model, problem: Problem, known: Library, tell: Te
     """
     if not any(len(term.theta) for term in model.terms):
         return _against_the_drawing(model, problem, known, tell, unexplained)
-    found = recheck(model, problem, known, progress=tell)
-    if found.new is not None:
-        found = replace(found, new=found.new.with_unexplained(unexplained))
+    found = recheck(model, problem, known, progress=tell).with_unexplained(unexplained)
     added = [] if found.new is None else found.new.to_add
     error = found.error_um
     return Rechecked(found.verdict, found.words, found.to_dict(), added, error["expected"], error["now"])

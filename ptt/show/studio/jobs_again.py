@@ -152,7 +152,8 @@ def _recheck(last: "Opened") -> dict[str, Any]:
     from ptt.again.recheck import recheck
     from ptt.door.result import plain
 
-    found: dict[str, Any] = plain(recheck(last.model, last.problem, last.library).to_dict() | last.set_up)
+    told = recheck(last.model, last.problem, last.library).with_unexplained(last.check.unexplained)
+    found: dict[str, Any] = plain(told.to_dict() | last.set_up)
     return found
 
 
