@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 import torch
 
+from ptt.correct.training.compensator import Compensator
+from ptt.door import model as door
+from ptt.door.evaluating import measured
 from ptt.effects import library
 from ptt.errors import TableError
 from ptt.judge.evaluate import evaluate_pair
 from ptt.machine import MachineFile, load_machine
 from ptt.mechanisms import build_mechanism
-from ptt.model.entries import write_model
+from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
 from ptt.run.table import Table, make_table, take_rows
 
@@ -75,7 +78,20 @@ def test_the_tool_is_turned_as_the_model_has_it(runs: tuple[Table, Table]) -> No
     assert left["model"] < 1e3 * NOISE * np.sqrt(3.0) and left["drawing"] > 2.0 * left["model"]
 
 
-def test_effects_of_ones_own_turn_no_tool(runs: tuple[Table, Table]) -> None:
+class OwnZero(library()["homing-offset"]):  # type: ignore[misc]
+    name = "own-cause"
+
+
+def test_an_effect_of_ones_own_turns_the_tool_where_its_file_is_given(runs: tuple[Table, Table]) -> None:
+    known = {**library(), "own-cause": OwnZero}
+    file = solved()
+    own = replace(file, effect=tuple(each.model_copy(update={"name": "own-cause"}) for each in file.effect))
+    model = door.Model(Compensator(read_model(own, known), None, {}), known)
+    found = measured(*runs, model).result.to_dict()["axes"]
+    assert found == evaluate_pair(*runs, file).to_dict()["axes"] != evaluate_pair(*runs, FILE).to_dict()["axes"]
+
+
+def test_effects_of_ones_own_turn_no_tool_without_their_file(runs: tuple[Table, Table]) -> None:
     """Nor are they asked for: their file need not be there to compare two runs."""
     file = solved()
     own = replace(file, effect=tuple(each.model_copy(update={"name": "own-cause"}) for each in file.effect))

@@ -104,7 +104,8 @@ def measured(
 ) -> Evaluated:
     """Compare two runs as they were measured; arguments as `evaluate`."""
     file, tell = None if model is None else model.file, NoteCollector(note)
-    result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum)
+    known = None if model is None else model.library
+    result = evaluate_pair(before, after, file, frame=frame, z_datum=z_datum, known=known)
     data = result.to_dict()
     if lent := lent_in_words(data["protocol"]["targets_from_before"]):
         tell(lent)

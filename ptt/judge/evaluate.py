@@ -1,10 +1,12 @@
 """Two runs of the same poses, one before and one after a compensation, compared."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 
+from ptt.effects import Library
 from ptt.errors import TableError, TooFewError
 from ptt.judge.aimed import MISSING, aim, with_frame_of
 from ptt.judge.evaluation import Evaluation
@@ -26,6 +28,7 @@ def evaluate_pair(
     frame: str | None = None,
     z_datum: Datum = "absolute",
     rows: np.ndarray | None = None,
+    known: Library | None = None,
 ) -> Evaluation:
     """Compare two runs of the same poses, both treated alike.
 
@@ -36,6 +39,7 @@ def evaluate_pair(
         frame: policy instead of the machine's.
         z_datum: 'first' refers z errors to the first pose of each run, as the source paper does.
         rows: rows of `before` that count, (n,) bool; None for all. Frames are fitted to all matched rows.
+        known: effects by name, which turn an arm's tool; None for the library.
 
     Returns:
         The evaluation; rows of `after` that state no target are judged against that of their counterpart.
@@ -46,7 +50,8 @@ def evaluate_pair(
     file = file and with_frame_of(file, before)
     aimed = aim(before, after, file)
     before, after = runs = aimed.before, aimed.after
-    whole = [errors_of(table, file, frame) for table in runs]
+    errors_at = partial(errors_of, file=file, frame=frame, known=known)
+    whole = [errors_at(table) for table in runs]
     first, second, unmatched = match_rows(before, after, *map(_found, whole))
     if not len(first) or (rows is not None and not rows[first].any()):
         fix = "run both on the same targets, or name the points alike"
@@ -57,7 +62,7 @@ def evaluate_pair(
     counted = whole
     if z_datum == "absolute":  # else each run is referred to its own first pose, matched or not
         counted = [
-            _of_shared(errors, table, file, frame, own, bool(unmatched[side]))
+            _of_shared(errors, table, errors_at, own) if unmatched[side] else errors
             for errors, table, own, side in zip(whole, runs, (first, second), SIDES, strict=True)
         ]
     if rows is not None:
@@ -100,21 +105,17 @@ def _pair(
     return one, two
 
 
-def _of_shared(
-    errors: Errors, table: Table, file: MachineFile | None, frame: str | None, own: np.ndarray, more: bool
-) -> Errors:
+def _of_shared(errors: Errors, table: Table, errors_at: Callable[..., Errors], own: np.ndarray) -> Errors:
     """Errors of a run with its frame fitted to the matched rows alone: the others would turn it.
 
     Args:
-        errors: with the frame fitted to all rows; returned where there are no others, or the matched ones are too few.
+        errors: with the frame fitted to all rows; returned where the matched ones are too few.
         table: the run, n rows.
-        file: the machine, or None.
-        frame: policy instead of the machine's, or None.
+        errors_at: errors of a table, `rows` of which count.
         own: indices of the matched rows.
-        more: whether the run has other rows.
     """
     with suppress(TooFewError):  # with a frame for each run, one may have hardly any matched row
-        return errors_of(table, file, frame, np.isin(np.arange(table.rows), own)) if more else errors
+        return errors_at(table, rows=np.isin(np.arange(table.rows), own))
     return errors
 
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from ptt.effects import library
+from ptt.effects import Library, library
 from ptt.errors import TableError, TooFewError
 from ptt.judge.match import targets_of
 from ptt.machine import MachineFile
@@ -49,8 +49,9 @@ class Errors:
 
 
 def errors_of(
-    table: Table, file: MachineFile | None, frame: str | None = None, rows: np.ndarray | None = None
-) -> Errors:
+    table: Table, file: MachineFile | None, frame: str | None = None, rows: np.ndarray | None = None,
+    known: Library | None = None,
+) -> Errors:  # fmt: skip
     """Errors of a run's poses.
 
     Args:
@@ -58,6 +59,7 @@ def errors_of(
         file: the machine, whose tracker policy counts; None: the best rigid motion.
         frame: 'trusted', 'fitted', 'fitted-per-run' or 'measured' instead of the machine's.
         rows: that count, (n,) bool; None for all.
+        known: effects by name, which turn an arm's tool; None for the library.
 
     Returns:
         The errors; missing targets are the forward kinematics of the commands by the drawing.
@@ -80,7 +82,7 @@ def errors_of(
     raw = np.where(pose[:, None], table.measured - stated, np.nan)
     if file is not None and policy == "trusted":
         refuse_untrue(table, target, target_frames(file, table, corrected=True), pose)
-    moved, words, turns = _align(table, file, target, pose, policy)
+    moved, words, turns = _align(table, file, target, pose, policy, known)
     aligned = np.where(pose[:, None], moved - target, np.nan)
     return Errors(raw, aligned, words, _noise(table, target, moved, file, turns))
 
@@ -105,7 +107,7 @@ def refer_z(errors: np.ndarray, target: np.ndarray, usable: np.ndarray, z_datum:
 
 
 def _align(
-    table: Table, file: MachineFile | None, target: np.ndarray, pose: np.ndarray, policy: str
+    table: Table, file: MachineFile | None, target: np.ndarray, pose: np.ndarray, policy: str, known: Library | None
 ) -> tuple[np.ndarray, str, Turns]:
     """Readings in the base frame, (n, 3) mm, what was taken off them in words, and how each frame is turned."""
     if policy == "measured" and file is None:
@@ -120,7 +122,7 @@ def _align(
     if policy == "measured" and file:
         problem = build_problem(file, table)
         reading, turns = problem.measured, (problem.rotation, problem.frame)
-    seats = seats_of(table, file, target, reading, pose, frame, free=free)
+    seats = seats_of(table, file, target, reading, pose, frame, free=free, known=known)
     words = frame_words(policy, seated=seats is not None)
     seat = np.zeros_like(target) if seats is None else seats
     if not free:
@@ -148,7 +150,7 @@ def frame_words(policy: str, *, seated: bool) -> str:
 
 def seats_of(
     table: Table, file: MachineFile | None, target: np.ndarray, reading: np.ndarray, pose: np.ndarray,
-    frame: np.ndarray, *, free: bool,
+    frame: np.ndarray, *, free: bool, known: Library | None = None,
 ) -> np.ndarray | None:  # fmt: skip
     """Fitted offset of an arm's reflector from the tool point, where its seat on the tool is unknown.
 
@@ -162,6 +164,7 @@ def seats_of(
         pose: rows that count, (n,) bool.
         frame: (n,) int, tracker frame of each row.
         free: whether the frames are unknown.
+        known: effects by name; None for the library.
 
     Returns:
         Offsets in the base frame, (n, 3) mm; None where none is fitted: no machine file, or one that states the seat.
@@ -169,14 +172,14 @@ def seats_of(
     mount = None if file is None else mount_of_rows(file, table)
     if file is None or mount is None or (mount < 0).all():
         return None
-    by_mount = _axes_of_tool(file, table)
+    by_mount = _axes_of_tool(file, table, library() if known is None else known)
     mounts = mounts_beside(target, by_mount, reading, pose, mount, frame, free=free)
     return np.asarray(np.einsum("nij,nj->ni", by_mount, mounts[mount]))
 
 
-def _axes_of_tool(file: MachineFile, table: Table) -> np.ndarray:
-    """Axes of the tool's frame at each row, (n, 3, 3), under the effects of the machine file that the library has."""
-    view, known = build_problem(file, table).view, library()
+def _axes_of_tool(file: MachineFile, table: Table, known: Library) -> np.ndarray:
+    """Axes of the tool's frame at each row, (n, 3, 3), under the effects of the machine file that are known."""
+    view = build_problem(file, table).view
     entries = tuple(entry for entry in file.effect if entry.name in known)
     if not entries:
         return mount_slopes(view)
