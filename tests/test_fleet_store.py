@@ -156,8 +156,9 @@ def test_a_machine_file_in_place_of_the_name_gives_name_and_drawing(tmp_path, mo
         assert result.exit_code == 0, result.stderr
         return json.loads(result.stdout)["machine"]
 
-    assert added("fm.toml", paths[0], "--date", "2026-01-01") == called
-    assert added(tmp_path / "fm.toml", paths[1]) == called == added(called, paths[2])
+    assert added("fm.toml", paths[0], "--date", "2026-01-01", "--also", paths[1]) == called == added(called, paths[2])
+    assert len(store.ask("SELECT run FROM runs WHERE machine = ?", called)) == 3  # each file is a run
+    assert added(tmp_path / "fm.toml", paths[1]) == called
     assert added("press.toml", paths[3]) == "press"  # what has no name is called as its file is
     assert added("fm.toml", paths[4], "--model", "fm.toml") == "fm.toml"  # beside a drawing it is a name, as before
     Path("press").mkdir()  # a folder that is no compensator is no drawing either

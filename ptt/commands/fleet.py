@@ -5,7 +5,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ptt.commands.common import Anyway, Effects, Json, Map, ReadOptions, Set, Targets, note, progress, read_rows, show
+from ptt.commands.common import (
+    Also,
+    Anyway,
+    Effects,
+    Json,
+    Map,
+    ReadOptions,
+    Set,
+    Targets,
+    note,
+    progress,
+    read_rows,
+    show,
+)
 
 if TYPE_CHECKING:
     from ptt.fleet.store import Store
@@ -67,6 +80,7 @@ def add(
     run: Runs,
     date: Date = None,
     model: Drawing = None,
+    also: Also = None,
     targets: Targets = None,
     set_: Set = None,
     map_: Map = None,
@@ -82,6 +96,7 @@ def add(
     from ptt.run.conditions import settle_conditions
 
     opened, when, files = open_store(store), None if date is None else read_date(date), _files(effects)
+    run = [*run, *(also or ())]  # each file is a run of its own
     if model is None:
         machine, model = _told(*machine_called(opened, machine), machine)
     if model is not None:
