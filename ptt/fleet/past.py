@@ -36,7 +36,7 @@ class Past(Record):
         rows: number of rows of the file.
         verdict: None while it waits to be processed.
         error_um: rms error with the model that held before the run.
-        expected_um: rms error of the run that this model was made from.
+        expected_um: rms error with that model if the machine had not changed.
         noise_um: the noise floor.
         words: the verdict for a person.
         added: effects that were new in this run and were added to the model.

@@ -78,7 +78,7 @@ class Outcome:
         words: for a person.
         seconds: how long it took.
         error_um: rms error: of a first run with the fitted model, of a later one with the model as it was.
-        expected_um: of a later run, rms error of the run that its model was made from.
+        expected_um: of a later run, rms error that it would have if the machine had not changed.
         noise_um: the noise floor.
         check: findings on the set-up, as `ptt check --json`.
         diagnosis: of a first run, as `ptt diagnose --json`.
