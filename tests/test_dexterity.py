@@ -32,7 +32,7 @@ from ptt.mechanisms.statics import GRAVITY, link_forces, weight
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
 from ptt.show.plots.common import save
-from ptt.show.plots.workspace import draw_dexterity
+from ptt.show.plots.workspace import _heights, draw_dexterity
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SINE = math.sqrt(3.0) / 2.0
@@ -272,6 +272,33 @@ def test_workspace_map_picture(tmp_path):
         assert picture.shape[1] > 2 * picture.shape[0]
         colour = np.round(255.0 * picture[..., :3]) @ [1e6, 1e3, 1.0]  # one number each: rows sort slowly
         assert len(np.unique(colour)) > 200
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"slider_lean_deg": (60.0, 60.0, 60.0)},
+        {"slider_lean_deg": (90.0, 90.0, 90.0), "slider_travel_mm": (150.0, 400.0)},
+        {"slider_lean_deg": (180.0, 180.0, 180.0), "slider_travel_mm": (-420.0, -150.0)},
+        {"slider_travel_mm": ((150.0, 200.0), (250.0, 300.0), (320.0, 400.0))},
+        {"slider_travel_mm": (1000.0, 1200.0)},
+        {"slider_travel_mm": (280.0, 282.5)},
+    ],
+    ids=["lean", "flat", "turned", "none in common", "far", "short"],
+)
+def test_the_heights_that_are_drawn_can_be_reached(changes):
+    """Travel along a leaning rail is no height of the tool."""
+    mechanism = made(**changes)
+    heights = tensor(*_heights(mechanism))
+    across = torch.linspace(-350.0, 350.0, 141, dtype=torch.float64)
+    found = workspace_map(mechanism, across, across, heights)
+    assert bool((found.travel_margin >= 0.0).any(2).any(1).all())
+    assert heights.tolist() == sorted(set(heights.tolist()))
+
+
+def test_the_heights_of_upright_rails_are_shares_of_the_travel():
+    home = float(made().home()[0])
+    assert _heights(made(slider_travel_mm=(home - 60.0, home + 60.0))) == pytest.approx([-40.0, 0.0, 40.0], abs=1.0)
 
 
 def test_equal_radii_are_told_as_the_singularity_that_they_are(tmp_path, capsys):

@@ -12,11 +12,10 @@ from ptt.mechanisms.dexterity import condition_number, determinant, manipulabili
 from ptt.mechanisms.serial import Serial
 from ptt.mechanisms.serial_inverse import middle, sample_joints
 from ptt.mechanisms.three_ptt import ThreePtt
-from ptt.mechanisms.workspace import NEAR_SINGULAR, OK, reach, workspace_map
+from ptt.mechanisms.workspace import NEAR_SINGULAR, OK, reach, reached_box, workspace_map
 
 GRID = 41  # points along x and along y
 HEIGHTS = 9  # points along z
-PLACES = 13  # of each slider, all combinations, to find how far these points have to go
 MARGINS = ("inverse_mm", "edge_mm", "inverse", "direct", "constraint")
 
 
@@ -80,7 +79,7 @@ def _at(mechanism: Mechanism, p: Tensor, q: Tensor) -> list[dict[str, Any]]:
 
 def _over_workspace(mechanism: ThreePtt) -> dict[str, Any]:
     """Range of the condition number over a grid of the positions that the sliders' travel reaches."""
-    least, most = _reached_box(mechanism)
+    least, most = reached_box(mechanism)
     half = float(torch.maximum(-least, most)[:2].max())
     across = torch.linspace(-half, half, GRID, dtype=torch.float64)  # with the middle, where the condition is best
     heights = torch.linspace(float(least[2]), float(most[2]), HEIGHTS, dtype=torch.float64)
@@ -96,20 +95,6 @@ def _over_workspace(mechanism: ThreePtt) -> dict[str, Any]:
         "condition": {"least": float(values.min()), "median": float(values.median()), "largest": float(values.max())},
         "near_singular_share": float(near.mean()),
     }
-
-
-def _reached_box(mechanism: ThreePtt) -> tuple[Tensor, Tensor]:
-    """Lowest and highest x, y, z that the sliders' travel reaches, (3,) mm each."""
-    low, high = mechanism.limits()
-    share = torch.linspace(0.0, 1.0, PLACES, dtype=torch.float64)
-    place = mechanism.forward(low + torch.cartesian_prod(*[share] * len(low)) * (high - low))
-    place = place[torch.isfinite(place).all(dim=1)]
-    if len(place):
-        return place.amin(dim=0), place.amax(dim=0)
-    # Equal radii leave every pose to the inverse alone: no position is farther than a link from a rail's travel.
-    ends = mechanism.foot + torch.stack((low, high))[..., None] * mechanism.rail  # shape: (ends, legs, xyz)
-    link = mechanism.link[:, None]
-    return (ends.amin(0) - link).amax(0), (ends.amax(0) + link).amin(0)
 
 
 def _arm_at_middle(arm: Serial) -> list[dict[str, Any]]:

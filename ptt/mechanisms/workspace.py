@@ -21,6 +21,12 @@ NEAR_CONDITION = 50.0
 FLAT = 1e-9
 """Singular value of dp/dq, as a share of the largest, below which it is zero but for rounding."""
 
+PLACES = 13
+"""Places of each slider, all combinations, that show how far the tool can go."""
+
+LEVELS = 2001
+"""Heights at which it is asked whether the travel reaches the middle."""
+
 
 @dataclass(frozen=True, eq=False)
 class WorkspaceMap:
@@ -94,6 +100,46 @@ def workspace_map(mechanism: Mechanism, x: Tensor, y: Tensor, z: Tensor) -> Work
     else:
         condition = condition_number(mechanism.jacobian(q))
     return WorkspaceMap(x, y, z, condition.reshape(shape), travel_margin(mechanism, q).reshape(shape))
+
+
+def reached_box(mechanism: ThreePtt) -> tuple[Tensor, Tensor]:
+    """Lowest and highest x, y, z that the sliders' travel reaches.
+
+    Args:
+        mechanism: the machine, with finite travel.
+
+    Returns:
+        (3,) mm each.
+    """
+    low, high = mechanism.limits()
+    share = torch.linspace(0.0, 1.0, PLACES, dtype=torch.float64)
+    place = mechanism.forward(low + torch.cartesian_prod(*[share] * len(low)) * (high - low))
+    place = place[torch.isfinite(place).all(dim=1)]
+    if len(place):
+        return place.amin(dim=0), place.amax(dim=0)
+    # Equal radii leave every pose to the inverse alone: no position is farther than a link from a rail's travel.
+    ends = mechanism.foot + torch.stack((low, high))[..., None] * mechanism.rail  # shape: (ends, legs, xyz)
+    link = mechanism.link[:, None]
+    return (ends.amin(0) - link).amax(0), (ends.amax(0) + link).amin(0)
+
+
+def heights_in_the_middle(mechanism: ThreePtt) -> tuple[float, float]:
+    """Lowest and highest z of the longest piece of the line x = y = 0 that the sliders' travel reaches.
+
+    Args:
+        mechanism: the machine, with finite travel.
+
+    Returns:
+        mm each; where it reaches nothing of that line, of all positions that it reaches.
+    """
+    least, most = reached_box(mechanism)
+    z = torch.linspace(float(least[2]), float(most[2]), LEVELS, dtype=torch.float64)
+    place = torch.stack((0.0 * z, 0.0 * z, z), -1)
+    within = np.flatnonzero(travel_margin(mechanism, mechanism.inverse(place)) >= 0.0)  # False where it is NaN
+    if not len(within):
+        return float(least[2]), float(most[2])
+    piece = max(np.split(within, np.flatnonzero(np.diff(within) > 1) + 1), key=len)
+    return float(z[piece[0]]), float(z[piece[-1]])
 
 
 def near_singular(mechanism: Mechanism, p: Tensor, q: Tensor) -> Tensor:

@@ -1,5 +1,7 @@
 """Picture of a machine's dexterity; of a 3-PTT the condition number of the Jacobian over x and y at three heights."""
 
+import math
+
 import numpy as np
 import torch
 from matplotlib.axes import Axes
@@ -12,9 +14,9 @@ from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
 from ptt.machine import MachineSpec, ThreePttSpec
 from ptt.mechanisms import build_mechanism
-from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.serial import Serial
-from ptt.mechanisms.workspace import WorkspaceMap, workspace_map
+from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.mechanisms.workspace import WorkspaceMap, heights_in_the_middle, workspace_map
 from ptt.show.plots.arm_dexterity import draw_arm_dexterity
 
 GRID = 241
@@ -36,19 +38,19 @@ def draw_dexterity(spec: MachineSpec) -> Figure:
     mechanism = build_mechanism(spec)
     if isinstance(mechanism, Serial):
         return draw_arm_dexterity(mechanism)
-    assert isinstance(spec, ThreePttSpec)
-    heights = torch.tensor(_heights(spec, mechanism), dtype=torch.float64)
+    assert isinstance(spec, ThreePttSpec) and isinstance(mechanism, ThreePtt)
+    heights = torch.tensor(_heights(mechanism), dtype=torch.float64)
     reach = spec.link_length_mm + abs(spec.base_radius_mm - spec.platform_radius_mm)  # upper bound of |x| and |y|
     extent = _tighten(workspace_map(mechanism, *_axes(reach), heights), reach)
     result = workspace_map(mechanism, *_axes(extent), heights)
     return _draw(result, f"{spec.name}: dexterity over the workspace")
 
 
-def _heights(spec: ThreePttSpec, mechanism: Mechanism) -> list[float]:
-    """Three heights in mm: a sixth, a half and five sixths of what the travel gives at x = y = 0."""
-    home = float(mechanism.home().mean())
-    low, high = (end - home for end in spec.common_travel)
-    return [float(round(low + share * (high - low))) for share in (1 / 6, 1 / 2, 5 / 6)]
+def _heights(mechanism: ThreePtt) -> list[float]:
+    """Three round heights in mm: a sixth, a half and five sixths of what the travel reaches at x = y = 0."""
+    low, high = heights_in_the_middle(mechanism)
+    digits = 2 - math.floor(math.log10(max(high - low, 1e-3)))
+    return [round(low + share * (high - low), digits) for share in (1 / 6, 1 / 2, 5 / 6)]
 
 
 def _tighten(result: WorkspaceMap, extent: float) -> float:
