@@ -32,7 +32,7 @@ from ptt.mechanisms.statics import GRAVITY, link_forces, weight
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
 from ptt.show.plots.common import save
-from ptt.show.plots.workspace import _heights, draw_dexterity
+from ptt.show.plots.workspace import GRID, _heights, draw_dexterity
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SINE = math.sqrt(3.0) / 2.0
@@ -314,6 +314,14 @@ def test_equal_radii_are_told_as_the_singularity_that_they_are(tmp_path, capsys)
     assert run(["dexterity", str(path), "--json"]) == 0
     said = json.loads(capsys.readouterr().out)["home"]
     assert said["condition"] is None and said["status"] == "near singular"
+
+
+def test_a_place_of_infinite_condition_number_is_drawn_dark_and_not_as_out_of_reach():
+    drawn = draw_dexterity(drawing(base_radius_mm=100.0))
+    for panel in drawn.axes[:3]:
+        shown = np.ma.masked_invalid(panel.collections[0].get_array())
+        middle = shown.reshape(GRID, GRID)[GRID // 2, GRID // 2]
+        assert middle is not np.ma.masked and middle > panel.collections[0].norm.vmax
 
 
 @pytest.mark.parametrize("lean", [0.0, 30.0, 80.0])

@@ -22,6 +22,8 @@ from ptt.show.plots.arm_dexterity import draw_arm_dexterity
 GRID = 241
 DPI = 150
 TICKS = (1, 1.2, 1.5, 2, 2.5, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 10, 12, 15, 20, 30, 50, 100)
+FEW_TICKS, WIDE = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000), 15.0  # where the scale's ends are further apart, times
+BEYOND = 1e9  # condition number above the end of any scale
 COLOUR_MAP = "viridis_r"  # bright is good, as on the maps of arms
 LIMIT_COLOUR = "#d1495b"
 
@@ -55,7 +57,7 @@ def _heights(mechanism: ThreePtt) -> list[float]:
 
 def _tighten(result: WorkspaceMap, extent: float) -> float:
     """Half width in mm of what can be reached, with a margin."""
-    reached = torch.isfinite(result.condition).any(0)
+    reached = (~torch.isnan(result.condition)).any(0)
     if not bool(reached.any()):
         return extent
     across = result.x[reached.any(0)].abs().max(), result.y[reached.any(1)].abs().max()
@@ -77,7 +79,8 @@ def _draw(result: WorkspaceMap, title: str) -> Figure:
     panels[0].set_ylabel("y [mm]")
     bar = figure.colorbar(mesh, ax=panels, extend="max", pad=0.015, shrink=0.9)
     bar.set_label("condition number of the Jacobian [1]")
-    bar.ax.yaxis.set_major_locator(FixedLocator(TICKS))
+    ticks = FEW_TICKS if float(norm.vmax or 1.0) > WIDE * float(norm.vmin or 1.0) else TICKS
+    bar.ax.yaxis.set_major_locator(FixedLocator(ticks))
     bar.ax.yaxis.set_minor_locator(NullLocator())
     bar.ax.yaxis.set_major_formatter(ScalarFormatter())
     line = Line2D([], [], color=LIMIT_COLOUR, linewidth=1.8, label="end of travel (pale: beyond it)")
@@ -88,7 +91,10 @@ def _draw(result: WorkspaceMap, title: str) -> Figure:
 
 def _draw_panel(panel: Axes, result: WorkspaceMap, index: int, norm: Normalize) -> QuadMesh:
     """Draw one height: condition number, pale beyond the ends of travel, which a line marks."""
-    x, y, condition = result.x.numpy(), result.y.numpy(), result.condition[index].numpy()
+    x, y = result.x.numpy(), result.y.numpy()
+    condition = np.minimum(
+        result.condition[index].numpy(), BEYOND
+    )  # an infinite one would be left white, as if no pose
     margin = result.travel_margin[index].numpy()
     mesh = panel.pcolormesh(x, y, condition, norm=norm, cmap=COLOUR_MAP, shading="nearest", rasterized=True)
     beyond = np.where(margin < 0.0, 1.0, np.nan)
