@@ -138,6 +138,41 @@ def test_dexterity_of_an_arm_is_told_and_drawn(tmp_path: Path, monkeypatch: pyte
     assert arm_dexterity.deciding_pairs(iiwa()) == ((1, 2), (3, 5))
 
 
+FLAT = "joint = [{ a_mm = 400 }, { a_mm = 300 }, { a_mm = 100 }, { a_mm = 100 }]"
+
+
+@pytest.mark.parametrize(
+    "joints",
+    [
+        "joint = [{ a_mm = 300 }]",
+        "joint = [{ alpha_deg = 90, d_mm = 300 }, { a_mm = 400 }]",
+        "joint = [{ a_mm = 400 }, { a_mm = 300 }]",
+        "joint = [{ alpha_deg = 90, d_mm = 300 }, { a_mm = 400 }, { a_mm = 350 }]",
+        FLAT,
+    ],
+    ids=["one joint", "two", "two, flat", "three", "four, flat: singular everywhere"],
+)
+def test_dexterity_of_an_arm_of_few_joints_is_drawn(joints: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dark is singular, so an arm that is singular nowhere has no dark place; a flat workspace is seen all the same."""
+    from ptt.show.plots import arm_dexterity
+    from ptt.show.plots.common import png
+
+    monkeypatch.setattr(arm_dexterity, "SAMPLES", 2_000)
+    arm = Serial.from_spec(parse_machine(f'[machine]\nkind = "serial"\nconvention = "standard"\n{joints}').machine)
+    figure = arm_dexterity.draw_arm_dexterity(arm)
+    assert png(figure)[:4] == b"\x89PNG"
+    panels = [panel for panel in figure.axes if panel.get_xlabel() and panel.collections]
+    assert len(panels) == 2 + min(2, math.comb(arm.joints, 2))
+    for panel in panels[:2]:
+        edges = panel.collections[0].get_coordinates()
+        size = np.ptp(edges, axis=(0, 1))
+        assert size.min() > 0.05 * size.max()
+    for panel in panels[2:]:
+        shown = panel.collections[0]
+        dark = shown.cmap(shown.norm(np.asarray(shown.get_array())))[..., :3].sum(axis=-1) < 0.9
+        assert dark.all() if joints == FLAT else not dark.any()
+
+
 def test_dexterity_at_targets_that_are_joint_values_is_theirs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a tool position there is nothing to invert, and nothing out of reach: the joints say where they go."""
     monkeypatch.setattr("ptt.mechanisms.dexterity_report._arm_workspace", lambda arm: {"poses": 0})

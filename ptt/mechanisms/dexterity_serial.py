@@ -25,6 +25,7 @@ SAMPLES = 4096  # joint values of which the best are refined
 LONGEST_STEP_RAD = 0.2  # largest change of a joint in one Newton step
 CONVERGED = 1e-7  # ratio of singular values; where two families cross Newton gets to the square root of rounding only
 PERTURBATIONS, PERTURBATION_RAD = 8, 1e-4  # small steps off a singular pose, in random directions
+ALIKE, SLICE = 1e-6, 0.05  # shares of a workspace's size: below the first a side is flat; half width of its only cell
 DECIDES = 0.2  # share of the steepest joint's slope from which a joint belongs to a family
 
 
@@ -127,9 +128,9 @@ class DexterityMap:
 
     Attributes:
         across: edges (c + 1,) of the cells along the first coordinate, or (c,) its values.
-        up: the same along the second coordinate.
-        condition: (c, c) condition number, second coordinate by first; NaN in a cell without a pose.
-        manipulability: (c, c), unit-free; NaN in a cell without a pose.
+        up: the same along the second coordinate, (d + 1,) or (d,).
+        condition: (d, c) condition number, second coordinate by first; NaN in a cell without a pose.
+        manipulability: (d, c), unit-free; NaN in a cell without a pose.
     """
 
     across: np.ndarray
@@ -146,7 +147,7 @@ def dexterity_map(arm: Serial, samples: int, cells: int) -> DexterityMap:
     Args:
         arm: the arm; axis 1 is the base's z, as in all standard tables.
         samples: joint values to try, spread over the limits.
-        cells: cells along each side of the map.
+        cells: cells along each side of the map; one along a side in which the arm does not move, as a flat one.
 
     Returns:
         The map: in each cell the smallest condition number and the largest manipulability found there.
@@ -155,13 +156,23 @@ def dexterity_map(arm: Serial, samples: int, cells: int) -> DexterityMap:
     jacobian = scaled_jacobian(arm, q)
     p = arm.forward(q).numpy()
     radius, height = np.hypot(p[:, 0], p[:, 1]), p[:, 2]
-    across, up = (np.linspace(axis.min(), axis.max() + 1e-9, cells + 1) for axis in (radius, height))
-    cell = (np.digitize(height, up) - 1) * cells + np.digitize(radius, across) - 1
+    size = max(float(np.ptp(radius)), float(np.ptp(height)), 1.0)
+    across, up = (_edges(axis, size, cells) for axis in (radius, height))
+    shape = len(up) - 1, len(across) - 1
+    cell = (np.digitize(height, up) - 1) * shape[1] + np.digitize(radius, across) - 1
     best = [
-        _best_in_cell(cell, -condition_number(jacobian).numpy(), cells),
-        _best_in_cell(cell, manipulability(jacobian).numpy(), cells),
+        _best_in_cell(cell, -condition_number(jacobian).numpy(), shape),
+        _best_in_cell(cell, manipulability(jacobian).numpy(), shape),
     ]
     return DexterityMap(across, up, -best[0], best[1])
+
+
+def _edges(values: np.ndarray, size: float, cells: int) -> np.ndarray:
+    """Edges of cells over values; of one cell that can be seen beside the other side, `size`, where they are alike."""
+    low, high = float(values.min()), float(values.max())
+    if high - low < ALIKE * size:
+        return np.array([low - SLICE * size, high + SLICE * size])
+    return np.linspace(low, high + 1e-9, cells + 1)
 
 
 def joint_map(arm: Serial, first: int, second: int, cells: int) -> DexterityMap:
@@ -189,13 +200,13 @@ def joint_map(arm: Serial, first: int, second: int, cells: int) -> DexterityMap:
     )
 
 
-def _best_in_cell(cell: np.ndarray, score: np.ndarray, cells: int) -> np.ndarray:
-    """Largest score (n,) of the poses in each cell, (cells, cells); NaN in an empty one."""
-    best = np.full(cells * cells, -np.inf)
+def _best_in_cell(cell: np.ndarray, score: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Largest score (n,) of the poses in each cell of a map of this shape; NaN in an empty one."""
+    best = np.full(shape[0] * shape[1], -np.inf)
     np.maximum.at(best, cell, score)
-    filled = np.zeros(cells * cells, dtype=bool)
+    filled = np.zeros(shape[0] * shape[1], dtype=bool)
     filled[cell] = True
-    return np.where(filled, best, np.nan).reshape(cells, cells)
+    return np.where(filled, best, np.nan).reshape(shape)
 
 
 def _refine(arm: Serial, start: Tensor, part: Part) -> tuple[Tensor, float]:
