@@ -9,7 +9,9 @@ from studio_sample import MACHINE, RUN, silent
 from studio_sample import folder as folder
 from studio_sample import here as here
 
+from ptt.door.result import plain
 from ptt.machine import parse_machine
+from ptt.mechanisms.dexterity_report import describe_dexterity
 from ptt.run.readers import load_mapping
 from ptt.show.card.words import how_sure, in_prose, length, parameter_in_words, prefixed, pretty, spoken, value_in_words
 from ptt.show.studio import jobs
@@ -141,6 +143,22 @@ def test_dexterity_of_both_kinds_of_machine_is_a_table(tmp_path: Path, monkeypat
     page = dexterity_html({"home": home | {"edge_mm": 200.0}, "workspace": space | {"near_singular_share": 0.1}})
     page = page.replace(KEPT, " ")
     assert "200 mm" in page and "10.0 %" in page
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("platform_radius_mm = 200", "condition number at home</th><td>infinite (singular)"),
+        ("slider_travel_mm = [9000, 9001]", "poses, least</th><td>4"),
+        ("slider_travel_mm = [[150, 151], [260, 261], [370, 371]]", "no pose was found that the travel reaches"),
+    ],
+    ids=["equal radii", "far travel", "no common travel"],
+)
+def test_dexterity_of_an_odd_machine_is_a_table(change: str, words: str):
+    own = {"base_radius_mm": 200, "platform_radius_mm": 100, "link_length_mm": 300, "slider_travel_mm": [150, 420]}
+    own.pop(change.partition(" ")[0])
+    lines = ["[machine]", 'kind = "three-ptt"', change, *(f"{key} = {value}" for key, value in own.items())]
+    assert words in dexterity_html(plain(describe_dexterity(parse_machine("\n".join(lines))))).replace(KEPT, " ")
 
 
 def test_a_run_that_got_worse_has_a_change_above_zero():

@@ -9,6 +9,7 @@ from ptt.show.card.words import length, parameter_in_words, percent, pretty
 from ptt.show.studio.tables import table_html
 
 FAMILIES = 4  # of singular poses that are listed
+UNBOUNDED = frozenset({"condition"})  # figures that are infinite at a singularity, which JSON has no number for
 
 
 def plan_html(told: Mapping[str, Any]) -> str:
@@ -76,17 +77,19 @@ def dexterity_html(figures: Mapping[str, Any]) -> str:
     rows = [
         (_spoken(key), f"{_plain(value)}{' mm' if key.endswith('_mm') else ''}")
         for key, value in home.items()
-        if isinstance(value, float)
+        if isinstance(value, float) or key in UNBOUNDED
     ]
-    if space is not None:
+    if "condition" in space:
         rows += [
             (f"condition number over {space['poses']} poses, {key}", _plain(space["condition"][key]))
             for key in ("least", "median", "largest")
         ]
-        if "singular" in space:
-            rows += _of_arm(space)
-        else:
-            rows.append(("poses near a singularity", f"{100.0 * space['near_singular_share']:.1f} %"))
+    else:
+        rows.append(("over the workspace", "no pose was found that the travel reaches"))
+    if "singular" in space:
+        rows += _of_arm(space)
+    elif "near_singular_share" in space:
+        rows.append(("poses near a singularity", f"{100.0 * space['near_singular_share']:.1f} %"))
     return table_html((), rows, words=1, caption="dexterity")
 
 
@@ -103,9 +106,9 @@ def _degrees(q: Sequence[float]) -> str:
     return f"q = {', '.join(f'{math.degrees(each):.0f}' for each in q)} deg".replace("-", "\N{MINUS SIGN}")
 
 
-def _plain(value: float) -> str:
-    """Three significant digits, large numbers written out."""
-    return f"{float(f'{value:.3g}'):,.12g}"
+def _plain(value: float | None) -> str:
+    """Three significant digits, large numbers written out; infinite where JSON has none."""
+    return "infinite (singular)" if value is None else f"{float(f'{value:.3g}'):,.12g}"
 
 
 def _spoken(key: str) -> str:
