@@ -224,6 +224,16 @@ def test_the_machine_form_writes_files_that_are_read(tmp_path: Path):
         assert len(jobs.describe(text, silent)["chain"]) == len(rows) + 2
 
 
+def test_the_machine_form_keeps_every_digit():
+    values = {"base_radius_mm": 1234.5678, "platform_radius_mm": 100.1234567, "link_length_mm": 1500.00041}
+    values |= {"least": 1050.12345, "most": 2000.0, "screw_lead_mm": 25.4 / 7.0, "platform_mass_kg": 1e-7}
+    spec = parse_machine(three_ptt_text("m", True, values)).machine
+    assert spec.slider_travel_mm == (values.pop("least"), values.pop("most"))
+    assert {key: getattr(spec, key) for key in values} == values
+    joint = {"a_mm": -1612.34567, "alpha_deg": 89.9998765, "d_mm": 1e-5, "theta_offset_deg": 0.0}
+    assert parse_machine(arm_text("arm", "standard", [joint])).machine.joint[0].model_dump(include=set(joint)) == joint
+
+
 @pytest.mark.parametrize(
     ("on", "unit", "across"),
     [

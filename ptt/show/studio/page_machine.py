@@ -59,8 +59,9 @@ def three_ptt_text(name: str, above: bool, values: Mapping[str, float | None]) -
         f'name = "{_plain(name)}"',
         f'sliders = "{"above" if above else "below"}"',
     ]
-    lines += [f"{key} = {value:g}" for key, value in own.items() if value is not None]
-    return "\n".join([*lines, f"slider_travel_mm = [{travel[0] or 0:g}, {travel[1] or 0:g}]", ""])
+    lines += [f"{key} = {_number(value)}" for key, value in own.items() if value is not None]
+    ends = ", ".join(_number(end or 0.0) for end in travel)
+    return "\n".join([*lines, f"slider_travel_mm = [{ends}]", ""])
 
 
 def arm_text(name: str, convention: str, joints: list[Mapping[str, float]]) -> str:
@@ -76,7 +77,7 @@ def arm_text(name: str, convention: str, joints: list[Mapping[str, float]]) -> s
     """
     lines = ["[machine]", 'kind = "serial"', f'name = "{_plain(name)}"', f'convention = "{convention}"']
     for joint in joints:
-        lines += ["", "[[machine.joint]]", *(f"{key} = {joint[key]:g}" for key in JOINT)]
+        lines += ["", "[[machine.joint]]", *(f"{key} = {_number(joint[key])}" for key in JOINT)]
     return "\n".join([*lines, ""])
 
 
@@ -231,6 +232,11 @@ class MachineForm:
 
 def _rows(name: str) -> list[dict[str, float]]:
     return [dict(zip(JOINT, map(float, row), strict=True)) for row in PRESETS[name][1]]
+
+
+def _number(value: float) -> str:
+    """A number with all the digits that were entered: six would shift a machine of metres by micrometres."""
+    return repr(float(value))
 
 
 def _plain(name: str) -> str:
