@@ -1,3 +1,4 @@
+import json
 import shutil
 import subprocess
 from pathlib import Path
@@ -66,3 +67,29 @@ def test_an_arm_that_stays_in_a_plane_has_commands_without_effects(tmp_path: Pat
     assert set(pd.read_csv(out)["status"]) == {"ok"}
     told = capsys.readouterr().out
     assert "6 rows (6 ok)" in told and "largest static correction 0.0 um" in told
+
+
+@pytest.mark.parametrize("frame", ["trusted", "fitted"])
+def test_an_arm_that_is_read_in_its_plane_alone_errs_nowhere_across_it(frame: str, tmp_path: Path, capsys) -> None:
+    """Across the plane every reading is exactly zero, and so is the error: no scale, no logarithm, no dependence."""
+    joints = "".join(f"[[machine.joint]]\na_mm = {a}\nlimits_deg = [-150, 150]\n" for a in (400, 300))
+    head = '[machine]\nkind = "serial"\nconvention = "standard"\n'
+    model, file = str(tmp_path / "m.toml"), str(tmp_path / "run.csv")
+    Path(model).write_text(f'{head}{joints}[tracker]\nframe = "{frame}"\nsigma_mm = 0.003\n')
+    random = np.random.default_rng(0)
+    turns = random.uniform(-1.2, 1.2, (120, 2))
+    angle = np.cumsum(turns + np.array([4e-4, -7e-4]), axis=1)
+    place = np.column_stack([np.cos(angle) @ [400.0, 300.0], np.sin(angle) @ [400.0, 300.0]])
+    place = place + random.normal(0.0, 0.003, place.shape)
+    rows = np.column_stack([turns, place, np.zeros(len(turns))])
+    pd.DataFrame(rows, columns=["q1_cmd_rad", "q2_cmd_rad", "x_meas", "y_meas", "z_meas"]).to_csv(file, index=False)
+    assert run(["compare", file, "--model", model, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["rms_um"]["z"] < 1e-6 and told["depends_on"]
+    assert "z" not in {one["residual"] for one in told["depends_on"]}
+    made = ["--out", str(tmp_path / "m2.toml"), "--plots", str(tmp_path)]
+    assert run(["add", file, "homing-offset", "--model", model, *made]) == 0
+    assert (tmp_path / "ladder.png").read_bytes()[:4] == b"\x89PNG"
+    capsys.readouterr()
+    assert run(["diagnose", file, "--model", model, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["suggested"] == [["homing-offset"]]

@@ -16,6 +16,7 @@ from ptt.show.card.solids import arrows
 from ptt.show.studio import arrow_figure, figures, ladder_figures, machine_figure
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed
+from ptt.show.studio.snapshot import Rung
 
 
 def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed):
@@ -37,6 +38,13 @@ def test_figures_are_valid_plotly_and_say_their_units(look: Look, added: Changed
     assert next(t for t in traces if t["name"] == "picked")["customdata"] == picked
     colours = next(t for t in traces if t["name"] == "errors")
     assert colours["cmin"] == 0.0 and colours["colorscale"] == "Cividis"
+
+
+def test_a_ladder_over_an_axis_that_never_errs_has_a_finite_scale(added: Changed):
+    nothing = dict.fromkeys(("x", "y", "z", "total"), 0.0)
+    rungs = (Rung("as given", nothing, nothing), Rung("+ backlash", nothing, nothing))
+    low, high = ladder_figures.ladder_figure(rungs, added.data["noise_um"], "z")["layout"]["yaxis"]["range"]
+    assert np.isfinite([low, high]).all() and low < np.log10(added.data["noise_um"]["z"]) < high
 
 
 def test_colours_of_curves_stand_out_on_light_and_dark_cards():

@@ -22,6 +22,7 @@ MOST_ROWS = 3000  # of more rows a random sample is tested: its power suffices
 FAR = 6.0  # robust standard deviations at which residuals are clipped
 NEAR = 0.9  # ratio of two shares, above which they are a tie
 KNOWN = 0.8  # share of rows with a value, below which a variable is not tested
+NOTHING = 1e-9  # mm or rad: a residual that is nowhere larger is zero but for rounding, as across a flat arm's plane
 FLAT = 1e-9  # range in the variable's own unit, below which it is constant but for rounding
 OTHERS = 3  # rows with another than the commonest value, below which a variable is not tested
 
@@ -77,6 +78,7 @@ def depends_on(
     """
     rows = _rows(residuals, groups, seed)
     contexts = _tidy(contexts, rows)
+    residuals = {name: own for name, own in residuals.items() if np.abs(own[rows]).max(initial=0.0) > NOTHING}
     if len(rows) < LEAST_POSES or not contexts or not residuals:
         return ()
     values = np.column_stack([_cut(column[rows], (noise or {}).get(name, 0.0)) for name, column in residuals.items()])

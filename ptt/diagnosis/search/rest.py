@@ -184,6 +184,7 @@ def _field(problem: Problem, residual: np.ndarray) -> float:
     group = blocks(problem.table, 2 * BLOCKS)[rows]
     if len(rows) < NETWORK_ROWS or len(np.unique(group)) < NETWORK_PARTS:
         return 1.0
-    inputs = problem.view.p.numpy()[rows]
-    trained = train_rbf(inputs, residual[rows] / np.nanstd(residual[rows], axis=0), group, settings=LIGHT_NETWORK)
+    inputs, scatter = problem.view.p.numpy()[rows], np.nanstd(residual[rows], axis=0)
+    scatter = np.where(scatter > 0.0, scatter, 1.0)  # an axis that never errs, as across the plane of a flat arm
+    trained = train_rbf(inputs, residual[rows] / scatter, group, settings=LIGHT_NETWORK)
     return float(min(1.0, 3.0 * np.min(trained.p_value)))

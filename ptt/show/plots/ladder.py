@@ -12,6 +12,7 @@ from ptt.run.axes import AXES_TOTAL
 from ptt.show.plots.common import NOISE, plain_log
 
 DPI = 150
+LEAST_UM = 1e-3  # smaller errors are drawn here, as a logarithmic axis has no zero: an arm in a plane may read none
 TRAINING, HELD_OUT = "#33658a", "#f26419"
 SIGNS = {"added": "+ ", "removed": "\N{MINUS SIGN} "}
 
@@ -70,8 +71,9 @@ def draw_rungs(rungs: Sequence[Rung], noise_um: dict[str, float]) -> Figure:
 
 def _draw_panel(panel: Axes, axis: str, rungs: Sequence[Rung], noise: float) -> None:
     place = range(len(rungs))
-    training = [errors[axis] for _, errors, _ in rungs]
-    held_out = [errors[axis] for _, _, errors in rungs]
+    training = [max(errors[axis], LEAST_UM) for _, errors, _ in rungs]
+    held_out = [max(errors[axis], LEAST_UM) for _, _, errors in rungs]
+    noise = max(noise, LEAST_UM)
     panel.axvline(noise, color=NOISE, linewidth=1.2, linestyle="--", label="noise floor")
     panel.plot(training, place, "o-", color=TRAINING, markersize=10, fillstyle="none", linewidth=1.4, label="training")
     panel.plot(held_out, place, "D", color=HELD_OUT, markersize=4, label="held out")
@@ -85,7 +87,7 @@ def _draw_panel(panel: Axes, axis: str, rungs: Sequence[Rung], noise: float) -> 
     panel.spines[["top", "right"]].set_visible(False)
     for row, value in enumerate(held_out):
         panel.annotate(
-            f"{value:.3g}",
+            f"{value:.3g}" if value > LEAST_UM else "0",
             (value, row),
             xytext=(9, 0),
             textcoords="offset points",

@@ -11,6 +11,7 @@ from ptt.show.studio.figures import ABOVE, BLUE, GREY, ORANGE, PALE, VIOLET, Fig
 from ptt.show.studio.snapshot import Rung
 
 Points = list[tuple[str, float]]  # step and error
+LEAST_UM = 1e-3  # where the axis begins at the least: a logarithmic one has no zero, which an arm in a plane may read
 TICKS = [step * 10.0**power for power in range(-3, 6) for step in (1, 2, 5)]
 STAGES = {  # stages of a training -> legend and colour
     "given": ("as given, nothing held out", PALE),
@@ -34,6 +35,7 @@ def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str 
     """
     place = [f"{number}. {rung.words}" for number, rung in enumerate(rungs)]
     factor, unit = prefixed([float(rung.rms_um[axis]) for rung in rungs], "um")
+    noise, least = factor * float(noise_um[axis]), factor * LEAST_UM
     train: Points = []
     held: Points = []
     plain: Points = []
@@ -41,8 +43,7 @@ def ladder_figure(rungs: Sequence[Rung], noise_um: Mapping[str, Any], axis: str 
         (plain if rung.heldout_rms_um is None else train).append((at, factor * float(rung.rms_um[axis])))
         if rung.heldout_rms_um is not None:
             held.append((at, factor * float(rung.heldout_rms_um[axis])))
-    noise = factor * float(noise_um[axis])
-    values = [noise, *(value for _, value in (*train, *held, *plain))]
+    values = [max(value, least) for value in (noise, *(value for _, value in (*train, *held, *plain)))]
     bounds = [float(np.log10(min(values) / 1.6)), float(np.log10(max(values) * 2.0))]
     return whole_figure(
         [_trained(train), _told(held, "held out"), _floor(place, noise), _told(plain, "")],
