@@ -64,6 +64,18 @@ def test_what_is_fitted_beside_is_projected_off() -> None:
     np.testing.assert_allclose(project_off(jacobian.T @ jacobian, own), left.T @ left, rtol=1e-6, atol=1e-8)
 
 
+def test_what_is_fitted_beside_may_be_unseen_in_a_direction() -> None:
+    """As the turn of a frame about the line on which all targets lie: it takes nothing off, and can be solved."""
+    jacobian = np.random.default_rng(0).normal(size=(40, 5)) * [1.0, 1.0, 1e6, 1e6, 0.0]
+    jacobian[:, 4] = jacobian[:, 3]
+    own = np.array([0, 1])
+    beside = jacobian[:, 2:4]
+    left = jacobian[:, own] - beside @ np.linalg.lstsq(beside, jacobian[:, own], rcond=None)[0]
+    np.testing.assert_allclose(project_off(jacobian.T @ jacobian, own), left.T @ left, rtol=1e-3, atol=1e-3)
+    jacobian[:, 4] = 0.0
+    np.testing.assert_allclose(project_off(jacobian.T @ jacobian, own), left.T @ left, rtol=1e-6, atol=1e-6)
+
+
 @pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.long)])
 def test_exchange_finds_the_best_of_all_subsets(seed: int) -> None:
     from itertools import combinations

@@ -7,6 +7,8 @@ import numpy as np
 from ptt.fitting.stated import SEEN_INFORMATION
 from ptt.record import Record
 
+ROUNDING = 1e-13  # share of an unknown's information that is rounding
+
 
 @dataclass(frozen=True)
 class Indices(Record):
@@ -77,6 +79,8 @@ def project_off(information: np.ndarray, own: np.ndarray, free: float = 1e-9) ->
         (p, p).
     """
     others = np.setdiff1d(np.arange(len(information)), own)
-    block = information[np.ix_(others, others)] + free * np.eye(len(others))
+    block = information[np.ix_(others, others)]
+    # A turn of the frame about the line on which all targets lie is unseen: beside the others `free` may be lost.
+    block = block + np.diag(free + ROUNDING * np.diagonal(block))
     cross = information[np.ix_(others, own)]
     return np.asarray(information[np.ix_(own, own)] - cross.T @ np.linalg.solve(block, cross))
