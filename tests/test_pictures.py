@@ -3,11 +3,20 @@
 from itertools import combinations
 from pathlib import Path
 
+import numpy as np
+import pytest
+from made_runs import machine
 from matplotlib.figure import Figure
 
 import ptt
+from ptt.commands.main import run
+from ptt.judge.compare.comparison import compare_run
+from ptt.model.model import Model
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
 from ptt.show.card.picture import _draw_apart
 from ptt.show.plots.common import in_micro, png
+from ptt.show.plots.field import draw_field
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 
@@ -39,3 +48,29 @@ def test_a_written_picture_has_greek_units() -> None:
     axes.set(xlabel="error [um]", title="rms_um")
     assert png(figure).startswith(b"\x89PNG")
     assert axes.get_xlabel() == in_micro("error [um]") == "error [\N{MICRO SIGN}m]" and axes.get_title() == "rms_um"
+
+
+def test_targets_along_a_vertical_line_are_drawn_with_a_key_that_fits() -> None:
+    """Seen from above they are one point, beside which a key of the arrows in space was wider than any picture."""
+    height = np.linspace(-40.0, 40.0, 30)
+    target = np.column_stack([np.full(30, 10.0), np.full(30, 14.0), height])
+    read = target + np.column_stack([np.zeros((30, 2)), 0.02 * np.sin(height)])
+    problem = build_problem(machine(frame="trusted"), make_table(target, measured=read))
+    figure = draw_field(compare_run(Model(problem.file), problem), problem)
+    above = next(panel for panel in figure.axes if panel.get_title().startswith("from above"))
+    (key,) = (line for line in above.lines if line.get_color() == "black")
+    start, end = key.get_xdata()
+    left, right = above.get_xlim()
+    assert 0.1 < (end - start) / (right - left) < 0.5
+    assert png(figure).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("rows", [4, 5])
+def test_a_few_readings_are_drawn_though_nothing_can_be_held_against_them(rows: int, tmp_path: Path, capsys) -> None:
+    sample = DATA / "sealed_three"
+    lines = (sample / "run.csv").read_text().splitlines()[: rows + 1]
+    (tmp_path / "run.csv").write_text("\n".join(lines) + "\n")
+    words = ["compare", str(tmp_path / "run.csv"), "--model", str(sample / "machine.toml"), "--plots", str(tmp_path)]
+    assert run(words) == 0, capsys.readouterr().err
+    drawn = {path.name for path in tmp_path.glob("*.png")}
+    assert {"error_field.png", "histogram.png", "over_time.png"} <= drawn and "depends_on.png" not in drawn

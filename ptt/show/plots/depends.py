@@ -36,7 +36,7 @@ class Panel:
     found: Dependence | None
 
 
-def draw_dependences(result: Comparison, problem: Problem) -> Figure:
+def draw_dependences(result: Comparison, problem: Problem) -> Figure | None:
     """Draw the error against the variables that explain most.
 
     Args:
@@ -44,10 +44,13 @@ def draw_dependences(result: Comparison, problem: Problem) -> Figure:
         problem: its run.
 
     Returns:
-        The figure, up to six panels; where there is no dependence, joints against their own position and direction.
+        The figure, up to six panels; where there is no dependence, joints against their own position and direction;
+        None where readings are too few to hold anything against them.
     """
     contexts = context_views(problem)
     pairs = panels_of(result, contexts)
+    if not pairs:
+        return None
     across = min(3, len(pairs))
     down = -(-len(pairs) // across)
     figure = Figure(
@@ -74,7 +77,7 @@ def panels_of(result: Comparison, contexts: dict[str, np.ndarray]) -> list[Panel
         contexts: name -> values of each variable, (n,).
 
     Returns:
-        At most six.
+        At most six; none where no variable varies.
     """
     chosen: dict[str, Panel] = {}
     for item in result.depends_on:
@@ -89,7 +92,7 @@ def panels_of(result: Comparison, contexts: dict[str, np.ndarray]) -> list[Panel
         for index, name in enumerate(names)
         if (on := f"{prefix}{index + 1}") in contexts
     ]
-    return own[:MOST_PANELS] or [Panel("x", next(iter(contexts)), None)]
+    return own[:MOST_PANELS] or [Panel("x", name, None) for name in list(contexts)[:1]]
 
 
 def variable_label(name: str, problem: Problem) -> str:

@@ -146,9 +146,10 @@ def _draw_above(panel: Axes, place: np.ndarray, arrow: np.ndarray, size: np.ndar
         place[:, 0], place[:, 1], arrow[:, 0], arrow[:, 1], size, norm=norm, cmap=COLOUR_MAP, angles="xy",
         scale_units="xy", scale=1.0, width=0.005,
     )  # fmt: skip
-    tips = np.concatenate([place, place + arrow])[:, :2]
+    tips = np.concatenate([place, place + arrow])
     low, high = tips.min(axis=0), tips.max(axis=0)
-    middle, half = (low + high) / 2, 0.54 * float((high - low).max())
+    # Arrows and key have the scale of all three axes: targets along a vertical line would be all key.
+    middle, half = (low + high) / 2, 0.54 * max(float((high - low)[:2].max()), NARROW * float((high - low).max()), 1e-6)
     panel.set_xlim(middle[0] - half, middle[0] + half)
     panel.set_ylim(middle[1] - (1.0 + KEY) * half, middle[1] + half)  # room for the key below the arrows
     panel.set_aspect("equal")

@@ -22,7 +22,7 @@ WIDE = 9.6  # inches, drawn width, shrunk to the page in print: text of 9 points
 DPI = 160
 LETTERS: Any = {"font.size": 13.0, "axes.titlesize": 14.0, "figure.titlesize": 15.0}  # of pictures that are wider
 
-Draw = Callable[[Comparison, Problem], Figure]
+Draw = Callable[[Comparison, Problem], Figure | None]
 
 
 def draw_pictures(contents: Contents, sections: tuple[Section, ...]) -> dict[str, bytes]:
@@ -64,7 +64,9 @@ def draw_picture(name: str, contents: Contents) -> bytes:
         "histogram": (draw_histogram, 0.4),
     }
     draw, shape = draws[what]
-    return _png(draw(look.comparison, contents.problem), shape)
+    figure = draw(look.comparison, contents.problem)
+    assert figure is not None  # of variables that explain something, which are there wherever it is asked for
+    return _png(figure, shape)
 
 
 def data_uri(picture: bytes) -> str:
