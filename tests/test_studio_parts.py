@@ -30,6 +30,8 @@ from ptt.show.studio.later import date_in
 from ptt.show.studio.machine_figure import machine_figure
 from ptt.show.studio.opening import open_both
 from ptt.show.studio.page import told_of
+from ptt.show.studio.page_against import AgainstPicture
+from ptt.show.studio.page_look import first_of
 from ptt.show.studio.page_model import ladder_of
 from ptt.show.studio.results import Diagnosed, Source, Trained
 from ptt.show.studio.session import Session
@@ -90,6 +92,22 @@ def test_a_mistaken_set_up_is_said_with_its_proof_and_mended(here: Path):
     rms = float(np.sqrt(np.mean(jobs.look(mended, machine, silent).size_um ** 2)))
     assert rms == pytest.approx(float(np.sqrt(np.mean(jobs.look(RUN, MACHINE, silent).size_um ** 2))), rel=1e-3)
     assert jobs.look(replace(source, anyway=True), MACHINE, silent).setup[0]["mistake"] == "axis-sign"
+
+
+def test_a_run_too_short_for_any_variable_is_shown_without_the_picture_of_the_run_before(here: Path):
+    """Five readings are fewer than are held against a variable: Look and Model once failed, with nothing drawn."""
+    from nicegui import Client
+    from nicegui.page import page
+
+    lines = (DATA / "run.csv").read_text(encoding="utf-8").splitlines()
+    (here / "few.csv").write_text("\n".join(lines[:6]) + "\n", encoding="utf-8")
+    whole, few = (jobs.look(source, MACHINE, silent) for source in (RUN, Source("few.csv")))
+    assert not few.contexts
+    with Client(page("/few")):
+        against = AgainstPicture(lambda: None, "residual against a variable")
+        for look in (whole, few):
+            against.offer(look, *first_of(Session().opened(RUN, MACHINE).remembering(look=look), look))
+            assert against.draw(look, {}, []) == bool(look.contexts) == bool(against.plot.figure["data"])
 
 
 def test_the_card_says_side_size_cure_and_how_sure(diagnosed: Diagnosed):

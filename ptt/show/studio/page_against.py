@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from nicegui import ui
 
-from ptt.show.studio.figures import against_figure, label_of
+from ptt.show.studio.figures import against_figure, empty_figure, label_of
 from ptt.show.studio.looks import Look
 from ptt.show.studio.parts import heading
 from ptt.show.studio.picture import Picture
@@ -36,8 +36,8 @@ class AgainstPicture:
 
     @property
     def chosen(self) -> tuple[str, str]:
-        """Component of the residual, and variable."""
-        return self.view.value, self.context.value
+        """Component of the residual, and variable, '' for none."""
+        return self.view.value, self.context.value or ""
 
     def offer(self, look: Look, view: str, context: str) -> None:
         """Set the choices to what a run has, and choose.
@@ -45,10 +45,10 @@ class AgainstPicture:
         Args:
             look: the run.
             view: component of the residual.
-            context: variable.
+            context: variable; '' where the run has none.
         """
         self.view.set_options(list(look.views), value=view)
-        self.context.set_options({name: label_of(name, look) for name in look.contexts}, value=context)
+        self.context.set_options({name: label_of(name, look) for name in look.contexts}, value=context or None)
 
     def offer_beside(self, others: Sequence[str], chosen: str) -> None:
         """Set the choices of other models to be drawn beside, and choose one if it is among them."""
@@ -63,10 +63,11 @@ class AgainstPicture:
             picked: row numbers to highlight.
 
         Returns:
-            Whether the run has the chosen component and variable; otherwise nothing is drawn.
+            Whether the run has the chosen component and variable; otherwise the picture is empty.
         """
         view, context = self.chosen
         if view not in look.views or context not in look.contexts:
+            self.plot.show(empty_figure())  # not that of a run before
             return False
         beside = (self.beside.value, others[self.beside.value]) if self.beside.value in others else None
         self.plot.show(against_figure(look, view, context, picked, beside))

@@ -10,7 +10,7 @@ from ptt.show.card.words import length, together
 from ptt.show.studio.arrow_figure import SHOWN_ARROWS as ARROWS
 from ptt.show.studio.arrow_figure import mean_arrows, usual_scale
 from ptt.show.studio.controller import Studio
-from ptt.show.studio.figures import against_figure, unit_of
+from ptt.show.studio.figures import against_figure, empty_figure, unit_of
 from ptt.show.studio.looks import Look
 from ptt.show.studio.machine_figure import empty_space, machine_figure
 from ptt.show.studio.page_against import AgainstPicture
@@ -150,10 +150,11 @@ class LookView:
 
     def _draw_against(self) -> None:
         look, picked = self.drawn, self.studio.picked
-        if look is None or not self.against.draw(look, self.studio.session.others(), picked):
+        if look is None:
             return
-        if "time" in look.contexts:
-            self.time.show(against_figure(look, self.against.view.value, "time", picked, None))
+        drawn = self.against.draw(look, self.studio.session.others(), picked)
+        timed = drawn and "time" in look.contexts
+        self.time.show(against_figure(look, self.against.view.value, "time", picked, None) if timed else empty_figure())
 
     def _fill_table(self) -> None:
         look, picked = self.drawn, self.studio.picked
@@ -207,7 +208,7 @@ def first_of(session: Session, look: Look) -> tuple[str, str]:
 
     Returns:
         The strongest dependence with the model before any step, if that was compared; else the joint's component with
-        the largest residual, and the first variable.
+        the largest residual, and the first variable, '' where a run is too short to have any.
     """
     given = session.past[0].active if session.past else session.text
     for item in session.comparisons[given].data["depends_on"][:1] if given in session.comparisons else []:
@@ -215,7 +216,7 @@ def first_of(session: Session, look: Look) -> tuple[str, str]:
             return item["residual"], item["on"]
     inner = [name for name in look.views if name not in "xyz"]
     largest = max(inner, key=lambda name: float(np.nanmean(np.square(look.views[name]))))
-    return largest, next(iter(look.contexts))
+    return largest, next(iter(look.contexts), "")
 
 
 def middle_of(look: Look) -> int:
