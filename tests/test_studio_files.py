@@ -154,7 +154,7 @@ def test_a_fresh_challenge_can_be_read_and_its_seal_opened(tmp_path: Path, monke
     assert again == (run, machine)
     text = (tmp_path / machine).read_text()
     assert jobs.look(Source(run), text, silent).rows > 100
-    assert "<td" in seal_html(jobs.reveal(text, silent))
+    assert "<td" in seal_html(jobs.reveal(Source(run), text, silent))
 
 
 def test_a_challenge_of_an_arm_is_drawn_and_opened_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -163,7 +163,7 @@ def test_a_challenge_of_an_arm_is_drawn_and_opened_as_one(tmp_path: Path, monkey
     run, machine = jobs.challenge("single", 5, drawing, silent)
     text = (tmp_path / machine).read_text()
     assert jobs.look(Source(run), text, silent).serial and 'kind = "serial"' in text
-    assert "<td" in seal_html(jobs.reveal(text, silent))
+    assert "<td" in seal_html(jobs.reveal(Source(run), text, silent))
 
 
 @pytest.mark.parametrize(

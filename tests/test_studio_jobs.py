@@ -83,8 +83,14 @@ def test_all_that_an_unknown_follows_is_written_as_the_command_line_does_and_add
     made = jobs.write_effects("my-effect", found, silent)
     theirs = verb("effects", "new", "my-effect", "--like", "found.json")
     assert made["text"] == theirs["text"] and made["names"] == theirs["names"] == ["my-effect", "my-effect-2"]
-    changed = jobs.change(replace(RUN, effects=(made["file"],)), MACHINE, "add", tuple(made["names"]), silent)
+    source = replace(RUN, effects=(made["file"],))
+    changed = jobs.change(source, MACHINE, "add", tuple(made["names"]), silent)
     assert [entry.name for entry in parse_machine(changed.model).effect] == made["names"]
+    # The tools of Finish know what was written too.
+    assert jobs.dexterity(source, changed.model, silent)["figures"]["kind"] == "three-ptt"
+    told = jobs.plan(source, changed.model, 100, "", silent)["told"]["effects"]
+    assert {item["effect"] for item in told if item["in_model"]} == set(made["names"])
+    assert jobs.reveal(source, changed.model, silent)["hidden"]
 
 
 def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, added: Changed):
@@ -100,10 +106,10 @@ def test_compensator_and_its_commands_are_read_by_the_command_line(here: Path, a
 def test_the_tools_give_what_the_verbs_print(here: Path, added: Changed):
     Path("solved.toml").write_text(added.model)
     model = ("--model", "solved.toml")
-    poses = jobs.plan(MACHINE, 130, "0,2", silent)
+    poses = jobs.plan(RUN, MACHINE, 130, "0,2", silent)
     theirs = verb("plan", "machine.toml", "--rows", 130, "--payloads", "0,2", "--out", "poses.csv")
     assert poses["told"] | {"out": "poses.csv"} == theirs and poses["csv"] == Path("poses.csv").read_text()
-    assert jobs.dexterity(MACHINE, silent)["figures"] == verb("dexterity", "machine.toml")
+    assert jobs.dexterity(RUN, MACHINE, silent)["figures"] == verb("dexterity", "machine.toml")
     table, theirs = (
         jobs.export(RUN, added.model, "table", silent),
         verb("export", *model, "--to", "table", "--out", "t"),

@@ -241,10 +241,10 @@ def challenge(level: str, seed: int | None, machine: str | None, tell: Progress)
     return made["run"], made["machine"]
 
 
-def reveal(model: str, tell: Progress) -> Mapping[str, Any]:
+def reveal(source: Source, model: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt challenge reveal`, on the seal in the session's folder."""
     from ptt.door.model import load
     from ptt.door.revealing import reveal as open_seal
 
     tell("opening the seal", 0, 0)
-    return open_seal(load(place_of(model)), Path()).to_dict()
+    return open_seal(load(place_of(model), effects=source.effect_files), Path()).to_dict()

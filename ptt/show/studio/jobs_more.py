@@ -25,7 +25,7 @@ def iso(source: Source, model: str, tell: Progress) -> Mapping[str, Any]:
     return {"standard": found["standard"], "figures": named_figures(found)}
 
 
-def dexterity(model: str, tell: Progress) -> Mapping[str, Any]:
+def dexterity(source: Source, model: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt dexterity`: 'figures' and the picture, 'png'."""
     from ptt.door.model import load
     from ptt.door.result import plain
@@ -34,11 +34,11 @@ def dexterity(model: str, tell: Progress) -> Mapping[str, Any]:
     from ptt.show.plots.workspace import draw_dexterity
 
     tell("condition number over the workspace", 0, 0)
-    file = load(place_of(model)).file
+    file = load(place_of(model), effects=source.effect_files).file
     return {"figures": plain(describe_dexterity(file)), "png": png(draw_dexterity(file.machine))}
 
 
-def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, Any]:
+def plan(source: Source, model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, Any]:
     """As `ptt plan`: targets of a first run as 'csv', and what they will determine, 'told'."""
     from ptt.door.model import load
     from ptt.door.options import parse_numbers
@@ -47,7 +47,7 @@ def plan(model: str, rows: int, payloads: str, tell: Progress) -> Mapping[str, A
     from ptt.run.written import table_to_frame
 
     tell("choosing poses", 0, 0)
-    loaded, loads = load(place_of(model)), parse_numbers(payloads, "--payloads")
+    loaded, loads = load(place_of(model), effects=source.effect_files), parse_numbers(payloads, "--payloads")
     result = plan_first_run(loaded.physics, rows=rows, payloads=loads, known=loaded.library, progress=tell)
     csv = table_to_frame(result.targets).to_csv(index=False, lineterminator="\n")
     return {"told": plain(result.to_dict()), "csv": csv}

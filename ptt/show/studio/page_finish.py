@@ -142,7 +142,8 @@ class FinishView:
         ui.download.content(found.content, "sliders.csv")
 
     async def _reveal(self) -> None:
-        found = await self.studio.work("opening the seal", "reveal", self.studio.session.text)
+        session = self.studio.session
+        found = await self.studio.work("opening the seal", "reveal", session.source, session.text)
         if found is not None:
             self.revealed.set_content(seal_html(found))
             self.opened.set_visibility(True)

@@ -39,7 +39,7 @@ def _build_plan(studio: Studio) -> None:
         ui.download.content(found["csv"], "targets.csv")
 
     def asked(session: Session) -> tuple[object, ...]:
-        return session.text, int(rows.value or 200), str(loads.value or "")
+        return session.source, session.text, int(rows.value or 200), str(loads.value or "")
 
     _works(studio, make, "choosing poses", "plan", asked, fill)
 
@@ -65,7 +65,7 @@ def _build_dexterity(studio: Studio) -> None:
         png = base64.b64encode(found["png"]).decode()
         picture.set_content(f'<img alt="{words}" style="width:100%" src="data:image/png;base64,{png}">')
 
-    _works(studio, make, words, "dexterity", lambda session: (session.text,), fill)
+    _works(studio, make, words, "dexterity", lambda session: (session.source, session.text), fill)
 
 
 def _works(
