@@ -4,6 +4,7 @@ import asyncio
 import runpy
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
@@ -17,17 +18,17 @@ from ptt.commands.main import app
 from ptt.errors import InputError, PttError
 from ptt.machine import parse_machine
 from ptt.run.readers import Mapping
-from ptt.show.studio import jobs
+from ptt.show.studio import jobs, page_load
 from ptt.show.studio.answers import merge_mappings
 from ptt.show.studio.guard import LIMIT
 from ptt.show.studio.on_page import CONTROLS, on_page
 from ptt.show.studio.outcomes import QuestionError
 from ptt.show.studio.page_understood import split_warnings
-from ptt.show.studio.results import Source
+from ptt.show.studio.results import SEAL, Source
 from ptt.show.studio.samples import ARM, sample_files
 from ptt.show.studio.seal_table import seal_html
 from ptt.show.studio.server import Opening, keep_opening
-from ptt.show.studio.uploads import RESERVED, keep_upload, safe_name
+from ptt.show.studio.uploads import RESERVED, keep_seal, keep_upload, safe_name
 
 
 def test_uploads_take_the_place_of_nothing(tmp_path: Path):
@@ -149,18 +150,37 @@ def test_the_sample_of_an_arm_is_what_its_script_writes_and_is_opened(tmp_path: 
 
 def test_a_fresh_challenge_can_be_read_and_its_seal_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
-    run, machine = jobs.challenge("single", 3, None, silent)
+    run, machine, seal = jobs.challenge("single", 3, None, silent)
     again = jobs.challenge("single", 4, None, silent)  # a second one takes the place of the first
-    assert again == (run, machine)
+    assert again == (run, machine, seal)
+    keep_seal(tmp_path, run, (tmp_path / seal).read_bytes())
     text = (tmp_path / machine).read_text()
     assert jobs.look(Source(run), text, silent).rows > 100
     assert "<td" in seal_html(jobs.reveal(Source(run), text, silent))
 
 
+def test_a_seal_stays_with_its_run_whatever_is_dropped_after_it(tmp_path: Path):
+    """A file that was dropped, but never opened, once took the seal of the open challenge away."""
+    opened: list[Source] = []
+
+    async def open_(source: Source, machine: str, view: str) -> None:
+        opened.append(source)
+
+    studio = SimpleNamespace(folder=tmp_path, open=open_, stage=lambda **staged: None, at_hand=(Source("run.csv"), ""))
+    asyncio.run(page_load._take_sample(studio, "sealed_one"))
+    asyncio.run(page_load._take_run(studio, "mine.csv", b"x_cmd"))
+    asyncio.run(page_load._take_also(studio, "more.csv", b"x_cmd"))
+    (challenge,) = opened
+    assert (tmp_path / challenge.sealed / SEAL).read_bytes() == (DATA / SEAL).read_bytes()
+    for other in (Source("mine.csv"), replace(challenge, also=("more.csv",))):
+        assert not (tmp_path / other.sealed / SEAL).exists()
+
+
 def test_a_challenge_of_an_arm_is_drawn_and_opened_as_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     drawing = str((DATA.parent / "arm" / "machine.toml").resolve())
     monkeypatch.chdir(tmp_path)
-    run, machine = jobs.challenge("single", 5, drawing, silent)
+    run, machine, seal = jobs.challenge("single", 5, drawing, silent)
+    keep_seal(tmp_path, run, (tmp_path / seal).read_bytes())
     text = (tmp_path / machine).read_text()
     assert jobs.look(Source(run), text, silent).serial and 'kind = "serial"' in text
     assert "<td" in seal_html(jobs.reveal(Source(run), text, silent))

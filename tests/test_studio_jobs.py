@@ -31,6 +31,7 @@ from ptt.show.report.of_run import report_run
 from ptt.show.studio import jobs, opening
 from ptt.show.studio.looks import Look
 from ptt.show.studio.results import Changed, Source
+from ptt.show.studio.uploads import keep_seal
 
 
 def test_comparison_is_the_one_of_the_command_line(here: Path):
@@ -90,6 +91,7 @@ def test_all_that_an_unknown_follows_is_written_as_the_command_line_does_and_add
     assert jobs.dexterity(source, changed.model, silent)["figures"]["kind"] == "three-ptt"
     told = jobs.plan(source, changed.model, 100, "", silent)["told"]["effects"]
     assert {item["effect"] for item in told if item["in_model"]} == set(made["names"])
+    keep_seal(here, "run.csv", (here / "sealed.json").read_bytes())
     assert jobs.reveal(source, changed.model, silent)["hidden"]
 
 

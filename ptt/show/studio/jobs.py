@@ -18,7 +18,7 @@ from ptt.show.studio.jobs_files import columns, describe, mend, peek  # noqa: F4
 from ptt.show.studio.jobs_more import dexterity, iso, plan, write_effects  # noqa: F401
 from ptt.show.studio.looks import Look
 from ptt.show.studio.opening import COMPENSATOR, MODEL, open_both, place_of, zipped
-from ptt.show.studio.results import SEAL, Changed, Compared, Diagnosed, Predicted, Source, Trained
+from ptt.show.studio.results import Changed, Compared, Diagnosed, Predicted, Source, Trained
 
 MOST_READINGS = 1200  # shown in the picture of an unknown
 
@@ -227,8 +227,8 @@ def _unpacked(whole: bytes) -> "Diagnosis | None":
     return pickle.loads(whole) if whole else None
 
 
-def challenge(level: str, seed: int | None, machine: str | None, tell: Progress) -> tuple[str, str]:
-    """As `ptt challenge new`; returns the paths of run and machine, and puts the seal into the session's folder."""
+def challenge(level: str, seed: int | None, machine: str | None, tell: Progress) -> tuple[str, str, str]:
+    """As `ptt challenge new`; returns the paths of run, machine and seal."""
     from ptt.challenge.challenge import new_challenge
     from ptt.machine import load_machine
 
@@ -237,14 +237,13 @@ def challenge(level: str, seed: int | None, machine: str | None, tell: Progress)
         file.unlink()
     drawing = None if machine is None else load_machine(machine)
     made = new_challenge("challenge", level, seed=seed, machine=drawing).to_dict()  # type: ignore[arg-type]
-    Path(made["sealed"]).replace(SEAL)
-    return made["run"], made["machine"]
+    return made["run"], made["machine"], made["sealed"]
 
 
 def reveal(source: Source, model: str, tell: Progress) -> Mapping[str, Any]:
-    """As `ptt challenge reveal`, on the seal in the session's folder."""
+    """As `ptt challenge reveal`, on the seal of the run."""
     from ptt.door.model import load
     from ptt.door.revealing import reveal as open_seal
 
     tell("opening the seal", 0, 0)
-    return open_seal(load(place_of(model), effects=source.effect_files), Path()).to_dict()
+    return open_seal(load(place_of(model), effects=source.effect_files), source.sealed).to_dict()

@@ -83,7 +83,8 @@ class FinishView:
         self.model.set_enabled(session.ready)
         self.compensator.set_enabled(session.training is not None)
         self.report.set_enabled(idle)
-        self.seal.set_visibility((self.studio.folder / SEAL).exists())
+        source = session.source
+        self.seal.set_visibility(source is not None and (self.studio.folder / source.sealed / SEAL).exists())
         self.seal.set_enabled(idle)
 
     def show(self) -> None:

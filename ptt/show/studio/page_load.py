@@ -7,7 +7,6 @@ from importlib.resources import files
 
 from nicegui import ui
 
-from ptt.files import write_bytes
 from ptt.machine import parse_machine
 from ptt.show.studio.controller import Studio
 from ptt.show.studio.guard import LIMIT
@@ -20,7 +19,7 @@ from ptt.show.studio.page_upload import upload_box
 from ptt.show.studio.parts import box, column, note, tools
 from ptt.show.studio.results import SEAL, Source
 from ptt.show.studio.samples import ARM, FIRST, LEVELS, SAMPLES, sample_files
-from ptt.show.studio.uploads import keep_upload
+from ptt.show.studio.uploads import keep_seal, keep_upload
 
 LOOP = files("ptt.show.studio").joinpath("loop.svg").read_text(encoding="utf-8")
 RUN, MACHINE = "Tracker run (CSV, TXT)", "Machine (machine.toml)"
@@ -179,7 +178,7 @@ async def _open(studio: Studio) -> None:
 
 
 async def _take_run(studio: Studio, name: str, data: bytes) -> None:
-    studio.stage(source=Source(_keep(studio, name, data)))
+    studio.stage(source=Source(keep_upload(studio.folder, name, data)))
 
 
 async def _take_machine(studio: Studio, name: str, data: bytes) -> None:
@@ -197,7 +196,7 @@ async def _take_also(studio: Studio, name: str, data: bytes) -> None:
     if source is None:
         studio.fail("load the first run, then further ones")
         return
-    studio.stage(source=replace(source, also=(*source.also, _keep(studio, name, data))))
+    studio.stage(source=replace(source, also=(*source.also, keep_upload(studio.folder, name, data))))
 
 
 async def _take_targets(studio: Studio, name: str, data: bytes) -> None:
@@ -205,7 +204,7 @@ async def _take_targets(studio: Studio, name: str, data: bytes) -> None:
     if source is None:
         studio.fail("load the export first, then its targets")
         return
-    studio.stage(source=replace(source, targets=_keep(studio, name, data)))
+    studio.stage(source=replace(source, targets=keep_upload(studio.folder, name, data)))
 
 
 def _samples() -> list[str]:
@@ -216,21 +215,16 @@ async def _take_sample(studio: Studio, name: str) -> None:
     found = sample_files(name)
     assert found is not None
     named = {file.name: file for file in found}
-    run = _keep(studio, "run.csv", named["run.csv"].read_bytes())
+    run = keep_upload(studio.folder, "run.csv", named["run.csv"].read_bytes())
     if SEAL in named:
-        write_bytes(studio.folder / SEAL, named[SEAL].read_bytes())
+        keep_seal(studio.folder, run, named[SEAL].read_bytes())
     await studio.open(Source(run), named["machine.toml"].read_text(encoding="utf-8"), "Result")
 
 
 async def _take_challenge(studio: Studio, level: str, arm: str | None = None) -> None:
     made = await studio.work("drawing a machine and measuring it", "challenge", level, None, arm)
     if made is not None:
-        run, machine = (studio.folder / name for name in made)
+        run, machine, seal = (studio.folder / name for name in made)
         kept = keep_upload(studio.folder, run.name, run.read_bytes())
+        keep_seal(studio.folder, kept, seal.read_bytes())
         await studio.open(Source(kept), machine.read_text(encoding="utf-8"), "Result")
-
-
-def _keep(studio: Studio, name: str, data: bytes) -> str:
-    kept = keep_upload(studio.folder, name, data)
-    (studio.folder / SEAL).unlink(missing_ok=True)
-    return kept

@@ -16,6 +16,7 @@ ANSWERS = "answers.toml"  # answers to questions about columns, as a file for --
 COLUMNS = "columns.toml"  # the same as entered in the grid of columns
 MENDED = "mended.csv"  # the run with mistakes of its set-up corrected
 SEAL = "sealed.json"  # of a challenge
+SEALS = "seals"  # folder of seals, each in a folder that is named as its run
 EFFECTS = "effects"  # uploads never get there, because its files are executed
 ORDER = "order"  # key of --set that says what to do with rows whose time goes back
 
@@ -62,6 +63,11 @@ class Source:
     def mapping(self) -> str:
         """File for --map, with answers given on the page if there are any; '' for none."""
         return ANSWERS if self.answers else self.map_
+
+    @property
+    def sealed(self) -> str:
+        """Folder with the seal of the run, if it is a challenge's and read by itself; relative to the session's."""
+        return f"{SEALS}/{'' if self.also else self.run}"
 
     @property
     def effect_files(self) -> tuple[str, ...]:

@@ -8,11 +8,11 @@ from pathlib import Path
 from ptt.errors import InputError
 from ptt.files import write_bytes
 from ptt.show.studio.guard import LIMIT
-from ptt.show.studio.results import ANSWERS, COLUMNS, EFFECTS, MENDED, SEAL
+from ptt.show.studio.results import ANSWERS, COLUMNS, EFFECTS, MENDED, SEAL, SEALS, Source
 
 RESERVED = (  # names that the studio itself uses in a session's folder
     "model.toml", ANSWERS, COLUMNS, MENDED, "sliders.csv", "report.html", "compensator", "challenge", "export",
-    "months", "later", "again.json", EFFECTS, SEAL,
+    "months", "later", "again.json", EFFECTS, SEAL, SEALS,
 )  # fmt: skip
 
 
@@ -45,6 +45,19 @@ def keep_upload(folder: Path, name: str, data: bytes) -> str:
         if there is not None and there.is_file() and there.read_bytes() == data:
             return there.name
     raise AssertionError  # never reached: `_numbered` does not end
+
+
+def keep_seal(folder: Path, run: str, data: bytes) -> None:
+    """Store the seal of a challenge beside its run: it is lost neither to other files nor to a run opened after it.
+
+    Args:
+        folder: the session's folder.
+        run: name of the run's file in it.
+        data: content of the seal.
+    """
+    place = folder / Source(run).sealed
+    place.mkdir(parents=True, exist_ok=True)
+    write_bytes(place / SEAL, data)
 
 
 def keep_effects(folder: Path, name: str, data: bytes) -> None:
