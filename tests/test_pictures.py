@@ -29,6 +29,25 @@ def test_commands_of_joint_targets_are_drawn_where_they_bring_the_tool() -> None
     assert len(joints.axes) == len(places.axes) == 3  # with the bar of colours
 
 
+@pytest.mark.parametrize("target", [[[0, 0, 0]], [[0, 0, 0], [900, 0, 0], [10, 10, 10]], [[900, 0, 0]]])
+def test_commands_of_few_targets_are_all_seen_and_rounding_is_no_correction(target: list[list[float]]) -> None:
+    """A line through one row cannot be seen, and one across a row that is not sent says that it was."""
+    commands = ptt.predict(ptt.load(DATA / "machine.toml"), np.array(target, dtype=float))
+    figure = commands.plot()
+    course = next(panel for panel in figure.axes if panel.get_xlabel() == "row")
+    sent = np.flatnonzero([place[0] < 900 for place in target])
+    if not len(sent):
+        assert course.get_legend() is None
+        return
+    line = course.lines[0]
+    across, up = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+    assert line.get_marker() == "." and np.isnan(across).sum() == len(sent) - 1
+    assert across[np.isfinite(across)].tolist() == (sent + 1.0).tolist()
+    low, high = course.get_ylim()
+    assert low < np.nanmin(up) <= np.nanmax(up) < 1e-6 and high >= 1.0
+    assert figure.axes[0].collections[0].norm.vmax >= 1.0
+
+
 def test_labels_that_would_lie_on_one_another_are_raised() -> None:
     figure = Figure(figsize=(4.0, 4.0))
     axes = figure.add_subplot()
