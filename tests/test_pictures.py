@@ -1,5 +1,6 @@
 """Pictures: no empty panel, no label over another, a scale under every column."""
 
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from ptt.run.table import make_table
 from ptt.show.card.picture import _draw_apart
 from ptt.show.plots.common import in_micro, png
 from ptt.show.plots.field import draw_field
+from ptt.show.plots.machine import draw_machine
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 
@@ -46,6 +48,15 @@ def test_commands_of_few_targets_are_all_seen_and_rounding_is_no_correction(targ
     low, high = course.get_ylim()
     assert low < np.nanmin(up) <= np.nanmax(up) < 1e-6 and high >= 1.0
     assert figure.axes[0].collections[0].norm.vmax >= 1.0
+
+
+@pytest.mark.parametrize("azimuth", [(0, 120, 240), (0, 240, 120), (330, 90, 210), (10, 200, 80)])
+def test_no_slider_lies_on_the_words_of_the_base_radius(azimuth: tuple[float, float, float]) -> None:
+    spec = machine().machine.model_copy(update={"slider_azimuth_deg": azimuth})
+    figure = draw_machine(replace(machine(), machine=spec), words=False)
+    (words,) = (text for text in figure.axes[0].texts if text.get_text().startswith("base radius"))
+    toward = np.degrees(np.arctan2(*words.get_position()[::-1]))
+    assert min(abs((toward - own + 180.0) % 360.0 - 180.0) for own in azimuth) > 25.0
 
 
 def test_labels_that_would_lie_on_one_another_are_raised() -> None:

@@ -43,7 +43,7 @@ def draw_error_curves(
             if row and noise_um is not None:
                 panel.axhspan(-noise_um[axis], noise_um[axis], color="#dddddd", label=label)
             values = 1e3 * errors[:, column]
-            panel.plot(number, values, color=colour, linewidth=1.2)
+            panel.plot(number, values, color=colour, linewidth=1.2, marker="." if len(values) == 1 else None)
             panel.set_title(f"{axis} {name}: mean |error| {np.abs(values).mean():.1f} um", fontsize=10)
             _make_room(panel, values)
         panels[1, column].set_xlabel("pose")

@@ -61,7 +61,8 @@ def _from_above(axes: Axes, spec: ThreePttSpec, mechanism: ThreePtt) -> None:
     for end, name in (((0.3 * size, 0.0), "x"), ((0.0, 0.3 * size), "y")):
         axes.annotate("", end, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "color": "black", "lw": 1.5}, zorder=7)
         axes.text(1.2 * end[0], 1.2 * end[1], name, fontsize=11, fontweight="bold", ha="center", va="center", zorder=7)
-    between = np.radians(np.mean(spec.slider_azimuth_deg[:2]))
+    first, *others = spec.slider_azimuth_deg
+    between = np.radians(first + min((other - first) % 360.0 for other in others) / 2.0)  # no slider hides the words
     rim = spec.base_radius_mm * np.array([np.cos(between), np.sin(between)])
     axes.annotate("", _at(rim), (0.0, 0.0), arrowprops={"arrowstyle": "<->", "color": GREY, "lw": 0.8}, zorder=2)
     words = f"base radius\n{spec.base_radius_mm:g} mm"
