@@ -153,7 +153,9 @@ HEAD = "direction,target_mm,measured_mm\n"
         (HEAD + "up,0,0\nsideways,0,0\n", "row 3, column direction: unknown direction 'sideways'"),
         (HEAD + "up,0,0\nup,0,a\n", r"row 3, column measured: not a number \('a'\)"),
         (HEAD + "up,,0\n", r"row 2, column target: not a number \(''\)"),
-        (HEAD + "up,0,\nup,0,\n", "no readings with a direction"),
+        (HEAD + "up,0,\nup,0,\n", "no readings"),
+        ("axis," + HEAD + "X,up,0,0\nX,up,0,0.1\nY,up,0,0\n", r"axis\.csv, axis Y: target 0 mm has 1 run"),
+        ("target_um," + HEAD + "0,up,0,0\n", "two columns target"),
         (HEAD + "up,0,0\n", r"1 run\(s\) upward"),
     ],
 )

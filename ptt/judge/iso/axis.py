@@ -121,7 +121,7 @@ def axis_figures(target: Array, direction: Array, measured: Array, axis: str = "
         std[way] = np.sqrt(square / (count - 1))
         fewest.append(int(count.min()))
     if not fewest:
-        raise TableError("no readings with a direction", where=axis, fix="mark each run up or down")
+        raise TableError("no readings", where=axis, fix="measure every target at least twice, up, down or both")
     return _axis_from_moments(axis, min(fewest), targets, mean, std)
 
 

@@ -1,5 +1,6 @@
 """`ptt iso`: which figures a file asks for (ISO 230-2 of axis runs, ISO 9283 of a tracker run), both as results."""
 
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -86,6 +87,9 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
     source = str(path)
     table = read_plain(path)
     units = dict(map(_titled, table.columns))
+    twice = next((name for name, count in Counter(_titled(each)[0] for each in table.columns).items() if count > 1), "")
+    if twice in AXIS_COLUMNS:
+        raise TableError(f"two columns {twice}", where=source, fix="leave one of them out")
     table = table.rename(columns=lambda name: _titled(name)[0])
     missing = sorted(AXIS_COLUMNS - set(table.columns))
     if missing:
@@ -103,11 +107,19 @@ def read_axis_figures(path: Path | str) -> IsoAxes:
     )
     _require_mm(target, measured, source)
     names = next((table[key].to_numpy(dtype=str) for key in ("axis", "file") if key in table), np.full(len(table), ""))
-    axes = (names == name for name in dict.fromkeys(names.tolist()))
-    figures = tuple(axis_figures(target[r], direction[r], measured[r], str(names[r][0]) or source) for r in axes)
+    axes = ((name, names == name) for name in dict.fromkeys(names.tolist()))
+    figures = tuple(_of_axis(target[r], direction[r], measured[r], str(name), source) for name, r in axes)
     if not figures:
         raise TableError("no rows", where=source, fix="give runs in both directions")
     return IsoAxes(figures, source)
+
+
+def _of_axis(target: Array, direction: Array, measured: Array, axis: str, source: str) -> AxisFigures:
+    """Figures of one axis, whose refusal names the file too."""
+    try:
+        return axis_figures(target, direction, measured, axis or source)
+    except TableError as error:
+        raise type(error)(error.what, where=f"{source}, axis {axis}" if axis else source, fix=error.fix) from None
 
 
 def _require_mm(target: Array, measured: Array, source: str) -> None:
