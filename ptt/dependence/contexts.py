@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from ptt.dependence.way import last_moves, ways_of
+from ptt.effects.curve_basis import GRAVITY
 from ptt.run.axes import AXES
 from ptt.run.frames import by_own, rigid_columns
 from ptt.run.mounts import mount_slopes
@@ -201,16 +202,31 @@ def path_views(problem: Problem) -> dict[str, np.ndarray]:
     Returns:
         As `context_views`, and 'way x'.., components of the tool's unit direction of arrival; 'turn x'.., of its
         direction of departure less that; 'step' mm, length of the move to the row; 'pause' s, its duration with any
-        rest before it; 'feed' mm/s.
+        rest before it; 'feed' mm/s; of an arm 'gravity x'.., its components along the axes of the tool.
     """
     came, turns = ways_of(problem.view.p.numpy(), problem.view.starts.numpy())
     named = {
         f"{what} {axis}": way[:, i] for what, way in (("way", came[0]), ("turn", turns)) for i, axis in enumerate(AXES)
     }
-    named |= moves_of(problem)
+    named |= moves_of(problem) | hanging_of(problem)
     if problem.table.feed_mm_s is not None:
         named["feed"] = np.asarray(problem.table.feed_mm_s, dtype=float)
     return {name: way for name, way in named.items() if _varies(name, way[problem.used])} | context_views(problem)
+
+
+def hanging_of(problem: Problem) -> dict[str, np.ndarray]:
+    """Components of gravity along the axes of an arm's tool, (n,) each: what hangs on it bends and falls by these.
+
+    Args:
+        problem: the run.
+
+    Returns:
+        'gravity x'.., of a unit vector; none of a machine whose tool only translates.
+    """
+    if problem.file.machine.kind != "serial":
+        return {}
+    pulls = np.einsum("nca,c->an", mount_slopes(problem.view), problem.view.gravity.numpy())
+    return dict(zip(GRAVITY, pulls, strict=True))
 
 
 def moves_of(problem: Problem) -> dict[str, np.ndarray]:

@@ -19,7 +19,7 @@ class Dependence(Record):
     Attributes:
         residual: 'x', 'y', 'z', 'slider 2' or 'joint 2'.
         on: 'b2', 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'x', 'y', 'z', 'run';
-            of an unknown also 'way x', 'turn x', 'feed'.
+            of an unknown also 'way x', 'turn x', 'gravity x', 'feed'.
         share: of the residual's variance, 0 to 1, that a free function of this variable alone explains (adjusted R^2).
         p_value: permutation test, after multiplicity over all residuals, variables and shapes.
         period_mm: period where the dependence is periodic (rad for a joint angle), else None.

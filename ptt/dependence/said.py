@@ -16,12 +16,19 @@ MOST_MOMENTS = 6  # moments that a sentence lists
 WAYS = {
     "way": "the {} component of the tool's direction of travel",
     "turn": "the {} component of the tool's change of direction",
+    "gravity": "the {} component of gravity in the tool's own frame",
 }
 MOVES = {f"{word} {axis}": text.format(axis) for word, text in WAYS.items() for axis in "xyz"} | {
     "step": "the length of the tool's last move",
     "pause": "the time since the last reading elsewhere",
     "reversal": "the travel since the last reversal",
 }  # variables that are no columns of a table, by what they are
+
+
+def _toward(axis: str, whose: str = "") -> tuple[str, str, str]:
+    return f"further toward +{axis}{whose}", f"further toward -{axis}{whose}", f"furthest toward +{axis}{whose}"
+
+
 SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero, where it is largest
     "slider": ("higher", "lower", "highest"),
     "joint": ("further forward", "further back", "furthest forward"),
@@ -32,7 +39,8 @@ SIDES: Mapping[str, tuple[str, str, str]] = {  # place -> above zero, below zero
         "further clockwise (seen from above)",
         "furthest counter-clockwise (seen from above)",
     ),
-    **{axis: (f"further toward +{axis}", f"further toward -{axis}", f"furthest toward +{axis}") for axis in "xyz"},
+    **{axis: _toward(axis) for axis in "xyz"},
+    **{f"mount {axis}": _toward(axis, " of its own frame") for axis in "xyz"},
 }
 
 
@@ -94,7 +102,8 @@ def say_size(size: Size) -> str:
     Returns:
         One sentence, for example 'Slider 1 is 38 +- 2 um higher after moving up than after moving down.'
     """
-    who, (more, less, most) = who_is_off(size.of), SIDES[size.of.split()[-1 if size.of[-1].isalpha() else 0]]
+    what = size.of if size.of in SIDES else size.of.split()[-1 if size.of[-1].isalpha() else 0]
+    who, (more, less, most) = who_is_off(size.of), SIDES[what]
     side = more if size.value >= 0.0 or not size.known else less
     at_most = f"at most {_amount(size, _bound(size), 0.0)}"
     what = _amount(size, size.value, size.std) if size.known else f"{at_most} {less} or"
@@ -135,7 +144,7 @@ def say_size(size: Size) -> str:
 
 def _is_elsewhere(size: Size, value: float) -> bool:
     """Whether a tool error's rms is much larger than a value: most of it then varies with something else."""
-    return size.of in ("x", "y", "z") and size.rms is not None and size.rms > ELSEWHERE * value
+    return who_is_off(size.of) == "the tool" and size.rms is not None and size.rms > ELSEWHERE * value
 
 
 def _then(size: Size, more: str, less: str) -> str:
@@ -154,8 +163,12 @@ def _bound(size: Size) -> float:
 
 
 def who_is_off(of: str) -> str:
-    """The part that is off, in words: 'rail 2' for 'rail 2 outward', 'the tool' for 'x'."""
-    return "the tool" if of in ("x", "y", "z") else of.removesuffix(" outward").removesuffix(" sideways")
+    """The part that is off, in words: 'rail 2' for 'rail 2 outward', 'the tool' for 'x' and 'mount x'."""
+    return (
+        "the tool"
+        if of.removeprefix("mount ") in ("x", "y", "z")
+        else of.removesuffix(" outward").removesuffix(" sideways")
+    )
 
 
 def _arrival(size: Size) -> str:

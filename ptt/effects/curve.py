@@ -10,6 +10,7 @@ from torch import Tensor
 from ptt.effects.base import CONTEXTS, Effect
 from ptt.effects.curve_basis import (
     DEGREE,
+    GRAVITY,
     JOINT,
     SMOOTH,
     TURNS,
@@ -32,8 +33,8 @@ from ptt.run.axes import AXES
 from ptt.run.frames import rigid_columns
 from ptt.run.view import View
 
-PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])|(set-up)")
-OTHERS = ("payload", "temperature", "time", "run")
+PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])|(set-up|mount)")
+OTHERS = ("payload", "temperature", "time", "run", *GRAVITY)
 CURVE_SHAPES = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
 HARMONICS = 6  # of a period, the k-th weighed by 1/k: they make a sawtooth but for its edges
 HATS = 13  # hat functions of a bump, since local damage has no shape that is known beforehand
@@ -49,11 +50,12 @@ class Curve(Effect):
     A subclass sets the class attributes below; stage, parameters and requirements are derived from them.
 
     Class attributes:
-        on: the variable: 'b2' or 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'run', or 'x', 'y',
-            'z', which without `acts_on` stand for a free field over the workspace.
+        on: the variable: 'b2' or 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'run', of an arm
+            'gravity x' to 'gravity z' along the axes of its tool, or 'x', 'y', 'z', which without `acts_on` stand for
+            a free field over the workspace.
         acts_on: what it shifts: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', 'x', 'y', 'z'
-            of the tool, or 'set-up' (tracker against machine, which no command corrects); '' for the joint that `on`
-            names, else the tool, or the readings for 'time' and 'run'.
+            of the tool, 'mount' (an arm's tool in its holder), or 'set-up' (tracker against machine, which no command
+            corrects); '' for the joint that `on` names, else the tool, or the readings for 'time' and 'run'.
         moments: of shape 'levels' over time, the moments at which it switches, s, ascending.
         shape: 'levels', 'smooth', 'step', 'bump', 'period', 'varying' or 'gradual', as a diagnosis names it.
         between: range of the variable in the data (of 'varying': of the second variable; of 'gradual': of the joint
@@ -93,13 +95,13 @@ class Curve(Effect):
             raise TypeError(f"a curve that acts on '{cls.acts_on}' has no stage '{own_stage}'")
         if kind in ("slider", "joint"):
             cls.stage = "drive"
-        elif kind in ("link", "rail"):
+        elif kind in ("link", "rail", "mount"):
             cls.stage = "geometry"
         else:
             of_readings = kind == "set-up" or cls.on in ("time", "run")
             cls.stage = own_stage or ("metrology" if of_readings else "structure")
         count, words = _size(cls)
-        size = {"tool": 3, "set-up": len(MOTIONS)}.get(kind, 1) * count
+        size = {"tool": 3, "mount": 3, "set-up": len(MOTIONS)}.get(kind, 1) * count
         rad = cls.mechanisms == ("serial",) and kind in ("slider", "joint")
         usual, unit = (1e-4, "rad") if rad else (0.02, "mm")
         cls.parameters = (Parameter("size", unit, usual, words, count=size),)
@@ -112,13 +114,13 @@ class Curve(Effect):
 
     @classmethod
     def _place(cls) -> tuple[str, int]:
-        """Object shifted ('slider', 'joint', 'rail', 'link', 'axis', 'tool', 'set-up'), and its number from 0."""
+        """Object shifted (as `acts_on` calls it, but 'axis' and 'tool'), and its number from 0."""
         found = PLACE.fullmatch(cls.acts_on)
         if found is None:
             joint = JOINT.fullmatch(cls.on)
             return ("slider", int(joint[2]) - 1) if joint else ("tool", 0)
         if found[7]:
-            return "set-up", 0
+            return found[7], 0
         if found[6]:
             return "axis", AXES.index(found[6])
         return (found[1], int(found[2]) - 1) if found[1] else (found[3], int(found[4]) - 1)
@@ -142,6 +144,11 @@ class Curve(Effect):
         if kind == "set-up":
             motions = torch.cat([rigid_columns(view.p, length=ARM), view.p[:, :, None] / ARM], dim=2)
             return (motions[:, :, :, None] * shapes[:, None, None]).flatten(2)
+        if kind == "mount":
+            basis = shapes.new_zeros(view.rows, len(view.mechanism.slots), 3, shapes.shape[1])
+            for axis in range(3):
+                basis[:, axis - 3, axis] = shapes
+            return basis.flatten(2)
         if kind == "rail":
             way = across_axes(view)[ACROSS.index(self.acts_on.split()[-1])][index]
             first, way = 4 * index, way.to(shapes)
@@ -161,6 +168,10 @@ class Curve(Effect):
         spread = torch.linspace(low - reach, high + reach, view.rows, dtype=torch.float64)
         if self.moments:
             spread = spread.new_tensor((*self.moments, self.moments[-1] + 1.0)).repeat(view.rows)[: view.rows]
+        if self.on in GRAVITY:  # on an arm that lies on its side and turns all joints, each component does
+            turns = torch.linspace(-torch.pi, torch.pi, view.rows, dtype=torch.float64)
+            every = turns[:, None] * torch.arange(1, view.joints + 1)
+            return replace(view, q=every, gravity=view.gravity.new_tensor([1.0, 0.0, 0.0]))
         joint = JOINT.fullmatch(self.on)
         if joint and joint[1] in ("b", "q"):
             column = torch.arange(view.joints) == int(joint[2]) - 1
@@ -239,7 +250,7 @@ def fits(mechanisms: tuple[str, ...], name: str) -> bool:
     Returns:
         Whether all of them do; the number of an arm's joints is not checked, since its file alone states it.
     """
-    own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint", "link")}
+    own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint", "link", "mount", "gravity")}
     word = (re.match(r"[a-z]*", name) or [""])[0]
     number = re.search(r"[0-9]+", name)
     everywhere = word not in {each for kind in own.values() for each in kind}

@@ -2,16 +2,19 @@
 
 import re
 from itertools import product
+from typing import cast
 
 import torch
 from torch import Tensor
 
 from ptt.effects.shapes import SHAPES, smooth_shapes, straight_shapes
+from ptt.mechanisms.serial import Serial
 from ptt.run.axes import AXES
 from ptt.run.view import View
 
 JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")
 SMOOTH = SHAPES + 2  # bending modes, slope and level of a smooth curve
+GRAVITY = tuple(f"gravity {axis}" for axis in AXES)  # its components along the axes of an arm's tool
 DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace
 TURNS = 2  # harmonics of each of two angles of an arm, as of the unknown that it describes
 
@@ -64,6 +67,9 @@ def value_of(view: View, name: str) -> Tensor:
     if joint:
         table = {"b": view.q, "q": view.q, "direction": view.direction, "speed": view.velocity}[joint[1]]
         return table[:, int(joint[2]) - 1]
+    if name in GRAVITY:
+        turn = cast(Serial, view.mechanism).pose(view.q)[1]
+        return torch.einsum("nc,c->n", turn[:, :, GRAVITY.index(name)], view.gravity)
     if name in AXES:
         return view.p[:, AXES.index(name)]
     return {"payload": view.payload, "temperature": view.warmth, "time": view.time, "run": view.run.double()}[name]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ptt.effects.curve import CURVE_SHAPES, OTHERS, PLACE, fits
-from ptt.effects.curve_basis import JOINT
+from ptt.effects.curve_basis import GRAVITY, JOINT
 from ptt.effects.phrases import listed
 from ptt.effects.template import class_name, require_free_name
 from ptt.errors import InputError, shown
@@ -181,8 +181,8 @@ def _figures(
 
 
 def _require_readable(on: str, acts_on: str) -> None:
-    """Refuse what no effect can say: where it acts on the tool's holder, or follows what an effect's view has not."""
-    if acts_on == "mount":
+    """Refuse what no effect should say: a tool that moved in its holder, or what follows what an effect cannot read."""
+    if acts_on == "mount" and on not in GRAVITY:
         what = "no effect moves the tool in its holder"
         raise UnreadableError(what, fix="fasten it, and measure where it is")
     if on and not is_variable(on):
@@ -250,7 +250,7 @@ def is_variable(name: str) -> bool:
 def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
     """Mechanism families that it fits: that of the joint named by variable, residual or place; both for the tool."""
     on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
-    if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on):
+    if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on) or on in GRAVITY:
         return ("serial",)
     of_tool = residual in AXES and acts_on in ("", "set-up", *AXES) and not re.fullmatch(r"b[0-9]+", on)
     return ("three-ptt", "serial") if of_tool and (acts_on or not JOINT.fullmatch(on)) else ("three-ptt",)
@@ -267,4 +267,5 @@ def _headline(found: Mapping[str, Any]) -> str:
     period = f" with a period of {found['period']:.4g}" if found["period"] else ""
     second = f" with {found['along']}" if found["along"] else ""
     on = f"{listed(list(found['together']))} together" if found["together"] else found["on"]
-    return f"What of {found['residual']} follows {on}{second}{period}{where}"
+    what = f"the tool's own {found['residual']}" if found["acts_on"] == "mount" else found["residual"]
+    return f"What of {what} follows {on}{second}{period}{where}"

@@ -134,10 +134,8 @@ def _row_by_row(flat: np.ndarray, keep: np.ndarray, take: np.ndarray) -> np.ndar
     return state
 
 
-def _triangles(
-    keep: np.ndarray, take: np.ndarray, own: np.ndarray, less: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Batches of a state s and results r over rows x, s_(i+1) = keep_i s_i + take_i x_i and r_i = own_i x_i - less_i s_i.
+def _triangles(keep: np.ndarray, take: np.ndarray, own: np.ndarray, less: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Batches of a state s, s_(i+1) = keep_i s_i + take_i x_i, and results r_i = own_i x_i - less_i s_i of rows x.
 
     Args:
         keep: weight of the state in the next one, (n,).

@@ -15,9 +15,10 @@ from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.joint_wander import JointWander
-from ptt.diagnosis.telling.sizes import points_of, size_of_unknown, sized
+from ptt.diagnosis.telling.sizes import points_of, rms_beside_frames, size_of_unknown, sized
 from ptt.diagnosis.telling.unknowns import Unexplained, Unknown
 from ptt.diagnosis.unknown.block import Block
+from ptt.diagnosis.unknown.places import PlaceKind
 from ptt.run.axes import AXES
 from ptt.run.holdout import blocks as travel_blocks
 from ptt.run.holdout import pose_groups
@@ -89,6 +90,8 @@ def _dependence(
     item: Unknown, unknowns: Sequence[Unknown], rest: np.ndarray, contexts: dict[str, np.ndarray], problem: Problem
 ) -> Dependence | None:
     """One block: the residual in which it shows most, the variable that explains most of it, and its size."""
+    if item.block.place.kind == "mount":
+        return _along_tool(item, unknowns, rest, contexts, problem)
     alike = [other for other in unknowns if other.block.is_like(item.block)]
     others = sum((other.part for other in unknowns if not any(other is own for own in alike)), np.zeros_like(rest))
     parts, rests = residual_views(problem, item.part), residual_views(problem, rest - others)
@@ -123,6 +126,29 @@ def _dependence(
     return of_run(replace(found, size=size, points=points_of(found, rests[residual], contexts)), problem)
 
 
+def _along_tool(
+    item: Unknown, unknowns: Sequence[Unknown], rest: np.ndarray, contexts: dict[str, np.ndarray], problem: Problem
+) -> Dependence | None:
+    """`_dependence` of what moves in an arm's tool holder, its x, y and z along the tool's own axes."""
+    axes = item.block.place.slopes
+    found = {id(one): _turned(one, axes) for one in unknowns}
+    told = _dependence(found[id(item)], [*found.values()], np.einsum("nca,nc->na", axes, rest), contexts, problem)
+    if told is None or told.size is None or told.size.rms is None:
+        return told
+    alike = np.sum([one.part for one in unknowns if one.block.is_like(item.block)], axis=0)
+    rows = np.isfinite(rest).all(axis=1)
+    rms = rms_beside_frames(alike[rows], problem, rows)  # frames are seen from the base
+    return replace(told, size=replace(told.size, rms=rms))
+
+
+def _turned(item: Unknown, axes: np.ndarray) -> Unknown:
+    """An unknown with its readings, and the directions of its place, along axes, (n, 3, 3)."""
+    slopes = np.einsum("nca,ncw->naw", axes, item.block.place.slopes)
+    kind: PlaceKind = "tool" if item.block.place.kind == "mount" else item.block.place.kind
+    place = replace(item.block.place, kind=kind, slopes=slopes)
+    return replace(item, block=replace(item.block, place=place), part=np.einsum("nca,nc->na", axes, item.part))
+
+
 def _as_curve(
     item: Unknown, residual: str, on: str, left: np.ndarray, contexts: dict[str, np.ndarray], tested: list[Dependence]
 ) -> Dependence:
@@ -155,7 +181,7 @@ def _as_curve(
 def _of_several(
     found: Dependence, block: Block, alone: float, values: np.ndarray, left: np.ndarray, problem: Problem
 ) -> Dependence:
-    """The dependence of an unknown that has moments, or that several variables describe, with the first one's share.
+    """The dependence of an unknown that jumps, or that several variables describe, with the first one's share.
 
     Args:
         found: on the first of them.
@@ -168,8 +194,8 @@ def _of_several(
     Returns:
         As given where one variable is enough.
     """
-    if block.is_spell and len(block.jumps) == 1:
-        step = replace(found, shape="step", place=_between(values, problem.view.clock.numpy() > block.jumps[0]))
+    if len(block.jumps) == 1 and found.on == block.on[0]:
+        step = replace(found, shape="step", place=_between(values, values > block.jumps[0]), period_mm=None, with_=None)
         together = (found.on, *AXES)
         return replace(step, together=together, alone_share=alone * found.share) if block.is_change else step
     if block.is_spell:
@@ -246,7 +272,7 @@ def _amount(item: Unknown) -> np.ndarray | None:
 
 def _acts_on(block: Block) -> str | None:
     """The place on which a block acts: the set-up, the mount, or one of one direction and no field; None where open."""
-    if block.place.kind in ("set-up", "mount"):
+    if block.place.residual in ("set-up", "mount"):
         return block.place.residual
     field = len(block.on) > 1 and block.on[0] == "x"
     return None if field or block.place.slopes.shape[2] > 1 else block.place.residual
@@ -280,6 +306,8 @@ def _variables(item: Unknown, problem: Problem) -> tuple[str, ...]:
             return ("temperature",)
         case "way" | "turn" as name:
             return tuple(f"{name} {axis}" for axis in AXES)
+        case "gravity x":
+            return item.block.on
         case "x" if len(item.block.on) > 1:
             own = item.block.place.joint
             return AXES if own is None else (*AXES, f"{problem.file.machine.letter}{own + 1}")

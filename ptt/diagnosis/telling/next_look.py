@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from ptt.dependence.contexts import is_direction
 from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import MOVES, between, switched_at
-from ptt.effects.curve_basis import JOINT
+from ptt.effects.curve_basis import GRAVITY, JOINT
 from ptt.effects.phrases import listed
 from ptt.run.axes import AXES
 
@@ -72,6 +72,8 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
         more = "More readings after longer and after shorter rests"
     elif first.on == "run":
         more = "Another run"
+    elif first.on in GRAVITY:
+        more = "More poses that turn the tool against gravity"
     elif first.on in MOVES:
         more = "More poses in another order"
     else:

@@ -46,8 +46,9 @@ def size_of_unknown(
     if amounts is None or rms > LARGER_FACTOR * rms_length(rest[rows]):
         # Binned readings have no context of the travel since a reversal: the size is then that of the two sides.
         second = None if item.block.gradual else found.with_
-        size = sized((replace(found, acts_on=None, with_=second),), rest, problem)[0].size
-        return size and replace(size, rms=_rms_beside_frames(part, problem, rows) if item.in_addition else None)
+        where = found.acts_on if found.acts_on == "mount" else None
+        size = sized((replace(found, acts_on=where, with_=second),), rest, problem)[0].size
+        return size and replace(size, rms=rms_beside_frames(part, problem, rows) if item.in_addition else None)
     moves = np.concatenate([_moves(one.block, found, problem)[rows] for one in alike], axis=1)
     own = np.concatenate([one.own for one in alike])
     values, covariance = amounts.values[own], amounts.covariance[np.ix_(own, own)]
@@ -62,13 +63,18 @@ def size_of_unknown(
         size = whole and _named(whole, found.on, "reversal", problem)
     else:
         size = _size(found, estimate, problem, contexts, rows, along)
-    return size and replace(size, rms=_rms_beside_frames(part, problem, rows))
+    return size and replace(size, rms=rms_beside_frames(part, problem, rows))
 
 
-def _rms_beside_frames(part: np.ndarray, problem: Problem, rows: np.ndarray) -> float:
-    """Root mean square contribution of an unknown to some rows, (m, 3) mm, after alignment of fitted frames.
+def rms_beside_frames(part: np.ndarray, problem: Problem, rows: np.ndarray) -> float:
+    """Root mean square contribution of an unknown after alignment of fitted frames, mm.
 
     Errors are reported after alignment, and part of a slow or one-sided unknown is only a shift of the frame.
+
+    Args:
+        part: contribution to some rows, (m, 3) mm.
+        problem: n rows.
+        rows: which these are, (n,) bool with m of them.
     """
     left = part
     if problem.frames and problem.file.tracker.frame != "measured":
@@ -150,8 +156,10 @@ def _size(
 
 
 def _off(found: Dependence) -> str:
-    """The part that is said to be off: the place of an unknown, but an axis of the tool for a set-up or a mount."""
-    return found.residual if found.acts_on in (None, "set-up", "mount") else found.acts_on
+    """The part that is said to be off: the place of an unknown, for a set-up or a mount with the axis."""
+    if found.acts_on == "mount":
+        return f"mount {found.residual}"
+    return found.residual if found.acts_on in (None, "set-up") else found.acts_on
 
 
 def _named(size: Size, on: str, along: str, problem: Problem) -> Size:

@@ -256,7 +256,7 @@ def acting(place: str | None, residual: str) -> str:
     if place == "set-up":
         return ", as if tracker and machine moved against each other"
     if place == "mount":
-        return ", as if the tool moved in its holder"
+        return f", as if the tool moved in its holder, along its own {residual}"
     if place.startswith("link"):
         return f", as if {place} changed its length"
     return f", as if {place.rsplit(' ', 1)[0]} moved {place.rsplit(' ', 1)[1]}"

@@ -5,10 +5,12 @@ from functools import cache, partial
 
 import numpy as np
 
+from ptt.dependence.contexts import hanging_of
 from ptt.diagnosis.unknown.block import Block, Period, Recipe
-from ptt.diagnosis.unknown.places import Place, one_way_each, places_of_chain, tool_axes
+from ptt.diagnosis.unknown.places import Place, mount_of, one_way_each, places_of_chain, tool_axes
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
+from ptt.effects.curve_basis import GRAVITY
 from ptt.effects.hysterons import hysterons
 from ptt.model.chain import Chain
 from ptt.run.axes import AXES
@@ -48,19 +50,23 @@ def unknown_blocks(
     elif problem.view.number is not None:
         span = span.of(problem.view.number.numpy().astype(int))
     places = places_of_chain(problem, chain, span.levers)
-    recipes = (*_recipes(problem, places, span), *_periodic(problem, places, periods))
+    recipes = (*_recipes(problem, chain, places, span), *_periodic(problem, places, periods))
     wanted = (one for one in recipes if names is None or one.name in names)
     blocks = (Block(one.name, one.place, one.on, one.make(), one.period, gradual=one.gradual) for one in wanted)
     return [block for block in blocks if block.shapes.shape[1]]
 
 
-def _recipes(problem: Problem, places: Sequence[Place], span: Span) -> Iterator[Recipe]:
+def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span) -> Iterator[Recipe]:
     tool, *moving = places
     raw, letter, serial = problem.view.q.numpy(), problem.file.machine.letter, problem.file.machine.kind == "serial"
     q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
     yield _named(tool, AXES, partial(field_over, p, _degree(problem)))
     yield _named(tool, AXES, partial(field_over, p, GENTLE_DEGREE), "gently ")
     turned = _turned(problem, span)
+    mount = mount_of(problem, chain)
+    if mount is not None:  # what hangs on the last link bends, or falls to the lower side, as gravity turns about it
+        pulls = np.column_stack([*hanging_of(problem).values()])
+        yield _named(mount, GRAVITY, partial(field_over, pulls, CONTEXT_FIELD_DEGREE))
     for place in moving:
         assert place.joint is not None
         own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])

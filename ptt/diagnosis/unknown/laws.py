@@ -5,13 +5,14 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ptt.dependence.contexts import is_direction, path_views
+from ptt.dependence.contexts import hanging_of, is_direction, path_views
 from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.blocks import field_over
 from ptt.diagnosis.unknown.jumps import Jump, heights_of, passed_again, spells_of, switches_of
 from ptt.diagnosis.unknown.places import Place, mount_of, one_way_each, places_of_chain, stand_of, tool_axes
 from ptt.diagnosis.unknown.smooth import column_ends, cosines, reined, scaled
 from ptt.effects.curve import STEP_DEGREE
+from ptt.effects.curve_basis import GRAVITY
 from ptt.model.chain import Chain
 from ptt.run.problem import Problem
 
@@ -48,13 +49,15 @@ def laws_of(
     letter, q, varied = problem.file.machine.letter, problem.view.q.numpy(), dict(_curves(problem))
     passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN_COSINES) for joint in range(problem.view.joints)}
+    hung = [(on, varied.pop(on)) for on in GRAVITY if on in varied]
     for place in _places(problem, chain):
         if place.joint is None:
             yield [*(_law(place, (on,), shapes) for on, shapes in varied.items()), *_jumps(place, spells)]
             continue
         own, heights = f"{letter}{place.joint + 1}", q[:, place.joint]
         here = varied | {on: finer[own] for on in varied if on == own}
-        laws = [_law(place, (on,), shapes) for on, shapes in here.items()]
+        last = hung if place.kind == "joint" and place.joint == problem.view.joints - 1 else []
+        laws = [_law(place, (on,), shapes) for on, shapes in (*here.items(), *last)]
         laws += [_law(place, ons, shapes) for ons, shapes in _arrivals(problem, place.joint)]
         jumps = [(own, (float(height),), heights > height) for height in heights_of(heights[problem.used])]
         yield [*laws, *_jumps(place, [*jumps, *passed, *spells])]
@@ -62,6 +65,10 @@ def laws_of(
     held = [stand_of(problem), *([] if mount is None else [mount])]
     yield [*_jumps(held[0], spells), *_changes(problem, tool, moments)]
     if mount is not None:  # a single moment is a knock's of the set-up, but no effect moves the tool in its holder
+        # it bends, or falls to the lower side
+        lower = [(on, (0.0,), values > 0.0) for on, values in hanging_of(problem).items() if on in dict(hung)]
+        yield [_law(mount, (on,), shapes) for on, shapes in hung]
+        yield _jumps(mount, lower)
         clock = problem.view.clock.numpy()
         yield _jumps(mount, [*(("time", (moment,), clock > moment) for moment in moments), *spells])
     yield [
