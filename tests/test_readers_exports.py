@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ptt.errors import TableError
+from ptt.run.readers import Mapping
 from ptt.run.reading import read_table
 
 ROWS = ((1.5, 2.25, -3.125, 1283.842, 999.5, 1001.25), (10.0, 20.5, -30.25, 1300.5, 2001.125, 998.0))
@@ -111,3 +112,24 @@ def test_context_in_german_and_french(tmp_path: Path) -> None:
         assert table.temp_c is not None and table.payload_kg is not None
         assert table.feed_mm_s is not None and table.time_s is not None
         assert [table.temp_c[1], table.payload_kg[1], table.feed_mm_s[1], table.time_s[1]] == [22.5, 5.0, 50.0, 10.0]
+
+
+@pytest.mark.parametrize(("thousands", "decimal"), [(".", ","), (",", ".")])
+@pytest.mark.parametrize("cell", ["12T5", "1T2T3", "0T125", "1234T567", "1D5T125", "T500"])
+def test_a_sign_that_groups_thousands_does_nothing_else(
+    tmp_path: Path, thousands: str, decimal: str, cell: str
+) -> None:
+    """The whole sign was dropped wherever it stood: 12.5 was read as 125."""
+    cell = cell.replace("T", thousands).replace("D", decimal)
+    path = tmp_path / "run.csv"
+    row = ";".join(grouped(value, thousands, decimal) for value in ROWS[1])
+    path.write_text(f"{HEAD.format(';')}{row}\n1;2;3;{cell};2;3\n")
+    with pytest.raises(TableError, match=rf"row 3, column x_meas: not a number \('{cell}'\); '\{thousands}' groups"):
+        read_table(path)
+
+
+def test_a_decimal_sign_that_is_stated_groups_nothing(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text(f"{HEAD.format(';')}1;2;3;1.234,56;2;3\n1;2;3;4;5;1.234\n")
+    with pytest.raises(TableError, match=r"row 2, column x_meas: not a number \('1.234,56'\)"):
+        read_table(path, mapping=Mapping(decimal="."))

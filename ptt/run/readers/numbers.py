@@ -10,7 +10,7 @@ import pandas as pd
 from ptt.errors import TableError, shown
 from ptt.run.readers.columns import Column, greatest, least, split_joint, standard_unit
 from ptt.run.readers.layout import GOALS
-from ptt.run.readers.separators import POINT_NUMBER, cell_counts, split_line
+from ptt.run.readers.separators import POINT_NUMBER, cell_counts, plain_number, split_line
 from ptt.run.readers.stamps import is_stamp
 from ptt.run.readers.text import RawText
 from ptt.run.readers.titles import UNIT_OF_WORD, normalise, stated_unit
@@ -50,7 +50,6 @@ def _read_part(raw: RawText, columns: list[Column]) -> dict[int, np.ndarray]:
         "index_col": False,
         "sep": r"\s+" if raw.delimiter == " " else raw.delimiter,
         "decimal": raw.decimal,
-        "thousands": raw.thousands or None,
         "dtype": dict.fromkeys(texts, str),
         "na_values": {index: [""] for index in numeric},
         "keep_default_na": False,
@@ -100,12 +99,11 @@ def _to_float(cells: pd.Series, raw: RawText, column: Column) -> np.ndarray:
 def _from_texts(cells: pd.Series, raw: RawText, column: Column) -> np.ndarray:
     """A column that pandas does not read as numbers throughout, cell by cell."""
     values = np.full(len(cells), np.nan)
-    for row, filled in enumerate(cells.notna().to_numpy()):
+    for row, (cell, filled) in enumerate(zip(cells.tolist(), cells.notna().tolist(), strict=True)):
         if filled:
-            text = split_line(raw.body[row], raw.delimiter)[column.index]
-            plain = text.replace(raw.thousands, "") if raw.thousands else text
-            plain = plain.replace(raw.decimal, ".")
-            if not POINT_NUMBER.fullmatch(plain):
+            text = cell.strip() if isinstance(cell, str) else split_line(raw.body[row], raw.delimiter)[column.index]
+            plain = plain_number(text, raw.decimal, raw.thousands)
+            if plain is None or not POINT_NUMBER.fullmatch(plain):
                 _refuse(raw, column, row)
             values[row] = float(plain)
     return values
@@ -152,6 +150,8 @@ def _way_out(raw: RawText, column: Column, value: str) -> str:
     """Advice on a cell that is no number; commands and targets must not be empty either."""
     if raw.header and value == raw.header[column.index]:
         return "this looks like the row of titles once more: remove it"
+    if raw.thousands and raw.thousands in value:
+        return f"'{raw.thousands}' groups thousands in this file and '{raw.decimal}' is its decimal sign: write it so"
     if "," in value and value.replace(",", "", 1).strip("+-").isdigit():
         return "write numbers with a decimal point"
     if column.quantity == "time" and is_stamp(value):

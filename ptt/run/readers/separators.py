@@ -34,6 +34,24 @@ def find_thousands(lines: Sequence[str], delimiter: str) -> tuple[str, str]:
     return "", ""
 
 
+def plain_number(cell: str, decimal: str, thousands: str) -> str | None:
+    """A number with a decimal point and its thousands not grouped.
+
+    Args:
+        cell: as written.
+        decimal: sign.
+        thousands: sign that groups thousands in the file, '' for none.
+
+    Returns:
+        The number, if it is one; None where that sign does anything else: 12.5 beside 1.234,56 is not 125.
+    """
+    if thousands and thousands in cell:
+        if not re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}([{thousands}]\d{{3}})+([{decimal}]\d+)?", cell, re.ASCII):
+            return None
+        cell = cell.replace(thousands, "")
+    return cell.replace(decimal, ".")
+
+
 def split_line(line: str, delimiter: str) -> list[str]:
     """Cells of one line, stripped, quotes removed."""
     if '"' in line:

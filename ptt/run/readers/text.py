@@ -110,6 +110,7 @@ def raw_text(text: str, encoding: str, source: str, mapping: Mapping, ask: Ask |
         joint = re.compile(rf"(?<=\d){thousands}(?=\d{{3}}(?!\d))")
         body, thousands = [joint.sub("", text) for text in body], ""
     decimal = mapping.decimal or grouped or find_decimal(_sample(body), delimiter, source, ask)
+    thousands = "" if thousands == decimal else thousands
     return RawText(source, encoding, delimiter, decimal, comments, header, body, line, thousands)
 
 
