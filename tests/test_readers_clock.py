@@ -34,6 +34,7 @@ def clock(path: Path, **more: object) -> np.ndarray | None:
         ("2026-03-29 01:59:58 +01", "2026-03-29 03:00:00 +02", 2.0),
         ("2026-10-03T23:40:00-09:30", "2026-10-04T09:10:01Z", 1.0),
         ("2026-10-03T23:40:00Z", "2026-10-03 23:40:05 UTC", 5.0),
+        ("2026-12-31 23:59:60Z", "2027-01-01 00:00:05Z", 5.0),  # a leap second
     ],
 )
 def test_offsets_from_utc(tmp_path: Path, first: str, second: str, later: float) -> None:
@@ -152,3 +153,23 @@ def test_days_of_a_long_list_of_targets(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("title", ["Update", "Datum 1 x", "Bezugsdatum", "date_code", "Uhrzeit", "role"])
 def test_other_titles_name_no_date(title: str) -> None:
     assert not names_a_date(title)
+
+
+@pytest.mark.parametrize("cell", ["nan", "1_0", "inf", "--", "12.5", "11:75:03", "11:40:75"])
+def test_a_time_that_is_none_is_named_by_its_row(tmp_path: Path, cell: str) -> None:
+    """Text that Python takes for a number was taken for a time, and a stray cell was blamed on the first row."""
+    first = "11:40:03" if ":" in cell else "1.000,5"
+    path = write(tmp_path / "run.csv", "time", first, cell, first)
+    with pytest.raises(TableError, match=rf"run.csv row 3: not a time \('{cell}'\)"):
+        clock(path)
+
+
+def test_seconds_with_grouped_thousands(tmp_path: Path) -> None:
+    """1.000 beside 999,5 is a thousand seconds, not one."""
+    path = write(tmp_path / "run.csv", "Zeit;Foo", "999,5;2.000,5", ";1", "1.000;1", "1.001,25;1")
+    assert_array_equal(clock(path), [999.5, np.nan, 1000.0, 1001.25])
+
+
+def test_stamps_of_digits_alone_may_have_a_fraction(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "time", "20261003235959.5", "20261004000001.75")
+    assert_allclose(clock(path), [0.0, 2.25], atol=1e-6)

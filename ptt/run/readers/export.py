@@ -150,7 +150,7 @@ def _read_column(raw: RawText, column: Column, content: np.ndarray, request: Req
     """A column from its cells, (n,) numbers or str; damaged time stamps are kept aside."""
     if column.quantity and column.unit == "stamp":
         asked = request.mapping.dates, request.ask, raw.source
-        seconds, note, dates = read_seconds(content, raw.line, raw.decimal, *asked)
+        seconds, note, dates = read_seconds(content, raw.line, raw.decimal, *asked, raw.thousands)
         notes = (f"{column.title}: {note}",)
         if seconds is None:
             return ReadColumn(replace(column, quantity=""), content, dates, notes)

@@ -2,7 +2,7 @@
 
 import io
 import re
-from typing import Any, cast
+from typing import Any, NoReturn, cast
 
 import numpy as np
 import pandas as pd
@@ -141,7 +141,7 @@ def _cell(raw: RawText, column: Column, row: int) -> tuple[str, str]:
     return value, f"{raw.source} row {raw.line[row]}, column {shown(column.title)}"
 
 
-def _refuse(raw: RawText, column: Column, row: int) -> None:
+def _refuse(raw: RawText, column: Column, row: int) -> NoReturn:
     value, where = _cell(raw, column, row)
     raise TableError(f"not a number ('{shown(value)}')", where=where, fix=_way_out(raw, column, value))
 

@@ -8,10 +8,12 @@ import numpy as np
 
 from ptt.errors import TableError
 from ptt.run.readers.mapping import Ask, answer
+from ptt.run.readers.separators import POINT_NUMBER, plain_number
 from ptt.run.readers.words import MONTHS
 
 _CLOCK = (
-    r"(?P<hour>\d{1,2})[:h](?P<minute>\d{2})(?:(?::|m|min)(?P<second>\d{2}(?:[.,]\d+)?)s?)?\s*(?P<half>[AaPp][Mm])?"
+    r"(?P<hour>\d{1,2})[:h](?P<minute>[0-5]\d)(?:(?::|m|min)(?P<second>(?:[0-5]\d|60)(?:[.,]\d+)?)s?)?"
+    r"\s*(?P<half>[AaPp][Mm])?"
 )
 _MONTH = "|".join(sorted(map(re.escape, MONTHS), key=len, reverse=True))  # the longest first: `mars` is not `mar`
 _ZONE = r"(?P<zone>Z|UTC|GMT|[+-]\d{2}(?::?\d{2})?)"
@@ -22,7 +24,9 @@ _YEAR_LAST = re.compile(rf"(?P<a>\d{{1,2}})[-/.](?P<b>\d{{1,2}})[-/.](?P<year>\d
 _YEAR = r"(?P<year>\d{4}|\d{2})"
 _DAY_NAMED = re.compile(rf"(?P<a>\d{{1,2}})[-/. ]+(?P<month>{_MONTH})[-/., ]+{_YEAR}[ T,]+{_CLOCK}", re.IGNORECASE)
 _NAMED_DAY = re.compile(rf"(?P<month>{_MONTH})[-/. ]+(?P<a>\d{{1,2}})[-/., ]+{_YEAR}[ T,]+{_CLOCK}", re.IGNORECASE)
-_COMPACT = re.compile(r"(?P<year>(?:19|20)\d\d)(?P<a>\d\d)(?P<b>\d\d)(?P<hour>\d\d)(?P<minute>\d\d)(?P<second>\d\d)")
+_COMPACT = re.compile(
+    r"(?P<year>(?:19|20)\d\d)(?P<a>\d\d)(?P<b>\d\d)(?P<hour>\d\d)(?P<minute>[0-5]\d)(?P<second>[0-5]\d(?:[.,]\d+)?)"
+)
 _TIME_ONLY = re.compile(_CLOCK)
 _EXAMPLES = (
     "2026-11-27 11:40:03",
@@ -39,7 +43,13 @@ DAY_FIRST, MONTH_FIRST = "day-first", "month-first"
 
 
 def read_seconds(
-    cells: np.ndarray, line: np.ndarray, decimal: str, dates: str | None, ask: Ask | None, where: str
+    cells: np.ndarray,
+    line: np.ndarray,
+    decimal: str,
+    dates: str | None,
+    ask: Ask | None,
+    where: str,
+    thousands: str = "",
 ) -> tuple[np.ndarray | None, str, str | None]:
     """Seconds from cells that hold plain numbers, dates with a time of day, or a time of day.
 
@@ -50,6 +60,7 @@ def read_seconds(
         dates: 'day-first', 'month-first' or None.
         ask: who answers when the order of day and month matters and cannot be seen.
         where: file, for messages.
+        thousands: sign that groups thousands in plain numbers, '' for none.
 
     Returns:
         (n,) s, NaN where empty, from the first stamp on, plain numbers as they are, or None where the stamps are
@@ -65,8 +76,8 @@ def read_seconds(
             "stamps lost their digits in a spreadsheet and are not used; the order of rows stands for time",
             None,
         )
-    numbers = _plain_numbers(cells, decimal)
-    if numbers is not None and not all(_COMPACT.fullmatch(cell) for cell in filled):
+    numbers = _plain_numbers(cells, line, decimal, thousands, where)
+    if numbers is not None:
         seconds, night = through_a_night(_checked_epoch(numbers, ask, where))
         return seconds, f"plain numbers, taken as seconds{night}", None
     matches = [_match(cell, where, int(row)) for cell, row in zip(cells.tolist(), line, strict=True)]
@@ -131,11 +142,20 @@ def through_a_night(seconds: np.ndarray) -> tuple[np.ndarray, str]:
     return whole, " of the day, on past midnight"
 
 
-def _plain_numbers(cells: np.ndarray, decimal: str) -> np.ndarray | None:
-    try:
-        return np.array([float(cell.replace(decimal, ".")) if cell else np.nan for cell in cells.tolist()])
-    except ValueError:
-        return None
+def _plain_numbers(cells: np.ndarray, line: np.ndarray, decimal: str, thousands: str, where: str) -> np.ndarray | None:
+    """Cells as plain numbers, NaN where empty; None where they begin with a stamp."""
+    texts = cells.tolist()
+    begins = next(filter(None, texts), "")
+    if _COMPACT.fullmatch(begins) or not _is_plain(begins, decimal, thousands):
+        return np.full(len(cells), np.nan) if not begins else None
+    for text, row in zip(texts, line.tolist(), strict=True):
+        if text and not _is_plain(text, decimal, thousands):
+            raise _no_time(text, where, row)
+    return np.array([float(plain_number(text, decimal, thousands) or "nan") for text in texts])
+
+
+def _is_plain(text: str, decimal: str, thousands: str) -> bool:
+    return POINT_NUMBER.fullmatch(plain_number(text, decimal, thousands) or "") is not None
 
 
 def _checked_epoch(numbers: np.ndarray, ask: Ask | None, where: str) -> np.ndarray:
@@ -176,8 +196,12 @@ def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
         match = pattern.fullmatch(cell)
         if match:
             return match
+    raise _no_time(cell, where, row)
+
+
+def _no_time(cell: str, where: str, row: int) -> TableError:
     fix = f"empty the cell, or write seconds or a time such as {', '.join(_EXAMPLES)}"
-    raise TableError(f"not a time ('{cell}')", where=f"{where} row {row}", fix=fix)
+    return TableError(f"not a time ('{cell}')", where=f"{where} row {row}", fix=fix)
 
 
 def _order_of_day_and_month(
