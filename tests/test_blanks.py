@@ -53,6 +53,15 @@ def test_clock_and_warmth_go_on_between_two_values_of_a_run(frame, tmp_path):
     assert read(frame, tmp_path)[0].time_s[8] == pytest.approx(0.5 * (whole.time_s[7] + whole.time_s[9]))
 
 
+def test_warmth_goes_on_from_row_to_row_where_the_clock_was_restarted(frame, tmp_path):
+    """By a clock that falls, the empty cell between 27 and 29 deg C became 22."""
+    whole = frame.assign(run="a", time_s=10.0 * (np.arange(ROWS) % 6), temp_c=20.0 + np.arange(ROWS))
+    whole.assign(temp_c=whole.temp_c.where(~whole.index.isin([2, 8]))).to_csv(tmp_path / "run.csv", index=False)
+    table, lines = fill_blanks(read_table(tmp_path / "run.csv", set_values={"order": "rows"}))
+    np.testing.assert_allclose(table.temp_c, whole.temp_c)
+    assert "temp_c is empty in 2 rows: interpolated, row by row" in lines
+
+
 def test_loads_of_joints_stay_while_a_reflector_is_read_and_are_no_guess_at_a_pose(frame, tmp_path):
     row = np.arange(ROWS)
     frame = frame.assign(**{f"tau{joint}": joint + 0.1 * row for joint in (1, 2, 3)}, role="pose")

@@ -50,9 +50,15 @@ def fill_between(table: Table) -> tuple[Table, list[str]]:
         count = int(((table.role != "base") & np.isnan(values) & ~np.isnan(filled)).sum())
         lines += [f"{name} is empty in {_rows(count)}: interpolated, {how}"] if count else []
         table = table.replace(**{name: filled})
-        if name == "time_s" and np.isfinite(filled).all():
+        if name == "time_s" and np.isfinite(filled).all() and _goes_on(filled, _run_of_motion(table)):
             along, how = filled, "by the clock"
     return table, lines
+
+
+def _goes_on(clock: np.ndarray, run: np.ndarray) -> bool:
+    """Whether a clock, (n,) s, goes back in no run: between rows of a restarted clock it tells nothing."""
+    order = np.argsort(run, kind="stable")
+    return not bool(((np.diff(clock[order]) < 0.0) & (np.diff(run[order]) == 0)).any())
 
 
 def without_empty(table: Table) -> Table:
