@@ -1,14 +1,17 @@
 """Lengths, angles, times and noise in another unit are named and turned."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from setup_mistakes import try_case
 from setup_mistakes_cases import CASES
 from setup_mistakes_runs import draw_run
 
-from ptt.machine import MachineFile
+from ptt.machine import MachineFile, load_machine
+from ptt.run.reading import read_table
 from ptt.run.table import Table, make_table, take_rows
 from ptt.setup import check_setup
 from ptt.setup.candidates import slider_formulas
@@ -48,6 +51,27 @@ def test_time_in_ms_shows_beside_the_feed(sound: tuple[MachineFile, Table]) -> N
     assert [item.mistake for item in check_setup(file, timed).sure] == ["time-unit"]
     for sound_clock in (seconds, 100.0 * np.arange(table.rows), seconds + 100.0 * np.arange(table.rows)):
         assert check_setup(file, table.replace(feed_mm_s=feed, time_s=sound_clock)).findings == ()
+
+
+@pytest.mark.parametrize(
+    ("title", "stamps", "mistakes"),
+    [
+        ("time", [f"2026-03-{2 + row // 24:02d} {row % 24:02d}:00:00" for row in range(120)], []),
+        ("time_h", [f"{row}" for row in range(120)], []),
+        ("time_min", [f"{60 * row}" for row in range(120)], []),
+        ("time_s", [f"{3600 * row}" for row in range(120)], ["time-unit"]),
+        ("time", [f"{3600 * row}" for row in range(120)], ["time-unit"]),
+    ],
+)
+def test_a_reading_an_hour_is_no_clock_in_ms_where_the_file_says_so(
+    tmp_path: Path, title: str, stamps: list[str], mistakes: list[str]
+) -> None:
+    """Five days of dated readings were refused, and `rename the column time_ms` advised."""
+    data = Path(__file__).resolve().parents[1] / "data" / "sealed_three"
+    frame = pd.read_csv(data / "run.csv").head(120).drop(columns="time_s").assign(**{title: stamps})
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    found = check_setup(load_machine(data / "machine.toml"), read_table(tmp_path / "run.csv"))
+    assert [item.mistake for item in found.findings] == mistakes
 
 
 def test_targets_in_metres_are_no_mistake_of_the_clock() -> None:

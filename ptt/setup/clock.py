@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ptt.run.readers.stamps import STAMPED
+from ptt.run.table import Table
 from ptt.setup.columns import Result, fastest, known, said, settled, shifted
 from ptt.setup.result import Finding
 from ptt.setup.rows import places
@@ -27,7 +29,7 @@ def find_speed(setup: Setup) -> tuple[list[Finding], Setup]:
 def find_clock(setup: Setup) -> Result | None:
     """Time stamps that cannot be in seconds."""
     table = setup.table
-    if table.time_s is None:
+    if table.time_s is None or _is_stated(table):
         return None
     time = np.asarray(table.time_s, dtype=float)
     rows = used_rows(table) & np.isfinite(time)
@@ -46,6 +48,15 @@ def find_clock(setup: Setup) -> Result | None:
     return None
 
 
+def _is_stated(table: Table) -> bool:
+    """Whether stamps or the title leave no doubt about the unit of the clock: then a reading an hour is no mistake."""
+    answers = table.understood.mapping
+    title = next((title for title, quantity in answers.columns.items() if quantity == "time"), "")
+    if (unit := answers.units.get(title, "s")) != "stamp":
+        return unit != "s"
+    return any(line.startswith(f"{title}: {STAMPED}") for line in table.understood.lines)
+
+
 def _milliseconds(setup: Setup, words: str, usual: float, sure: bool) -> Result:
     words = f"{words}: in milliseconds that is {usual / 1e3:.3g} s a row"
     return said(setup, "time-unit", words, "rename the column time_ms", sure), shifted("time_s", 1e-3, 0.0)
@@ -58,7 +69,7 @@ def _speed(setup: Setup) -> Result | None:
         return None
     pace, moved = (float(value) for value in np.median(paces, axis=0))
     usual, paced = pace * moved, _is_thousandfold(paces)
-    if paced or (pace > 300.0 and usual > LONGEST_STEP):
+    if (paced or (pace > 300.0 and usual > LONGEST_STEP)) and not _is_stated(setup.table):
         words = f"by feed_mm_s each move takes {moved:.2g} s, by time_s {pace:,.0f} times as long"
         return _milliseconds(setup, words, usual, paced)
     if pace < 0.1:

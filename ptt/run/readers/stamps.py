@@ -39,6 +39,7 @@ _EXAMPLES = (
 _SHORTENED = re.compile(r"[12][.,]\d+[eE]\+?1[23]|20\d{6}0{6}")
 
 DAY, HOUR = 86400.0, 3600.0  # s
+STAMPED = "date and time, in seconds from the first row"
 DAY_FIRST, MONTH_FIRST = "day-first", "month-first"
 
 
@@ -86,7 +87,7 @@ def read_seconds(
     values = np.array([_seconds(match, dates == DAY_FIRST, where) for match in matches], dtype=np.float64)
     values, note = _past_midnight(matches, values)
     first = values[~np.isnan(values)]
-    return values - (first[0] if first.size else 0.0), f"date and time, in seconds from the first row{note}", dates
+    return values - (first[0] if first.size else 0.0), f"{STAMPED}{note}", dates
 
 
 def _refuse_half_zoned(matches: list[re.Match[str] | None], line: np.ndarray, where: str) -> None:
