@@ -248,3 +248,37 @@ def test_a_column_that_is_set_aside_may_have_the_title_that_another_one_has_the_
     found = read_any(path, Request(mapping=Mapping(columns={"x_meas": "ignore", "X2": "x_meas"}, units={"X2": "mm"})))
     assert_allclose(found.columns["x_meas"], [1.5, 1.6])
     assert_array_equal(found.extra["x_meas"], ["-", "-"])
+
+
+@pytest.mark.parametrize(
+    ("title", "below", "factor"),
+    [
+        ("tau1", "", 1.0),
+        ("Torque 1 [N]", "", 1.0),
+        ("Torque 1 [N mm]", "", 1e-3),
+        ("Drehmoment 1 (Ncm)", "", 1e-2),
+        ("tau1_kn", "", 1e3),
+        ("tau1", "mm;mm;mm;mm;mm;mm;kN m\n", 1e3),
+    ],
+)
+def test_a_load_of_a_joint_is_read_in_its_unit(tmp_path: Path, title: str, below: str, factor: float) -> None:
+    """The unit was dropped: a thousand N mm were a thousand N m, and so was a thousand percent."""
+    path = tmp_path / "run.csv"
+    path.write_text(f"x_cmd;y_cmd;z_cmd;x_meas;y_meas;z_meas;{title}\n{below}1;2;3;1;2;3;50\n4;5;6;4;5;6;60\n")
+    table = read_table(path)
+    assert table.torque is not None
+    np.testing.assert_allclose(table.torque[:, 0], factor * np.array([50.0, 60.0]))
+
+
+def test_a_load_in_no_unit_of_force_is_asked_about(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("x_cmd;y_cmd;z_cmd;x_meas;y_meas;z_meas;Torque 1 [%]\n1;2;3;1;2;3;50\n4;5;6;4;5;6;60\n")
+    with pytest.raises(
+        TableError, match=r"column Torque 1 \[%\]: unit '%' does not fit tau1; .* or is it something else"
+    ):
+        read_table(path)
+    for said in (Mapping(units={"Torque 1 [%]": "ignore"}), Mapping(columns={"Torque 1 [%]": "ignore"})):
+        table = read_table(path, mapping=said)
+        assert table.torque is None and table.understood.mapping.columns["Torque 1 [%]"] == "ignore"
+    known = read_table(path, mapping=Mapping(units={"Torque 1 [%]": "ncm"})).torque
+    assert known is not None and known[0, 0] == 0.5

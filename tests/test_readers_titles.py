@@ -56,6 +56,8 @@ from ptt.run.readers.titles import meaning_of, split_unit
         ("Point ID", "name", None),
         ("X轴坐标/mm", "x", "mm"),
         ("Joint 2 torque (Nm)", "tau2", ""),
+        ("Torque 2 [N·mm]", "tau2", "nmm"),
+        ("tau3_kn", "tau3", "kn"),
         ("关节1方向", "dir1", None),
         ("J6 [deg]", "q6_cmd", "deg"),
         ("Rolle", "role", None),

@@ -51,6 +51,12 @@ KNOWN_UNITS = {
     ("feed", "m_s"): 1.0 / MM,
     ("feed", "m_min"): 1.0 / MM / constants.minute,
     ("feed", "in_min"): constants.inch / MM / constants.minute,
+    ("tau1", "n"): 1.0,
+    ("tau1", "nm"): 1.0,
+    ("tau1", "kn"): constants.kilo,
+    ("tau1", "knm"): constants.kilo,
+    ("tau1", "ncm"): constants.centi,
+    ("tau1", "nmm"): constants.milli,
 }
 
 

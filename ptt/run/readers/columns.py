@@ -18,6 +18,8 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "temperature": {"c": (1.0, 0.0), "k": (1.0, -273.15), "f": (1.0 / 1.8, -32.0 / 1.8)},
     "speed": {"mm_s": (1.0, 0.0), "mm_min": (1.0 / 60.0, 0.0), "m_s": (1000.0, 0.0), "m_min": (1000.0 / 60.0, 0.0),
               "in_min": (25.4 / 60.0, 0.0)},
+    "effort": {"": (1.0, 0.0), "n": (1.0, 0.0), "nm": (1.0, 0.0), "kn": (1e3, 0.0), "knm": (1e3, 0.0),
+               "ncm": (1e-2, 0.0), "nmm": (1e-3, 0.0)},  # of a joint: N of a slider, N m of one that turns
     "number": {"": (1.0, 0.0)},
     "text": {"": (1.0, 0.0)},
 }  # fmt: skip
@@ -30,7 +32,8 @@ GREATEST = {
     "mass": 1e9,  # kg
     "temperature": 1e6,  # deg C: the sun has 5,500 at its surface
     "speed": 1e12,  # mm/s: light has 3e11
-    "number": 1e12,  # N, N m, counts
+    "effort": 1e12,  # N, N m
+    "number": 1e12,  # counts
 }
 """Per dimension: bound, in the standard unit, beyond every machine and every mistake of units; sums stay finite."""
 
@@ -44,7 +47,8 @@ UNSTATED_IS_ASKED = ("angle", "speed")
 _QUANTITIES = (
     (re.compile(r"[xyz]_(cmd|meas|std)|b[1-9]\d*_cmd"), "length", True),
     (re.compile(r"q[1-9]\d*_cmd"), "angle", False),
-    (re.compile(r"q[xyzw]_(cmd|meas)|dir[1-9]\d*|tau[1-9]\d*|repeat"), "number", True),
+    (re.compile(r"tau[1-9]\d*"), "effort", True),
+    (re.compile(r"q[xyzw]_(cmd|meas)|dir[1-9]\d*|repeat"), "number", True),
     (re.compile(r"time"), "time", False),
     (re.compile(r"payload"), "mass", False),
     (re.compile(r"temp"), "temperature", False),

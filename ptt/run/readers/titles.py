@@ -36,6 +36,10 @@ _UNIT_WORDS = {
     "m_s": ("m/s", "米/秒", "m_s"),
     "m_min": ("m/min", "米/分", "米/分钟", "m_min"),
     "in_min": ("in/min", "inch/min", "inches/min", "ipm", "英寸/分", "英寸/分钟", "in_min"),
+    "kn": ("kn", "千牛"),
+    "knm": ("knm", "kn*m", "kn·m"),
+    "ncm": ("ncm", "n*cm", "n·cm"),
+    "nmm": ("nmm", "n*mm", "n·mm"),
     "": (*NEWTONS, "nm", "n*m", "n·m", "牛米", "-", "1"),
 }
 UNIT_OF_WORD = {word: unit for unit, words in _UNIT_WORDS.items() for word in words}

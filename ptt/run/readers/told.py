@@ -1,6 +1,6 @@
 """Report of how a file was interpreted, and the answers that can be saved for files of its kind."""
 
-from ptt.run.readers.columns import Column, canonical, standard_unit
+from ptt.run.readers.columns import UNITS, Column, canonical, dimension_of, standard_unit
 from ptt.run.readers.mapping import ABSENT, IGNORE, NOT_USED, Mapping, Understood
 from ptt.run.readers.separators import DELIMITERS, is_number, split_line
 from ptt.run.readers.text import RawText
@@ -48,7 +48,8 @@ def understood_of(
 def _meaning_line(column: Column) -> str:
     quantity = column.quantity
     unit = f" [{column.unit}]" if column.unit and column.unit != "stamp" else ""
-    turned = f", converted to {standard_unit(quantity)}" if unit and column.unit != standard_unit(quantity) else ""
+    is_turned = bool(unit) and UNITS[dimension_of(quantity)][column.unit] != (1.0, 0.0)
+    turned = f", converted to {standard_unit(quantity) or 'N or N m'}" if is_turned else ""
     return f"'{column.title}' is {quantity}{unit}{turned}" + (f" ({column.note})" if column.note else "")
 
 

@@ -100,7 +100,7 @@ def with_unit(index: int, title: str, meaning: Meaning | None, have: set[str], w
     Raises:
         TableError: the unit is not known, and there is nobody to ask.
     """
-    if meaning is None:
+    if meaning is None or meaning.unit == IGNORE:
         return Column(index, title)
     dimension = dimension_of(meaning.quantity)
     known = UNITS[dimension]
@@ -117,6 +117,8 @@ def with_unit(index: int, title: str, meaning: Meaning | None, have: set[str], w
         return Column(index, title, meaning.quantity, "")
     written = meaning.unit.strip("()") or written_unit(title)  # '' is all that is known without a scale, newtons too
     question = f"{_misfit(meaning.quantity, written)}; which unit is it in"
+    if dimension == "effort":  # a share of what a motor can do, or a current
+        question = f"{question}, or is it something else"
     return _asked(index, title, meaning, question, have, where, ask)
 
 
@@ -125,10 +127,14 @@ def _asked(
 ) -> Column:
     """A column whose unit is asked for; an axis may turn or slide, where no other column is that slider."""
     choices, joint = list(UNITS[dimension_of(meaning.quantity)]), split_joint(meaning.quantity)
+    if dimension_of(meaning.quantity) == "effort":
+        choices = [*filter(None, choices), IGNORE]
     slider = f"b{joint[1]}_cmd" if joint and joint[0] == "q" else ""
     if slider and slider not in have and not canonical(title):
         choices, question = [*choices, "mm"], f"{question} ('mm': it is the slider {slider})"
     unit = answer(f"{question}?", choices, ask, f"{where}, column {title}", _key(title))
+    if unit == IGNORE:
+        return Column(index, title)
     return Column(index, title, of_axis(Meaning(meaning.quantity, unit)).quantity, unit, "unit as answered")
 
 

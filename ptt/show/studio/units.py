@@ -2,7 +2,10 @@
 
 from ptt.run.readers.columns import UNITS
 
-WORDS = {"c": "\N{DEGREE SIGN}C", "k": "K", "f": "\N{DEGREE SIGN}F", "stamp": "date and time"}
+WORDS = {
+    "c": "\N{DEGREE SIGN}C", "k": "K", "f": "\N{DEGREE SIGN}F", "stamp": "date and time",
+    "n": "N", "nm": "N m", "kn": "kN", "knm": "kN m", "ncm": "N cm", "nmm": "N mm",
+}  # fmt: skip
 
 
 def unit_in_words(choice: str) -> str:
