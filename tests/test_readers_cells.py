@@ -93,3 +93,20 @@ def test_an_empty_target_is_named_as_the_file_names_it(tmp_path: Path) -> None:
     path.write_text("Schlitten 1;Schlitten 2;Schlitten 3;X;Y;Z\n1;2;3;1;2;3\n4;;6;4;5;6\n", encoding="utf-8")
     with pytest.raises(TableError, match=r"row 3, column Schlitten 2: empty command; fill in what was sent"):
         read_table(path)
+
+
+def test_a_first_row_of_dashes_or_ones_is_no_row_of_units(tmp_path: Path) -> None:
+    """A target that was not read was dropped with its row, and that at 1, 1, 1 was refused for the unit `1`."""
+    path = tmp_path / "run.csv"
+    path.write_text("x_meas;y_meas;z_meas\n-;-;-\n1;2;3\n4;5;6\n")
+    with pytest.raises(TableError, match=r"row 2, column x_meas: not a number \('-'\); leave the cell empty"):
+        read_any(path)
+    path.write_text("x_cmd;y_cmd;z_cmd\n1;1;1\n4;5;6\n")
+    assert_array_equal(read_table(path, purpose="targets").target, [[1, 1, 1], [4, 5, 6]])
+
+
+def test_columns_of_one_title_are_all_kept(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("x_meas;y_meas;z_meas;note;note;note (2);note\n1;2;3;a;b;c;d\n4;5;6;e;f;g;h\n")
+    kept = {"note": ["a", "e"], "note (3)": ["b", "f"], "note (2)": ["c", "g"], "note (4)": ["d", "h"]}
+    assert {title: values.tolist() for title, values in read_any(path).extra.items()} == kept

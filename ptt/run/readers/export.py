@@ -1,6 +1,7 @@
 """One file, in whatever form it comes, as columns of known quantity in the program's units."""
 
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -101,7 +102,7 @@ def read_raw(raw: RawText, request: Request) -> Export:
     every = [_read_column(raw, column, cells[column.index], request) for column in columns]
     read = _with_days([one for one in every if not _is_nothing(one)], days, raw, cells, request)
     known = {one.column.quantity: one.values for one in read if one.column.quantity}
-    extra = {one.column.title: one.values for one in read if not one.column.quantity}
+    extra = _apart([(one.column.title, one.values) for one in read if not one.column.quantity])
     notes += [note for one in read for note in one.notes]
     notes += _copies(raw, known) if request.purpose == "run" else []
     dates = next((one.dates for one in read if one.dates), None)
@@ -193,6 +194,15 @@ def _with_dates(
     if goes_back(dated.values) and not goes_back(clock.values):
         return replace(clock, notes=(*clock.notes, f"dates of {days.title} not used: time would go back"))
     return replace(dated, notes=(*dated.notes, f"{days.title}: the days of {clock.column.title}"))
+
+
+def _apart(columns: list[tuple[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Columns that are no quantity by title, numbered where several have one, so that none replaces another."""
+    titles, kept = {title for title, _ in columns}, dict[str, np.ndarray]()
+    for title, values in columns:
+        numbered = (f"{title} ({number})" for number in count(2))
+        kept[title if title not in kept else next(one for one in numbered if one not in {*titles, *kept})] = values
+    return kept
 
 
 def _is_nothing(read: ReadColumn) -> bool:

@@ -153,11 +153,16 @@ def is_newton(word: str) -> bool:
 
 
 def is_unit_row(cells: list[str]) -> bool:
-    """Whether a row under the titles holds units: nothing else, or more of them than of words such as `Text`."""
+    """Whether a row under the titles holds units: nothing else, or more of them than of words such as `Text`.
+
+    A row of `-` or of `1` alone is one of readings.
+    """
     words = [word for cell in cells if (word := normalise(cell).strip("[]() "))]
     other = [word for word in words if word not in UNIT_OF_WORD]
     units = sum(bool(UNIT_OF_WORD.get(word)) for word in words)
-    return bool(words) and (not other or (len(other) < units and not any(map(str.isdigit, "".join(other)))))
+    return any(word not in "-1" for word in words) and (
+        not other or (len(other) < units and not any(map(str.isdigit, "".join(other))))
+    )
 
 
 def meaning_of(title: str) -> Meaning | None:
