@@ -263,3 +263,28 @@ def test_a_question_on_the_targets_names_their_part_of_the_map(tmp_path: Path) -
         read_table(readings, targets=targets)
     said = Mapping(targets=Mapping(dates="day-first"))
     assert read_table(readings, targets=targets, mapping=said).rows == 2
+
+
+@pytest.mark.parametrize("name", ["99999999999999999999", "\u00b2"])
+def test_a_name_that_is_no_number_of_a_row_pairs_by_order(tmp_path: Path, name: str) -> None:
+    """Both ended in a traceback."""
+    export, targets = tmp_path / "run.csv", tmp_path / "targets.csv"
+    export.write_text(f"name,x,y,z\n1,0,0,1\n{name},9,0,1\n", encoding="utf-8")
+    targets.write_text("x_cmd,y_cmd,z_cmd\n0,0,0\n9,0,0\n")
+    assert_array_equal(read_table(export, targets=targets).measured[:, 0], [0.0, 9.0])
+
+
+def test_a_target_without_reading_has_the_run_role_and_command_that_are_known_of_it(tmp_path: Path) -> None:
+    """Its run was empty, which was refused at a row that the file of the readings does not have."""
+    export, targets = tmp_path / "run.csv", tmp_path / "targets.csv"
+    export.write_text(
+        "name,x,y,z,run,role,b1,b2,b3\nP1,0,0,1,a,pose,1,1,1\nP2,8,0,1,a,pose,2,2,2\nP4,9,0,1,b,pose,4,4,4\n"
+    )
+    targets.write_text(
+        "name,x_cmd,y_cmd,z_cmd,role,b1,b2,b3\nP1,0,0,0,,0,0,0\nP2,8,0,0,,0,0,0\nB,,,,base,,,\nP3,7,0,0,,3,3,3\nP4,9,0,0,,0,0,0\n"
+    )
+    table = read_table(export, targets=targets)
+    assert [table.run_label[code] for code in table.run] == ["a", "a", "a", "a", "b"]
+    assert table.role.tolist() == ["pose", "pose", "base", "pose", "pose"]
+    assert table.command is not None
+    assert_array_equal(table.command[:, 0], [1, 2, np.nan, 3, 4])

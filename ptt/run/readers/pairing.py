@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.errors import TableError, shown
+from ptt.run.beside import rows_beside
 from ptt.run.readers.alignment import align_names
 from ptt.run.readers.export import Export, Request
 from ptt.run.readers.mapping import Understood, answer
@@ -16,7 +17,8 @@ _SHOWN = 8
 _MOST_OPEN = 0.1  # share of ambiguous readings above which the files are taken to be in different orders
 _MOST_BACK = 0.3  # share of steps back in the list: a repeated list has one per repeat, a random order half
 _LOAD = ("payload", "feed")
-_SET = (*_LOAD, "temp")  # columns of targets that fill poses without reading; their time is not the tracker's
+# Columns of targets, beside their commands, that fill poses without reading; their time is not the tracker's
+_SET = (*_LOAD, "temp", "role", "run")
 
 
 def pair_targets(export: Export, targets: Export, request: Request) -> Export:
@@ -102,7 +104,7 @@ def _comparable(names: list[str], wanted: list[str]) -> list[str]:
 
 def _counts_targets(names: np.ndarray, n: int) -> bool:
     """Whether ids are row numbers of the targets: whole, rising, from 1 to at most n; gaps are poses not measured."""
-    if not all(name.isdigit() for name in names.tolist()):
+    if not all(re.fullmatch(r"[0-9]{1,18}", name) for name in names.tolist()):
         return False
     numbers = names.astype(np.int64)
     return bool((np.diff(numbers) > 0).all() and numbers[0] >= 1 and numbers[-1] <= n)
@@ -226,12 +228,18 @@ def _join(export: Export, targets: Export, reading_of: np.ndarray, order: np.nda
     columns = {quantity: values[order] for quantity, values in targets.columns.items()}
     for quantity, values in export.columns.items():
         if quantity != "name" or "name" not in columns:
-            picked, known = _picked(values, reading_of), columns.get(quantity) if quantity in _SET else None
+            picked, known = _picked(values, reading_of), columns.get(quantity) if _is_set(quantity) else None
+            if quantity == "run" and known is None:  # the machine went there in between
+                known = picked[rows_beside(reading_of >= 0)]
             columns[quantity] = picked if known is None else np.where(reading_of < 0, known, picked)
     extra = {title: values[order] for title, values in targets.extra.items()}
     extra |= {title: _picked(values, reading_of) for title, values in export.extra.items()}
     line = np.where(reading_of >= 0, export.line[reading_of], targets.line[order])
     return Export(export.source, columns, extra, line, export.understood)
+
+
+def _is_set(quantity: str) -> bool:
+    return quantity in _SET or quantity.endswith("_cmd")
 
 
 def _picked(values: np.ndarray, reading_of: np.ndarray) -> np.ndarray:
