@@ -155,7 +155,9 @@ def test_other_titles_name_no_date(title: str) -> None:
     assert not names_a_date(title)
 
 
-@pytest.mark.parametrize("cell", ["nan", "1_0", "inf", "--", "12.5", "11:75:03", "11:40:75"])
+@pytest.mark.parametrize(
+    "cell", ["nan", "1_0", "inf", "--", "12.5", "11:75:03", "11:40:75", "2026-11-27 31:00", "13:05:00 PM"]
+)
 def test_a_time_that_is_none_is_named_by_its_row(tmp_path: Path, cell: str) -> None:
     """Text that Python takes for a number was taken for a time, and a stray cell was blamed on the first row."""
     first = "11:40:03" if ":" in cell else "1.000,5"

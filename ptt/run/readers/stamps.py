@@ -195,9 +195,15 @@ def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
         return None
     for pattern in (_YEAR_FIRST, _YEAR_LAST, _DAY_NAMED, _NAMED_DAY, _COMPACT, _TIME_ONLY):
         match = pattern.fullmatch(cell)
-        if match:
+        if match and _is_of_day(match.groupdict()):
             return match
     raise _no_time(cell, where, row)
+
+
+def _is_of_day(part: dict[str, str | None]) -> bool:
+    """Whether the hour is one of a day, as it must be beside a date; a clock alone may count on."""
+    most = 12 if part.get("half") else 24 if part.get("year") else 99
+    return int(part["hour"] or 0) <= most
 
 
 def _no_time(cell: str, where: str, row: int) -> TableError:
