@@ -148,10 +148,11 @@ def test_stamps(tmp_path: Path) -> None:
     with pytest.raises(TableError, match=r"not a time \('27-Foo-2026 11:40:03'\)"):
         times("27-Nov-2026 11:40:03", "27-Foo-2026 11:40:03")
     with pytest.raises(
-        TableError, match=r"t\.csv row 3: not a time \('noon'\); .* seconds or a time such as 2026-11-27 11"
+        TableError,
+        match=r"t\.csv row 3, column time: not a time \('noon'\); .* seconds or a time such as 2026-11-27 11",
     ):
         times("10:00:00", "noon")
-    with pytest.raises(TableError, match="not a date"):
+    with pytest.raises(TableError, match=r"t\.csv row 2, column time: not a date"):
         times("2025-02-30 10:00", "2025-02-28 10:00")
 
 

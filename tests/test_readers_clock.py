@@ -43,7 +43,7 @@ def test_offsets_from_utc(tmp_path: Path, first: str, second: str, later: float)
 
 def test_an_offset_in_some_rows_only(tmp_path: Path) -> None:
     path = write(tmp_path / "run.csv", "time", "2026-10-03T23:40:00+02:00", "2026-10-03T23:40:12")
-    with pytest.raises(TableError, match=r"run.csv row 3: a time without an offset from UTC"):
+    with pytest.raises(TableError, match=r"run.csv row 3, column time: a time without an offset from UTC"):
         read_any(path)
     write(path, "time", "2026-10-03T23:40:00Z", "2026-10-03T23:40:12")
     assert_array_equal(clock(path), [0, 12])
@@ -162,7 +162,7 @@ def test_a_time_that_is_none_is_named_by_its_row(tmp_path: Path, cell: str) -> N
     """Text that Python takes for a number was taken for a time, and a stray cell was blamed on the first row."""
     first = "11:40:03" if ":" in cell else "1.000,5"
     path = write(tmp_path / "run.csv", "time", first, cell, first)
-    with pytest.raises(TableError, match=rf"run.csv row 3: not a time \('{cell}'\)"):
+    with pytest.raises(TableError, match=rf"run.csv row 3, column time: not a time \('{cell}'\)"):
         clock(path)
 
 

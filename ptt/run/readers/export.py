@@ -150,8 +150,7 @@ class ReadColumn:
 def _read_column(raw: RawText, column: Column, content: np.ndarray, request: Request) -> ReadColumn:
     """A column from its cells, (n,) numbers or str; damaged time stamps are kept aside."""
     if column.quantity and column.unit == "stamp":
-        asked = request.mapping.dates, request.ask, raw.source
-        seconds, note, dates = read_seconds(content, raw.line, raw.decimal, *asked, raw.thousands)
+        seconds, note, dates = read_seconds(content, raw, column.title, request.mapping.dates, request.ask)
         notes = (f"{column.title}: {note}",)
         if seconds is None:
             return ReadColumn(replace(column, quantity=""), content, dates, notes)

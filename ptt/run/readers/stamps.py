@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from ptt.errors import TableError
+from ptt.errors import TableError, shown
 from ptt.run.readers.mapping import Ask, answer
 from ptt.run.readers.separators import POINT_NUMBER, plain_number
+from ptt.run.readers.text import RawText
 from ptt.run.readers.words import MONTHS
 
 _CLOCK = (
@@ -44,24 +45,16 @@ DAY_FIRST, MONTH_FIRST = "day-first", "month-first"
 
 
 def read_seconds(
-    cells: np.ndarray,
-    line: np.ndarray,
-    decimal: str,
-    dates: str | None,
-    ask: Ask | None,
-    where: str,
-    thousands: str = "",
+    cells: np.ndarray, raw: RawText, title: str, dates: str | None, ask: Ask | None
 ) -> tuple[np.ndarray | None, str, str | None]:
     """Seconds from cells that hold plain numbers, dates with a time of day, or a time of day.
 
     Args:
         cells: (n,) str; empty where unknown.
-        line: (n,) line numbers.
-        decimal: decimal sign of plain numbers.
+        raw: the lines of the file.
+        title: of the column.
         dates: 'day-first', 'month-first' or None.
         ask: who answers when the order of day and month matters and cannot be seen.
-        where: file, for messages.
-        thousands: sign that groups thousands in plain numbers, '' for none.
 
     Returns:
         (n,) s, NaN where empty, from the first stamp on, plain numbers as they are, or None where the stamps are
@@ -77,26 +70,31 @@ def read_seconds(
             "stamps lost their digits in a spreadsheet and are not used; the order of rows stands for time",
             None,
         )
-    numbers = _plain_numbers(cells, line, decimal, thousands, where)
+    numbers = _plain_numbers(cells, raw, title)
     if numbers is not None:
-        seconds, night = through_a_night(_checked_epoch(numbers, ask, where))
+        seconds, night = through_a_night(_checked_epoch(numbers, ask, raw.source, title))
         return seconds, f"plain numbers, taken as seconds{night}", None
-    matches = [_match(cell, where, int(row)) for cell, row in zip(cells.tolist(), line, strict=True)]
-    _refuse_half_zoned(matches, line, where)
-    dates = _order_of_day_and_month(matches, dates, ask, where)
-    values = np.array([_seconds(match, dates == DAY_FIRST, where) for match in matches], dtype=np.float64)
+    places = [_place(raw, row, title) for row in range(len(cells))]
+    matches = [_match(cell, place) for cell, place in zip(cells.tolist(), places, strict=True)]
+    _refuse_half_zoned(matches, places)
+    dates = _order_of_day_and_month(matches, dates, ask, raw.source)
+    told = zip(matches, places, strict=True)
+    values = np.array([_seconds(match, dates == DAY_FIRST, place) for match, place in told], dtype=np.float64)
     values, note = _past_midnight(matches, values)
     first = values[~np.isnan(values)]
     return values - (first[0] if first.size else 0.0), f"{STAMPED}{note}", dates
 
 
-def _refuse_half_zoned(matches: list[re.Match[str] | None], line: np.ndarray, where: str) -> None:
+def _place(raw: RawText, row: int, title: str) -> str:
+    return f"{raw.source} row {raw.line[row]}, column {shown(title)}"
+
+
+def _refuse_half_zoned(matches: list[re.Match[str] | None], places: list[str]) -> None:
     """Stamps with an offset from UTC and stamps without any are of two clocks."""
     zones = [match.groupdict().get("zone") if match else "" for match in matches]
     if any(map(_offset, zones)) and None in zones:
-        row = int(line[zones.index(None)])
         what = "a time without an offset from UTC, although others have one"
-        raise TableError(what, where=f"{where} row {row}", fix="write the offset in every row, or in none")
+        raise TableError(what, where=places[zones.index(None)], fix="write the offset in every row, or in none")
 
 
 def _offset(zone: str | None) -> float:
@@ -143,26 +141,29 @@ def through_a_night(seconds: np.ndarray) -> tuple[np.ndarray, str]:
     return whole, " of the day, on past midnight"
 
 
-def _plain_numbers(cells: np.ndarray, line: np.ndarray, decimal: str, thousands: str, where: str) -> np.ndarray | None:
+def _plain_numbers(cells: np.ndarray, raw: RawText, title: str) -> np.ndarray | None:
     """Cells as plain numbers, NaN where empty; None where they begin with a stamp."""
     texts = cells.tolist()
     begins = next(filter(None, texts), "")
-    if _COMPACT.fullmatch(begins) or not _is_plain(begins, decimal, thousands):
-        return np.full(len(cells), np.nan) if not begins else None
-    for text, row in zip(texts, line.tolist(), strict=True):
-        if text and not _is_plain(text, decimal, thousands):
-            raise _no_time(text, where, row)
-    return np.array([float(plain_number(text, decimal, thousands) or "nan") for text in texts])
+    if not begins:
+        return np.full(len(cells), np.nan)
+    if _COMPACT.fullmatch(begins) or not _is_plain(begins, raw):
+        return None
+    for row, text in enumerate(texts):
+        if text and not _is_plain(text, raw):
+            raise _no_time(text, _place(raw, row, title))
+    return np.array([float(plain_number(text, raw.decimal, raw.thousands) or "nan") for text in texts])
 
 
-def _is_plain(text: str, decimal: str, thousands: str) -> bool:
-    return POINT_NUMBER.fullmatch(plain_number(text, decimal, thousands) or "") is not None
+def _is_plain(text: str, raw: RawText) -> bool:
+    return POINT_NUMBER.fullmatch(plain_number(text, raw.decimal, raw.thousands) or "") is not None
 
 
-def _checked_epoch(numbers: np.ndarray, ask: Ask | None, where: str) -> np.ndarray:
+def _checked_epoch(numbers: np.ndarray, ask: Ask | None, source: str, title: str) -> np.ndarray:
     if np.isinf(numbers).any() or np.nanmax(np.abs(numbers), initial=0.0) < 1e11:
         return numbers
-    unit = answer(f"which unit is a time of {np.nanmax(numbers):.0f} in?", ("ms", "s"), ask, where, "[units]")
+    question = f"which unit is a time of {np.nanmax(numbers):.0f} in?"
+    unit = answer(question, ("ms", "s"), ask, f"{source}, column {shown(title)}", f'[units] "{title}"')
     return numbers * 1e-3 if unit == "ms" else numbers
 
 
@@ -190,14 +191,14 @@ def is_date(cell: str) -> bool:
     return not is_stamp(cell) and is_dated_stamp(f"{cell} 00:00")
 
 
-def _match(cell: str, where: str, row: int) -> re.Match[str] | None:
+def _match(cell: str, where: str) -> re.Match[str] | None:
     if not cell:
         return None
     for pattern in (_YEAR_FIRST, _YEAR_LAST, _DAY_NAMED, _NAMED_DAY, _COMPACT, _TIME_ONLY):
         match = pattern.fullmatch(cell)
         if match and _is_of_day(match.groupdict()):
             return match
-    raise _no_time(cell, where, row)
+    raise _no_time(cell, where)
 
 
 def _is_of_day(part: dict[str, str | None]) -> bool:
@@ -206,9 +207,9 @@ def _is_of_day(part: dict[str, str | None]) -> bool:
     return int(part["hour"] or 0) <= most
 
 
-def _no_time(cell: str, where: str, row: int) -> TableError:
+def _no_time(cell: str, where: str) -> TableError:
     fix = f"empty the cell, or write seconds or a time such as {', '.join(_EXAMPLES)}"
-    return TableError(f"not a time ('{cell}')", where=f"{where} row {row}", fix=fix)
+    return TableError(f"not a time ('{shown(cell)}')", where=where, fix=fix)
 
 
 def _order_of_day_and_month(
