@@ -133,3 +133,17 @@ def test_a_decimal_sign_that_is_stated_groups_nothing(tmp_path: Path) -> None:
     path.write_text(f"{HEAD.format(';')}1;2;3;1.234,56;2;3\n1;2;3;4;5;1.234\n")
     with pytest.raises(TableError, match=r"row 2, column x_meas: not a number \('1.234,56'\)"):
         read_table(path, mapping=Mapping(decimal="."))
+
+
+def test_a_point_beside_decimal_commas_is_not_guessed(tmp_path: Path) -> None:
+    """1.234 was read as 1.234 where a person had said that the comma is the decimal sign; 1.25 groups nothing."""
+    path = tmp_path / "run.csv"
+    path.write_text(f"{HEAD.format(';')}1;2;3;1,5;2;3\n1;2;3;1.25;2;1.234\n")
+    with pytest.raises(TableError, match="which is the decimal sign"):
+        read_table(path)
+    with pytest.raises(
+        TableError, match=r"row 3, column z_meas: not a number \('1.234'\); the decimal sign is a comma"
+    ):
+        read_table(path, mapping=Mapping(decimal=","))
+    path.write_text(path.read_text().replace("1.234", "1.2345"))
+    np.testing.assert_array_equal(read_table(path, mapping=Mapping(decimal=",")).measured[1], [1.25, 2.0, 1.2345])

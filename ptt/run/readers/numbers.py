@@ -152,6 +152,8 @@ def _way_out(raw: RawText, column: Column, value: str) -> str:
         return "this looks like the row of titles once more: remove it"
     if raw.thousands and raw.thousands in value:
         return f"'{raw.thousands}' groups thousands in this file and '{raw.decimal}' is its decimal sign: write it so"
+    if raw.decimal == "," and "." in value:
+        return "the decimal sign is a comma, so the point may group thousands: write the number without it"
     if "," in value and value.replace(",", "", 1).strip("+-").isdigit():
         return "write numbers with a decimal point"
     if column.quantity == "time" and is_stamp(value):

@@ -20,6 +20,7 @@ _GROUPED = {
     "\u202f": re.compile(r"[+-]?[1-9]\d{0,2}(\u202f\d{3})+([.,]\d+)?"),
 }
 COLUMNS = 3  # the fewest that a file of positions has
+_POINT_GROUPS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 
 
@@ -43,8 +44,11 @@ def plain_number(cell: str, decimal: str, thousands: str) -> str | None:
         thousands: sign that groups thousands in the file, '' for none.
 
     Returns:
-        The number, if it is one; None where that sign does anything else: 12.5 beside 1.234,56 is not 125.
+        The number, if it is one; None where that sign does anything else: 12.5 beside 1.234,56 is not 125; and where a
+        point beside decimal commas may group thousands: 1.234.
     """
+    if decimal == "," and not thousands and _POINT_GROUPS.fullmatch(cell):
+        return None
     if thousands and thousands in cell:
         if not re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}([{thousands}]\d{{3}})+([{decimal}]\d+)?", cell, re.ASCII):
             return None
