@@ -29,8 +29,8 @@ from ptt.run.table import make_table
 SIGMA = 0.03  # mm
 
 
-def hung(name: str, shift: np.ndarray | None = None, bend: float = 0.0) -> Problem:
-    """An arm whose tool falls to the lower side along its own x and y by `shift` mm, or bends by `bend` mm."""
+def hung(name: str, shift: np.ndarray | None = None, bend: float = 0.0, *, load: bool = False) -> Problem:
+    """An arm whose tool falls to the lower side along its own axes by `shift` mm, or bends by `bend` mm (each kg)."""
     file, random = load_machine(MACHINES / f"{name}.toml"), np.random.default_rng(11)
     file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": SIGMA, "frame": "fitted"}))
     robot = build_mechanism(file.machine)
@@ -38,9 +38,11 @@ def hung(name: str, shift: np.ndarray | None = None, bend: float = 0.0) -> Probl
     sent = random.uniform(-1.9, 1.9, (180, robot.joints))
     place, turn = (part.numpy() for part in robot.pose(torch.as_tensor(sent)))
     pull = np.einsum("nca,c->na", turn, np.array([0.0, 0.0, -1.0]))
-    own = bend * pull * np.abs(pull) if shift is None else shift * np.sign(pull)
+    payload = random.choice([0.0, 3.0, 6.0], len(sent)) if load else np.ones(len(sent))
+    own = bend * payload[:, None] * pull * [1.0, 1.0, 0.2] if shift is None else shift * np.sign(pull)
+    context = {"payload_kg": payload} if load else {}
     reached = place + np.einsum("nca,na->nc", turn, own)
-    return build_problem(file, make_table(None, sent, reached + random.normal(0.0, SIGMA, place.shape)))
+    return build_problem(file, make_table(None, sent, reached + random.normal(0.0, SIGMA, place.shape), **context))
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +77,21 @@ def test_the_effects_that_are_written_for_it_take_it_out(fallen, tmp_path):
     for name in written.names:
         model = model + known[name]()
     left = fit(model, problem).residual
+    assert float(np.sqrt(np.nanmean(np.square(left).sum(axis=1)))) < 1.1 * np.sqrt(3.0) * SIGMA
+
+
+def test_a_tool_that_bends_under_its_load_is_told_and_taken_out(tmp_path):
+    problem = hung("ur10", bend=0.08, load=True)
+    found = diagnose(Model(problem.file), problem)
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    first = found.depends_on[0]
+    assert (first.together, first.acts_on) == (("payload", "gravity x", "gravity y", "gravity z"), "mount")
+    assert first.share > 0.9
+    said = depends(first)
+    assert "payload and how gravity lies in the tool's own frame (gravity x to gravity z) together" in said
+    assert "重力在工具自身坐标系中的方向" in SAY(said)
+    (tmp_path / "sag.py").write_text(prefilled("sag", found.to_dict()["depends_on"][:1]).text)
+    left = fit(Model(problem.file) + load_effects(tmp_path / "sag.py")["sag"](), problem).residual
     assert float(np.sqrt(np.nanmean(np.square(left).sum(axis=1)))) < 1.1 * np.sqrt(3.0) * SIGMA
 
 

@@ -156,7 +156,7 @@ def _words(dependence: Mapping[str, Any]) -> tuple[str, str, str, str, str]:
         "with": not along or is_variable(along),
         "acts_on": not acts_on or PLACE.fullmatch(acts_on),
     }
-    _require_readable(on, acts_on)
+    _require_readable(on, acts_on, tuple(map(str, dependence.get("together") or ())))
     _require_clock(dependence)
     for key in (key for key, right in proper.items() if not right):
         raise InputError(f"the dependence has no proper '{key}'", fix=_FIX)
@@ -180,9 +180,9 @@ def _figures(
     return place, period, moments, (low, high)
 
 
-def _require_readable(on: str, acts_on: str) -> None:
+def _require_readable(on: str, acts_on: str, together: tuple[str, ...]) -> None:
     """Refuse what no effect should say: a tool that moved in its holder, or what follows what an effect cannot read."""
-    if acts_on == "mount" and on not in GRAVITY:
+    if acts_on == "mount" and not {on, *together} & {*GRAVITY}:
         what = "no effect moves the tool in its holder"
         raise UnreadableError(what, fix="fasten it, and measure where it is")
     if on and not is_variable(on):
@@ -250,7 +250,7 @@ def is_variable(name: str) -> bool:
 def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
     """Mechanism families that it fits: that of the joint named by variable, residual or place; both for the tool."""
     on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
-    if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on) or on in GRAVITY:
+    if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on) or on in GRAVITY or acts_on == "mount":
         return ("serial",)
     of_tool = residual in AXES and acts_on in ("", "set-up", *AXES) and not re.fullmatch(r"b[0-9]+", on)
     return ("three-ptt", "serial") if of_tool and (acts_on or not JOINT.fullmatch(on)) else ("three-ptt",)

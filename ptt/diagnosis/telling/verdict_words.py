@@ -10,6 +10,7 @@ from ptt.diagnosis.search.excess import UNREPEATED, beyond_noise, remaining_erro
 from ptt.diagnosis.telling.untested import untested
 from ptt.diagnosis.telling.words import headline
 from ptt.effects.cards import card_of
+from ptt.effects.curve_basis import GRAVITY
 from ptt.effects.phrases import capital, listed
 from ptt.run.noise import SATURATED, VISITED, Noise, source_in_words
 
@@ -190,6 +191,14 @@ def _spoken(on: str) -> str:
     return f"{MOVES[on]} ({on})" if on in MOVES else on
 
 
+def _each(names: Sequence[str], name_of: Callable[[str], str]) -> list[str]:
+    """Variables that are followed together; all of gravity's components at once."""
+    others = [name_of(name) for name in names if name not in GRAVITY]
+    if not {*GRAVITY} <= {*names}:
+        return [name_of(name) for name in names]
+    return [*others, f"how gravity lies in the tool's own frame ({GRAVITY[0]} to {GRAVITY[-1]})"]
+
+
 def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> str:
     """What the largest unknown depends on, with its size and direction, in one line.
 
@@ -217,7 +226,7 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
     place = " and turns over gradually after a reversal" if strongest.shape == "gradual" else place
     on = name_of(strongest.on)
     if strongest.together:
-        on = f"{listed([name_of(name) for name in strongest.together])} together"
+        on = f"{listed(_each(strongest.together, name_of))} together"
     if strongest.on == f"direction{strongest.residual.split()[-1]}":
         on = f"its direction of arrival{f' ({on})' if on == strongest.on else ''}"
     return f"{rest} depends on {on}{period}{place} {share}.{size}{alike}"

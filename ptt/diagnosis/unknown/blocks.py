@@ -64,9 +64,8 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
     yield _named(tool, AXES, partial(field_over, p, GENTLE_DEGREE), "gently ")
     turned = _turned(problem, span)
     mount = mount_of(problem, chain)
-    if mount is not None:  # what hangs on the last link bends, or falls to the lower side, as gravity turns about it
-        pulls = np.column_stack([*hanging_of(problem).values()])
-        yield _named(mount, GRAVITY, partial(field_over, pulls, CONTEXT_FIELD_DEGREE))
+    if mount is not None:
+        yield from _of_mount(problem, mount, span)
     for place in moving:
         assert place.joint is not None
         own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])
@@ -100,6 +99,14 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
     if span.two_sided.any():
         yield _named(tool, ("direction",), problem.view.direction.numpy)
     yield from _of_set_up(problem, span)
+
+
+def _of_mount(problem: Problem, mount: Place, span: Span) -> Iterator[Recipe]:
+    """What hangs on the last link bends, or falls to the lower side, as gravity turns about it, and under a load."""
+    pulls = np.column_stack([*hanging_of(problem).values()])
+    yield _named(mount, GRAVITY, partial(field_over, pulls, CONTEXT_FIELD_DEGREE))
+    for load in (context.shapes for context in span.contexts if context.name == "payload"):
+        yield _named(mount, ("payload", *GRAVITY), partial(product, load, field_over(pulls, GENTLE_DEGREE)))
 
 
 def _of_rail(problem: Problem, place: Place, own: str, low: np.ndarray, span: Span) -> Iterator[Recipe]:
