@@ -18,7 +18,7 @@ MOST_ITERATIONS = 30  # of the ascent; it usually ends by its tolerance
 TOLERANCE = 1e-3  # nats still to be gained at which the ascent ends
 # share of the tolerance by which a step's gain may differ from the predicted one for it to be the last
 PREDICTED_SHARE = 0.1
-REMAINDER_FACTOR = 9.0  # four times the 9/4 of one variance (see `maximise`), as a margin for steps along several
+REMAINDER_FACTOR = 9.0  # four times the 9/4 of one variance (see `_is_last`), as a margin for steps along several
 LONG_STEP = 1.0  # change of a log variance by MacKay's rule from which his step is taken instead of Newton's
 LONGEST_STEP = 4.0  # change of a log variance in one of Newton's steps, and downward in one of MacKay's
 STEP_HALVINGS = 8  # of a Newton step, to a 128th of it: where even that does not rise, the maximum is reached
@@ -80,34 +80,46 @@ def maximise(
     low, high, log_std = (item + np.zeros(groups) for item in (floor, ceiling, log_size_std))
     problem = _Problem(gram, side, square, count, freedom, group, log_std, ungrouped_variance, least_phi)
     at = np.log(np.clip(np.ones(groups) if start is None else start, low, high))
+    return problem.posterior(*_ascend(problem, at, np.log(low), np.log(high), tolerance, least_total))
+
+
+def _ascend(
+    problem: "_Problem", at: np.ndarray, bottom: np.ndarray, top: np.ndarray, tolerance: float, least_total: float
+) -> tuple["_Point", "_Slope", bool]:
+    """The objective's local maximum within bounds, its derivatives, and whether it was given up as too low."""
     here = problem.evaluate(at)
-    bottom, top = np.log(low), np.log(high)
-    slope, stopped_early = problem.slope(here), False
+    slope = problem.slope(here)
     for _ in range(MOST_ITERATIONS):
         free = (bottom < top) & ~((at <= bottom) & (slope.first < 0)) & ~((at >= top) & (slope.first > 0))
         newton = _newton(slope, free)
         hope = float(slope.first @ newton)
         if hope <= 2.0 * tolerance:
             break
-        if (
-            here.value + HOPE_FACTOR * hope < least_total
-            and max(np.abs(newton).max(), _longest(slope, free)) < LONG_STEP
-        ):
-            stopped_early = True
-            break
+        near = max(np.abs(newton).max(), _longest(slope, free)) < LONG_STEP
+        if near and here.value + HOPE_FACTOR * hope < least_total:
+            return here, slope, True
         found = _climb(problem, here, at, _steps(slope, newton, free), bottom, top)
         if found is None:
             break
         is_newton, gained = bool((found[0] == at + newton).all()), found[1].value - here.value
         at, here = found
-        predicted = float(hope - 0.5 * newton @ slope.curvature @ newton)
-        # Where the gain is what the quadratic model predicted, what is still to be gained is of higher order: after a
-        # whole Newton step whose prediction was off by e, it is 9/4 e^2 over the predicted gain.
-        missed = abs(gained - predicted)
-        if missed < PREDICTED_SHARE * tolerance or (is_newton and REMAINDER_FACTOR * missed**2 < tolerance * predicted):
+        if _is_last(slope, newton, hope, gained, tolerance, is_newton=is_newton):
             break
         slope = problem.slope(here)
-    return problem.posterior(here, slope, stopped_early)
+    return here, slope, False
+
+
+def _is_last(
+    slope: "_Slope", newton: np.ndarray, hope: float, gained: float, tolerance: float, *, is_newton: bool
+) -> bool:
+    """Whether a step gained what the quadratic model predicted, so that what is still to be gained is of higher order.
+
+    After a whole Newton step whose prediction was off by e, it is 9/4 e^2 over the predicted gain.
+    """
+    predicted = float(hope - 0.5 * newton @ slope.curvature @ newton)
+    missed = abs(gained - predicted)
+    small = REMAINDER_FACTOR * missed**2 < tolerance * predicted
+    return missed < PREDICTED_SHARE * tolerance or (is_newton and small)
 
 
 def profile_noise(
