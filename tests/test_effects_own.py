@@ -1,8 +1,10 @@
 """Effects of one's own: a template that works, files that are refused, methods that fail."""
 
 import pytest
+import torch
 
 from ptt.effects import library
+from ptt.effects.bench import sample_view
 from ptt.effects.contract import check_effect
 from ptt.effects.own import load_effects
 from ptt.effects.registry import make_effect, parse_key
@@ -97,6 +99,31 @@ def test_an_own_method_that_fails_says_where(tmp_path, method):
     own = library(path)["own"]()
     with pytest.raises(InputError, match=rf"own\.py line 14.*{name} of own fails: ZeroDivisionError"):
         getattr(own, name)(*rest.rstrip(")").split(", "))
+
+
+SHIFT = """
+import torch
+from ptt.effects import Effect, Parameter
+
+class Bow(Effect):
+    name = "bow"
+    stage = "drive"
+    mechanisms = ("three-ptt",)
+    parameters = (Parameter("size", "mm", 0.02, "size", per_joint=True),)
+
+    def shift(self, theta, view):
+        return torch.sin(3.0 * theta) * ((view.q - view.home) / 100.0) ** 2
+"""
+
+
+def test_an_own_effect_may_have_a_shift_alone(tmp_path):
+    """What searches and fits start from is then its derivative where all values are zero."""
+    path = tmp_path / "own.py"
+    path.write_text(SHIFT)
+    own, view = library(path)["bow"](), sample_view("three-ptt")
+    wanted = 3.0 * ((view.q - view.home) / 100.0) ** 2
+    torch.testing.assert_close(own.basis(view, {}), torch.diag_embed(wanted))
+    assert all(finding.passed for finding in check_effect(own, differentiate))
 
 
 def test_own_file_with_a_name_twice_is_refused(tmp_path):

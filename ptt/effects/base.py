@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.card import Card
-from ptt.effects.layout import family, linear_size, shape_of, weigh
+from ptt.effects.layout import family, flatten, linear_size, shape_of, weigh
 from ptt.effects.parameter import Parameter
 from ptt.effects.phrases import Phrase, ValuePhrase, said
 from ptt.machine_schema import key_of
@@ -208,7 +208,7 @@ class Effect:
         return view
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
-        """Shift per unit of each linear parameter.
+        """Shift per unit of each linear parameter; of an effect that has a `shift` alone, its derivative at zero.
 
         Args:
             view: n rows at the stage's input.
@@ -217,7 +217,9 @@ class Effect:
         Returns:
             (n, out, P): out = k (drive), the mechanism's slots (geometry) or 3 (structure, metrology).
         """
-        raise NotImplementedError
+        if type(self).shift is Effect.shift:
+            raise NotImplementedError
+        return self.slope(flatten(self, shape, view.joints), view)[..., : linear_size(self, view.joints)]
 
     def proportions(self, mechanism: Mechanism) -> Tensor | None:
         """How large each value usually is, as a share of its parameter's usual size.
