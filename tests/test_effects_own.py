@@ -101,6 +101,32 @@ def test_an_own_method_that_fails_says_where(tmp_path, method):
         getattr(own, name)(*rest.rstrip(")").split(", "))
 
 
+@pytest.mark.parametrize(
+    ("parameters", "further", "said"),
+    [
+        (f'{LINEAR}, Parameter("a_mm", "1", 1.0, "other")', "", "two parameters have one name.*a_mm, a_mm"),
+        ('Parameter("a", "mm", 1.0, "a", axis=True, usual_rad=0.0)', "", "usual size 0, not a positive one"),
+        ('Parameter("a", "mm", 1.0, "a", most="5")', "", "bounds are numbers"),
+        ('Parameter("a", "mm", 1.0, "a", default="x")', "", "default and bounds are numbers"),
+        ('Parameter("a", "mm", 1.0, "a", within=(1.0,))', "", "within = .* not two numbers"),
+        ('Parameter("a", "mm", 1.0, "a", lent=("lead-scale", "homing-offset"))', "", "lent = .* one for each of 1"),
+        (LINEAR, 'least_joints = "3"', "not a whole number"),
+        (LINEAR, 'phrases = "abc"', r"not a tuple of Phrase"),
+        (LINEAR, 'phrases = (Phrase("a", "is {what} {axis}", "y"),)', r"'is \{what\} \{axis\}' has a place"),
+        (LINEAR, 'phrases = (Phrase("a", "x", "y", mend=("turn {whom}", "")),)', "has a place that is none of"),
+    ],
+)
+def test_attributes_that_would_fail_later_are_refused(tmp_path, parameters, further, said):
+    """Some of them failed behind a fit, or once the model was written."""
+    path = tmp_path / "own.py"
+    path.write_text(
+        "from ptt.effects import Effect, Parameter, Phrase\n\nclass One(Effect):\n    name = 'one'\n"
+        f"    parameters = ({parameters},)\n    {further}\n"
+    )
+    with pytest.raises(InputError, match=said):
+        load_effects(path)
+
+
 SHIFT = """
 import torch
 from ptt.effects import Effect, Parameter

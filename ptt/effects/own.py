@@ -18,6 +18,7 @@ from ptt.effects.base import CONTEXTS, STAGES, Effect
 from ptt.effects.bench import sample_view
 from ptt.effects.layout import flatten, linear_size
 from ptt.effects.parameter import Parameter
+from ptt.effects.phrases import ONE, Phrase
 from ptt.errors import InputError, shown
 from ptt.files import read_bytes
 from ptt.run.view import View
@@ -146,9 +147,15 @@ def _check_attributes(cls: type[Effect], where: str) -> None:
         broken = _fault_of(parameter)
         if broken:
             refuse(f"parameter {shown(parameter.stem)}: {broken}", "mend it")
-    stems = [parameter.stem for parameter in cls.parameters]
-    if len(set(stems)) < len(stems):
-        refuse("two parameters have one name", "give each its own")
+    for kind in cls.mechanisms:
+        for names in ([p.stem for p in cls.parameters], [p.on(kind).name for p in cls.parameters]):
+            if len(set(names)) < len(names):  # with its unit a name is a key in files
+                refuse(f"two parameters have one name ({', '.join(names)})", "give each its own")
+    if isinstance(cls.least_joints, bool) or not isinstance(cls.least_joints, int):
+        refuse(f"least_joints = {shown(cls.least_joints)}, not a whole number", "write least_joints = 3")
+    broken = _fault_of_phrases(cls)
+    if broken:
+        refuse(f"phrases: {broken}", "see the file that `ptt effects new NAME` writes")
     roles = [parameter.role == "linear" for parameter in cls.parameters]
     if not any(roles) or roles != sorted(roles, reverse=True):
         refuse(f"parameters of {cls.name} need a linear one, and the linear ones first", "reorder them")
@@ -164,12 +171,41 @@ def _fault_of(parameter: Parameter) -> str:
         return f"count = {shown(count)}, not a whole number from 1 to {MOST_VALUES}"
     if parameter.role not in ROLES:
         return f"role {shown(parameter.role)}, none of {', '.join(ROLES)}"
-    sizes = (parameter.usual, parameter.lower, parameter.upper)
-    if any(isinstance(size, bool) or not isinstance(size, int | float) for size in sizes):
-        return "its usual size and bounds are numbers"
-    if not 1e-100 < parameter.usual < 1e100:
-        return f"usual size {parameter.usual:g}, not a positive one"
+    sizes = (parameter.usual, parameter.lower, parameter.upper, parameter.most)
+    further = [size for size in (parameter.usual_rad, parameter.default) if size is not None]
+    if not all(map(_is_number, (*sizes, *further))):
+        return "its usual size, default and bounds are numbers"
+    for usual in (parameter.usual, parameter.usual if parameter.usual_rad is None else parameter.usual_rad):
+        if not 1e-100 < usual < 1e100:
+            return f"usual size {usual:g}, not a positive one"
+    for key in ("bands", "lent"):
+        if not isinstance(getattr(parameter, key), tuple) or len(getattr(parameter, key)) not in (0, count):
+            return f"{key} = {shown(getattr(parameter, key))}, not a tuple of one for each of {count}"
+    within = (0.0, 1.0) if parameter.within is None else parameter.within
+    if not isinstance(within, tuple) or len(within) != 2 or not all(map(_is_number, within)):
+        return f"within = {shown(within)}, not two numbers"
     return "" if parameter.lower < parameter.upper else f"bounds {parameter.lower:g} and {parameter.upper:g}"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _fault_of_phrases(cls: type[Effect]) -> str:
+    """What is wrong with the words for its values; '' where nothing is."""
+    if not isinstance(cls.phrases, tuple | list) or not all(isinstance(phrase, Phrase) for phrase in cls.phrases):
+        return "not a tuple of Phrase(...)"
+    vectors = {p.stem: not p.per_joint and p.count in (2, 3) for p in cls.parameters}
+    for phrase in cls.phrases:
+        axis = {"axis": "x"} if vectors.get(phrase.stem) else {}
+        said, done = {"what": "1 um", **axis, **ONE}, {"what": "1 um", "who": "slider 1", "turn": ""}
+        texts = [(text, said) for text in (phrase.plus, phrase.minus, *(phrase.arm or ()))]
+        for text, words in (*texts, *((text, done) for text in (*phrase.mend, *phrase.arm_mend))):
+            try:
+                text.format(**words)
+            except (AttributeError, KeyError, IndexError, ValueError):
+                return f"{shown(repr(text))} has a place that is none of {', '.join(f'{{{key}}}' for key in words)}"
+    return ""
 
 
 def _guard_methods(cls: type[Effect], where: str) -> None:
