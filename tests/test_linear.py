@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from ptt.effects import Effect, library
+from ptt.effects import Effect, Parameter, library
 from ptt.effects.bench import sample_machine
 from ptt.effects.layout import flatten
+from ptt.errors import ModelError
 from ptt.fitting.linear import Linear, assemble, linear_columns, usual_sizes
 from ptt.fitting.result import FitResult
 from ptt.fitting.solve import fit
@@ -149,3 +150,24 @@ def test_where_further_effects_lead_is_told_with_the_derivatives(crossed: bool) 
         strict=True,
     ):
         np.testing.assert_array_equal(one, other)
+
+
+class Divided(Effect):
+    """A law of one's own that divides by the payload, which is zero in some rows."""
+
+    name = "divided"
+    parameters = (Parameter("size", "mm", 0.01, "size", count=3),)
+
+    def basis(self, view, shape):
+        return view.payload.reciprocal()[:, None, None] * torch.eye(3, dtype=torch.float64)
+
+
+def test_a_candidate_that_is_no_number_at_a_row_is_refused_by_name_and_row():
+    """Beside it every sum over the rows would be none, and the search would end in the middle of linear algebra."""
+    problem, fitted = made()
+    payload = problem.view.payload.numpy()
+    first = int(np.flatnonzero((payload == 0.0) & problem.used)[0])
+    with pytest.raises(ModelError, match=rf"row {problem.table.line[first]} and .* 'divided' is no finite number"):
+        linear_columns(fitted, problem, [Divided()], fitted.noise)
+    loaded = replace(problem, used=problem.used & (payload > 0.0))
+    linear_columns(fitted, loaded, [Divided()], fitted.noise)  # rows that do not count may hold anything

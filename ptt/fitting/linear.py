@@ -20,6 +20,7 @@ from ptt.effects import Effect
 from ptt.effects.layout import linear_size
 from ptt.effects.sudden import ALWAYS, Sudden
 from ptt.effects.usual import usual_values
+from ptt.errors import ModelError
 from ptt.fitting.layout import FRAME, MOUNT, Layout
 from ptt.fitting.result import FitResult
 from ptt.fitting.whitened import Total, add_totals, build_whitened, sums_of, turned, whiten
@@ -147,12 +148,30 @@ class LinearPoint:
         """What an effect adds to the readings in each shape, (n, 3, p) mm per unit.
 
         A sudden effect is zero up to its moment, and from then on as if it acted throughout.
+
+        Raises:
+            ModelError: they are no numbers at a row that counts, as an effect of the user's own may have it.
         """
         if not isinstance(effect, Sudden) or len(shapes) < 2:
             count = len(tried_sizes(effect, self.problem))
-            return [signature(self.chain, effect, shape)[..., :count] for shape in shapes]
+            blocks = [signature(self.chain, effect, shape)[..., :count] for shape in shapes]
+            self._require_numbers(effect, blocks)
+            return blocks
         whole, clock = signature(self.chain, effect, ALWAYS), self.problem.view.clock
         return [whole * (clock > shape["after"]).to(whole.dtype)[:, None, None] for shape in shapes]
+
+    def _require_numbers(self, effect: Effect, blocks: Sequence[Tensor]) -> None:
+        """Refuse an effect's shifts (n, 3, p) that are not finite where the machine can stand."""
+        for block in blocks:
+            if np.isfinite(float(block.sum())):  # as nearly always, without a mask of all of them
+                continue
+            stood = torch.as_tensor(self.problem.used) & torch.isfinite(self.chain.reading).all(dim=1)
+            lost = torch.nonzero(stood & ~torch.isfinite(block).flatten(1).all(dim=1)).flatten().tolist()
+            if lost:
+                more = f" and {len(lost) - 1} more" if len(lost) > 1 else ""
+                what = f"the shift of effect '{effect.key}' is no finite number"
+                fix = "mend its basis: no division by zero, no root or logarithm below it"
+                raise ModelError(what, where=f"{self.problem.table.place(lost[0])}{more}", fix=fix)
 
 
 def linear_columns(
