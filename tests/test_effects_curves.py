@@ -93,3 +93,18 @@ class Hurried(Curve):
 def test_a_curve_that_follows_a_speed_needs_speeds():
     still = build_view(parse_machine(BARE), make_table(np.random.default_rng(0).uniform(-40.0, 40.0, (20, 3))))
     assert "speed" in Hurried.requires and Hurried().needs(still)
+
+
+def test_a_curve_of_either_familys_joints_is_in_radians_on_an_arm():
+    """It followed a direction on both, and said of an arm's joint 'mm', with the usual size of a slider: 1 deg."""
+
+    class Dragged(Curve):
+        name = "dragged"
+        on, shape = "direction1", "levels"
+        between = (-1.0, 1.0)
+
+    (size,) = Dragged.parameters
+    assert [(size.on(kind).name, size.on(kind).usual) for kind in Dragged.mechanisms] == [
+        ("size_mm", 0.02),
+        ("size_rad", 1e-4),
+    ]

@@ -102,9 +102,12 @@ class Curve(Effect):
             cls.stage = own_stage or ("metrology" if of_readings else "structure")
         count, words = _size(cls)
         size = {"tool": 3, "mount": 3, "set-up": len(MOTIONS)}.get(kind, 1) * count
-        rad = cls.mechanisms == ("serial",) and kind in ("slider", "joint")
-        usual, unit = (1e-4, "rad") if rad else (0.02, "mm")
-        cls.parameters = (Parameter("size", unit, usual, words, count=size),)
+        of_joint = kind in ("slider", "joint")
+        usual, unit = (1e-4, "rad") if of_joint and tuple(cls.mechanisms) == ("serial",) else (0.02, "mm")
+        both = of_joint and len(cls.mechanisms) > 1  # mm of a slider, rad of an arm's joint
+        cls.parameters = (
+            Parameter("size", unit, usual, words, count=size, axis=both, usual_rad=1e-4 if both else None),
+        )
         joints = [int(joint[2]) for name in followed if (joint := JOINT.fullmatch(name))]
         cls.least_joints = max([1, *joints, index + 1 if kind in ("slider", "joint", "link") else 1])
         wanted = {name.rstrip("0123456789") for name in followed}
