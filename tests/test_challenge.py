@@ -147,6 +147,8 @@ def test_what_is_no_seal_is_refused(text: str) -> None:
 def test_bad_input_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="level 'hard'"):
         new_challenge(tmp_path / "a", "hard")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"--seed: no file can hold the seed 9{20}"):  # its seal could not be opened
+        new_challenge(tmp_path / "d", "none", seed=10**20 - 1)
     with pytest.raises(InputError, match="too few"):
         new_challenge(tmp_path / "a", "none", rows=5)
     with pytest.raises(InputError, match="no challenge"):

@@ -30,6 +30,7 @@ LEVELS: tuple[Level, ...] = get_args(Level)
 ROWS = 300
 LEAST_ROWS = 24
 MOST_SEED = 2**31
+SEEDS = 2**62  # that may be given: a file holds no whole number of more than 63 bits
 DIGITS = {"time_s": 3, "temp_c": 3, **{f"{axis}_meas": 4 for axis in "xyz"}}
 MM_DIGITS, RAD_DIGITS = 6, 9  # of joint commands: a nanometre at the tool of either machine
 NOTE = (
@@ -118,7 +119,7 @@ def new_challenge(
         Where everything is.
 
     Raises:
-        InputError: an unknown level, too few rows, or a folder that holds a challenge already.
+        InputError: an unknown level, too few rows, a seed out of bounds, or a folder that holds a challenge already.
         WorkspaceError: the drawing does not reach the poses of a run.
     """
     place = Path(folder)
@@ -128,6 +129,8 @@ def new_challenge(
         )
     if rows < LEAST_ROWS:
         raise InputError(f"{rows} rows are too few", where="--rows", fix=f"ask for at least {LEAST_ROWS}")
+    if seed is not None and not 0 <= seed < SEEDS:
+        raise InputError(f"no file can hold the seed {seed}", where="--seed", fix=f"give one from 0 to {SEEDS - 1}")
     if foreign and machine is not None:
         raise InputError(
             "a drawing and a foreign machine are asked for", where="--foreign", fix="leave one of them out"
