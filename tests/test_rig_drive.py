@@ -140,6 +140,13 @@ def test_screw_map_is_followed() -> None:
     np.testing.assert_allclose(error, [[-0.004, 0.0, 0.0], [0.006, 0.0, 0.0]], atol=1e-9)
 
 
+def test_screw_map_stays_as_at_its_ends_beyond_them() -> None:
+    drive = {"map_height_mm": [200.0, 210.0, 220.0, 230.0], "map_um": [[1.0, 5.0, -5.0, 2.0], [0.0] * 4, [0.0] * 4]}
+    sent = pd.DataFrame([[190.0] * 3, [330.0] * 3], columns=COMMAND)
+    error = simulate(bench(drive=drive), sent, noise=False).slider_actual - sent.to_numpy()
+    np.testing.assert_allclose(error, [[0.001, 0.0, 0.0], [0.002, 0.0, 0.0]], atol=1e-9)
+
+
 def test_lag_follows_speed_and_is_gone_at_standstill() -> None:
     poses, lag = make_loop(180), [0.02, 0.01, 0.03]
     slow, fast = (

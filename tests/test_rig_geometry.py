@@ -237,6 +237,10 @@ def test_given_guide_is_followed() -> None:
     knots = [180.0, 230.0, 280.0, 330.0, 380.0]
     lists = [[0.0, 5.0, -3.0, 2.0, 0.0], [0.0] * 5, [0.0] * 5]
     rig = bench(geometry={"straightness_height_mm": knots, "straightness_tangential_um": lists})
+    from ptt.rig.legs import guide_wander
+
+    beyond = guide_wander(rig.spec, rig.geometry, np.array([[80.0, 80.0, 80.0], [480.0, 480.0, 480.0]]))
+    np.testing.assert_allclose(beyond, 0.0, atol=1e-12)  # as at the ends of the table
     drawing = ideal_machine(rig.spec)
     pose = np.array([[0.0, 0.0, 230.0 - drawing.home[0]]])
     error = truth(rig, pose) - pose

@@ -88,7 +88,8 @@ def friction(path: Array, size: Array, length: Array) -> Array:
 def screw_error(faults: Drive, nut: Array, screw: Array, home: Array, span: tuple[float, float], lead: float) -> Array:
     """Errors of screw and encoder: homing, scale, curve, map, once and twice per turn.
 
-    The curve is a sum of Legendre polynomials of degree 2 and 3 over the span, the map a cubic spline.
+    The curve is a sum of Legendre polynomials of degree 2 and 3 over the span, the map a cubic spline that stays as it
+    is at its ends beyond them, as a controller's table does: a cubic would go off by millimetres there.
 
     Args:
         faults: sizes per slider.
@@ -106,7 +107,8 @@ def screw_error(faults: Drive, nut: Array, screw: Array, home: Array, span: tupl
     error = error + MM_PER_UM * np.asarray(faults.curve_parabola_um) * (1.5 * part**2 - 0.5)
     error = error + MM_PER_UM * np.asarray(faults.curve_cubic_um) * (2.5 * part**3 - 1.5 * part)
     for leg, values in enumerate(faults.map_um):
-        error[:, leg] += MM_PER_UM * CubicSpline(faults.map_height_mm, values)(nut[:, leg])
+        within = np.clip(nut[:, leg], faults.map_height_mm[0], faults.map_height_mm[-1])
+        error[:, leg] += MM_PER_UM * CubicSpline(faults.map_height_mm, values)(within)
     turn = 2.0 * np.pi * screw / lead
     error = error + MM_PER_UM * np.asarray(faults.turn_um) * np.cos(turn - np.asarray(faults.turn_phase_rad))
     return error + MM_PER_UM * np.asarray(faults.turn2_um) * np.cos(2.0 * turn - np.asarray(faults.turn2_phase_rad))

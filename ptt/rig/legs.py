@@ -65,8 +65,9 @@ def build_legs(
 def guide_wander(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
     """Sideways shift of each slider where its guide is not straight.
 
-    A given table is interpolated by a cubic spline. A random guide is a short Fourier series of the given rms over the
-    span (the travel, if none is given), less its best straight line there, which is the rail's position and lean.
+    A given table is interpolated by a cubic spline, which stays as it is at its ends beyond them. A random guide is a
+    short Fourier series of the given rms over the span (the travel, if none is given), less its best straight line
+    there, which is the rail's position and lean.
 
     Args:
         spec: the drawing, for the travel.
@@ -81,7 +82,8 @@ def guide_wander(spec: ThreePttSpec, faults: Geometry, slider: Array) -> Array:
     for direction, table in enumerate(tables):
         for leg, values in enumerate(table):
             spline = CubicSpline(faults.straightness_height_mm, values)
-            shift[:, leg, direction] += MM_PER_UM * spline(slider[:, leg])
+            within = np.clip(slider[:, leg], faults.straightness_height_mm[0], faults.straightness_height_mm[-1])
+            shift[:, leg, direction] += MM_PER_UM * spline(within)
     if any(faults.straightness_um):
         shift += _random_guides(spec, faults, slider)
     return shift
