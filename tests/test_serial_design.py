@@ -98,7 +98,7 @@ def test_chosen_poses_beat_random_ones_in_every_index() -> None:
     assert found.indices.rank >= found.drawn.rank
     assert found.indices.o1 > 1.05 * found.drawn.o1
     assert found.indices.o1 > found.whole.o1  # of the whole list each pose tells less
-    with pytest.raises(InputError, match="400 candidates for 500 poses"):
+    with pytest.raises(InputError, match="399 poses that can be driven, of 400 in the list: too few to choose 500"):
         choose_from(Model(file), make_table(None, q), 500, library())
 
 
