@@ -284,7 +284,7 @@ def test_the_way_an_arm_sags_is_said(sign):
     rig = ArmRig(unweighed(ARM.machine), replace(ArmFaults.none(6), mass=mass), np.zeros(3), np.eye(4), 0.0)
     true = compliance[1] * rig.torques(problem.view.q.numpy(), 0.0)[:, 1]
     worst = true[np.abs(true).argmax()]
-    said = sized(words, rf"Joint 2 sags up to {N} mrad toward \{'+' if worst > 0 else '-'}")
+    said = sized(words, rf"Joint 2 sags up to {N} mrad toward \{'+' if worst > 0 else '-'}q")
     assert said == pytest.approx(1e3 * abs(worst), rel=0.05)
 
 

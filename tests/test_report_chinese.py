@@ -43,7 +43,7 @@ OBJECTIONS = ("unproven", "impossible", "idle", "backward")
 CURVES = (  # what is said of curves, beside the phrases of the effects
     ("run{s} up to {what} high", "run{s} up to {what} low"),
     ("run{s} up to {what} ahead", "run{s} up to {what} behind"),
-    ("sag{s} up to {what} toward +", "sag{s} up to {what} toward -"),
+    ("sag{s} up to {what} toward +q", "sag{s} up to {what} toward -q"),
     ("wander{s} up to {what} outward", "wander{s} up to {what} inward"),
     (
         "wander{s} up to {what} counter-clockwise (seen from above)",

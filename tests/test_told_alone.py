@@ -29,6 +29,19 @@ def test_rows_sorted_by_a_coordinate_are_said_where_no_clock_tells(sort: bool, t
     assert [(item.mistake, item.sure) for item in findings] == [("row-order", False)] * said
 
 
+def test_rows_sorted_by_their_readings_are_said_with_names_that_may_tell_the_order() -> None:
+    random = np.random.default_rng(4)
+    target = random.uniform(-50.0, 50.0, (80, 3))
+    reading = target + random.normal(0.0, 0.1, target.shape)
+    order = np.argsort(reading[:, 0])
+    assert (np.diff(target[order, 0]) < 0.0).any()
+    names = np.array([f"p{number}" for number in order])
+    for named, hint in ((names, True), (np.full(80, ""), False)):
+        table = make_table(target[order], measured=reading[order], name=named)
+        (only,) = find_disorder(Setup(bench(), table))[0]
+        assert only.mistake == "row-order" and ("by the numbers in their names" in only.fix) == hint
+
+
 def test_a_line_that_rises_is_no_sorted_table() -> None:
     target = np.linspace(-40.0, 40.0, 60)[:, None] * np.array([1.0, 0.5, -0.3])
     assert find_disorder(Setup(bench(), make_table(target, measured=target)))[0] == []

@@ -77,7 +77,7 @@ class SelfWeight(Effect):
         """Largest sag of each joint over the run, and its direction."""
         shift = self.shift(theta, view)
         spread = (self.basis(view, {}).square() @ std.nan_to_num().square()).sqrt()
-        phrase = Phrase("along", "sag{s} up to {what} toward +", "sag{s} up to {what} toward -")
+        phrase = Phrase("along", "sag{s} up to {what} toward +q", "sag{s} up to {what} toward -q")
         worst = shift.abs().argmax(dim=0).tolist()
         return tuple(
             said(phrase, float(shift[row, joint]), float(spread[row, joint]), "rad", USUAL_SAG, joint + 1)

@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from ptt.run.restarts import restarts_of_runs
-from ptt.run.table import take_rows
+from ptt.run.table import Table, take_rows
 from ptt.setup.columns import said
 from ptt.setup.result import Finding
 from ptt.setup.rows import places
@@ -14,6 +14,9 @@ from ptt.setup.setup import Setup
 DAY = 86400.0  # s: a clock without a date jumps back by a day at midnight
 LEAST_NAMES = 11  # from ten on, the order of letters differs from that of numbers
 POSES = 30  # poses that advance monotonically along an axis: impossible by chance
+BACK = (
+    0.01  # of the range, that one pose may go back: a table sorted by readings is not quite in the order of its targets
+)
 LEAP = 0.15  # of the range of another axis, median jump between poses: half of that of a random order
 
 
@@ -53,20 +56,31 @@ def _by_time(setup: Setup) -> tuple[list[Finding], Setup] | None:
 
 
 def _by_name(setup: Setup) -> tuple[list[Finding], Setup] | None:
-    table = setup.table
-    if table.time_s is not None or len(set(table.name.tolist())) < LEAST_NAMES:
-        return None
-    parts = [re.fullmatch(r"(\D*)(\d+)", name) for name in table.name.tolist()]
-    if not all(parts) or len({part[1] for part in parts if part}) > 1:
-        return None
-    names, numbers = table.name.tolist(), np.array([int(part[2]) for part in parts if part])
-    if names != sorted(names) or (np.diff(numbers) >= 0).all():
+    table, names = setup.table, setup.table.name.tolist()
+    numbers = _numbers(table)
+    if table.time_s is not None or numbers is None or names != sorted(names) or (np.diff(numbers) >= 0).all():
         return None
     shown = ", ".join(dict.fromkeys(names[:40]))
     words = f"rows are sorted alphabetically by name ({', '.join(shown.split(', ')[:4])}, ...), not in travel order"
     order = np.argsort(numbers, kind="stable")
     finding = said(setup, "row-order", words, "sort the rows by the number in their name")
     return [finding], Setup(setup.file, take_rows(table, order))
+
+
+def _numbers(table: Table) -> np.ndarray | None:
+    """The numbers that names of one kind end in, (n,) int; None where there are no such names, or few."""
+    parts = [re.fullmatch(r"(\D*)(\d+)", name) for name in table.name.tolist()]
+    few = len(set(table.name.tolist())) < LEAST_NAMES
+    if few or not all(parts) or len({part[1] for part in parts if part}) > 1:
+        return None
+    return np.array([int(part[2]) for part in parts if part])
+
+
+def _numbered(table: Table) -> str:
+    """A hint at names that may tell the order: numbered, each once, and not as the rows stand."""
+    numbers = _numbers(table)
+    told = numbers is not None and len(np.unique(numbers)) == len(numbers) and bool((np.diff(numbers) < 0).any())
+    return " (by the numbers in their names, if these were given then)" if told else ""
 
 
 def _by_place(setup: Setup) -> tuple[list[Finding], Setup] | None:
@@ -81,12 +95,13 @@ def _by_place(setup: Setup) -> tuple[list[Finding], Setup] | None:
     steps, reach = np.diff(place, axis=0), np.ptp(place, axis=0)
     for axis, letter in enumerate("xyz"):
         own, others = steps[:, axis], np.delete(np.arange(3), axis)
-        one_way = bool((own >= 0.0).all() or (own <= 0.0).all()) and len(np.unique(place[:, axis])) > 0.5 * len(place)
+        back = min(float(np.maximum(-own, 0.0).max()), float(np.maximum(own, 0.0).max()))
+        one_way = back <= BACK * reach[axis] and len(np.unique(place[:, axis])) > 0.5 * len(place)
         if one_way and (np.median(np.abs(steps[:, others]), axis=0) > LEAP * reach[others]).all() and reach.all():
             words = (
                 f"the rows are sorted by {letter} and jump along the other axes: unless the machine really moved "
                 "that way, play, lag and drift cannot be identified"
             )
-            fix = "put the rows in the order of measuring, or add a column time_s"
+            fix = f"put the rows in the order of measuring{_numbered(setup.table)}, or add a column time_s"
             return [said(setup, "row-order", words, fix, False)], setup
     return None

@@ -116,6 +116,8 @@ def _of_rail(problem: Problem, place: Place, own: str, low: np.ndarray, span: Sp
         yield from _reversal(problem, place, own, low, ())
     if problem.view.lead is not None:  # a bent screw pushes it aside once a turn
         yield _waves(place, own, problem.view.q.numpy()[:, place.joint], problem.view.lead)
+    for way in one_way_each(place):  # it bends for good
+        yield _named(way, ("time", own), partial(product, span.settling, low), "steadily ")
     for context in span.contexts:  # and it gives way under load, or to the sun
         changes = context.shapes - context.mean  # the mean over the run belongs to towers and guides
         for way in one_way_each(place) if context.fields else ():
