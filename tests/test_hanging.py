@@ -11,7 +11,7 @@ from test_report_chinese import SAY, latin
 from ptt.diagnosis.diagnose import Diagnosis, diagnose
 from ptt.diagnosis.telling.next_look import next_look
 from ptt.diagnosis.telling.verdict_words import depends
-from ptt.effects import Curve
+from ptt.effects import Curve, library
 from ptt.effects.bench import sample_view
 from ptt.effects.case import make_case
 from ptt.effects.contract import check_acts
@@ -43,6 +43,23 @@ def hung(name: str, shift: np.ndarray | None = None, bend: float = 0.0, *, load:
     context = {"payload_kg": payload} if load else {}
     reached = place + np.einsum("nca,na->nc", turn, own)
     return build_problem(file, make_table(None, sent, reached + random.normal(0.0, SIGMA, place.shape), **context))
+
+
+def aside(offset: np.ndarray) -> Problem:
+    """An arm whose joints yield to the slope of the load's potential energy, its centre `offset` m from the tool."""
+    file, random = load_machine(MACHINES / "kuka_iiwa.toml"), np.random.default_rng(5)
+    file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": SIGMA, "frame": "fitted"}))
+    robot = build_mechanism(file.machine)
+    assert isinstance(robot, Serial)
+    sent = torch.as_tensor(random.uniform(-1.6, 1.6, (200, robot.joints))).requires_grad_()
+    load = random.choice([0.0, 4.0, 8.0], len(sent))
+    place, turn = robot.pose(sent)
+    height = 1e-3 * place[:, 2] + turn[:, 2] @ torch.as_tensor(offset)
+    slope = torch.autograd.grad((torch.as_tensor(load) * 9.80665 * height).sum(), sent)[0].numpy()
+    yields = 1e-6 * np.array([0.0, 9.0, 9.0, 13.0, 25.0, 38.0, 0.0])
+    reached = robot.forward(torch.as_tensor(sent.detach().numpy() - yields * slope)).numpy()
+    reading = reached + random.normal(0.0, SIGMA, reached.shape)
+    return build_problem(file, make_table(None, sent.detach().numpy(), reading, payload_kg=load))
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +134,20 @@ def test_a_curve_moves_the_mount_along_each_axis_of_the_tool_by_its_pull():
     assert basis.shape == (view.rows, len(robot.slots), 3)
     close(basis[:, -3:], torch.eye(3) * (pull > 0.0).double()[:, None, None], 0.0)
     assert not basis[:, :-3].any()
+
+
+def test_a_load_beside_the_tool_point_is_no_sag_under_the_arm_s_own_weight(tmp_path):
+    problem = aside(np.array([0.12, 0.0, 0.18]))
+    found = diagnose(Model(problem.file), problem)
+    assert (found.verdict, found.suggested) == ("unknown", (("axis-compliance",),))
+    first = found.depends_on[0]
+    assert (first.on, first.acts_on) == ("payload", "load") and "beside the tool point" in found.words
+    assert "beside the tool point" not in SAY(depends(first))
+    (tmp_path / "aside.py").write_text(prefilled("aside", found.to_dict()["depends_on"][:1]).text)
+    own = load_effects(tmp_path / "aside.py")["aside"]()
+    assert check_acts(make_case(own, "serial", differentiate)) == ""
+    left = fit(Model(problem.file) + library()["axis-compliance"]() + own, problem).residual
+    assert float(np.sqrt(np.nanmean(np.square(left).sum(axis=1)))) < 1.1 * np.sqrt(3.0) * SIGMA
 
 
 def test_what_is_said_of_what_hangs(fallen):

@@ -32,7 +32,8 @@ class Dependence(Record):
             since the last one; else None.
         rivals: variables that explain about as much but are the less likely cause.
         acts_on: where an unknown that follows it acts: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways',
-            'link 2', 'x', 'y', 'z' of the tool, 'set-up', or 'mount' (an arm's tool in its holder); None where open.
+            'link 2', 'x', 'y', 'z' of the tool, 'set-up', 'mount' (an arm's tool in its holder) or 'load' (its load's
+            centre); None where open.
         unit: of the variable; '' where it has none, or it is not known.
         size: of an unknown, its size and sign; None where not estimated.
         reference_c: temperature at which the drawing holds, C, where the variable or the second one is a temperature;

@@ -28,12 +28,15 @@ from ptt.effects.hysterons import HYSTERONS, hysterons
 from ptt.effects.layout import family
 from ptt.effects.parameter import Parameter
 from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.statics import load_levers
 from ptt.mechanisms.three_ptt import LEGS
 from ptt.run.axes import AXES
 from ptt.run.frames import rigid_columns
 from ptt.run.view import View
 
-PLACE = re.compile(r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])|(set-up|mount)")
+PLACE = re.compile(
+    r"(slider|joint|link) ([1-9][0-9]*)|(rail) ([1-9][0-9]*) (outward|sideways)|([xyz])|(set-up|mount|load)"
+)
 OTHERS = ("payload", "temperature", "time", "run", *GRAVITY)
 CURVE_SHAPES = ("levels", "smooth", "step", "bump", "period", "varying", "gradual")
 HARMONICS = 6  # of a period, the k-th weighed by 1/k: they make a sawtooth but for its edges
@@ -54,8 +57,9 @@ class Curve(Effect):
             'gravity x' to 'gravity z' along the axes of its tool, or 'x', 'y', 'z', which without `acts_on` stand for
             a free field over the workspace.
         acts_on: what it shifts: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', 'x', 'y', 'z'
-            of the tool, 'mount' (an arm's tool in its holder), or 'set-up' (tracker against machine, which no command
-            corrects); '' for the joint that `on` names, else the tool, or the readings for 'time' and 'run'.
+            of the tool, of an arm 'mount' (the tool in its holder) or 'load' (its centre, with `on` the payload), or
+            'set-up' (tracker against machine, which no command corrects); '' for the joint that `on` names, else the
+            tool, or the readings for 'time' and 'run'.
         moments: of shape 'levels' over time, the moments at which it switches, s, ascending.
         shape: 'levels', 'smooth', 'step', 'bump', 'period', 'varying' or 'gradual', as a diagnosis names it.
         between: range of the variable in the data (of 'varying': of the second variable; of 'gradual': of the joint
@@ -93,7 +97,7 @@ class Curve(Effect):
         own_stage = vars(cls).get("stage")
         if own_stage is not None and (kind not in ("axis", "tool") or own_stage not in ("structure", "metrology")):
             raise TypeError(f"a curve that acts on '{cls.acts_on}' has no stage '{own_stage}'")
-        if kind in ("slider", "joint"):
+        if kind in ("slider", "joint", "load"):
             cls.stage = "drive"
         elif kind in ("link", "rail", "mount"):
             cls.stage = "geometry"
@@ -108,6 +112,9 @@ class Curve(Effect):
         cls.parameters = (
             Parameter("size", unit, usual, words, count=size, axis=both, usual_rad=1e-4 if both else None),
         )
+        if kind == "load":
+            words = "of each kg, by an offset along each axis of the tool"
+            cls.parameters = (Parameter("size", "rad", 1e-4, words, per_joint=True, count=3),)
         joints = [int(joint[2]) for name in followed if (joint := JOINT.fullmatch(name))]
         cls.least_joints = max([1, *joints, index + 1 if kind in ("slider", "joint", "link") else 1])
         wanted = {name.rstrip("0123456789") for name in followed}
@@ -147,6 +154,10 @@ class Curve(Effect):
         if kind == "set-up":
             motions = torch.cat([rigid_columns(view.p, length=ARM), view.p[:, :, None] / ARM], dim=2)
             return (motions[:, :, :, None] * shapes[:, None, None]).flatten(2)
+        if kind == "load":
+            levers = load_levers(cast(Serial, view.mechanism), view.q, view.gravity)
+            each = torch.diag_embed((view.payload[:, None, None] * levers).transpose(1, 2))  # shape: (n, i, j, j)
+            return each.permute(0, 2, 3, 1).flatten(2)
         if kind == "mount":
             basis = shapes.new_zeros(view.rows, len(view.mechanism.slots), 3, shapes.shape[1])
             for axis in range(3):
@@ -234,6 +245,8 @@ def _require_possible(cls: type[Curve]) -> None:
         and all(low < high for low, high in cls.ranges)
     ):  # fmt: skip
         raise TypeError("a smooth curve or step of several variables has one of them as 'on', and a range of each")
+    if cls.acts_on == "load" and (cls.on != "payload" or cls.together or cls.along):
+        raise TypeError("what acts on the load follows the payload alone")
     if cls.shape == "gradual" and not cls.on.startswith("direction"):
         raise TypeError("only what follows a direction turns over gradually")
     if cls.acts_on and not (PLACE.fullmatch(cls.acts_on) and fits(cls.mechanisms, cls.acts_on)):
@@ -253,7 +266,7 @@ def fits(mechanisms: tuple[str, ...], name: str) -> bool:
     Returns:
         Whether all of them do; the number of an arm's joints is not checked, since its file alone states it.
     """
-    own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint", "link", "mount", "gravity")}
+    own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint", "link", "mount", "load", "gravity")}
     word = (re.match(r"[a-z]*", name) or [""])[0]
     number = re.search(r"[0-9]+", name)
     everywhere = word not in {each for kind in own.values() for each in kind}

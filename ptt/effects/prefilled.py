@@ -238,6 +238,21 @@ def _with_size(
     return "varying", along, (min(numbers), max(numbers))
 
 
+def is_writable(on: str, acts_on: str | None, together: Sequence[str]) -> bool:
+    """Whether an effect can be written for something that the error follows.
+
+    Args:
+        on: the variable, as in `depends_on`.
+        acts_on: where it acts.
+        together: variables that are followed together; none where one is enough.
+    """
+    try:
+        _require_readable(on, acts_on or "", tuple(together))
+    except UnreadableError:
+        return False
+    return True
+
+
 def is_variable(name: str) -> bool:
     """Whether an effect's view holds a variable: it does not hold the tool's moves, nor the user's own columns.
 
@@ -250,7 +265,7 @@ def is_variable(name: str) -> bool:
 def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
     """Mechanism families that it fits: that of the joint named by variable, residual or place; both for the tool."""
     on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
-    if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on) or on in GRAVITY or acts_on == "mount":
+    if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on) or on in GRAVITY or acts_on in ("mount", "load"):
         return ("serial",)
     of_tool = residual in AXES and acts_on in ("", "set-up", *AXES) and not re.fullmatch(r"b[0-9]+", on)
     return ("three-ptt", "serial") if of_tool and (acts_on or not JOINT.fullmatch(on)) else ("three-ptt",)
@@ -268,4 +283,6 @@ def _headline(found: Mapping[str, Any]) -> str:
     second = f" with {found['along']}" if found["along"] else ""
     on = f"{listed(list(found['together']))} together" if found["together"] else found["on"]
     what = f"the tool's own {found['residual']}" if found["acts_on"] == "mount" else found["residual"]
+    if found["acts_on"] == "load":
+        return "What a load does whose centre lies beside the tool point"
     return f"What of {what} follows {on}{second}{period}{where}"

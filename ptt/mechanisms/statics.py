@@ -86,3 +86,21 @@ def link_torques(mechanism: Mechanism, spec: ThreePttSpec | SerialSpec, q: Tenso
             by_joint = frames[moved].before_z.revolute_twist("z", centre)[..., :3]
             torque[:, moved] += (by_joint * force).sum(dim=-1)
     return torque
+
+
+def load_levers(arm: Serial, q: Tensor, down: Tensor) -> Tensor:
+    """By how much a load's centre beside the tool point turns each joint more.
+
+    Source: about the tool point a weight w that hangs at e_i in the tool's frame has the torque (R e_i) x w.
+
+    Args:
+        arm: the mechanism.
+        q: (n, k) rad, joint values.
+        down: (3,) unit vector in which weights pull.
+
+    Returns:
+        (n, k, 3): torque about joint j for each unit of weight and of offset along an axis of the tool.
+    """
+    axes, turn = arm.pose_jacobian(q)[:, 3:], arm.pose(q)[1]
+    pulls = torch.linalg.cross(turn, down.to(turn)[None, :, None].expand_as(turn), dim=1)
+    return torch.einsum("ncj,nci->nji", axes, pulls)

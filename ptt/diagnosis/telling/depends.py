@@ -272,7 +272,7 @@ def _amount(item: Unknown) -> np.ndarray | None:
 
 def _acts_on(block: Block) -> str | None:
     """The place on which a block acts: the set-up, the mount, or one of one direction and no field; None where open."""
-    if block.place.residual in ("set-up", "mount"):
+    if block.place.residual in ("set-up", "mount", "load"):
         return block.place.residual
     field = len(block.on) > 1 and block.on[0] == "x"
     return None if field or block.place.slopes.shape[2] > 1 else block.place.residual

@@ -79,5 +79,7 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
     else:
         more = f"More poses{over}, each approached from both sides," if _of_poses(first) else f"More readings{over}"
     where = WAY.sub(r" (\1)", _place(first)).replace("set-up", "the set-up").replace("mount", "the tool's holder")
+    if where == "load":
+        return ["Look for where the load's centre lies: hang it at the tool point.", f"{more} would show it better."]
     look = f"what moves the readings along {where}" if where in AXES else f"the cause in {where}"
     return [f"Look for {look}.", f"{more} would show it better."]

@@ -156,10 +156,10 @@ def _size(
 
 
 def _off(found: Dependence) -> str:
-    """The part that is said to be off: the place of an unknown, for a set-up or a mount with the axis."""
+    """The part that is said to be off: the place of an unknown; of a set-up, a mount or a load an axis of the tool."""
     if found.acts_on == "mount":
         return f"mount {found.residual}"
-    return found.residual if found.acts_on in (None, "set-up") else found.acts_on
+    return found.residual if found.acts_on in (None, "set-up", "load") else found.acts_on
 
 
 def _named(size: Size, on: str, along: str, problem: Problem) -> Size:

@@ -137,7 +137,8 @@ def _unknown(result: Any, told: Sequence[str], *, cut_short: bool) -> list[str]:
     lines = [f"{what}: {reasons[0]}." if reasons and (overruled or not strongest) else f"{what}."]
     most = f"{MOSTLY_UNTOLD}. " if strongest and mostly_untold(result) else ""
     if strongest:
-        lines.append(f"{most}{depends(strongest)}{_bent(result, strongest.on)}{untested(result, strongest)}")
+        bent = "" if strongest.acts_on == "load" else _bent(result, strongest.on)
+        lines.append(f"{most}{depends(strongest)}{bent}{untested(result, strongest)}")
     if 0 < len(told) <= MOST_UNKNOWN_LINES - 1 - len(lines):
         lines += [f"Also identified: {step}" for step in told]
     elif told:
@@ -264,6 +265,8 @@ def acting(place: str | None, residual: str) -> str:
         return ""
     if place == "set-up":
         return ", as if tracker and machine moved against each other"
+    if place == "load":
+        return ", as if the load's centre lay beside the tool point"
     if place == "mount":
         return f", as if the tool moved in its holder, along its own {residual}"
     if place.startswith("link"):

@@ -7,7 +7,7 @@ import numpy as np
 
 from ptt.dependence.contexts import hanging_of
 from ptt.diagnosis.unknown.block import Block, Period, Recipe
-from ptt.diagnosis.unknown.places import Place, mount_of, one_way_each, places_of_chain, tool_axes
+from ptt.diagnosis.unknown.places import Place, load_of, mount_of, one_way_each, places_of_chain, tool_axes
 from ptt.diagnosis.unknown.smooth import cosines, harmonics, legendre, modulation, product, scaled
 from ptt.diagnosis.unknown.span import Context, Span, span_of
 from ptt.effects.curve_basis import GRAVITY
@@ -65,7 +65,7 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
     turned = _turned(problem, span)
     mount = mount_of(problem, chain)
     if mount is not None:
-        yield from _of_mount(problem, mount, span)
+        yield from _of_mount(problem, chain, mount, span)
     for place in moving:
         assert place.joint is not None
         own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])
@@ -101,12 +101,14 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
     yield from _of_set_up(problem, span)
 
 
-def _of_mount(problem: Problem, mount: Place, span: Span) -> Iterator[Recipe]:
+def _of_mount(problem: Problem, chain: Chain, mount: Place, span: Span) -> Iterator[Recipe]:
     """What hangs on the last link bends, or falls to the lower side, as gravity turns about it, and under a load."""
     pulls = np.column_stack([*hanging_of(problem).values()])
     yield _named(mount, GRAVITY, partial(field_over, pulls, CONTEXT_FIELD_DEGREE))
-    for load in (context.shapes for context in span.contexts if context.name == "payload"):
-        yield _named(mount, ("payload", *GRAVITY), partial(product, load, field_over(pulls, GENTLE_DEGREE)))
+    for payload in (context.shapes for context in span.contexts if context.name == "payload"):
+        yield _named(mount, ("payload", *GRAVITY), partial(product, payload, field_over(pulls, GENTLE_DEGREE)))
+        if (load := load_of(problem, chain)) is not None:
+            yield _named(load, ("payload",), partial(np.asarray, payload[:, :1]))
 
 
 def _of_rail(problem: Problem, place: Place, own: str, low: np.ndarray, span: Span) -> Iterator[Recipe]:

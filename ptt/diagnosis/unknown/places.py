@@ -9,6 +9,7 @@ import numpy as np
 from ptt.effects.dh_offsets import links_along
 from ptt.effects.geometry import ACROSS, across_axes
 from ptt.mechanisms.serial import Serial
+from ptt.mechanisms.statics import load_levers
 from ptt.model.chain import Chain
 from ptt.run.axes import AXES
 from ptt.run.frames import rigid_columns
@@ -18,7 +19,7 @@ FEATURE_SIZE = 0.02  # mm at the tool: unit of a block's features, which the lea
 LEAST_TURN = 0.05  # rms by which the mount's directions turn, below which the tool in its holder moves as the tool does
 STILL_LEVER = 1e-6  # mm or less of the tool per mm or rad of a place: it moves nothing
 
-PlaceKind = Literal["tool", "slider", "joint", "rail", "link", "set-up", "mount"]
+PlaceKind = Literal["tool", "slider", "joint", "rail", "link", "set-up", "mount", "load"]
 
 
 @dataclass(frozen=True)
@@ -27,9 +28,9 @@ class Place:
 
     Attributes:
         kind: a slider, the joint of an arm, a rail across its slider's travel, a link's length, the tool, the
-            set-up, or the mount of an arm's tool in its holder.
+            set-up, the mount of an arm's tool in its holder, or the centre of an arm's load.
         residual: its name: 'slider 2', 'joint 2', 'link 2', 'rail 2' (both directions across it), 'tool', 'set-up'
-            or 'mount'; of a single direction 'rail 2 outward', 'rail 2 sideways', or 'x', 'y', 'z' of the tool.
+            'mount' or 'load'; of a single direction 'rail 2 outward', 'rail 2 sideways', or 'x', 'y', 'z' of the tool.
         slopes: shift of the reading by each of its w directions, (n, 3, w), scaled to about unit size.
         joint: the joint it belongs to, from 0; None for the tool, the set-up and the mount.
         lever: root mean square of the slopes before scaling, mm per mm or rad.
@@ -114,3 +115,22 @@ def mount_of(problem: Problem, chain: Chain) -> Place | None:
     slopes = chain.by_slot.numpy()[:, :, -3:]
     turned = float(np.sqrt(np.square(slopes - slopes.mean(axis=0)).mean()))
     return None if problem.file.machine.kind == "three-ptt" or turned < LEAST_TURN else Place("mount", "mount", slopes)
+
+
+def load_of(problem: Problem, chain: Chain) -> Place | None:
+    """The centre of an arm's load as a place: joints that yield to it turn further where it lies beside the tool point.
+
+    Args:
+        problem: n rows.
+        chain: linearisation of the present model.
+
+    Returns:
+        A direction for each joint and each axis of the tool; None for a machine whose tool only translates.
+    """
+    view = problem.view
+    if problem.file.machine.kind == "three-ptt":
+        return None
+    levers = load_levers(cast(Serial, view.mechanism), view.q, view.gravity).numpy()
+    slopes = np.einsum("ncj,nji->ncji", chain.by_joint.numpy(), levers).reshape(view.rows, 3, -1)
+    size = float(np.sqrt(np.square(slopes).sum(axis=1).mean()))
+    return Place("load", "load", slopes / size, lever=size) if size > STILL_LEVER else None

@@ -103,7 +103,7 @@ def how_it_follows(unknown: Mapping[str, Any]) -> str:
 def _seen_as(unknown: Mapping[str, Any]) -> str:
     """A sentence where the picture's residual is of another part than the one at fault, so that its figures differ."""
     acts = unknown["acts_on"]
-    if acts in (None, "set-up", "mount", unknown["residual"]):
+    if acts in (None, "set-up", "mount", "load", unknown["residual"]):
         return ""
     return (
         f" The picture shows it as an error of {unknown['residual']}, the sentence above as one of {who_is_off(acts)}."
