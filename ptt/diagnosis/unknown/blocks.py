@@ -85,6 +85,9 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
         for i in range(q.shape[1] - 1) if q.shape[1] > len(AXES) else ():  # of fewer joints the place says all
             yield _named(place, (f"q{i + 1}", f"q{i + 2}"), partial(_of_two, raw[:, i], raw[:, i + 1]))
         yield _named(place, ("time",), lambda: span.settling, "steadily ")
+        if problem.view.lead is not None:  # a bearing of the screw, or its encoder's, that gets worse
+            turns = harmonics(2.0 * np.pi * raw[:, place.joint] / problem.view.lead)
+            yield _named(place, ("time", own), partial(product, span.settling[:, 1:], turns), "each turn steadily ")
         for context in span.contexts:
             if context.joints:
                 yield _named(place, (context.name, own), partial(product, _with_level(context), low))
