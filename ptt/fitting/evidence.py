@@ -95,8 +95,8 @@ def _ascend(
         hope = float(slope.first @ newton)
         if hope <= 2.0 * tolerance:
             break
-        near = max(np.abs(newton).max(), _longest(slope, free)) < LONG_STEP
-        if near and here.value + HOPE_FACTOR * hope < least_total:
+        low = here.value + HOPE_FACTOR * hope < least_total
+        if low and max(np.abs(newton).max(), _longest(slope, free)) < LONG_STEP:
             return here, slope, True
         found = _climb(problem, here, at, _steps(slope, newton, free), bottom, top)
         if found is None:
