@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from ptt.dependence.way import last_moves, ways_of
-from ptt.effects.curve_basis import GRAVITY
+from ptt.effects.curve_basis import GRAVITY, value_of
 from ptt.run.axes import AXES
 from ptt.run.frames import by_own, rigid_columns
 from ptt.run.mounts import mount_slopes
@@ -225,8 +225,7 @@ def hanging_of(problem: Problem) -> dict[str, np.ndarray]:
     """
     if problem.file.machine.kind != "serial":
         return {}
-    pulls = np.einsum("nca,c->an", mount_slopes(problem.view), problem.view.gravity.numpy())
-    return dict(zip(GRAVITY, pulls, strict=True))
+    return {name: value_of(problem.view, name).numpy() for name in GRAVITY}
 
 
 def moves_of(problem: Problem) -> dict[str, np.ndarray]:
