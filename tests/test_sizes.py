@@ -140,6 +140,7 @@ def test_what_goes_one_way_here_and_the_other_there_is_said_to_be_the_same_on_av
         "differ; 100 um rms at the tool."
     )
     assert "does not tell which" in say_size(replace(saddle, rms=0.004))
+    assert say_size(replace(saddle, of="mount y")) == say_size(saddle)
 
 
 def test_what_the_readings_do_not_show_is_said_to_be_so() -> None:

@@ -130,7 +130,7 @@ def say_size(size: Size) -> str:
             told = f"{who} varies by {at_most} to either side"
         case _ if scattered:
             both = f"at {high} and {low.partition(' = ')[2]}, within {_amount(size, _bound(size), 0.0)}"
-            told = f"on average {who} has the same {size.of} {both}, though single places differ"
+            told = f"on average {who} has the same {size.of.removeprefix('mount ')} {both}, though single places differ"
         case _:
             told = f"{far} at {high} than at {low.partition(' = ')[2]}"
     open_ended = "" if size.known or size.kind in ("period", "turn") or scattered else ": this run does not tell which"

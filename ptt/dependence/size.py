@@ -23,7 +23,7 @@ class Size(Record):
 
     Attributes:
         of: what is off: 'slider 2', 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', or 'x', 'y', 'z' of the
-            tool.
+            tool, 'mount x' to 'mount z' along its own axes.
         kind: 'side': after an arrival forward less after one back; 'step': above the place less below it; 'bump': in
             the middle of the place less beside it; 'period': amplitude; 'law': at `high` less at `low`; 'varying': the
             same as 'side' at the end `high` of the second variable, where it is larger; 'turn': all that it turns over
