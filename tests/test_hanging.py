@@ -1,6 +1,7 @@
 """What hangs on an arm's last link and gives way to gravity: told in the tool's own frame, written, and taken out."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,13 +9,17 @@ import torch
 from serial_arms import MACHINES, close, preset, some_joints
 from test_report_chinese import SAY, latin
 
+from ptt.dependence.dependence import Dependence
 from ptt.diagnosis.diagnose import Diagnosis, diagnose
+from ptt.diagnosis.telling.depends import _between
 from ptt.diagnosis.telling.next_look import next_look
 from ptt.diagnosis.telling.verdict_words import depends
+from ptt.door.diagnosing import _next
 from ptt.effects import Curve, library
 from ptt.effects.bench import sample_view
 from ptt.effects.case import make_case
 from ptt.effects.contract import check_acts
+from ptt.effects.curve_basis import GRAVITY
 from ptt.effects.own import load_effects
 from ptt.effects.prefilled import prefilled
 from ptt.fitting.solve import fit
@@ -148,6 +153,23 @@ def test_a_load_beside_the_tool_point_is_no_sag_under_the_arm_s_own_weight(tmp_p
     assert check_acts(make_case(own, "serial", differentiate)) == ""
     left = fit(Model(problem.file) + library()["axis-compliance"]() + own, problem).residual
     assert float(np.sqrt(np.nanmean(np.square(left).sum(axis=1)))) < 1.1 * np.sqrt(3.0) * SIGMA
+
+
+def test_a_jump_lies_between_known_values():
+    """A column of one's own may lack some."""
+    assert _between(np.array([3.0, np.nan, 1.0, 7.0]), 4.0) == (3.0, 7.0)
+
+
+@pytest.mark.parametrize(
+    ("on", "together", "written"),
+    [("gravity x", (), True), ("payload", ("payload", *GRAVITY), True), ("payload", (), False), ("time", (), False)],
+)
+def test_a_diagnosis_says_that_an_effect_can_be_written_where_it_can(on, together, written):
+    curve = np.zeros((1, 3))
+    told = Dependence("x", on, 0.9, 0.0, None, "smooth", curve, acts_on="mount", together=together)
+    lines = _next(SimpleNamespace(to_add=(), verdict="unknown", depends_on=(told,)), None)
+    assert any("ptt effects new NAME --like D.json" in line for line in lines) is written
+    assert not any(set(latin(SAY(line))) - {"gravity"} for line in next_look([told], untold=False))
 
 
 def test_what_is_said_of_what_hangs(fallen):

@@ -21,7 +21,7 @@ from ptt.door.opened import Opened, open_checked
 from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.words import as_run
 from ptt.effects.phrases import capital, listed
-from ptt.effects.prefilled import is_writable
+from ptt.effects.prefilled import can_write
 from ptt.errors import SetupError
 from ptt.fitting.opening import told_aside
 from ptt.machine import MachineFile
@@ -262,7 +262,7 @@ def _next(result: Diagnosis, given: Given) -> list[str]:
         lines.append(f"next: {given.add(names, sizes=sizes)}")
         if sizes:
             lines.append("--sizes also fits all other sizes of the drawing, which improves commands at other poses")
-    said = [each for each in result.depends_on if is_writable(each.on, each.acts_on, each.together)]
+    said = any(can_write(each.on, each.acts_on, each.together) for each in result.depends_on)
     if result.verdict == "unknown" and said:
         lines.append(
             "to describe it yourself, save the output of --json as D.json, then: ptt effects new NAME --like D.json"

@@ -182,7 +182,7 @@ def _figures(
 
 def _require_readable(on: str, acts_on: str, together: tuple[str, ...]) -> None:
     """Refuse what no effect should say: a tool that moved in its holder, or what follows what an effect cannot read."""
-    if acts_on == "mount" and not {on, *together} & {*GRAVITY}:
+    if _is_loose(acts_on, on, together):
         what = "no effect moves the tool in its holder"
         raise UnreadableError(what, fix="fasten it, and measure where it is")
     if on and not is_variable(on):
@@ -238,19 +238,20 @@ def _with_size(
     return "varying", along, (min(numbers), max(numbers))
 
 
-def is_writable(on: str, acts_on: str | None, together: Sequence[str]) -> bool:
-    """Whether an effect can be written for something that the error follows.
+def can_write(on: str, acts_on: str | None, together: tuple[str, ...]) -> bool:
+    """Whether an effect can hold an entry of `depends_on`.
 
     Args:
-        on: the variable, as in `depends_on`.
+        on: its variable.
         acts_on: where it acts.
-        together: variables that are followed together; none where one is enough.
+        together: the variables that it takes all of; () for one.
     """
-    try:
-        _require_readable(on, acts_on or "", tuple(together))
-    except UnreadableError:
-        return False
-    return True
+    return is_variable(on) and not _is_loose(acts_on, on, together)
+
+
+def _is_loose(acts_on: str | None, on: str, together: tuple[str, ...]) -> bool:
+    """Whether a tool moves in its holder otherwise than by how gravity lies, which no command should follow."""
+    return acts_on == "mount" and {on, *together}.isdisjoint(GRAVITY)
 
 
 def is_variable(name: str) -> bool:

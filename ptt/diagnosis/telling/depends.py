@@ -195,7 +195,7 @@ def _of_several(
         As given where one variable is enough.
     """
     if len(block.jumps) == 1 and found.on == block.on[0]:
-        step = replace(found, shape="step", place=_between(values, values > block.jumps[0]), period_mm=None, with_=None)
+        step = replace(found, shape="step", place=_between(values, block.jumps[0]), period_mm=None, with_=None)
         together = (found.on, *AXES)
         return replace(step, together=together, alone_share=alone * found.share) if block.is_change else step
     if block.is_spell:
@@ -222,9 +222,9 @@ def _since_reversal(block: Block, problem: Problem) -> np.ndarray:
     return since_reversal(problem.view.q.numpy()[:, block.place.joint], problem.view.starts.numpy())
 
 
-def _between(values: np.ndarray, later: np.ndarray) -> tuple[float, float]:
-    """The last value before a moment and the first one after it, of rows that are later, (n,) bool."""
-    return float(values[~later].max()), float(values[later].min())
+def _between(values: np.ndarray, jump: float) -> tuple[float, float]:
+    """The last value, (n,), before a jump and the first one after it; a column of the user's own may lack some."""
+    return float(values[values <= jump].max()), float(values[values > jump].min())
 
 
 def _is_field(block: Block) -> bool:
