@@ -80,7 +80,7 @@ def test_a_store_adds_nothing_before_the_reflector_is_settled(tmp_path: Path) ->
     store = create_store(tmp_path / "plant")
     (tmp_path / "arm.toml").write_text(TRUSTED)
     add_machine(store, "arm", tmp_path / "arm.toml")
-    _, problem = read((0.6, -0.5, 0.0), 0.0, "trusted")
+    _, problem = read((0.6, -0.5, 0.0), 2e-4, "trusted")
     for day in ("2026-03-01", "2026-04-01"):
         table = problem.table.replace(joint_prefix="q", measured=problem.table.measured + 1e-4 * int(day[6]))
         path = tmp_path / f"arm-{day}.csv"
@@ -92,7 +92,7 @@ def test_a_store_adds_nothing_before_the_reflector_is_settled(tmp_path: Path) ->
     assert first.verdict == "unknown" and later.verdict == "new"
     assert all(run.words.startswith('With tool = "trusted"') and run.added == () for run in arm.past)
     (told,) = store.ask("SELECT result->'suggested' AS named FROM rechecks")
-    assert json.loads(told["named"]), "something stands for the reflector"
+    assert json.loads(told["named"]), "joint zeros are off, too, and would be added"
     (solved,) = store.ask("SELECT toml FROM models WHERE made = 'solved'")  # the drawing, from the first run
     assert parse_machine(solved["toml"], "solved").effect == ()
 

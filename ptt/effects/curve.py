@@ -44,6 +44,7 @@ HATS = 13  # hat functions of a bump, since local damage has no shape that is kn
 MOTIONS = ("shift x", "shift y", "shift z", "turn x", "turn y", "turn z", "scale")  # of a set-up
 ARM = 100.0  # mm from the base's origin at which rotations and scale of a set-up move a point as far as its shift
 PAIR_DEGREE = 6  # the same in two variables: as many terms as there are of degree 4 in three, and finer
+MANY_DEGREE = 3  # in four variables and more: a load times how gravity lies
 STEP_DEGREE = 2  # of what changes at one moment over the workspace: a load bends a machine so
 
 
@@ -311,7 +312,7 @@ def _factors(cls: type[Curve]) -> tuple[list[str], list[tuple[float, float]], in
     """Variables of the products, their ranges, and the largest total degree."""
     steps = cls.shape == "step"
     wanted = [(name, ends) for name, ends in zip(cls.together, cls.ranges, strict=True) if not steps or name != cls.on]
-    degree = STEP_DEGREE if steps else DEGREE if len(wanted) > 2 else PAIR_DEGREE
+    degree = STEP_DEGREE if steps else {2: PAIR_DEGREE, 3: DEGREE}.get(len(wanted), MANY_DEGREE)
     return [name for name, _ in wanted], [ends for _, ends in wanted], degree
 
 

@@ -201,7 +201,8 @@ def _in_blocks(found: Found, naming: Naming) -> State:
     unsaid = [key for key in droppable(scorer, state) if found.system.atoms[key].effect is not None and key not in said]
     if not unsaid:
         return state
-    return climb(scorer, scorer.score(without(state, *unsaid), state.memory, state.variances), is_block)
+    other = climb(scorer, scorer.score(without(state, *unsaid), state.memory, state.variances), is_block)
+    return other if said <= {*other.keys} else state
 
 
 def _slow(found: Found, problem: Problem) -> Slow | None:
