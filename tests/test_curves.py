@@ -110,3 +110,19 @@ def test_a_wide_play_of_one_slider_is_found_beside_a_wind_up(seed):
     hidden = [term("backlash", [0.0, 0.0, 0.6, 1.0]), term("windup", [0.01, 0.06, 0.016, 1.7, 1.7, 1.7])]
     found = diagnose(Model(file), read(file, np.concatenate(poses), hidden, random))
     assert found.verdict == "missing" and {names[0] for names in found.suggested} == {"backlash", "windup"}
+
+
+def test_an_unknown_is_told_with_the_part_of_effects_that_are_not_named():
+    """A tracker's azimuth errs four times a turn; a block beside towers that are not named is a third of it."""
+    file, random = bench(0.004), np.random.default_rng(2)
+    poses = random.uniform(-50.0, 50.0, (220, 3))
+    x, y, _ = (poses - [180.0, -60.0, 40.0]).T
+    turned = np.hypot(x, y) * np.sin(4.0 * np.arctan2(y, x) + 0.5)
+    errors = turned[:, None] * np.column_stack([-y, x, np.zeros(len(x))]) / np.hypot(x, y)[:, None]
+    errors *= 0.042 / np.sqrt(np.square(errors).sum(axis=1).mean())
+    measured = poses + errors + random.normal(0.0, 0.004, poses.shape)
+    found = diagnose(Model(file), build_problem(file, make_table(poses, measured=measured)))
+    assert (found.verdict, found.suggested) == ("unknown", ()) and "tower-position" in found.perhaps
+    first = found.depends_on[0]
+    assert first.residual == "y" and first.size is not None and first.size.rms is not None
+    assert 1e3 * first.size.rms > 0.9 * found.rms_um["after"]["y"]
