@@ -24,6 +24,7 @@ from ptt.run.problem import Problem, build_problem
 from ptt.run.table import make_table
 from ptt.run.written import table_to_frame
 from ptt.show.report.about_verdict import in_short
+from ptt.show.report.words import words_of
 
 KUKA = Path(__file__).resolve().parents[1] / "data" / "machines" / "kuka_iiwa.toml"
 ARM = load_machine(KUKA)
@@ -73,6 +74,15 @@ def test_a_free_reflector_is_said_before_an_effect_is_added(tmp_path: Path) -> N
     rows, notes = table_to_frame(problem.table.replace(joint_prefix="q")), list[str]()
     ptt.add(ptt.load(tmp_path / "machine.toml"), rows, "homing-offset", note=notes.append)
     assert found.first in notes
+
+
+def test_a_free_reflector_is_said_beside_joint_zeros_that_are_most_of_the_error() -> None:
+    model, problem = read((0.6, -0.5, 0.0), 2e-3, "trusted")
+    assert by_mount(model, problem) == ""
+    found = diagnose(model, problem)
+    assert "homing-offset" in {name for step in found.suggested for name in step} and found.to_add == []
+    assert "the error of the model with the named effects is" in found.first
+    assert "named effects" not in words_of("zh")(found.first)
 
 
 def test_a_store_adds_nothing_before_the_reflector_is_settled(tmp_path: Path) -> None:

@@ -23,6 +23,8 @@ def with_other_setups(result: Diagnosis, model: Model, problem: Problem, how: st
         how: words that follow the verdict; '' for none.
     """
     first = by_mount(model, problem)
+    if not first and result.suggested:  # joint zeros, say, may be the larger part of the error
+        first = by_mount(result.model, problem, "the model with the named effects")
     head = f"{first}\n" if first else ""
     return replace(result, first=first, words=f"{head}{result.words}{how}{by_base(model, problem)}")
 
@@ -37,15 +39,16 @@ def by_base(model: Model, problem: Problem) -> str:
     return "" if problem.base is None else held_to_base(left_um(residual_of(model, problem), problem))
 
 
-def by_mount(model: Model, problem: Problem) -> str:
+def by_mount(model: Model, problem: Problem, called: str = "the model as given") -> str:
     """Words where an arm's reflector beside the tool point would explain much; '' else, or where it is not trusted.
 
     No link value does the same as a tool point off the last axis, so links, joints and the tracker's scale would take
     values that no machine has, and the corrected arm would be worse.
 
     Args:
-        model: as given.
+        model: whose error it is.
         problem: as of `by_base`.
+        called: the model in words.
     """
     tracker = problem.file.tracker
     if problem.file.machine.kind != "serial" or tracker.tool != "trusted":
@@ -53,4 +56,4 @@ def by_mount(model: Model, problem: Problem) -> str:
     free = replace(model, file=replace(model.file, tracker=tracker.model_copy(update={"tool": "fitted"})))
     there = build_problem(free.file, problem.table).masked(~problem.used)
     before, after = left_um(residual_of(model, problem), problem), left_um(residual_of(free, there), there)
-    return with_free_mount(before, after) if after < MUCH_LESS * before else ""
+    return with_free_mount(before, after, called) if after < MUCH_LESS * before else ""

@@ -159,16 +159,17 @@ def held_to_base(error_um: float) -> str:
     )
 
 
-def with_free_mount(before_um: float, after_um: float) -> str:
+def with_free_mount(before_um: float, after_um: float, called: str) -> str:
     """Sentences on an arm's reflector, which the machine file trusts to be at the tool point.
 
     Args:
-        before_um: error of the model as given.
+        before_um: error of a model.
         after_um: the same, the reflector free to sit elsewhere.
+        called: the model in words.
     """
     return (
         'With tool = "trusted" the machine file says that the reflector sits exactly at the tool point. With tool = '
-        f'"fitted" under [tracker] the error of the model as given is {after_um:.1f} um instead of {before_um:.1f} um: '
+        f'"fitted" under [tracker] the error of {called} is {after_um:.1f} um instead of {before_um:.1f} um: '
         "measure where the reflector sits, or let it be fitted, before any effect is added."
     )
 
