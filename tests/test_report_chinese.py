@@ -60,6 +60,7 @@ SIDES = (  # two sides in English, and the same in Chinese
     (("raise", "lower"), ("增加", "减少")),
     (("add", "take"), ("增加", "减少")),
     (("+", "-"), ("+", "-")),
+    (("+q", "-q"), ("+q", "-q")),
     (("late", "early"), ("滞后", "超前")),
     (("ahead", "behind"), ("超前", "落后")),
     (("give", "against"), ("退让", "逆着")),
