@@ -14,6 +14,7 @@ from ptt.diagnosis.evidence.state import State
 from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.wander import Clock, tracker_likelihood, white_likelihood
 from ptt.diagnosis.search.joint_wander import along_place
+from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.places import one_way_each, places_of_chain
 from ptt.run.axes import AXES
 
@@ -57,12 +58,16 @@ def switching_moments(system: System, state: State) -> dict[str, tuple[float, ..
 
 
 def acts_over_time(system: System, state: State) -> tuple[str, ...]:
-    """Keys of a set's atoms that act over time alone: its blocks over time, and sudden effects."""
+    """Keys of a set's atoms that act over time alone: its blocks over time, and sudden effects.
+
+    And a rail that bows with time, as which one that comes loose may be taken at first.
+    """
     atoms = system.atoms
-    return tuple(
-        key for key in state.keys
-        if atoms[key].moment is not None or ((block := atoms[key].block) is not None and block.on == ("time",))
-    )  # fmt: skip
+    return tuple(key for key in state.keys if atoms[key].moment is not None or _is_over_time(atoms[key].block))
+
+
+def _is_over_time(block: Block | None) -> bool:
+    return block is not None and block.on[0] == "time" and (len(block.on) == 1 or block.place.kind == "rail")
 
 
 def _left_over_time(system: RowSystem, state: State) -> np.ndarray:
