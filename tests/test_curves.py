@@ -126,3 +126,30 @@ def test_an_unknown_is_told_with_the_part_of_effects_that_are_not_named():
     first = found.depends_on[0]
     assert first.residual == "y" and first.size is not None and first.size.rms is not None
     assert 1e3 * first.size.rms > 0.9 * found.rms_um["after"]["y"]
+
+
+def growing(found: Term, seed: int) -> Problem:
+    """A run of 200 poses on the bench, in whose course an effect grows from nothing."""
+    file, random = bench(0.004), np.random.default_rng(seed)
+    table = make_table(random.uniform(-50.0, 50.0, (200, 3)), time_s=12.0 * np.arange(200))
+    view = build_view(file, table)
+    whole = predict([(found.effect, found.theta)], view).p.numpy()
+    share = (np.arange(200) / 199.0)[:, None]
+    read = table.target + share * (whole - table.target)
+    return build_problem(file, table.replace(measured=read + random.normal(0.0, 0.004, read.shape)))
+
+
+def test_a_rail_that_bows_steadily_is_told_with_the_rail_and_the_time():
+    problem = growing(term("tower-tilt", [0.0, 0.0, 0.0, 0.0, 0.0, 1e-2]), 1)
+    found = diagnose(Model(problem.file), problem)
+    assert (found.verdict, found.suggested) == ("unknown", ())
+    first = found.depends_on[0]
+    assert first.acts_on == "rail 3 sideways" and first.on == "time" and first.share > 0.9
+
+
+def test_what_a_screw_errs_each_turn_more_and_more_is_told_beside_its_mean():
+    problem = growing(term("once-per-rev", [0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0]), 1)
+    found = diagnose(Model(problem.file), problem)
+    assert (found.verdict, found.suggested) == ("unknown", (("once-per-rev",),))
+    first = found.depends_on[0]
+    assert first.acts_on == "slider 1" and first.together == ("time", "b1") and first.share > 0.8

@@ -60,13 +60,14 @@ def switching_moments(system: System, state: State) -> dict[str, tuple[float, ..
 def acts_over_time(system: System, state: State) -> tuple[str, ...]:
     """Keys of a set's atoms that act over time alone: its blocks over time, and sudden effects.
 
-    And a rail that bows with time, as which one that comes loose may be taken at first.
+    And a rail that bows with time: one that comes loose may be taken for it at first.
     """
     atoms = system.atoms
-    return tuple(key for key in state.keys if atoms[key].moment is not None or _is_over_time(atoms[key].block))
+    return tuple(key for key in state.keys if atoms[key].moment is not None or _is_of_time_alone(atoms[key].block))
 
 
-def _is_over_time(block: Block | None) -> bool:
+def _is_of_time_alone(block: Block | None) -> bool:
+    """Whether it is a block of nothing but time, or of a rail that bows with it."""
     return block is not None and block.on[0] == "time" and (len(block.on) == 1 or block.place.kind == "rail")
 
 

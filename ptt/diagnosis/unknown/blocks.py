@@ -78,19 +78,7 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
         if place.kind == "rail":
             yield from _of_rail(problem, place, own, low, span)
             continue
-        yield _named(place, AXES, partial(field_over, p, _degree(problem)))
-        for i in range(q.shape[1]):
-            if i != place.joint:
-                yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
-        for i in range(q.shape[1] - 1) if q.shape[1] > len(AXES) else ():  # of fewer joints the place says all
-            yield _named(place, (f"q{i + 1}", f"q{i + 2}"), partial(_of_two, raw[:, i], raw[:, i + 1]))
-        yield _named(place, ("time",), lambda: span.settling, "steadily ")
-        if problem.view.lead is not None:  # a bearing of the screw, or its encoder's, that gets worse
-            turns = harmonics(2.0 * np.pi * raw[:, place.joint] / problem.view.lead)
-            yield _named(place, ("time", own), partial(product, span.settling[:, 1:], turns), "each turn steadily ")
-        for context in span.contexts:
-            if context.joints:
-                yield _named(place, (context.name, own), partial(product, _with_level(context), low))
+        yield from _of_drive(problem, place, q, p, span)
         if span.two_sided[place.joint]:
             yield from _reversal(problem, place, own, low, span.contexts)
             on = f"direction{place.joint + 1}", own
@@ -102,6 +90,26 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
     if span.two_sided.any():
         yield _named(tool, ("direction",), problem.view.direction.numpy)
     yield from _of_set_up(problem, span)
+
+
+def _of_drive(problem: Problem, place: Place, q: np.ndarray, p: np.ndarray, span: Span) -> Iterator[Recipe]:
+    """What moves a slider or joint besides its own curve and its reversals; q and p are scaled."""
+    assert place.joint is not None
+    raw, letter, serial = problem.view.q.numpy(), problem.file.machine.letter, problem.file.machine.kind == "serial"
+    own, low = f"{letter}{place.joint + 1}", modulation(q[:, place.joint])
+    yield _named(place, AXES, partial(field_over, p, _degree(problem)))
+    for i in range(q.shape[1]):
+        if i != place.joint:
+            yield _named(place, (f"{letter}{i + 1}",), partial(_others_travel, q[:, i], raw[:, i], serial))
+    for i in range(q.shape[1] - 1) if q.shape[1] > len(AXES) else ():  # of fewer joints the place says all
+        yield _named(place, (f"q{i + 1}", f"q{i + 2}"), partial(_of_two, raw[:, i], raw[:, i + 1]))
+    yield _named(place, ("time",), lambda: span.settling, "steadily ")
+    if problem.view.lead is not None:  # a bearing of the screw, or its encoder's, that gets worse
+        turns = harmonics(2.0 * np.pi * raw[:, place.joint] / problem.view.lead)
+        yield _named(place, ("time", own), partial(product, span.settling[:, 1:], turns), "each turn steadily ")
+    for context in span.contexts:
+        if context.joints:
+            yield _named(place, (context.name, own), partial(product, _with_level(context), low))
 
 
 def _of_mount(problem: Problem, chain: Chain, mount: Place, span: Span) -> Iterator[Recipe]:

@@ -121,15 +121,13 @@ def load_of(problem: Problem, chain: Chain) -> Place | None:
     """The centre of an arm's load as a place: joints that yield to it turn further where it lies beside the tool point.
 
     Args:
-        problem: n rows.
+        problem: n rows of an arm.
         chain: linearisation of the present model.
 
     Returns:
-        A direction for each joint and each axis of the tool; None for a machine whose tool only translates.
+        A direction for each joint and each axis of the tool; None where none of them moves the reading.
     """
     view = problem.view
-    if problem.file.machine.kind == "three-ptt":
-        return None
     levers = load_levers(cast(Serial, view.mechanism), view.q, view.gravity).numpy()
     slopes = np.einsum("ncj,nji->ncji", chain.by_joint.numpy(), levers).reshape(view.rows, 3, -1)
     size = float(np.sqrt(np.square(slopes).sum(axis=1).mean()))
