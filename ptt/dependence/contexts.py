@@ -20,6 +20,7 @@ CHANCE = 1e-3  # significance level of the Hausman test for removing the frame
 LEAST_ROWS = 3  # rows that each direction of arrival, or run, needs for the variable to vary
 WIDE = 1.5  # ratio of the longest to the shortest moves, beyond which their lengths or durations vary
 FEW_MOVES = 4  # moves at the least that count as the longest or the shortest: a few rests in a day are enough
+LEAST_LOAD = 0.1  # share of its largest load by which that of a joint has to vary
 SHORT = 0.05  # least lever of a joint, as a share of its rms lever; least rms lever, as a share of the longest one
 
 
@@ -202,13 +203,14 @@ def path_views(problem: Problem) -> dict[str, np.ndarray]:
     Returns:
         As `context_views`, and 'way x'.., components of the tool's unit direction of arrival; 'turn x'.., of its
         direction of departure less that; 'step' mm, length of the move to the row; 'pause' s, its duration with any
-        rest before it; 'feed' mm/s; of an arm 'gravity x'.., its components along the axes of the tool.
+        rest before it; 'feed' mm/s; of an arm 'gravity x'.., its components along the axes of the tool; 'force1'.. N
+        or 'torque1'.. N m, the load of each joint.
     """
     came, turns = ways_of(problem.view.p.numpy(), problem.view.starts.numpy())
     named = {
         f"{what} {axis}": way[:, i] for what, way in (("way", came[0]), ("turn", turns)) for i, axis in enumerate(AXES)
     }
-    named |= moves_of(problem) | hanging_of(problem)
+    named |= moves_of(problem) | hanging_of(problem) | loads_of(problem)
     if problem.table.feed_mm_s is not None:
         named["feed"] = np.asarray(problem.table.feed_mm_s, dtype=float)
     return {name: way for name, way in named.items() if _varies(name, way[problem.used])} | context_views(problem)
@@ -226,6 +228,26 @@ def hanging_of(problem: Problem) -> dict[str, np.ndarray]:
     if problem.file.machine.kind != "serial":
         return {}
     return {name: value_of(problem.view, name).numpy() for name in GRAVITY}
+
+
+def loads_of(problem: Problem) -> dict[str, np.ndarray]:
+    """What platform, links and payload load each joint with, (n,) each; a bearing with play changes sides with it.
+
+    Args:
+        problem: the run.
+
+    Returns:
+        'force1'.. N of sliders, 'torque1'.. N m of an arm's joints, positive toward growing joint values, where it
+        varies. A column of the user's with the same title takes its place.
+    """
+    every = [load_name(problem, joint) for joint in range(problem.view.joints)]
+    found = {each: value_of(problem.view, each).numpy() for each in every if each not in problem.table.watched}
+    return {each: values for each, values in found.items() if np.ptp(values) > LEAST_LOAD * np.abs(values).max()}
+
+
+def load_name(problem: Problem, joint: int) -> str:
+    """What the load of a joint, from 0, is called: 'force1' or, of an arm, 'torque1'."""
+    return f"{'torque' if problem.file.machine.kind == 'serial' else 'force'}{joint + 1}"
 
 
 def moves_of(problem: Problem) -> dict[str, np.ndarray]:
@@ -256,8 +278,8 @@ def unit_of(problem: Problem, name: str) -> str:
         name: as `path_views` has it.
 
     Returns:
-        'mm', 'rad', 'mm/s', 'rad/s', 'kg', 'C', 's'; '' of directions, runs, row numbers and columns that the user
-        named.
+        'mm', 'rad', 'mm/s', 'rad/s', 'kg', 'C', 's', 'N', 'N m'; '' of directions, runs, row numbers and columns
+        that the user named.
     """
     if name in problem.table.watched:
         return ""
@@ -273,6 +295,8 @@ def unit_of(problem: Problem, name: str) -> str:
     own["time"] = "s" if "time" in problem.view.varies else ""
     if name in own:
         return own[name]
+    if name.startswith(("force", "torque")):
+        return "N" if name.startswith("force") else "N m"
     return angle if is_joint(name) else f"{angle}/s" if name.startswith("speed") else ""
 
 
@@ -289,7 +313,7 @@ def is_direction(name: str) -> bool:
 def own_joint(residual: str, on: str) -> bool:
     """Whether a joint-space residual belongs to the joint that a variable speaks of: 'slider 2' and 'direction2'."""
     joint = re.fullmatch(r"(?:slider|joint) (\d+)", residual)
-    variable = re.fullmatch(r"(?:b|q|direction|speed)(\d+)", on)
+    variable = re.fullmatch(r"(?:b|q|direction|speed|force|torque)(\d+)", on)
     return joint is not None and variable is not None and joint[1] == variable[1]
 
 

@@ -24,6 +24,14 @@ MOVES = {f"{word} {axis}": text.format(axis) for word, text in WAYS.items() for 
     "reversal": "the travel since the last reversal",
 }  # variables that are no columns of a table, by what they are
 
+LOADED = {"force": "slider", "torque": "joint"}  # name of a load, without the joint's number, and on what it acts
+
+
+def described(on: str) -> str | None:
+    """What a variable is that is no column of a table, as 'the load on slider 2' of 'force2'; None for a column."""
+    name, number = on.rstrip("0123456789"), on.lstrip("abcdefghijklmnopqrstuvwxyz ")
+    return f"the load on {LOADED[name]} {number}" if name in LOADED and number else MOVES.get(on)
+
 
 def _toward(axis: str, whose: str = "") -> tuple[str, str, str]:
     return f"further toward +{axis}{whose}", f"further toward -{axis}{whose}", f"furthest toward +{axis}{whose}"

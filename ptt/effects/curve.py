@@ -12,6 +12,7 @@ from ptt.effects.curve_basis import (
     DEGREE,
     GRAVITY,
     JOINT,
+    LOAD,
     SMOOTH,
     TURNS,
     field_basis,
@@ -54,9 +55,9 @@ class Curve(Effect):
     A subclass sets the class attributes below; stage, parameters and requirements are derived from them.
 
     Class attributes:
-        on: the variable: 'b2' or 'q2', 'direction2', 'speed2', 'payload', 'temperature', 'time', 'run', of an arm
-            'gravity x' to 'gravity z' along the axes of its tool, or 'x', 'y', 'z', which without `acts_on` stand for
-            a free field over the workspace.
+        on: the variable: 'b2' or 'q2', 'direction2', 'speed2', the load 'force2' (N) of a slider or 'torque2' (N m) of
+            an arm's joint, 'payload', 'temperature', 'time', 'run', of an arm 'gravity x' to 'gravity z' along the axes
+            of its tool, or 'x', 'y', 'z', which without `acts_on` stand for a free field over the workspace.
         acts_on: what it shifts: 'slider 2' or 'joint 2', 'rail 2 outward', 'rail 2 sideways', 'link 2', 'x', 'y', 'z'
             of the tool, of an arm 'mount' (the tool in its holder) or 'load' (its centre, with `on` the payload), or
             'set-up' (tracker against machine, which no command corrects); '' for the joint that `on` names, else the
@@ -64,7 +65,7 @@ class Curve(Effect):
         moments: of shape 'levels' over time, the moments at which it switches, s, ascending.
         shape: 'levels', 'smooth', 'step', 'bump', 'period', 'varying' or 'gradual', as a diagnosis names it.
         between: range of the variable in the data (of 'varying': of the second variable; of 'gradual': of the joint
-            that reverses), or ends of the step or bump; mm, rad, s, kg, or K above the drawing's temperature.
+            that reverses), or ends of the step or bump; mm, rad, s, kg, N, or K above the drawing's temperature.
         period: of shape 'period', mm or rad.
         together: of shape 'smooth' or 'step', the variables that it takes all of, `on` among them; a step over time is
             by an amount that varies with the others.
@@ -191,6 +192,9 @@ class Curve(Effect):
         if joint and joint[1] in ("b", "q"):
             column = torch.arange(view.joints) == int(joint[2]) - 1
             return replace(view, q=torch.where(column, spread[:, None], view.q))
+        if joint and LOAD.fullmatch(self.on):
+            unit = 1e3 if joint[1] == "torque" else 1.0  # N mm, of N m
+            return replace(view, torque=unit * spread[:, None].expand(-1, view.joints))
         match self.on:
             case "payload":
                 return replace(view, payload=spread)
@@ -221,8 +225,9 @@ class Curve(Effect):
         if self.moments:
             level = torch.searchsorted(value.new_tensor(self.moments), value.contiguous())
             return torch.nn.functional.one_hot(level, len(self.moments) + 1).to(value)
-        if self.shape == "step":
-            return (value > 0.5 * (low + high)).to(value)[:, None]
+        if self.shape == "step":  # play goes from one side to the other of where the drawing has the joint
+            below = 0.5 if LOAD.fullmatch(self.on) else 0.0
+            return (value > 0.5 * (low + high)).to(value)[:, None] - below
         if self.shape == "bump":
             reach = high - low  # wider than found: damage fades out beyond the feet that a test can see
             knots = torch.linspace(low - reach, high + reach, HATS + 2, dtype=value.dtype)
@@ -267,7 +272,10 @@ def fits(mechanisms: tuple[str, ...], name: str) -> bool:
     Returns:
         Whether all of them do; the number of an arm's joints is not checked, since its file alone states it.
     """
-    own = {"three-ptt": ("b", "slider", "rail", "link"), "serial": ("q", "joint", "link", "mount", "load", "gravity")}
+    own = {
+        "three-ptt": ("b", "force", "slider", "rail", "link"),
+        "serial": ("q", "torque", "joint", "link", "mount", "load", "gravity"),
+    }
     word = (re.match(r"[a-z]*", name) or [""])[0]
     number = re.search(r"[0-9]+", name)
     everywhere = word not in {each for kind in own.values() for each in kind}

@@ -12,7 +12,8 @@ from ptt.mechanisms.serial import Serial
 from ptt.run.axes import AXES
 from ptt.run.view import View
 
-JOINT = re.compile(r"(b|q|direction|speed)([1-9][0-9]*)")
+JOINT = re.compile(r"(b|q|direction|speed|force|torque)([1-9][0-9]*)")
+LOAD = re.compile(r"(force|torque)[1-9][0-9]*")  # of what JOINT has, what a joint bears
 SMOOTH = SHAPES + 2  # bending modes, slope and level of a smooth curve
 GRAVITY = tuple(f"gravity {axis}" for axis in AXES)  # its components along the axes of an arm's tool
 DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace
@@ -65,11 +66,24 @@ def value_of(view: View, name: str) -> Tensor:
     """The variable at each row, (n,)."""
     joint = JOINT.fullmatch(name)
     if joint:
-        table = {"b": view.q, "q": view.q, "direction": view.direction, "speed": view.velocity}[joint[1]]
-        return table[:, int(joint[2]) - 1]
+        return _of_joints(view, joint[1])[:, int(joint[2]) - 1]
     if name in GRAVITY:
         turn = cast(Serial, view.mechanism).pose(view.q)[1]
         return torch.einsum("nc,c->n", turn[:, :, GRAVITY.index(name)], view.gravity)
     if name in AXES:
         return view.p[:, AXES.index(name)]
     return {"payload": view.payload, "temperature": view.warmth, "time": view.time, "run": view.run.double()}[name]
+
+
+def _of_joints(view: View, name: str) -> Tensor:
+    """A variable that each joint has, (n, k)."""
+    match name:
+        case "direction":
+            return view.direction
+        case "speed":
+            return view.velocity
+        case "force":
+            return view.axis_force()
+        case "torque":
+            return 1e-3 * view.axis_force()  # N m, of N mm
+    return view.q

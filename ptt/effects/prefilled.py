@@ -266,9 +266,10 @@ def is_variable(name: str) -> bool:
 def _mechanisms(found: Mapping[str, Any]) -> tuple[str, ...]:
     """Mechanism families that it fits: that of the joint named by variable, residual or place; both for the tool."""
     on, residual, acts_on = found["on"], found["residual"], found["acts_on"]
-    if residual.startswith("joint") or re.fullmatch(r"q[0-9]+", on) or on in GRAVITY or acts_on in ("mount", "load"):
+    of_arm = re.fullmatch(r"(q|torque)[0-9]+", on) or on in GRAVITY or acts_on in ("mount", "load")
+    if residual.startswith("joint") or of_arm:
         return ("serial",)
-    of_tool = residual in AXES and acts_on in ("", "set-up", *AXES) and not re.fullmatch(r"b[0-9]+", on)
+    of_tool = residual in AXES and acts_on in ("", "set-up", *AXES) and not re.fullmatch(r"(b|force)[0-9]+", on)
     return ("three-ptt", "serial") if of_tool and (acts_on or not JOINT.fullmatch(on)) else ("three-ptt",)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.dependence.bins import binned_curve
-from ptt.dependence.contexts import is_direction, path_views, residual_views
+from ptt.dependence.contexts import is_direction, loads_of, path_views, residual_views
 from ptt.dependence.dependence import Dependence, of_run
 from ptt.dependence.following import FAR, depends_on
 from ptt.dependence.way import since_reversal
@@ -107,7 +107,8 @@ def _dependence(
     on = _followed({name: sum(explained[name].values()) for name in choices}, item, problem)
     residual = max(residuals, key=lambda axis: explained[on][axis])
     seconds = (*SECOND_VARIABLES, *problem.table.watched)
-    second = next((name for name in item.block.on[1:] if name in seconds and is_direction(on)), None)
+    may_vary = (*seconds, *loads_of(problem))
+    second = next((name for name in item.block.on[1:] if name in may_vary and is_direction(on)), None)
     shown = {name: contexts[name] for name in {on, second} - {None} if name in contexts}
     groups, travel = pose_groups(problem.table), travel_blocks(problem.table)
     reached = {residual: float(np.nanmax(np.abs(parts[residual]))) / FAR}  # what the unknown itself does is not clipped

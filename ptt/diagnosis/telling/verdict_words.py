@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ptt.dependence.dependence import Dependence
-from ptt.dependence.said import MOVES, middle, switched_at
+from ptt.dependence.said import described, middle, switched_at
 from ptt.diagnosis.noise.slow import Slow
 from ptt.diagnosis.search.excess import UNREPEATED, beyond_noise, remaining_error
 from ptt.diagnosis.telling.untested import untested
@@ -189,8 +189,9 @@ def _bent(result: Any, followed: str) -> str:
 
 
 def _spoken(on: str) -> str:
-    """A variable by its column; moves of the tool, which are no columns, are described."""
-    return f"{MOVES[on]} ({on})" if on in MOVES else on
+    """A variable by its column; moves of the tool and loads of joints, which are no columns, are described."""
+    told = described(on)
+    return f"{told} ({on})" if told else on
 
 
 def _each(names: Sequence[str], name_of: Callable[[str], str]) -> list[str]:

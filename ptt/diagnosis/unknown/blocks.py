@@ -80,7 +80,8 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
             continue
         yield from _of_drive(problem, place, q, p, span)
         if span.two_sided[place.joint]:
-            yield from _reversal(problem, place, own, low, span.contexts)
+            load = span.loads[place.joint]
+            yield from _reversal(problem, place, own, low, span.contexts if load is None else (*span.contexts, load))
             on = f"direction{place.joint + 1}", own
             yield Recipe(
                 f"{place.residual} gradually on {on[0]}", place, on, partial(turned, place.joint), gradual=True
@@ -107,6 +108,9 @@ def _of_drive(problem: Problem, place: Place, q: np.ndarray, p: np.ndarray, span
     if problem.view.lead is not None:  # a bearing of the screw, or its encoder's, that gets worse
         turns = harmonics(2.0 * np.pi * raw[:, place.joint] / problem.view.lead)
         yield _named(place, ("time", own), partial(product, span.settling[:, 1:], turns), "each turn steadily ")
+    load = span.loads[place.joint]
+    if load is not None:  # it yields unevenly, or goes to the other side of its play
+        yield _named(place, (load.name,), partial(_shapes, load))
     for context in span.contexts:
         if context.joints:
             yield _named(place, (context.name, own), partial(product, _with_level(context), low))

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ptt.dependence.contexts import context_views
+from ptt.dependence.contexts import context_views, loads_of
 from ptt.run.problem import Problem
 
 HEIGHTS = 64  # values at which a law along one variable may jump, at equal shares of the rows
@@ -14,7 +14,7 @@ END_SHARE, LEAST_END = 0.05, 3
 BROKEN_ROWS = 4  # rows as many as beams may break one after the other
 MOST_EVENTS = 3  # separate events in one run, at most: what happens more often has one recurring cause
 
-# Variable, its values at which the law jumps, and which rows have the jump, (n,) or (n, k) bool.
+# Variable, its values at which the law jumps, and which rows have the jump, (n,) or (n, k).
 Jump = tuple[str, tuple[float, ...], np.ndarray]
 
 
@@ -49,6 +49,24 @@ def passed_again(problem: Problem) -> Iterator[Jump]:
                 above = values > value
                 if _is_passed_again(above[problem.used]):
                     yield on, (float(value),), above
+
+
+def sides_of(problem: Problem, load: str) -> Iterator[Jump]:
+    """The jump of what has play and bears on one side or the other, by the sign of a joint's load.
+
+    Args:
+        problem: n rows.
+        load: name of the load.
+
+    Yields:
+        The load, zero, and half of the jump on either side of it, (n,); nothing where too few rows are on one side.
+    """
+    loads = loads_of(problem)
+    if load in loads:
+        above = loads[load] > 0.0
+        fewer = min(above[problem.used].sum(), (~above[problem.used]).sum())
+        if fewer >= max(int(END_SHARE * problem.used.sum()), LEAST_END):
+            yield load, (0.0,), above - 0.5
 
 
 def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[Jump]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ptt.dependence.contexts import moves_of
+from ptt.dependence.contexts import load_name, loads_of, moves_of
 from ptt.dependence.way import ways_of
 from ptt.diagnosis.unknown.smooth import (
     MODULATION_DEGREE,
@@ -68,6 +68,7 @@ class Span:
         contexts: what varies beside the pose, with shapes on all n rows.
         two_sided: joints that reached readings that count from both directions, (k,) bool.
         settling: functions of time for a joint that drifts or settles over the run, (n, 5).
+        loads: load of each joint, as a context of its own, k of them; None where it is unknown or the same everywhere.
         begun: decaying memory of the direction in which each run was entered, columns of its own for each run,
             (n, k, c).
         levers: name of a place -> its lever, where other rows of the run have determined it.
@@ -80,12 +81,14 @@ class Span:
     two_sided: np.ndarray
     settling: np.ndarray
     begun: np.ndarray
+    loads: tuple[Context | None, ...]
     levers: dict[str, float] = field(default_factory=dict)
 
     def of(self, rows: np.ndarray) -> "Span":
         """The span with functions on some of the rows, (m,) int."""
         contexts = tuple(context.of(rows) for context in self.contexts)
-        return replace(self, contexts=contexts, settling=self.settling[rows], begun=self.begun[rows])
+        loads = tuple(load and load.of(rows) for load in self.loads)
+        return replace(self, contexts=contexts, settling=self.settling[rows], begun=self.begun[rows], loads=loads)
 
     @property
     def slow(self) -> np.ndarray:
@@ -105,8 +108,20 @@ def span_of(problem: Problem) -> Span:
     view = problem.view
     q, p = view.q.numpy(), view.p.numpy()
     size = max(float(np.sqrt(np.square(p).mean())), 1e-9)
-    contexts, settling = tuple(_contexts(problem)), _settling(view.clock.numpy())
-    return Span(column_ends(q), column_ends(p), size, contexts, problem.two_sided, settling, _begun(view))
+    contexts, settling, loads = tuple(_contexts(problem)), _settling(view.clock.numpy()), tuple(_loads(problem))
+    return Span(column_ends(q), column_ends(p), size, contexts, problem.two_sided, settling, _begun(view), loads)
+
+
+def _loads(problem: Problem) -> Iterator[Context | None]:
+    """Loads of the joints: smooth functions of each, and the side on which it bears."""
+    loads = loads_of(problem)
+    for joint in range(problem.view.joints):
+        name = load_name(problem, joint)
+        if name not in loads:
+            yield None
+            continue
+        eased = modulation(scaled(loads[name], column_ends(loads[name])))
+        yield Context(name, np.column_stack([eased, np.sign(loads[name])]), eased, fields=False)
 
 
 def _begun(view: View) -> np.ndarray:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ptt.dependence.said import MOVES
+from ptt.dependence.said import described
 from ptt.effects.phrases import UNTOLD, places, scaled
 
 MICRO = "\N{MICRO SIGN}"
@@ -38,8 +38,9 @@ def spoken(on: str, serial: bool) -> str:
     Returns:
         For example 'height of slider 3'.
     """
-    if on in MOVES:
-        return MOVES[on]
+    told = described(on)
+    if told:
+        return told
     found = JOINT.fullmatch(on)
     if found is None:
         return on

@@ -121,6 +121,9 @@ def variable_label(name: str, problem: Problem) -> str:
         return f"{joint} {name[9:]} arrives [-1 {'back, +1 forward' if serial else 'down, +1 up'}]"
     if name.startswith("speed"):
         return f"speed of {joint} {name[5:]} [{'rad' if serial else 'mm'}/s]"
+    if name.startswith(("force", "torque")):
+        number, unit = name.lstrip("forcetqu"), "N m" if serial else "N"
+        return f"load on {joint} {number} [{unit}]"
     return f"angle of joint {name[1:]} [rad]" if serial else f"height of slider {name[1:]} [mm]"
 
 
