@@ -26,7 +26,9 @@ ROWS = 3600
 
 def run_of(folder: Path, change: Callable[[pd.DataFrame], None] | None = None, **faults: Any) -> Problem:
     drawing = FILE.machine.model_dump(mode="json", exclude_none=True)
-    conditions = {"dwell_s": 4.0, "room": {"start_c": 20.0, "rise_k": 6.0, "time_constant_s": 8000.0}, "cycles": 4}
+    # It swings, too: of a temperature that rises once, readings hardly tell how late a screw follows.
+    room = {"start_c": 20.0, "rise_k": 6.0, "time_constant_s": 8000.0, "swing_k": 1.0, "swing_period_s": 3000.0}
+    conditions = {"dwell_s": 4.0, "room": room, "cycles": 4}
     rig = replace(parse_rig({"machine": drawing, "seed": 4, "conditions": conditions, **faults}), machine=FILE)
     frame = simulate(rig, make_volume(ideal_machine(rig.spec), ROWS // 4, 3)).frame
     if change is not None:

@@ -94,6 +94,7 @@ def cut(task: CommandTask, low: int, high: int) -> CommandTask:
         return task
     names = ("wanted", "asked", "in_domain", "nominal", "start", "time")
     own = {name: getattr(task, name)[low:high] for name in names}
+    own["behind"] = None if task.behind is None else task.behind[low:high]
     own["contexts"] = {name: values[low:high] for name, values in task.contexts.items()}
     index = np.arange(low, high)
     clock = None if task.clock is None else take_rows(task.clock, index)

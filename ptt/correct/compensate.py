@@ -24,7 +24,7 @@ from ptt.run.blanks import without_empty
 from ptt.run.ranges import contexts_of
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base, target_frames
-from ptt.run.viewing import elapsed
+from ptt.run.viewing import elapsed, lags_of
 
 __all__ = ["LIMIT_MM", "Commands", "Correction", "NetworkError", "Reversal", "compensate"]
 
@@ -236,9 +236,10 @@ def prepare(
     time = elapsed(targets) if time is None else time
     contexts = contexts_of(targets, wanted, time.numpy(), by_feed=by_feed)
     clock = targets if plan.follows_speed else None
-    targets = without_empty(targets).replace(time_s=None, feed_mm_s=None)
+    targets = without_empty(targets)
+    behind, targets = lags_of(targets), targets.replace(time_s=None, feed_mm_s=None)
     ways = plan.steady, plan.reversing
     return CommandTask(
-        plan.model, targets, mechanism, *ways, place, asked, in_domain, nominal, start, plan.limit, time, contexts,
-        clock=clock, correction=correction,
+        plan.model, targets, mechanism, *ways, place, asked, in_domain, nominal, start, plan.limit, time, behind,
+        contexts, clock=clock, correction=correction,
     )  # fmt: skip

@@ -135,6 +135,7 @@ def _nearest(task: CommandTask, rows: np.ndarray, nearest: Nearest) -> tuple[np.
         part = replace(
             task, targets=table, wanted=place, asked=asked, in_domain=task.in_domain[rows], nominal=start,
             start=start, reversing=(), clock=None, time=task.time[rows],
+            behind=None if task.behind is None else task.behind[rows],
         )  # fmt: skip
         found = settle(part)
         better = (found.status == OK) & found.solved.reached & np.isnan(distance)

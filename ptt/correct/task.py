@@ -43,6 +43,8 @@ class CommandTask:
         start: joint values where Newton's method starts, (n, k).
         limit: largest correction that is sent, mm.
         time: seconds since the first row of the whole list, (n,) s.
+        behind: how much warmer bodies are than the temperature, which they follow late, (n, m) K, as of a `View`; None
+            without temperatures or a clock.
         contexts: payload, temperature, speed and time of the targets as they were read (`contexts_of`), each (n,).
         handover: state handed on by the rows before; None where these rows are the first.
         clock: the targets with time and feed, from which speeds follow; None where no effect depends on speed.
@@ -63,6 +65,7 @@ class CommandTask:
     start: Tensor
     limit: float
     time: Tensor
+    behind: Tensor | None
     contexts: Mapping[str, np.ndarray]
     handover: "Handover | None" = None
     clock: Table | None = None
@@ -94,7 +97,8 @@ class CommandTask:
 
     def view_of(self, q: Tensor) -> View:
         """The view of the travel that commands q (n, k) make, with the context of the targets."""
-        view = replace(build_view(self.model.file, replace(self.targets, command=q.numpy())), time=self.time)
+        view = build_view(self.model.file, replace(self.targets, command=q.numpy()))
+        view = replace(view, time=self.time, behind=self.behind)
         if self.velocity is not None:
             view = replace(view, velocity=self.velocity, paces=None)
         elif self.pace is not None:

@@ -22,6 +22,7 @@ from ptt.door.result import Note, Result, ignore_note
 from ptt.door.run import Targets
 from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
 from ptt.door.tally import Tally, tally
+from ptt.effects.late import is_late
 from ptt.files import write_parts
 from ptt.fitting.chunks import CHUNK, STRETCH_ROWS, stretches
 from ptt.progress import Progress, unwatched
@@ -105,8 +106,8 @@ def predict_file(
         What was written.
 
     Raises:
-        NotInParts: the file has to be read as a whole: for the postures of an arm, the targets' frame, its format, or
-            its empty cells.
+        NotInParts: the file has to be read as a whole: for the postures of an arm, growth that is late, the targets'
+            frame, its format, or its empty cells.
         InputError: as `predict`.
     """
     require_options(reversal, limit_mm)
@@ -114,6 +115,8 @@ def predict_file(
         refuse_readings(out)
     if model.compensator.network is not None and model.compensator.space == "joints":
         raise NotInParts  # the network asks for the postures of all rows
+    if any(is_late(term.effect, term.theta) for term in model.physics.terms):
+        raise NotInParts  # how warm a body is depends on all rows before
     with TemporaryDirectory(prefix="ptt_") as name:
         folder = Path(name)
         spool, placed = _read(model, path, reading, folder, ask, progress)

@@ -100,6 +100,14 @@ class Effect:
         """Nats of prior odds against this one among all of its kind (harmonic m of all m); 0 where it is alone."""
         return 0.0
 
+    def odds_of_shape(self, shape: Mapping[str, Tensor]) -> float:
+        """Nats of prior odds against a shape that is less simple than the first one of the search.
+
+        Args:
+            shape: the searched and given parameters.
+        """
+        return 0.0
+
     def ratio_limit(self, view: View) -> float | None:
         """Largest plausible ratio of a joint's second value to its first, in their units; None where there is none.
 

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
+from ptt.effects.late import LATE, Growth, late_warmth
 from ptt.effects.phrases import Phrase
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
@@ -73,7 +74,7 @@ class ColumnBend(Effect):
 
 
 @dataclass(frozen=True)
-class FrameGrowth(Effect):
+class FrameGrowth(Growth):
     """Frame and links grow with temperature: the base radius and the links (serial: every a and d) by a dT."""
 
     name: ClassVar[str] = "frame-growth"
@@ -89,9 +90,8 @@ class FrameGrowth(Effect):
         Parameter(
             "link", "1/K", 1.2e-5, "expansion of the links (serial: of every d)", within=(-0.1, LARGEST_EXPANSION)
         ),
+        LATE,
     )
-    requires: ClassVar[tuple[str, ...]] = ("temperature",)
-    follows_clock: ClassVar[bool] = True
     called: ClassVar[str] = "frame growth"
     phrases: ClassVar[tuple[Phrase, ...]] = (
         Phrase(
@@ -114,7 +114,7 @@ class FrameGrowth(Effect):
         cause="Frame and links grow as they warm; each with its own material.",
         equation=(
             "dp = f(q; R (1 + a_R dT), L (1 + a_L dT)) - f(q; R, L), R the base radius, L the links (serial: every a, "
-            "every d), f the forward kinematics"
+            "every d), f the forward kinematics, dT = temp_c - reference_temp_c, or that of a body that is late"
         ),
         source="linear thermal expansion (steel 11 to 12, aluminium 23 um/m/K); method of ISO 230-3",
         size="5 to 7 um at 2 K",
@@ -136,20 +136,22 @@ class FrameGrowth(Effect):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Tool shift per unit strain of radius and links, times warmth: the limit of a small strain."""
-        return self._per_strain(view, torch.zeros_like(view.growth[:1]))
+        return self._per_strain(view, late_warmth(view, shape["late"]), torch.zeros_like(view.growth[:1]))
 
     def slope(self, theta: Tensor, view: View) -> Tensor:
-        """Derivative by both expansions at the strain that there is."""
-        return self._per_strain(view, (view.warmth[:, None] * theta) @ view.growth)
+        """Derivative by both expansions at the strain that there is; none by how late they are, which is given."""
+        warmth = late_warmth(view, theta[2:])
+        by_size = self._per_strain(view, warmth, (warmth[:, None] * theta[:2]) @ view.growth)
+        return torch.nn.functional.pad(by_size, (0, 1))
 
-    def _per_strain(self, view: View, grown: Tensor) -> Tensor:
+    def _per_strain(self, view: View, warmth: Tensor, grown: Tensor) -> Tensor:
         """Tool shift per unit of either expansion, (n, 3, 2) mm K, at geometry shifts (n, G)."""
         _, _, by_slot = sensitivity(view.mechanism, view.q, view.mounted(grown))
-        return view.warmth[:, None, None] * (by_slot @ view.growth.T)
+        return warmth[:, None, None] * (by_slot @ view.growth.T)
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
         """Position of the grown machine less that of the drawn one: near a singularity 1e-4 is no small strain."""
-        strain = view.warmth[:, None] * theta  # shape: (n, 2)
+        strain = late_warmth(view, theta[2:])[:, None] * theta[:2]  # shape: (n, 2)
         still = torch.zeros_like(view.growth[:1])
         grown = view.mechanism.forward(view.q, view.mounted(strain @ view.growth))
         return grown - view.mechanism.forward(view.q, view.mounted(still))

@@ -12,7 +12,7 @@ from ptt.run.turns import Entry
 
 PER_ROW = (  # fields of a view with one entry for each row, except `number`
     "q", "p", "jacobian", "direction", "turning_point", "velocity", "starts", "run", "payload", "warmth", "time",
-    "torque", "mount", "link_load", "read", "paces", "fed",
+    "torque", "mount", "link_load", "read", "paces", "fed", "behind",
 )  # fmt: skip
 
 
@@ -37,6 +37,8 @@ class View:
         run: run of each row, (n,) int64.
         payload: (n,) kg; zero where the table has none.
         warmth: temperature above the reference, (n,) K; zero where the table has none.
+        behind: how much warmer bodies are that follow it late by each of `ptt.run.behind.LAGS_S`, (n, m) K; None where
+            there is no clock, or no temperature that varies.
         time: seconds since the first row, (n,) s; zero where the table has none.
         torque: measured joint force or torque, (n, k) N or N mm (files give N m), or None.
         platform_mass: kg.
@@ -85,6 +87,7 @@ class View:
     read: Tensor | None = None
     paces: Tensor | None = None
     fed: Tensor | None = None
+    behind: Tensor | None = None
     number: Tensor | None = None
     entries: tuple[Entry, ...] = ()
     began: float = 0.0

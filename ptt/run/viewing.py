@@ -10,6 +10,7 @@ from ptt.mechanisms import build_mechanism
 from ptt.mechanisms.protocol import Mechanism
 from ptt.mechanisms.statics import gravity_of, link_torques
 from ptt.mechanisms.workspace import translation_rank
+from ptt.run.behind import lags_behind
 from ptt.run.beside import rows_beside
 from ptt.run.pace import joint_speeds
 from ptt.run.reach import require_targets
@@ -95,6 +96,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
     zeros = torch.zeros(table.rows, dtype=torch.float64)
     warmth = zeros if table.temp_c is None else _tensor(table.temp_c) - spec.reference_temp_c
     payload = zeros if table.payload_kg is None else _tensor(table.payload_kg)
+    varies = _what_varies(table, travel, velocity)
     return View(
         mechanism=mechanism,
         home=torch.as_tensor(mechanism.home(), dtype=torch.float64),
@@ -120,8 +122,9 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         travel_limits=joint_limits(file),
         gravity=gravity_of(spec),
         link_load=link_torques(mechanism, file.machine, commands),
-        varies=_what_varies(table, travel, velocity),
+        varies=varies,
         read=_rows_read(table),
+        behind=lags_of(table) if {"temperature", "time"} <= varies else None,
     )
 
 
@@ -145,6 +148,23 @@ def elapsed(table: "Table") -> Tensor:
     step = np.diff(clock, prepend=clock[:1])
     anew = np.diff(table.run, prepend=table.run[:1]) != 0
     return _tensor(np.cumsum(np.where(step < 0.0, np.where(anew, MOMENT, 0.0), step)))
+
+
+def lags_of(table: "Table") -> Tensor | None:
+    """How much warmer bodies are than the temperature, which they follow late by each of `ptt.run.behind.LAGS_S`.
+
+    A body goes on from run to run, as long as the clock does.
+
+    Args:
+        table: n rows.
+
+    Returns:
+        (n, m) K; None without temperatures or a clock.
+    """
+    if table.temp_c is None or table.time_s is None:
+        return None
+    anew = np.diff(table.time_s, prepend=table.time_s[:1]) < 0.0
+    return _tensor(lags_behind(np.asarray(table.temp_c, dtype=float), elapsed(table).numpy(), anew))
 
 
 def joint_limits(file: "MachineFile") -> Tensor:

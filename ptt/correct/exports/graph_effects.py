@@ -68,7 +68,7 @@ def _turn(s: GraphLegs, t: np.ndarray, effect: Effect) -> None:
 
 
 def _screw_growth(s: GraphLegs, t: np.ndarray, effect: Effect) -> None:
-    s.move_drive(s.warmth * ((s.q - s.home) * t[None, :3] + t[None, 3:]))
+    s.move_drive(s.warmth * ((s.q - s.home) * t[None, :3] + t[None, 3:6]))  # a held temperature is no longer late
 
 
 def _screw_map(s: GraphLegs, t: np.ndarray, effect: Effect) -> None:

@@ -47,8 +47,9 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
         shapes = len(tuple(term.effect.search(problem.view)))
         odds = odds_of_effect(term.effect, len(names), shapes)
         own = next(item for item in fitted.model.terms if item.effect.key == key)
-        atom = effect_atom(key, columns, own.effect, problem, odds, None, free)
-        atom = _in_shape(atom, shape_of(own.effect, own.theta, problem.view.joints), problem, free)
+        shape = shape_of(own.effect, own.theta, problem.view.joints)
+        odds += own.effect.odds_of_shape(shape)
+        atom = _in_shape(effect_atom(key, columns, own.effect, problem, odds, None, free), shape, problem, free)
         since = float(own.theta[-1]) if is_sudden(atom) else None
         values = fitted.unknowns[columns] * fitted.layout.scale[columns] / linear.scale[columns]
         begin = _fitted_variances(atom, values)
@@ -60,9 +61,25 @@ def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Se
             odds = odds_of_effect(trial.effect, len(names), trial.trials)
             first = effect_atom(key, trial.columns, trial.effect, problem, odds, trial.shape)
             like[name] = replace(first, tested=_is_tested(first, problem))
-        atom = replace(like[name], key=key, columns=trial.columns, shape=trial.shape)
+        odds = like[name].odds + trial.effect.odds_of_shape(trial.shape)
+        atom = replace(like[name], key=key, columns=trial.columns, shape=trial.shape, odds=odds)
         atoms[key] = _in_shape(atom, trial.shape, problem, slice(0, len(trial.columns)))
     return atoms
+
+
+def reshaped(atom: Atom, key: str, shape: Mapping[str, Tensor], present: Mapping[str, Tensor] | None = None) -> Atom:
+    """The atom of an effect in another shape, at the odds of that.
+
+    Args:
+        atom: the effect in one shape.
+        key: of the new atom.
+        shape: its shape.
+        present: shape of the effect in the model, where the atom is that; None for the atom's own.
+    """
+    assert atom.effect is not None
+    own = atom.shape if present is None else present
+    more = atom.effect.odds_of_shape(shape) - (atom.effect.odds_of_shape(own) if own is not None else 0.0)
+    return replace(atom, key=key, shape=dict(shape), odds=atom.odds + more)
 
 
 def _fitted_variances(atom: Atom, values: np.ndarray) -> np.ndarray:

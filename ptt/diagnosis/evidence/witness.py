@@ -6,9 +6,11 @@ The stand of a tracker grows with room temperature as a machine's frame does, by
 from collections.abc import Sequence
 
 import numpy as np
+from torch import Tensor
 
 from ptt.diagnosis.evidence.at_tool import at_tool_um, moved_by, without_rigid_motion
 from ptt.effects import Effect
+from ptt.effects.late import Growth, late_warmth
 from ptt.effects.metrology import SetupJump
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import sampled_if_long
@@ -107,12 +109,12 @@ def _shared_with_drift(term: Term, problem: Problem, noise: Noise) -> float:
         return 0.0
     frame = problem.frame[problem.used]
     time, warmth = (
-        about_means(values.numpy()[problem.used], frame) for values in (problem.view.time, problem.view.warmth)
+        about_means(values.numpy()[problem.used], frame) for values in (problem.view.time, _warmth(term, problem))
     )
     if float(time @ warmth) ** 2 <= BY_THE_CLOCK * float(time @ time) * float(warmth @ warmth):
         return 0.0
     moved = moved_by(term, problem)
-    shared = moved - _beside_shift(moved, problem)
+    shared = moved - _beside_shift(moved, term, problem)
     part = rms_length(shared)
     return part if part > NOTED_PART * noise.total else 0.0
 
@@ -122,7 +124,7 @@ def _follows_warmth(term: Term, problem: Problem, noise: Noise) -> bool:
     if "temperature" not in problem.view.varies:
         return False
     moved = moved_by(term, problem)
-    left = _beside_shift(moved, problem)
+    left = _beside_shift(moved, term, problem)
     mostly = float(np.square(left).sum()) < (1.0 - BY_THE_CLOCK) * float(np.square(moved).sum())
     return mostly and _is_shift_with_warmth(term, problem, noise)
 
@@ -142,14 +144,20 @@ def _is_shift_with_warmth(term: Term, problem: Problem, noise: Noise) -> bool:
 
 def _beside_warmth(term: Term, problem: Problem, noise: Noise) -> float:
     """Chi-squared of an effect's shifts that no common shift in proportion to temperature explains."""
-    return float(np.square(_beside_shift(moved_by(term, problem), problem) @ noise.whitener.T).sum())
+    return float(np.square(_beside_shift(moved_by(term, problem), term, problem) @ noise.whitener.T).sum())
 
 
-def _beside_shift(moved: np.ndarray, problem: Problem) -> np.ndarray:
+def _beside_shift(moved: np.ndarray, term: Term, problem: Problem) -> np.ndarray:
     """Motions of the readings that count, (m, 3) mm, less the common shift in proportion to temperature in them."""
-    left, warmth = moved.ravel(), problem.view.warmth.numpy()[:, None]
+    left, warmth = moved.ravel(), _warmth(term, problem).numpy()[:, None]
     warm = np.stack([without_rigid_motion(warmth * axis, problem).ravel() for axis in np.eye(3)], axis=1)
     return np.asarray((left - warm @ np.linalg.lstsq(warm, left, rcond=None)[0]).reshape(-1, 3))
+
+
+def _warmth(term: Term, problem: Problem) -> Tensor:
+    """Temperature that an effect follows above the reference, (n,) K: that of a growth may be late."""
+    late = isinstance(term.effect, Growth)
+    return late_warmth(problem.view, term.theta[-1:]) if late else problem.view.warmth
 
 
 def _was_watched_at(moment: float, problem: Problem) -> bool:

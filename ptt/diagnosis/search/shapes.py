@@ -1,12 +1,12 @@
 """Further shapes of effects as atoms beside those that a problem was linearised with."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 import torch
 
 from ptt.diagnosis.evidence.atoms import Atom, is_sudden
+from ptt.diagnosis.evidence.effect_atoms import reshaped
 from ptt.diagnosis.evidence.row_system import rows_of
 from ptt.diagnosis.evidence.score import Scorer
 from ptt.diagnosis.evidence.state import State, without
@@ -43,7 +43,7 @@ def with_shapes(scorer: Scorer, shapes: Mapping[str, Sequence[Shape]]) -> Scorer
             continue
         columns.append(system.at.columns(atom.effect, *new.values())[system.rows])
         base.append(system.at.on_base(atom.effect, *new.values()))
-        atoms |= {key: replace(atom, key=key, shape=dict(shape)) for key, shape in new.items()}
+        atoms |= {key: reshaped(atom, key, shape) for key, shape in new.items()}
     size = [system.scale[like[atom.name].columns] for atom in atoms.values()]
     if atoms:
         rows, on_base = (np.concatenate(own, axis=2) for own in (columns, base))
@@ -84,7 +84,7 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
         if columns.shape[2] != len(others) * len(system.atoms[key].columns):  # some of its values are held
             continue
         by_key = {shape_key(key, shape): shape for shape in others}
-        atoms = {each: replace(system.atoms[key], key=each, shape=dict(shape)) for each, shape in by_key.items()}
+        atoms = {each: reshaped(system.atoms[key], each, shape, own) for each, shape in by_key.items()}
         sizes = np.tile(system.scale[system.atoms[key].columns], len(others))
         system = system.widened(atoms, columns, sizes, system.at.on_base(effect, *others))
     return scorer.widened(system)
