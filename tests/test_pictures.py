@@ -17,6 +17,7 @@ from ptt.run.problem import build_problem
 from ptt.run.table import make_table
 from ptt.show.card.picture import _draw_apart
 from ptt.show.plots.common import in_micro, png
+from ptt.show.plots.compare import draw_course
 from ptt.show.plots.field import draw_field
 from ptt.show.plots.machine import draw_machine
 
@@ -104,3 +105,20 @@ def test_a_few_readings_are_drawn_though_nothing_can_be_held_against_them(rows: 
     assert run(words) == 0, capsys.readouterr().err
     drawn = {path.name for path in tmp_path.glob("*.png")}
     assert {"error_field.png", "histogram.png", "over_time.png"} <= drawn and "depends_on.png" not in drawn
+
+
+def test_two_files_without_clocks_are_drawn_one_after_the_other() -> None:
+    """Lines begin anew in each file, so that its readings lay upon those of the file before."""
+    target = np.random.default_rng(4).uniform(-40.0, 40.0, (40, 3))
+    read = target + np.random.default_rng(5).normal(0.0, 0.01, target.shape)
+    table = replace(
+        make_table(target, measured=read),
+        run=np.repeat([0, 1], 20),
+        run_label=("one", "two"),
+        line=np.tile(np.arange(20) + 2, 2),
+    )
+    problem = build_problem(machine(frame="trusted"), table)
+    panel = draw_course(compare_run(Model(problem.file), problem), problem).axes[-1]
+    drawn = {line.get_label(): line.get_xdata() for line in panel.lines}
+    assert np.all(np.diff(drawn["reading"]) > 0) and drawn["next run"][0] > drawn["reading"][0]
+    assert panel.get_xlabel() == "row"

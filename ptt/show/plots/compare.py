@@ -65,8 +65,9 @@ def draw_course(result: Comparison, problem: Problem) -> Figure:
     """
     clock = "time" in problem.view.varies
     at = problem.view.time.numpy() / 60.0 if clock else problem.table.line.astype(float)
-    if clock and np.any(np.diff(at[result.kept]) < 0):  # several runs, each with a clock of its own
-        clock, at = False, np.arange(len(at), dtype=float)
+    across = "time [min]" if clock else "line in the file"
+    if np.any(np.diff(at[result.kept]) < 0):  # several runs, each with a clock of its own, or several files with lines of their own
+        clock, at, across = False, np.arange(len(at), dtype=float), "row"
     figure = Figure(figsize=(10.5, 7.2), dpi=DPI, layout=ConstrainedLayoutEngine(h_pad=0.08))
     panels = figure.subplots(3, 1, sharex=True)
     rows = thinned(result.kept)
@@ -79,7 +80,7 @@ def draw_course(result: Comparison, problem: Problem) -> Figure:
             panel.axvline(at[start], color="0.5", linestyle=":", linewidth=1, label="next run" if not number else None)
         panel.set_ylabel(f"{AXES[axis]} error [um]")
         panel.margins(x=0.01)
-    panels[-1].set_xlabel("time [min]" if clock else "line in the file" if len(problem.table.run_label) == 1 else "row")
+    panels[-1].set_xlabel(across)
     legend_below(figure, panels)
     figure.suptitle(f"error after frame alignment over {'time' if clock else 'the rows'}{_left_out(result)}")
     return figure
