@@ -38,7 +38,7 @@ def explain_verdict(result: Any, steps: int | None = None) -> str:
         Lines: of an unknown at most five; else one for each step, one for the errors, and one on the workspace.
     """
     before, after = (result.rms_um[stage]["total"] for stage in ("before", "after"))
-    noise, excess = result.noise, _excess(after, result.noise, result.wander)
+    noise, excess = result.noise, excess_in_words(after, result.noise, result.wander)
     beyond = _beyond_stated(noise)
     floor = f"the noise is {noise.total * 1e3:.1f} um (from {source_in_words(noise.source)}{beyond})"
     varies = f" {capital(UNREPEATED)}." if beyond else ""
@@ -299,8 +299,17 @@ def _beyond_stated(noise: Noise) -> str:
     return f", {noise.total / total:.1f} times the value in {source_in_words(source)}"
 
 
-def _excess(after_um: float, noise: Noise, wander: Slow | None) -> str:
-    """A sentence where much more is left than the noise: a slow wander, or something that was not recorded."""
+def excess_in_words(after_um: float, noise: Noise, wander: Slow | None) -> str:
+    """A sentence where much more is left than the noise: a slow wander, or something that was not recorded.
+
+    Args:
+        after_um: what is left.
+        noise: the noise floor.
+        wander: the noise's wander; None for none.
+
+    Returns:
+        The sentence with a space before it; '' where no more is left.
+    """
     times = after_um / max(noise.total * 1e3, 1e-12)
     if times < NOTED_EXCESS:
         return ""

@@ -7,7 +7,14 @@ import torch
 
 from ptt.diagnosis.telling.diagnosis import Diagnosis
 from ptt.diagnosis.telling.explanation import Candidate
-from ptt.diagnosis.telling.verdict_words import MISSING, MOSTLY_UNTOLD, depends, doubted, mostly_untold
+from ptt.diagnosis.telling.verdict_words import (
+    MISSING,
+    MOSTLY_UNTOLD,
+    depends,
+    doubted,
+    excess_in_words,
+    mostly_untold,
+)
 from ptt.diagnosis.telling.words import doubt_in_words, headline, remedy, sentence
 from ptt.effects.cards import card_of
 from ptt.effects.layout import family
@@ -155,6 +162,9 @@ def _words(found: Diagnosis, problem: Problem) -> str:
     before, after = (float(found.rms_um[when]["total"]) for when in ("before", "after"))
     noise = found.noise.total * 1e3
     if found.verdict == "nothing-missing":
+        if after > noise:  # by chance, by a wander, or beside a stated figure that is too small
+            apart = f"The error is {length(after)}; the readings scatter by {length(noise)}."
+            return f"{apart}{excess_in_words(after, found.noise, found.wander)}"
         return f"The error of {length(after)} is no more than the scatter of the readings ({length(noise)})."
     if found.verdict == "missing":
         them = "it" if len(found.suggested) == 1 else "them"

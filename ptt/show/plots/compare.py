@@ -66,7 +66,7 @@ def draw_course(result: Comparison, problem: Problem) -> Figure:
     clock = "time" in problem.view.varies
     at = problem.view.time.numpy() / 60.0 if clock else problem.table.line.astype(float)
     across = "time [min]" if clock else "line in the file"
-    if np.any(np.diff(at[result.kept]) < 0):  # several runs, each with a clock of its own, or several files with lines of their own
+    if np.any(np.diff(at[result.kept]) < 0):  # clocks of several runs, or lines of several files, begin anew
         clock, at, across = False, np.arange(len(at), dtype=float), "row"
     figure = Figure(figsize=(10.5, 7.2), dpi=DPI, layout=ConstrainedLayoutEngine(h_pad=0.08))
     panels = figure.subplots(3, 1, sharex=True)
