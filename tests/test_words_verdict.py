@@ -227,3 +227,11 @@ def test_a_field_is_said_by_all_of_its_variables_and_the_share_of_the_one_that_l
     assert "error in z depends on y (80 % of its variance)" in explain_verdict(
         diagnosis("unknown", depends=1, **together)
     )
+
+
+def test_an_axis_that_hardly_errs_is_not_what_most_of_the_error_follows():
+    """A law of z over x and y tilts the fitted frame: y, which errs by 1 um of 50, then follows z."""
+    for axis, none in (("y", True), ("z", False)):
+        told = diagnosis("unknown", depends=1, after=50.0, residual=axis, on="x", share=0.98, acts_on=None)
+        told.rms_um["after"] |= {"x": 4.0, "y": 1.0, "z": 49.8}
+        assert ("follows none of this run's variables" in explain_verdict(told)) == none

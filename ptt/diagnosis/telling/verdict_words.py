@@ -12,6 +12,7 @@ from ptt.diagnosis.telling.words import headline
 from ptt.effects.cards import card_of
 from ptt.effects.curve_basis import GRAVITY
 from ptt.effects.phrases import capital, listed
+from ptt.run.axes import AXES
 from ptt.run.noise import SATURATED, VISITED, Noise, source_in_words
 
 MISSING = "Something is missing that no known effect describes"
@@ -244,13 +245,19 @@ def _share(item: Dependence, name_of: Callable[[str], str]) -> str:
 def mostly_untold(result: Any) -> bool:
     """Whether what an unknown depends on most explains next to nothing of an error that exceeds the noise.
 
-    So it is on a run of a few poses. Where the noise is most of what is left, a small share may be the whole unknown.
+    So it is on a run of a few poses, and where an axis that hardly errs follows what the others do not: a frame that is
+    fitted to errors in z tilts. Where the noise is most of what is left, a small share may be the whole unknown.
 
     Args:
         result: a diagnosis.
     """
-    left = result.rms_um["after"]["total"] > NOTED_EXCESS * result.noise.total * 1e3
-    return bool(result.depends_on) and left and result.depends_on[0].share < MINOR_SHARE
+    after = result.rms_um["after"]
+    if not result.depends_on or not after["total"] > NOTED_EXCESS * result.noise.total * 1e3:
+        return False
+    first = result.depends_on[0]
+    of_axis = first.acts_on is None and first.residual in AXES
+    part = (after[first.residual] / after["total"]) ** 2 if of_axis else 1.0
+    return bool(first.share * part < MINOR_SHARE)
 
 
 def acting(place: str | None, residual: str) -> str:
