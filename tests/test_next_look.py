@@ -53,7 +53,7 @@ def follows(residual: str, on: str, shape: str = "smooth", **more) -> Dependence
         (follows("joint 2", "time"),
          ("Look for the cause in joint 2.", "A longer run, or another one, would show it better.")),
         (follows("joint 2", "time", "step", place=(15.9, 62.1), unit="s"),
-         ("Look for what changed at 16 to 62 s: a load, a clamp, the tool, a stop.",)),
+         ("Look for what changed 16 to 62 s after the first row: a load, a clamp, the tool, a stop.",)),
         (follows("z", "time", "levels", moments=(526.0, 746.0), unit="s"),
          ("Look for what was switched 526 and 746 s after the first row: a pump, a clamp, a door, another machine.",)),
         (follows("z", "time", "levels", moments=(9.5, 20.5)),

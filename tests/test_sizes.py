@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from test_report_chinese import SAY, latin
 
 from ptt.challenge.cases import draw, plan
 from ptt.challenge.challenge import bench
@@ -15,6 +16,7 @@ from ptt.dependence.dependence import Dependence
 from ptt.dependence.said import between, middle, say_size
 from ptt.dependence.size import Size, estimate_of, size_of, size_of_side
 from ptt.diagnosis.diagnose import diagnose
+from ptt.diagnosis.telling.verdict_words import depends
 from ptt.machine import load_machine
 from ptt.model.model import Model
 from ptt.rig import format_rig, parse_rig, simulate
@@ -186,3 +188,23 @@ def test_every_place_has_its_own_words(size, words) -> None:
 def test_a_place_has_a_unit_and_digits_that_tell_its_ends_apart(place, unit, words, centre) -> None:
     assert between(*place, unit) == words
     assert middle(*place, unit) == centre
+
+
+def test_a_run_without_a_clock_is_told_by_its_rows_and_one_with_a_clock_by_the_time_since_its_first_row() -> None:
+    """'jumps where time passes 42' is said to nobody who has no column of times; rows are counted from 1."""
+    found = {"residual": "slider 2", "on": "time", "share": 0.9, "p_value": 1e-9, "period_mm": None}
+    rows, clock = (
+        Dependence(**found, shape="step", curve=np.zeros((2, 3)), place=(42.0, 43.0), unit=unit) for unit in ("", "s")
+    )
+    assert depends(rows).startswith("The remaining error of slider 2 jumps between rows 43 and 44 (90 %")
+    assert depends(clock).startswith("The remaining error of slider 2 jumps 42 to 43 s after the first row (90 %")
+    assert rows.how() == "step between rows 43 and 44" and clock.how() == "step 42 to 43 s after the first row"
+    switched = replace(clock, shape="levels", place=None, moments=(10.0, 20.0))
+    assert "switches between levels, 10 and 20 s after the first row (90 %" in depends(switched)
+    assert "depends on the number of the row (90 %" in depends(replace(rows, shape="smooth", place=None))
+    step = Size("slider 2", "step", 0.02, 0.001, 42.0, 43.0, on="time", along="time")
+    assert say_size(step) == "Slider 2 is 20.0 +- 1.0 um higher above row = 43 than below it."
+    assert say_size(replace(step, kind="law", low=9.0)).endswith("higher at row = 44 than at 10.")
+    assert say_size(replace(step, unit="s")).endswith("higher above time = 42 s than below it.")
+    for told in (depends(rows), depends(clock), depends(switched), say_size(step), rows.how(), switched.how()):
+        assert latin(SAY(told)) == [], SAY(told)

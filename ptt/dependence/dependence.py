@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ptt.dependence.contexts import unit_of
-from ptt.dependence.said import between, say_size, switched_at
+from ptt.dependence.said import between, changed_at, say_size, switched_at
 from ptt.dependence.size import Size
 from ptt.record import Record
 from ptt.run.problem import Problem
@@ -103,9 +103,11 @@ class Dependence(Record):
         if self.with_ is not None:
             return f"varies with {second or self.with_}"
         if self.moments:
-            return f"levels that change at {switched_at(self.moments, self.unit)}"
+            return f"levels that change {switched_at(self.moments, self.unit)}"
         if self.place is not None:
-            return f"{self.shape} at {between(*self.place, self.unit)}"
+            timed = self.on == "time"
+            where = changed_at(*self.place, self.unit) if timed else f"at {between(*self.place, self.unit)}"
+            return f"{self.shape} {where}"
         return self.shape
 
 

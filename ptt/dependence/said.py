@@ -1,6 +1,7 @@
 """Places, values and sizes of a dependence in words, with units and significant digits."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ NOTHING = 0.01  # share of a size, below which a second one is none
 FINEST = {"mm": 2, "rad": 4, "s": 0, "C": 2, "kg": 2}  # decimals that are shown, at most
 UNLIKE = 9  # decimals that distinguish any two values of a table
 MOST_MOMENTS = 6  # moments that a sentence lists
+ROW = "row"  # the time of a run without a clock
 WAYS = {
     "way": "the {} component of the tool's direction of travel",
     "turn": "the {} component of the tool's change of direction",
@@ -92,13 +94,39 @@ def middle(low: float, high: float, unit: str) -> str:
 
 
 def switched_at(moments: Sequence[float], unit: str) -> str:
-    """Moments in ascending order with their unit; of more than `MOST_MOMENTS` the first ones, and how many follow.
+    """When something switched: moments in ascending order, of more than `MOST_MOMENTS` the first ones.
 
-    Without a unit they lie between rows, counted from 0, and the number of the row before is said, counted from 1.
+    Args:
+        moments: since the first row; without a unit they lie between rows, counted from 0.
+        unit: of the moments; '' without a clock.
+
+    Returns:
+        For example '526 and 746 s after the first row'; without a unit the rows before, counted from 1.
     """
-    told = [f"{moment:.0f}" if unit else f"{int(moment) + 1}" for moment in moments[:MOST_MOMENTS]]
+    told = [f"{moment:.0f}" if unit else _row(moment) for moment in moments[:MOST_MOMENTS]]
     more = len(moments) - len(told)
-    return f"{listed([*told, f'{more} more'] if more else told)} {unit}".strip()
+    some = f"{', '.join(told)} {unit}".strip() + f" and {more} more" if more else f"{listed(told)} {unit}".strip()
+    return f"{some} after the first row" if unit else f"after row{'s' * (len(moments) > 1)} {some}"
+
+
+def changed_at(low: float, high: float, unit: str) -> str:
+    """When something changed once: the readings before and after it, as of `switched_at`."""
+    if not unit:
+        return f"between rows {_row(low)} and {_row(high)}"
+    return f"{between(low, high, unit)} after the first row"
+
+
+def _row(moment: float) -> str:
+    """Number of the row at or before a moment of a run without a clock, counted from 1."""
+    return f"{int(moment) + 1}"
+
+
+def _by_row(size: Size) -> Size:
+    """A size along the time of a run without a clock by its rows, counted from 1; any other one as it is."""
+    if size.along != "time" or size.unit:
+        return size
+    on = ROW if size.on == "time" else size.on
+    return replace(size, on=on, along=ROW, low=size.low + 1.0, high=size.high + 1.0)
 
 
 def say_size(size: Size) -> str:
@@ -110,6 +138,7 @@ def say_size(size: Size) -> str:
     Returns:
         One sentence, for example 'Slider 1 is 38 +- 2 um higher after moving up than after moving down.'
     """
+    size = _by_row(size)
     what = size.of if size.of in SIDES else size.of.split()[-1 if size.of[-1].isalpha() else 0]
     who, (more, less, most) = who_is_off(size.of), SIDES[what]
     side = more if size.value >= 0.0 or not size.known else less
@@ -127,7 +156,7 @@ def say_size(size: Size) -> str:
         case "varying":
             told = f"{far} {ways} at {high}, {_then(size, more, less)} at {low.partition(' = ')[2]}"
         case "step":
-            told = f"{far} above {size.on} = {middle(size.low, size.high, size.unit)} than below it"
+            told = f"{far} above {size.on} = {_passed(size)} than below it"
         case "bump":
             told = f"{far} near {size.on} = {middle(size.low, size.high, size.unit)} than on either side of it"
         case "period" if size.known:
@@ -148,6 +177,11 @@ def say_size(size: Size) -> str:
     elsewhere = size.known and _is_elsewhere(size, abs(size.value))
     mean = " on average, though single places differ" if elsewhere else ""
     return f"{told}{mean}; {_in_um(1e3 * size.rms)} rms at the tool."
+
+
+def _passed(size: Size) -> str:
+    """Where a step is: of rows the last one before it."""
+    return f"{size.low:.0f}" if size.on == ROW else middle(size.low, size.high, size.unit)
 
 
 def _is_elsewhere(size: Size, value: float) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ptt.dependence.said import between, by_chance
+from ptt.dependence.said import by_chance
 from ptt.diagnosis.diagnose import diagnose_run
 from ptt.diagnosis.long import chunk_size
 from ptt.diagnosis.search.find import MOST_ADDED
@@ -301,9 +301,8 @@ def _dependences(result: Diagnosis) -> list[str]:
     lines = ["the remaining error depends on:"]
     for item in result.depends_on:
         period = f", period {item.period_mm:.3g} {item.unit}".rstrip() if item.period_mm else ""
-        place = f", {item.shape} at {between(*item.place, item.unit)}" if item.place else ""
-        place = f", varying with {item.with_}" if item.with_ else place
-        place = f", {item.how()}" if item.shape == "gradual" or item.moments else place
+        place = f", {item.how()}" if item.place or item.moments else ""
+        place = f", varying with {item.with_}" if item.with_ and item.shape != "gradual" else place
         acts = f", acting on {item.acts_on}" if item.acts_on not in (None, item.residual) else ""
         share = f"{item.share:.0%} ({by_chance(item.p_value)}{period}{place})"
         on = f"{listed(item.together)} together" if item.together else item.on

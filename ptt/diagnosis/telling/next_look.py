@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from ptt.dependence.contexts import is_direction
 from ptt.dependence.dependence import Dependence
-from ptt.dependence.said import MOVES, between, switched_at
+from ptt.dependence.said import MOVES, changed_at, switched_at
 from ptt.effects.curve_basis import GRAVITY, JOINT
 from ptt.effects.phrases import listed
 from ptt.run.axes import AXES
@@ -61,10 +61,9 @@ def _looks(first: Dependence, variables: Sequence[str]) -> list[str]:
     """Where to look, and what would show it better."""
     if first.moments:
         moments = switched_at(first.moments, first.unit)
-        since = f"{moments} after the first row" if first.unit else f"after rows {moments}"
-        return [f"Look for what was switched {since}: a pump, a clamp, a door, another machine."]
+        return [f"Look for what was switched {moments}: a pump, a clamp, a door, another machine."]
     if first.on == "time" and first.shape == "step" and first.place:
-        return [f"Look for what changed at {between(*first.place, first.unit)}: a load, a clamp, the tool, a stop."]
+        return [f"Look for what changed {changed_at(*first.place, first.unit)}: a load, a clamp, the tool, a stop."]
     over = "" if is_direction(first.on) else f" over the range of {listed(variables)}"
     if first.on == "time":
         more = "A longer run, or another one,"

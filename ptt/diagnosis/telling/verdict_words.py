@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ptt.dependence.dependence import Dependence
-from ptt.dependence.said import described, middle, switched_at
+from ptt.dependence.said import changed_at, described, middle, switched_at
 from ptt.diagnosis.noise.slow import Slow
 from ptt.diagnosis.search.excess import UNREPEATED, beyond_noise, remaining_error
 from ptt.diagnosis.telling.untested import untested
@@ -218,17 +218,17 @@ def depends(strongest: Dependence, name_of: Callable[[str], str] = _spoken) -> s
     size = f" {strongest.words}" if strongest.words else ""
     rest = capital(remaining_error(strongest.residual))
     if strongest.place and strongest.shape == "step" and not strongest.with_:
-        where = middle(*strongest.place, strongest.unit)
-        return f"{rest} jumps where {name_of(strongest.on)} passes {where} {share}.{size}"
+        where = f"where {name_of(strongest.on)} passes {middle(*strongest.place, strongest.unit)}"
+        where = changed_at(*strongest.place, strongest.unit) if strongest.on == "time" else where
+        return f"{rest} jumps {where} {share}.{size}"
     rivals = [name_of(rival.removeprefix(f"{strongest.residual} on ")) for rival in strongest.rivals]
     alike = f" {capital(listed(rivals))} would describe it about as well on this run." if rivals else ""
     if strongest.moments:
-        moments = switched_at(strongest.moments, strongest.unit)
-        return f"{rest} switches between levels, at {name_of(strongest.on)} = {moments} {share}.{size}{alike}"
+        return f"{rest} switches between levels, {switched_at(strongest.moments, strongest.unit)} {share}.{size}{alike}"
     place = f" near {middle(*strongest.place, strongest.unit)}" if strongest.place else ""
     place = f", by an amount that varies with {name_of(strongest.with_)}" if strongest.with_ else place
     place = " and turns over gradually after a reversal" if strongest.shape == "gradual" else place
-    on = name_of(strongest.on)
+    on = name_of(strongest.on) if strongest.on != "time" or strongest.unit else "the number of the row"
     if strongest.together:
         on = f"{listed(_each(strongest.together, name_of))} together"
     if strongest.on == f"direction{strongest.residual.split()[-1]}":
