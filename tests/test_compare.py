@@ -1,5 +1,6 @@
 """A run held against a model: figures, frames, noise, lack of fit, gross errors, dependences, text, JSON, pictures."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -283,6 +284,16 @@ def test_text_names_side_payload_and_units():
     assert gap == pytest.approx(up - down, abs=0.11)
     assert max(len(line) for line in text.splitlines()) <= 130
     assert "where the tracker stands" not in text
+
+
+def test_names_in_brackets_are_printed_as_they_are():
+    """'[/4]' ended the command, and 'P[a]' was printed as 'P'."""
+    file, target = machine(sigma=NOISE), places(12)
+    table = make_table(target, measured=target + 0.1, name=np.array([f"P[a]{i}" for i in range(11)] + ["[/4]"]))
+    text = format_comparison(held(file, replace(table, source="run[b].csv")))
+    assert "12 readings of run[b].csv" in text and "P[a]8" in text
+    table = replace(table, measured=target + np.where(np.arange(12) == 11, 0.2, 0.1)[:, None])
+    assert "[/4]" in format_comparison(held(file, table))
 
 
 def test_serial_arm_speaks_of_joints():

@@ -92,7 +92,7 @@ def progress() -> Iterator[Progress]:
     from rich.progress import Progress as Bar
 
     console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[pace]}")
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[pace]}")
     pace = StagePace()
     with Bar(*columns, TimeElapsedColumn(), console=console, transient=True) as bar:
         task = bar.add_task("reading", total=None, pace="")

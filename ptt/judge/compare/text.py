@@ -52,7 +52,8 @@ def format_comparison(result: Comparison) -> str:
         parts += [_outliers(result), ""]
     parts += _dependences(result)
     text = StringIO()
-    console = Console(file=text, width=WIDTH, color_system=None, highlight=False)
+    # Names of files and points may hold brackets, which are no markup here.
+    console = Console(file=text, width=WIDTH, color_system=None, highlight=False, markup=False)
     for part in parts:
         console.print(part, soft_wrap=isinstance(part, str))
     return "\n".join(line.rstrip() for line in text.getvalue().rstrip().splitlines())
