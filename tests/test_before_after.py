@@ -54,6 +54,18 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.parametrize("below", [15, 30, 45])
+def test_poses_in_two_planes_have_no_middle(folder: Path, below: int) -> None:
+    """The higher one of two planes was called 'z middle'."""
+    target = np.random.default_rng(2).uniform(-50.0, 50.0, (60, 3))
+    target[:, 2] = np.where(np.arange(60) < below, -20.0, 20.0)
+    error = np.where(target[:, 2:] < 0.0, 0.01, 0.03) * np.ones(3)
+    table = read_table(write(folder, "run.csv", target, error))
+    zones = compare_pair(table, table, load_machine(folder / "machine.toml")).where()
+    assert [zone["where"] for zone in zones[:-4]] == ["z low", "z high"]
+    assert zones[0]["before_um"] < zones[1]["before_um"]
+
+
 def test_figures_are_those_of_the_errors_that_were_put_in(folder: Path) -> None:
     random = np.random.default_rng(1)
     target = random.uniform(-50.0, 50.0, (60, 3))

@@ -91,7 +91,9 @@ class BeforeAfter:
     def where(self) -> list[dict[str, Any]]:
         """Rms errors in thirds of z and in quadrants of x and y, where both runs have readings; um."""
         both = np.concatenate([self.before.place, self.after.place])
-        heights, middle = np.quantile(both[:, 2], [1 / 3, 2 / 3]), np.median(both[:, :2], axis=0)
+        # Each height counts once: most poses may lie in one plane of several.
+        heights = np.quantile(np.unique(np.round(both[:, 2], 3)), [1 / 3, 2 / 3])
+        middle = np.median(both[:, :2], axis=0)
         parts = []
         for side in (self.before, self.after):
             third = np.searchsorted(heights, side.place[:, 2])
