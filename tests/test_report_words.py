@@ -1,14 +1,23 @@
 """Words and numbers of a report: digits, units, names, languages."""
 
+import re
 from pathlib import Path
 
+import pytest
+
+from ptt.dependence.said import MOVES
+from ptt.effects.bench import sample_machine, sample_view
 from ptt.effects.phrases import MOST_VALUES, ValuePhrase, compose
 from ptt.judge.compare.rows import percent
+from ptt.run.problem import build_problem
+from ptt.run.table import make_table
 from ptt.show.plots.common import in_micro
+from ptt.show.plots.depends import variable_label
 from ptt.show.report.blocks import side_by_side
 from ptt.show.report.card import TopCard
 from ptt.show.report.numbers import chance, plus_minus
 from ptt.show.report.source import short_names
+from ptt.show.report.words import words_of
 
 
 def test_names_are_the_shortest_that_differ() -> None:
@@ -52,3 +61,26 @@ def test_one_is_said_of_one_and_several_of_several() -> None:
         sizes = range(MOST_VALUES + more, 0, -1)
         values = [ValuePhrase("", n, "{is_} {what} off", n, 0.01, "um", n) for n in sizes]
         assert compose(values, "link").endswith(words)
+
+
+@pytest.mark.parametrize("kind", ["three-ptt", "serial"])
+def test_every_variable_that_an_unknown_may_follow_has_a_label_with_its_unit_in_each_language(kind: str) -> None:
+    """In a report 'gravity z' was called 'angle of joint ravity z', and the feed 'height of slider eed'."""
+    view = sample_view(kind)
+    table = make_table(view.p.numpy(), view.q.numpy(), measured=view.p.numpy(), time_s=view.time.numpy())
+    problem = build_problem(sample_machine(kind), table)
+    names = [*MOVES, "feed", f"{problem.file.machine.letter}2", "direction2", "speed2", "payload", "time", "run", "x"]
+    labels = {name: variable_label(name, problem) for name in names}
+    for name, label in labels.items():
+        assert ("joint" in label or "slider" in label) == name.endswith("2"), label
+        assert MOVES.get(name, "") in label and re.search(r" \[\S.*\]$", label)
+    unit = problem.file.machine.unit
+    assert labels["feed"] == "feed [mm/s]" and labels["step"].endswith("[mm]") and labels["pause"].endswith("[s]")
+    assert labels["reversal"].endswith(f"[{unit}]") and labels["way x"].endswith("[1]")
+    say = words_of("zh")
+    for text in (*labels.values(), ", ".join(labels.values()), f"varies with {labels['payload']}"):
+        assert not re.findall(r"[a-z]{4,}", say(text)), say(text)
+    for name, words in MOVES.items():
+        for on in (words, f"{words} ({name})"):
+            said = say(f"The remaining error in y depends on {on} (95 % of its variance).")
+            assert not re.findall(r"[a-z]{4,}", said.replace(name, "")), said

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from ptt.dependence.bins import binned_curve
-from ptt.dependence.contexts import context_views
+from ptt.dependence.contexts import context_views, unit_of
 from ptt.dependence.dependence import Dependence
+from ptt.dependence.said import described
 from ptt.judge.compare.comparison import Comparison
 from ptt.run.axes import AXES
 from ptt.run.problem import Problem
@@ -99,7 +100,7 @@ def variable_label(name: str, problem: Problem) -> str:
     """A variable's name and unit for an axis.
 
     Args:
-        name: 'b2', 'direction1', 'payload', ...
+        name: 'b2', 'direction1', 'payload', ...; of an unknown also 'way x', 'pause', 'feed', ...
         problem: the run; its machine's family, columns and clock decide on words and units.
 
     Returns:
@@ -117,13 +118,13 @@ def variable_label(name: str, problem: Problem) -> str:
         return plain.get(name, name)
     if name in AXES:
         return f"target {name} [mm]"
+    told = described(name) or name
+    if told != name or name == "feed":
+        return f"{told} [{unit_of(problem, name) or '1'}]"
     if name.startswith("direction"):
         return f"{joint} {name[9:]} arrives [-1 {'back, +1 forward' if serial else 'down, +1 up'}]"
     if name.startswith("speed"):
         return f"speed of {joint} {name[5:]} [{'rad' if serial else 'mm'}/s]"
-    if name.startswith(("force", "torque")):
-        number, unit = name.lstrip("forcetqu"), "N m" if serial else "N"
-        return f"load on {joint} {number} [{unit}]"
     return f"angle of joint {name[1:]} [rad]" if serial else f"height of slider {name[1:]} [mm]"
 
 
