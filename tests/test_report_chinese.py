@@ -12,7 +12,7 @@ from ptt.dependence.said import say_size
 from ptt.dependence.size import Size
 from ptt.diagnosis.search.excess import Objections, beyond_noise
 from ptt.diagnosis.telling.diagnosis import SCALE_BAR
-from ptt.diagnosis.telling.verdict_words import MISSING, MOSTLY_UNTOLD, depends
+from ptt.diagnosis.telling.verdict_words import MISSING, MOSTLY_UNTOLD, depends, held_to_base
 from ptt.diagnosis.telling.words import headline
 from ptt.effects import library
 from ptt.effects.cards import card_of
@@ -261,3 +261,33 @@ def test_what_is_taken_off_before_readings_are_compared_is_said_in_a_title(polic
     said = SAY(f"Tool against its targets, RMS in um ({frame_words(policy, seated=seated)})")
     assert said.startswith("工具相对于目标") and ("反射靶在工具上" in said) == seated
     assert not re.search(r"[A-Za-z]{3}", said)
+
+
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_what_tells_effects_apart_is_said_in_chinese(name, kind):
+    for _, how in card_of(library()[name]()).on(kind).confused_with:
+        said = SAY(f"What may tell them apart: {how}.")
+        assert not re.findall(r"[a-z]{4,}", said.replace("dtheta", "").replace("temp_c", "")), how
+
+
+def test_what_a_run_lacks_to_test_an_effect_is_said_in_chinese():
+    lacks = (
+        "joint values spread over more phases of gear_period_rad, a whole turn where the file has none",
+        "poses that turn the arm against gravity",
+        "poses whose heights are not commensurate with the lead",
+        "readings at different travel since reversal (some within a few mm of it)",
+        "screw_lead_mm (gear_period_rad for an arm) in the machine file",
+    )
+    for lack in lacks:
+        assert latin(SAY(lack)) == [], lack
+    either = "It may be once-per-rev or joint-error-map"
+    several = f"{either}; to test that, `ptt diagnose` needs {lacks[0]} and {lacks[1]}."
+    assert latin(SAY(several).replace("ptt diagnose", "")) == []
+
+
+def test_the_error_in_the_frame_of_base_reflectors_and_two_runs_are_said_in_chinese():
+    said = SAY(f"The error is 30.6 um; the noise is 4.1 um (from the std columns).{held_to_base(44.2)}")
+    assert latin(said.replace("compare", "").replace("add", "")) == [], said
+    assert "rows" not in SAY("run 1 (80 rows), run 2 (90 rows)")
+    for text in ("scatter of x, as the tracker says", "Columns of the first file, as understood"):
+        assert latin(SAY(text)) == []

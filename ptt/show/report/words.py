@@ -25,7 +25,7 @@ FIGURE_GAPS, ANY = ("", "what", "axis"), "any"
 UNIT = r"(?:[nmuk\N{MICRO SIGN}]?(?:m|rad|g|s|N)|deg|min|days|[hKCxyz])"
 FIGURES = re.compile(rf"(?:\b(?:{UNIT}|to|and|more)\b|\d[\d.]*e[+-]?\d+|[\d⁰¹²³⁴⁵⁶⁷⁸⁹]|[^\w;:])+")
 NAME = re.compile(r"[\w.-]+(\[[^\]]*\])?")
-SENTENCE = re.compile(r"(?<=[\w)%\]]\.)\s(?=[A-Z`])")  # space between two sentences
+SENTENCE = re.compile(r"(?<=[\w)%\]]\.)\s(?=\(?[A-Z`])")  # space between two sentences
 STOP = ". "  # key of the sign that ends a sentence
 
 
