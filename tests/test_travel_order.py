@@ -215,3 +215,30 @@ def test_a_run_sorted_by_place_is_refused_and_sorted_back_by_the_command(tmp_pat
     first, second = (json.loads(done.stdout) for done in (sound, again))
     assert first["rms_um"] == pytest.approx(second["rms_um"], rel=1e-9)
     assert [item["on"] for item in first["depends_on"]] == [item["on"] for item in second["depends_on"]]
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+def test_base_reflectors_in_a_group_of_their_own_are_put_where_the_clock_has_them(
+    labelled: bool, tmp_path: Path
+) -> None:
+    """As exports have them that are sorted by group: at which nothing moves, and they were refused as a second run."""
+    run = pd.read_csv(DATA / "volume.csv", dtype={"run": str})
+    if not labelled:
+        run.loc[run["role"] == "base", "run"] = ""
+    run.to_csv(tmp_path / "true.csv", index=False)
+    base = run["role"] == "base"
+    by_name = run[base].sort_values("name", kind="stable")
+    pd.concat([run[~base], by_name]).to_csv(tmp_path / "behind.csv", index=False)
+    pd.concat([by_name, run[~base]]).to_csv(tmp_path / "before.csv", index=False)
+    true = read_table(tmp_path / "true.csv")
+    for title in ("behind.csv", "before.csv"):
+        table = read_table(tmp_path / title)
+        assert table.time_s.tolist() == true.time_s.tolist() and table.name.tolist() == true.name.tolist()
+        np.testing.assert_array_equal(table.measured, true.measured)
+        assert "readings of base reflectors put in order by their time" in table.understood.lines
+    kept = read_table(tmp_path / "behind.csv", set_values={"order": "rows"})
+    assert kept.line.tolist() == list(range(2, len(run) + 2))
+    early = run[~base].iloc[[1, 0, *range(2, 320)]]  # poses out of order are refused as before
+    pd.concat([early, by_name]).to_csv(tmp_path / "mixed.csv", index=False)
+    with pytest.raises(TableError, match="time goes back"):
+        read_table(tmp_path / "mixed.csv")

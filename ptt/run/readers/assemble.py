@@ -43,11 +43,11 @@ def table_fields(export: Export, joints: int, prefix: str, purpose: str) -> tupl
         TableError: a column is missing or a value is not allowed.
     """
     columns = export.columns
-    role = _roles(export)
+    role = roles_of(export)
     target, command = _block(export, ["x_cmd", "y_cmd", "z_cmd"]), _commands(export, joints, prefix)
     require_columns(export, target, command, prefix, joints, purpose)
     require_cells(export, target, command, role == "base", prefix)
-    labels, run = _runs(export, role == "base")
+    labels, run = runs_of(export, role == "base")
     if purpose == "run":
         _require_labels(export, run, labels)
     fields: dict[str, Any] = {
@@ -127,7 +127,15 @@ def _commands(export: Export, joints: int, prefix: str) -> np.ndarray | None:
     return _block(export, [f"{prefix}{i + 1}_cmd" for i in range(joints)])
 
 
-def _roles(export: Export) -> np.ndarray:
+def roles_of(export: Export) -> np.ndarray:
+    """Role of each row, (n,) str: 'pose' where none is stated.
+
+    Args:
+        export: n rows.
+
+    Raises:
+        TableError: a role that is none of `ROLES`.
+    """
     role = export.columns.get("role")
     if role is None:
         return np.full(export.n, "pose")
@@ -142,8 +150,16 @@ def _roles(export: Export) -> np.ndarray:
     return role
 
 
-def _runs(export: Export, is_base: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
-    """Labels in order of appearance, and run codes; a base reflector without run gets the run around it."""
+def runs_of(export: Export, is_base: np.ndarray) -> tuple[tuple[str, ...], np.ndarray]:
+    """Runs of the rows, where a base reflector without run has the run around it.
+
+    Args:
+        export: n rows.
+        is_base: rows of base reflectors, (n,) bool.
+
+    Returns:
+        Labels in order of appearance, and run codes, (n,) int.
+    """
     run = export.columns.get("run")
     return number_runs(None if run is None else run[rows_beside((run != "") | ~is_base)], export.n)
 

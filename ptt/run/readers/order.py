@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.errors import TableError, shown
+from ptt.run.readers.assemble import roles_of, runs_of
 from ptt.run.readers.export import Export
 from ptt.run.readers.required import title_of
 from ptt.run.restarts import restarts_of_runs
@@ -26,7 +27,8 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
     """Rows in the order in which the machine went through them.
 
     Backlash, drift and warming are identified from the order; rows sorted by name or position would confuse them.
-    Every run has its own clock.
+    Every run has its own clock. Readings of base reflectors, at which nothing moves, may stand anywhere: many exports
+    have them in a group of their own.
 
     Args:
         export: the columns.
@@ -40,7 +42,7 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
         OrderError: time goes back within a run and nobody said what to do.
         TableError: there is no time to sort by.
     """
-    time, run = _clock(export)
+    time, run, base = _clock(export)
     if time is None:
         if order == BY_TIME:
             raise TableError("no column of time to sort by", where="--set order=time", fix="leave it out")
@@ -52,6 +54,8 @@ def in_travel_order(export: Export, order: str | None, *, refuse: bool = True) -
         return export, []
     if order == AS_ROWS:
         return export, ["time goes back; the rows are taken to be in travel order, as --set order=rows says"]
+    if np.isfinite(time[~base]).all() and not _that_go_back(np.where(base, np.nan, time), run):
+        return _taken(export, _order_by_time(time, run)), ["readings of base reflectors put in order by their time"]
     if not refuse:
         return export, ["time goes back; the rows are used in their present order"]
     what, fix = _told(export, time, run)
@@ -72,9 +76,10 @@ def refuse_order(order: object) -> None:
         )
 
 
-def _clock(export: Export) -> tuple[np.ndarray | None, np.ndarray]:
-    run = export.columns.get("run", np.full(export.n, ""))
-    return export.columns.get("time"), np.unique(run, return_inverse=True)[1].reshape(-1)
+def _clock(export: Export) -> tuple[np.ndarray | None, np.ndarray, np.ndarray]:
+    """Time (n,) s, run (n,) int, and which rows are of base reflectors, (n,) bool."""
+    base = roles_of(export) == "base"
+    return export.columns.get("time"), runs_of(export, base)[1], base
 
 
 def _that_go_back(time: np.ndarray, run: np.ndarray) -> list[tuple[int, int]]:
@@ -102,19 +107,28 @@ def _rows_in_words(export: Export, rows: np.ndarray) -> str:
 
 
 def _sorted_by_time(export: Export, time: np.ndarray, run: np.ndarray) -> tuple[Export, list[str]]:
+    order = _order_by_time(time, run)
+    moved = int((order != np.arange(export.n)).sum())
+    said = [f"rows sorted by time within each run: {moved} of {export.n} moved"]
+    return _taken(export, order), said + _mixed(export, time, run, order)
+
+
+def _order_by_time(time: np.ndarray, run: np.ndarray) -> np.ndarray:
     """Each run sorted in the places that it has in the file; rows without a time stay behind the row before them."""
-    order = np.arange(export.n)
+    order = np.arange(len(time))
     for code in np.unique(run):
         rows = np.flatnonzero(run == code)
         known = np.maximum.accumulate(np.where(np.isfinite(time[rows]), np.arange(len(rows)), 0))
         clock = np.nan_to_num(time[rows][known], nan=-np.inf)
         order[rows] = rows[np.argsort(clock, kind="stable")]
-    moved = int((order != np.arange(export.n)).sum())
+    return order
+
+
+def _taken(export: Export, order: np.ndarray) -> Export:
+    """The rows in another order, (n,) int."""
     columns = {name: values[order] for name, values in export.columns.items()}
     extra = {title: values[order] for title, values in export.extra.items()}
-    sorted_ = replace(export, columns=columns, extra=extra, line=export.line[order])
-    said = [f"rows sorted by time within each run: {moved} of {export.n} moved"]
-    return sorted_, said + _mixed(export, time, run, order)
+    return replace(export, columns=columns, extra=extra, line=export.line[order])
 
 
 def _mixed(export: Export, time: np.ndarray, run: np.ndarray, order: np.ndarray) -> list[str]:
