@@ -11,8 +11,10 @@ from ptt.setup.setup import Setup, drawn
 USUAL = {"homing": 0.5, "lead": 0.1, "joint": 0.5, "link": 0.5, "lean": 0.3, "play": 0.1}
 """Usual sizes, mm; of lead and lean for each 100 mm of travel."""
 MOST_TIMES = 3.0  # usual sizes: a larger fault is no ordinary one
+ROUGH_TIMES = 10.0  # usual sizes that a machine may well have that was built by hand
 LOOSE = 0.02  # mm: residual that counts as much as a fault of usual size, in the ridge regression
-TIGHTEN, TRIES = 30.0, 5  # factor by which the ridge grows until all faults are ordinary
+TIGHTEN, TRIES = 30.0, 4  # factor by which the ridge grows until all faults are ordinary
+WITHIN = 1.2  # ratio to which the weakest such ridge is found
 
 
 def fault_columns(setup: Setup, place: np.ndarray) -> np.ndarray | None:
@@ -47,7 +49,9 @@ def fault_columns(setup: Setup, place: np.ndarray) -> np.ndarray | None:
     return np.where(known[:, None, None], np.concatenate(columns, axis=2), 0.0)
 
 
-def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarray, free: bool) -> np.ndarray:
+def left_after_faults(
+    place: np.ndarray, reading: np.ndarray, columns: np.ndarray, free: bool, most: float = MOST_TIMES
+) -> np.ndarray:
     """Residual distances after a fit of tracker frame and ordinary faults, by ridge regression.
 
     Args:
@@ -55,6 +59,7 @@ def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarra
         reading: (m, 3) mm.
         columns: (m, 3, c) mm.
         free: whether the tracker may stand anywhere.
+        most: usual sizes that no fault exceeds.
 
     Returns:
         (m,) mm, NaN where unknown.
@@ -69,11 +74,29 @@ def left_after_faults(place: np.ndarray, reading: np.ndarray, columns: np.ndarra
     matrix, count = np.concatenate([columns, moves] if free else [columns], axis=2), columns.shape[2]
     rows = matrix[kept].reshape(-1, matrix.shape[2])
     normal, right = rows.T @ rows, rows.T @ left[kept].ravel()
-    loose = LOOSE
-    for _ in range(TRIES):
-        penalty = np.r_[np.full(count, loose**2), np.full(matrix.shape[2] - count, 1e-9)]
-        size = np.linalg.solve(normal + np.diag(penalty), right)
-        if np.abs(size[:count]).max(initial=0.0) <= MOST_TIMES:
-            break
-        loose *= TIGHTEN
+    size = _bounded(normal, right, count, most)
     return np.asarray(np.linalg.norm(left - matrix @ size, axis=1))
+
+
+def _bounded(normal: np.ndarray, right: np.ndarray, count: int, most: float) -> np.ndarray:
+    """Solution of normal equations (u, u) by the weakest ridge that keeps the first `count` unknowns within a bound.
+
+    The weakest, since residuals would else jump where the largest of the faults passes the bound.
+    """
+
+    def solved(loose: float) -> np.ndarray:
+        penalty = np.r_[np.full(count, loose**2), np.full(len(right) - count, 1e-9)]
+        return np.asarray(np.linalg.solve(normal + np.diag(penalty), right))
+
+    loose, size = LOOSE, solved(LOOSE)
+    for _ in range(TRIES):
+        if np.abs(size[:count]).max(initial=0.0) <= most:
+            break
+        loose, size = TIGHTEN * loose, solved(TIGHTEN * loose)
+    low, high = loose / TIGHTEN, loose
+    while loose > LOOSE and high > WITHIN * low:
+        middle = np.sqrt(low * high)
+        trial = solved(middle)
+        fits = np.abs(trial[:count]).max(initial=0.0) <= most
+        low, high, size = (low, middle, trial) if fits else (middle, high, size)
+    return size

@@ -5,6 +5,7 @@ import numpy as np
 from ptt.setup.candidates import slider_formulas, suggested_by_readings
 from ptt.setup.columns import said
 from ptt.setup.drawing import mistakes_in
+from ptt.setup.faults import ROUGH_TIMES, fault_columns, left_after_faults
 from ptt.setup.fitted import SEARCHED, SLIP, fitted_mistakes
 from ptt.setup.judged import BROKEN, MOST_ROWS, Judged, is_proof, judge, thinned, undo_all
 from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
@@ -70,13 +71,18 @@ def _partly_off(setup: Setup) -> list[str]:
     wanted = np.isfinite(setup.table.target).all(axis=1, keepdims=True)
     place = np.where(wanted, setup.table.target, forward_many([setup])[0])
     read = used_rows(setup.table)[:, None] & np.isfinite(setup.table.measured)
-    distance = align_many(place[None], np.where(read, setup.table.measured, np.nan)[None], setup.free)[2][0]
+    reading = np.where(read, setup.table.measured, np.nan)
+    distance = align_many(place[None], reading[None], setup.free)[2][0]
+    known = int(np.isfinite(distance).sum())
+    # Ordinary faults of two millimetres move some readings, or all, by five.
+    if (distance > UNHEARD).any() and (columns := fault_columns(setup, place)) is not None:
+        distance = left_after_faults(place, reading, columns, setup.free)
     far = np.flatnonzero(np.nan_to_num(distance) > UNHEARD)
-    if len(far) < max(MANY_FAR, SHARE_FAR * np.isfinite(distance).sum()):
+    if not max(MANY_FAR, SHARE_FAR * known) <= len(far) < 0.5 * known:
         return []
     first, last = setup.table.line[far[[0, -1]]]
     return [
-        f"{len(far)} of {int(np.isfinite(distance).sum())} readings, between rows {first} and {last}, are off the "
+        f"{len(far)} of {known} readings, between rows {first} and {last}, are off the "
         f"{'targets' if wanted.any() else 'commands'} by more than {UNHEARD:g} mm and the others are not: no machine "
         "behaves like that; were the sliders, the reflector or the tracker's frame different there?"
     ]
@@ -200,8 +206,8 @@ def _tell(plain: Judged, best: Judged, ties: list[Judged]) -> list[Finding]:
 
 
 def _is_sure(step: Hypothesis, plain: Judged, best: Judged) -> bool:
-    """Whether a mistake has to be corrected: a fit copes with targets in their own frame and with small lengths."""
-    if step.mistake == "target-frame":
+    """Whether a mistake must be corrected: a fit copes with rough parts, small lengths, targets in their own frame."""
+    if step.mistake == "target-frame" or _is_rough(plain, best):
         return False
     if step.mistake != "drawing-length":
         return True
@@ -215,6 +221,14 @@ def _one_of_each(ties: list[Judged]) -> list[str]:
     kinds: dict[tuple[str, ...], str] = {}
     for tie in ties:
         kinds.setdefault(tuple(step.mistake for step in tie.steps), " and ".join(step.undone for step in tie.steps))
+def _is_rough(plain: Judged, best: Judged) -> bool:
+    """Whether faults of a machine that was built by hand explain the readings as well as mistakes do."""
+    if plain.agreement.rms[2] > EXACT[0]:
+        return False  # targets and commands differ, which no fault of the machine explains
+    left = judge(plain.setup, (), most=ROUGH_TIMES).agreement.rms
+    return bool(np.nanmax(left) < np.exp(TIE) * np.nanmax(best.agreement.rms))
+
+
     return list(kinds.values())
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ptt.run.table import take_rows
-from ptt.setup.faults import fault_columns, left_after_faults
+from ptt.setup.faults import MOST_TIMES, fault_columns, left_after_faults
 from ptt.setup.proof import BEYOND_FAULTS, FALL, STEEP
 from ptt.setup.rigid import rms
 from ptt.setup.score import FLOOR, Agreement, agree, forward_many
@@ -58,13 +58,14 @@ class Judged:
         return self.total + RAW * self.raw + sum(step.cost for step in self.steps) + odd
 
 
-def judge(setup: Setup, steps: tuple[Hypothesis, ...], plain: Judged | None = None) -> Judged:
+def judge(setup: Setup, steps: tuple[Hypothesis, ...], plain: Judged | None = None, most: float = MOST_TIMES) -> Judged:
     """Residuals between the columns after ordinary faults are fitted.
 
     Args:
         setup: both files, mistakes undone.
         steps: the mistakes undone.
         plain: the judgement before anything was undone.
+        most: usual sizes that no fault exceeds.
 
     Returns:
         The judgement.
@@ -76,7 +77,7 @@ def judge(setup: Setup, steps: tuple[Hypothesis, ...], plain: Judged | None = No
             continue
         columns = fault_columns(setup, place)
         if columns is not None:
-            distance = left_after_faults(place, reading, columns, setup.free)[None]
+            distance = left_after_faults(place, reading, columns, setup.free, most)[None]
             lost = np.isfinite(reading).all(axis=1) & ~np.isfinite(distance[0])
             left = rms(distance, lost[None] & np.isfinite(place).any(), drawn(setup).link_length_mm)[0]
             values[index] = min(values[index], left)
