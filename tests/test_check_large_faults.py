@@ -8,13 +8,14 @@ from made_runs import empty_run, machine, term
 
 from ptt.machine import MachineFile
 from ptt.model.chain import predict
-from ptt.run.table import Table
+from ptt.run.table import Table, make_table
 from ptt.run.viewing import build_view
 from ptt.setup import check_setup
 from ptt.setup.faults import fault_columns, left_after_faults
 from ptt.setup.setup import Setup
 
 FILE = machine(frame="trusted")
+TURN = np.linspace(0.0, 12.0, 20)
 
 
 def built(table: Table, file: MachineFile = FILE, **sizes: list[float]) -> Table:
@@ -56,3 +57,24 @@ def test_readings_that_faults_move_by_five_millimetres_are_not_said_to_be_some_o
     """It was said of 200 of 200 readings that the others are not off, and that no machine behaves like that."""
     run = built(empty_run(), homing_offset=[0.3, -1.0, -1.0], link_length=[-1.0, 1.0, 0.2])
     assert check_setup(FILE, replace(run, command=None)).unexplained == ""
+
+
+@pytest.mark.parametrize("columns", ["targets", "both"])
+def test_a_frame_in_which_rows_would_be_shifted_is_compared_with_the_frame_as_it_is(columns: str) -> None:
+    """The error fell from that with z negated, which nobody had, to one as large as that of the files."""
+    table = make_table(np.outer(np.sin(TURN), [0.0, 0.0, 60.0]))
+    run = built(table, homing_offset=[-1.4, -1.9, 1.6], link_length=[1.9, -1.5, 1.5], tower_tilt=[2e-3, -2e-3, 1e-3])
+    found = check_setup(FILE, replace(run, command=None) if columns == "targets" else run)
+    assert not {"row-shift", "axis-sign"} & {item.mistake for item in found.findings}, str(found)
+
+
+@pytest.mark.parametrize("kept", ["target", "command", "both"])
+def test_readings_of_a_single_pose_prove_no_mistake(kept: str) -> None:
+    """Three zeros fit any reading there, and in another unit all errors are small."""
+    table = make_table(np.tile([12.0, -30.0, 8.0], (60, 1)))
+    run = built(table, homing_offset=[2.6, -0.5, -2.7], link_length=[-2.0, 1.4, -2.5])
+    run = replace(run, command=None) if kept == "target" else run
+    run = replace(run, target=np.full_like(run.target, np.nan)) if kept == "command" else run
+    found = check_setup(FILE, run)
+    # A trusted frame is another matter: where one reading is off by more than any fault, all are.
+    assert not {item.mistake for item in found.findings} - {"wrong-reflector", "target-frame"}, str(found)

@@ -1,6 +1,6 @@
 """Set-up mistakes of a machine file and its runs, found before any physics."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -17,7 +17,15 @@ from ptt.setup.columns import standing_still
 from ptt.setup.context import find_units
 from ptt.setup.direction import find_directions
 from ptt.setup.elsewhere import find_aside, find_own_frames
-from ptt.setup.geometry import differ, explains_more, find_geometry, is_off, is_steep, unexplained
+from ptt.setup.geometry import (
+    differ,
+    explains_more,
+    find_geometry,
+    is_off,
+    is_steep,
+    left_beside_faults,
+    unexplained,
+)
 from ptt.setup.judged import undo_all
 from ptt.setup.moved import find_moved
 from ptt.setup.noise import find_noise
@@ -159,7 +167,7 @@ def find_slip_besides(setup: Setup) -> tuple[list[Finding], Setup]:
     likely = suggested_by_readings(setup)
     for steps in dict.fromkeys((tuple(likely[:1]), tuple(likely[-1:]), (*likely[:1], *likely[-1:]))):
         found, cured = find_slip(undo_all(steps, setup)) if len(set(steps)) == len(steps) > 0 else ([], setup)
-        if found and is_steep(found[0]):
+        if found and is_steep(replace(found[0], before_um=1e3 * left_beside_faults(setup))):
             slip = found[0]
             words = f"with {' and '.join(step.undone for step in steps)}, {slip.words}"
             return [

@@ -93,6 +93,11 @@ def is_off(setup: Setup) -> bool:
     return bool(np.nan_to_num(agree([thinned(setup, FEW_ROWS)])[0].rms[:2]).max() > BEYOND_FAULTS)
 
 
+def left_beside_faults(setup: Setup) -> float:
+    """Largest residual of the readings with ordinary faults fitted and nothing undone, mm; 0 where there is none."""
+    return float(np.nan_to_num(judge(thinned(setup, MOST_ROWS), ()).agreement.rms[:2]).max())
+
+
 def is_steep(finding: Finding) -> bool:
     """Whether a correction reduces the error so much that no other explanation needs to be tried."""
     return (finding.before_um or 0.0) > STEEP * (finding.after_um or 0.0)
@@ -216,11 +221,6 @@ def _is_sure(step: Hypothesis, plain: Judged, best: Judged) -> bool:
     return bool(moved > BUILT or (np.isfinite(apart) and apart > EXACT[0] and moved > SLIP))
 
 
-def _one_of_each(ties: list[Judged]) -> list[str]:
-    """Equally good explanations in words, the first of each kind."""
-    kinds: dict[tuple[str, ...], str] = {}
-    for tie in ties:
-        kinds.setdefault(tuple(step.mistake for step in tie.steps), " and ".join(step.undone for step in tie.steps))
 def _is_rough(plain: Judged, best: Judged) -> bool:
     """Whether faults of a machine that was built by hand explain the readings as well as mistakes do."""
     if plain.agreement.rms[2] > EXACT[0]:
@@ -229,6 +229,11 @@ def _is_rough(plain: Judged, best: Judged) -> bool:
     return bool(np.nanmax(left) < np.exp(TIE) * np.nanmax(best.agreement.rms))
 
 
+def _one_of_each(ties: list[Judged]) -> list[str]:
+    """Equally good explanations in words, the first of each kind."""
+    kinds: dict[tuple[str, ...], str] = {}
+    for tie in ties:
+        kinds.setdefault(tuple(step.mistake for step in tie.steps), " and ".join(step.undone for step in tie.steps))
     return list(kinds.values())
 
 
