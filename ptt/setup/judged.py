@@ -103,9 +103,8 @@ def thinned(setup: Setup, most: int) -> Setup:
 
 def is_proof(plain: Judged | None, item: Judged) -> bool:
     """Whether the error falls far, from above the level of ordinary faults to that level."""
-    speck = SPECK * drawn(item.setup).link_length_mm
-    if plain is None or item.agreement.width < speck <= plain.agreement.width:
-        return False
+    if plain is None or item.agreement.width < SPECK * drawn(item.setup).link_length_mm:
+        return False  # readings of a single pose agree with any drawing, and so does all that is scaled down to one
     before, after = plain.agreement.rms, item.agreement.beside(item.width)
     fell = np.isfinite(before) & (before > after)
     steep = np.nanmax(before) > STEEP * np.nanmax(after)
