@@ -58,10 +58,13 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     shared = {name for name, text in files.items() if 'scope="module"' in text or "@lru_cache" in text}
     helpers = [f"\nfrom {Path(name).stem} import " for name in shared if not name.startswith("test_")]
     shared |= {name for name, text in files.items() if any(helper in text for helper in helpers)}
+    served = {name for name, text in files.items() if "import server as server" in text}
 
     class BySharing(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.split("::")[0]
+            if Path(file).name in served:
+                return "the one server of the studio"
             return file if Path(file).name in shared else nodeid
 
     return BySharing(config, log)

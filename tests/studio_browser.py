@@ -106,9 +106,21 @@ def wait_for(process: subprocess.Popen, log: Path) -> str:
     raise AssertionError(f"the server did not start: {log.read_text()}")
 
 
+RUNNING: list[tuple[Server, Path]] = []
+
+
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    log = tmp_path_factory.mktemp("server") / "log.txt"
+def server(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """One for all files of a process: as a fixture that is imported it would be another one in each of them."""
+    if not RUNNING:
+        RUNNING.append(start(tmp_path_factory.mktemp("server") / "log.txt"))
+        request.session.addfinalizer(stop)
+    running, log = RUNNING[0]
+    yield running
+    assert "Traceback" not in log.read_text(), log.read_text()
+
+
+def start(log: Path) -> tuple[Server, Path]:
     # NiceGUI serves otherwise where it finds itself in a test.
     own = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")} | {
         "PYTHONUNBUFFERED": "1"
@@ -116,11 +128,18 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     command = [sys.executable, "-c", START, "studio", "--port", "0", "--no-show", "--store", str(log.parent / "store")]
     with log.open("w") as out:
         process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT, env=own, cwd=log.parent)
-        try:
-            yield Server(wait_for(process, log), process)
-        finally:
-            process.terminate()
-            process.wait(20)
+    try:
+        return Server(wait_for(process, log), process), log
+    except BaseException:
+        process.kill()
+        process.wait()
+        raise
+
+
+def stop() -> None:
+    running, log = RUNNING.pop()
+    running.process.terminate()
+    running.process.wait(20)
     assert "Traceback" not in log.read_text(), log.read_text()
 
 
@@ -132,8 +151,9 @@ def browser() -> Iterator[Browser]:
         started.close()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def context(browser: Browser) -> Iterator[BrowserContext]:
+    """One for all pages of a file, which then have its scripts in their cache; a page has a session of its own."""
     made = browser.new_context(viewport={"width": 1440, "height": 900}, accept_downloads=True)
     made.set_default_timeout(WAIT)
     yield made
@@ -141,10 +161,11 @@ def context(browser: Browser) -> Iterator[BrowserContext]:
 
 
 @pytest.fixture
-def page(context: BrowserContext, server: Server) -> Page:
+def page(context: BrowserContext, server: Server) -> Iterator[Page]:
     opened = context.new_page()
     opened.goto(server.place)
-    return opened
+    yield opened
+    opened.close()
 
 
 def load_sample(page: Page) -> None:

@@ -44,6 +44,7 @@ def test_two_tabs_are_two_sessions_and_a_reload_keeps_place_and_steps(
     stranger.goto(page.url)
     expect(stranger.get_by_text("No such session")).to_be_visible(timeout=WAIT)
     stranger.context.close()
+    other.close()
 
 
 def test_cancel_stops_the_calculation_and_the_page_goes_on(page: Page, server: Server, tmp_path: Path):
