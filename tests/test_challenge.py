@@ -247,7 +247,7 @@ def test_a_given_arm_keeps_its_file_and_is_drawn_at_every_level(tmp_path: Path) 
         assert {"x_cmd", "payload_kg", "temp_c"} <= set(pd.read_csv(folder / "run.csv"))
 
 
-@pytest.mark.parametrize("joints", [1, 2, 3, 6])
+@pytest.mark.parametrize("joints", [1, 2, 3, pytest.param(6, marks=pytest.mark.long)])
 def test_an_arm_of_few_joints_or_with_limits_on_one_side_of_zero_is_drawn(joints: int) -> None:
     file = load_machine(ARM)
     limits = ((30.0, 150.0), (-170.0, -120.0), (0.0, 90.0))

@@ -249,7 +249,9 @@ def test_the_opened_rig_measures_the_targets_again_as_they_were_measured(case, t
         assert np.abs(left).max() < 0.05
 
 
-@pytest.mark.parametrize("seed", [12, 13, pytest.param(14, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "seed", [12, pytest.param(13, marks=pytest.mark.long), pytest.param(14, marks=pytest.mark.long)]
+)
 def test_a_fresh_rig_is_diagnosed_right(seed: int, tmp_path: Path) -> None:
     folder = new_challenge(tmp_path / "c", "single", seed=seed).folder
     file = load_machine(folder / "machine.toml")

@@ -26,7 +26,9 @@ def loaded(bend: list[float]) -> Diagnosis:
     return diagnose(Model(FILE), build_problem(FILE, replace(table, measured=measure(told, FILE, [bends]).measured)))
 
 
-@pytest.mark.parametrize("bend", [[0.006, -0.004, 2e-4, -1e-4], [0.0, 0.003, 0.0, 3e-4]])
+@pytest.mark.parametrize(
+    "bend", [pytest.param([0.006, -0.004, 2e-4, -1e-4], marks=pytest.mark.long), [0.0, 0.003, 0.0, 3e-4]]
+)
 def test_a_load_that_nobody_noted_is_a_change_at_its_moment(bend: list[float]) -> None:
     found = loaded(bend)
     assert (found.verdict, found.suggested) == ("unknown", ())

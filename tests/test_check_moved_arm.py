@@ -31,7 +31,9 @@ def slipped(table: Table, joint: int, degrees: float) -> Table:
 
 
 @pytest.mark.parametrize("name", ["ur10", "kuka_iiwa"])
-@pytest.mark.parametrize("share", [0.2, 0.5, pytest.param(0.8, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "share", [0.2, pytest.param(0.5, marks=pytest.mark.long), pytest.param(0.8, marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize("move", [(0.0, (30.0, 0.0, 0.0)), (2.0, (40.0, 9.0, 5.0)), (130.0, (900.0, -400.0, 250.0))])
 def test_an_arms_tracker_that_was_moved_in_a_file(
     move: tuple[float, tuple[float, float, float]], share: float, name: str
@@ -61,7 +63,7 @@ def test_an_arms_tracker_that_was_moved_twice(last: tuple[float, tuple[float, fl
     assert found.table is not None and check_setup(found.file, found.table).findings == ()
 
 
-@pytest.mark.parametrize("degrees", [1.0, 5.0, -25.0])
+@pytest.mark.parametrize("degrees", [1.0, pytest.param(5.0, marks=pytest.mark.long), -25.0])
 @pytest.mark.parametrize("joint", range(6))
 def test_a_joint_that_slipped_is_no_tracker_that_was_moved(joint: int, degrees: float) -> None:
     """The slip of the first one turns all readings as one: the tracker would have had to turn about that very axis."""

@@ -40,7 +40,9 @@ def test_a_tracker_set_up_anew_for_each_run_is_no_other_reflector(sound: tuple[M
 
 
 @pytest.mark.parametrize("turned_deg", [0.0, 0.5, -20.0, 30.0, 45.0, 170.0])
-@pytest.mark.parametrize("share", [0.25, 0.5, 0.8])
+@pytest.mark.parametrize(
+    "share", [0.25, pytest.param(0.5, marks=pytest.mark.long), pytest.param(0.8, marks=pytest.mark.long)]
+)
 def test_what_is_promised_of_a_tracker_that_was_moved_in_a_file_is_left_after_the_cure(
     sound: tuple[MachineFile, Table], turned_deg: float, share: float
 ) -> None:

@@ -77,7 +77,10 @@ def test_sums_of_a_stretch_are_those_of_its_rows_in_noise_and_in_mm() -> None:
     assert rows == 50
 
 
-@pytest.mark.parametrize(("size", "slab"), [(ROWS, ROWS), pytest.param(700, ROWS, marks=pytest.mark.long), (ROWS, 450)])
+@pytest.mark.parametrize(
+    ("size", "slab"),
+    [pytest.param(ROWS, ROWS, marks=pytest.mark.long), pytest.param(700, ROWS, marks=pytest.mark.long), (ROWS, 450)],
+)
 def test_sums_over_chunks_are_those_of_the_whole(
     problem: Problem, size: int, slab: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -52,7 +52,7 @@ def test_a_cycle_does_not_drown_in_a_noise_that_is_told_by_itself(seed: int) -> 
     assert found.depends_on[0].period_mm == pytest.approx(51.0, rel=0.015)
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_a_cycle_of_one_slider_is_told_beside_play_on_few_readings(seed: int) -> None:
     """A field over the workspace, or a chance wave along the travel, fits most of any cycle of a hundred readings."""
     random, file, rows = np.random.default_rng(seed), machine(frame="fitted"), 100

@@ -50,14 +50,14 @@ def learn(folder, *arguments, **options) -> tuple[dict, Diagnosis]:
 
 
 @pytest.mark.parametrize(
-    ("fault", "seed"),
+    ("fault", "seed"),  # an effect that a file of its own asks for by name is asked for here with the long ones
     [
-        ("homing-offset", 11),
+        pytest.param("homing-offset", 11, marks=pytest.mark.long),
         ("screw-error-map", 12),
         ("once-per-rev", 13),
-        ("backlash", 14),
+        pytest.param("backlash", 14, marks=pytest.mark.long),
         ("windup", 15),
-        ("following-error", 16),
+        pytest.param("following-error", 16, marks=pytest.mark.long),
         pytest.param("axis-compliance", 17, marks=pytest.mark.long),
         ("tower-position", 18),
         pytest.param("link-length", 19, marks=pytest.mark.long),
@@ -65,8 +65,8 @@ def learn(folder, *arguments, **options) -> tuple[dict, Diagnosis]:
         pytest.param("joint-clearance", 21, marks=pytest.mark.long),
         ("platform-twist", 22),
         pytest.param("column-bend", 23, marks=pytest.mark.long),
-        ("tracker-drift", 24),
-        ("setup-jump", 25),
+        pytest.param("tracker-drift", 24, marks=pytest.mark.long),
+        pytest.param("setup-jump", 25, marks=pytest.mark.long),
     ],
 )
 def test_one_hidden_effect_is_named_first(tmp_path, fault, seed):
@@ -184,20 +184,20 @@ def test_a_wave_in_the_readings_of_one_axis_is_no_wander(tmp_path):
     assert (found.depends_on[0].residual, found.depends_on[0].on) == ("z", "time")
 
 
-def test_a_slip_between_the_moments_that_a_search_tries_is_dated_to_the_row(tmp_path):
+@pytest.mark.parametrize("seed", [pytest.param(87, marks=pytest.mark.long), 88])
+def test_a_slip_between_the_moments_that_a_search_tries_is_dated_to_the_row(tmp_path, seed):
     """One row on the wrong side of a jump is as far off as the jump: nothing may be named to make good for it."""
     forward, row = build_mechanism(MACHINE.machine).forward, 102
-    for seed in (87, 88):
-        _, path = run(tmp_path, seed, rows=190, heavy_dof=3.0)
-        frame = pd.read_csv(path)
-        heights = torch.tensor(frame[["b1_cmd", "b2_cmd", "b3_cmd"]].to_numpy())
-        slip = torch.tensor([0.0, 0.08, 0.0]) * torch.tensor(np.arange(len(frame)) > row)[:, None]
-        frame[["x_meas", "y_meas", "z_meas"]] += (forward(heights + slip) - forward(heights)).numpy()
-        frame.to_csv(path, index=False)
-        problem = build_problem(MACHINE, read_table(path))
-        found = diagnose(Model(MACHINE), problem)
-        assert (found.verdict, found.suggested) == ("missing", (("homing-slip",),))
-        assert float(found.model.terms[0].theta[-1]) == pytest.approx(float(problem.view.time[row]))
+    _, path = run(tmp_path, seed, rows=190, heavy_dof=3.0)
+    frame = pd.read_csv(path)
+    heights = torch.tensor(frame[["b1_cmd", "b2_cmd", "b3_cmd"]].to_numpy())
+    slip = torch.tensor([0.0, 0.08, 0.0]) * torch.tensor(np.arange(len(frame)) > row)[:, None]
+    frame[["x_meas", "y_meas", "z_meas"]] += (forward(heights + slip) - forward(heights)).numpy()
+    frame.to_csv(path, index=False)
+    problem = build_problem(MACHINE, read_table(path))
+    found = diagnose(Model(MACHINE), problem)
+    assert (found.verdict, found.suggested) == ("missing", (("homing-slip",),))
+    assert float(found.model.terms[0].theta[-1]) == pytest.approx(float(problem.view.time[row]))
 
 
 def test_unknown_fault_is_not_forced_into_the_library(tmp_path):

@@ -36,7 +36,9 @@ Events = Mapping[int, tuple[int, float] | Sequence[float]]
         pytest.param(
             {93: (2, 0.033), 182: KNOCK}, 0.004, ("homing-slip", "setup-jump", "once-per-rev"), marks=pytest.mark.long
         ),
-        ({90: (0, 0.03), 186: (2, 0.05)}, 0.0, ("homing-slip", "homing-slip[second]")),
+        pytest.param(
+            {90: (0, 0.03), 186: (2, 0.05)}, 0.0, ("homing-slip", "homing-slip[second]"), marks=pytest.mark.long
+        ),
         pytest.param(
             {90: (0, 0.05), 186: (0, -0.02)}, 0.0, ("homing-slip", "homing-slip[second]"), marks=pytest.mark.long
         ),

@@ -125,7 +125,7 @@ def test_descent_that_cannot_go_down_says_so() -> None:
     assert ended.status.startswith("not converged")
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_a_curved_valley_is_followed_to_its_end(seed: int) -> None:
     """Links that the model lacks press a common twist, which a turned tracker hides, far beyond its linear range."""
     file, table = machine(), empty_run(seed=seed)

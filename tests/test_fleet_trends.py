@@ -171,7 +171,9 @@ def test_a_machine_unlike_its_sisters_is_named_and_no_other():
     assert not unlike({name: values[name] for name in list(values)[:4]} | {"m7": (55.0, 0.5)})  # too few to tell
 
 
-@pytest.mark.parametrize("machines", [6, 7, 12, 30])
+@pytest.mark.parametrize(
+    "machines", [6, pytest.param(7, marks=pytest.mark.long), pytest.param(12, marks=pytest.mark.long), 30]
+)
 def test_sisters_that_differ_by_chance_alarm_as_seldom_as_promised_however_many_values_are_compared(machines: int):
     random, compared, false = np.random.default_rng(1), 20, 0
     for _ in range(400):

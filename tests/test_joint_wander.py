@@ -30,7 +30,9 @@ def wandering(seed: int, slider: int | None) -> Problem:
     return build_problem(file, replace(table, measured=read))
 
 
-@pytest.mark.parametrize("slider", [0, 1, 2])
+@pytest.mark.parametrize(
+    "slider", [pytest.param(0, marks=pytest.mark.long), pytest.param(1, marks=pytest.mark.long), 2]
+)
 def test_a_slider_that_wanders_is_told_from_a_tracker_that_does(slider: int) -> None:
     problem = wandering(slider, slider)
     found = diagnose(Model(problem.file), problem)
@@ -39,7 +41,9 @@ def test_a_slider_that_wanders_is_told_from_a_tracker_that_does(slider: int) -> 
     assert found.depends_on[0].share > 0.5
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, 1, pytest.param(2, marks=pytest.mark.long), pytest.param(3, marks=pytest.mark.long)]
+)
 def test_a_tracker_that_wanders_as_much_is_none_of_the_machine(seed: int) -> None:
     problem = wandering(seed, None)
     assert diagnose(Model(problem.file), problem).verdict == "nothing-missing"

@@ -64,7 +64,9 @@ def in_blocks(monkeypatch: pytest.MonkeyPatch, rows: int, beside: int = 12) -> N
     monkeypatch.setattr(blocks, "NEIGHBOUR_ROWS", beside)
 
 
-@pytest.mark.parametrize("rows", [20, pytest.param(45, marks=pytest.mark.long), 61])
+@pytest.mark.parametrize(
+    "rows", [20, pytest.param(45, marks=pytest.mark.long), pytest.param(61, marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize("runs", [1, 3])
 def test_blocks_give_the_commands_of_the_whole(bench: MachineFile, monkeypatch, rows: int, runs: int) -> None:
     targets = targets_of(bench)
@@ -123,10 +125,20 @@ CLOCKS = {
     "as fast as the lag": {"time_s": 0.02 * np.arange(260.0)},
     "feed": {"feed_mm_s": np.full(260, 30.0)},
 }
+HARDEST = "as fast as the lag"
 
 
-@pytest.mark.parametrize("clock", ["slow", pytest.param("fast", marks=pytest.mark.long), "as fast as the lag", "feed"])
-@pytest.mark.parametrize(("play", "pace"), [(True, SMOOTH), *((False, pace) for pace in PACES)])
+@pytest.mark.parametrize(
+    ("clock", "play", "pace"),
+    [
+        # Each clock with play and each pace on the hardest clock: the others are asked with the long ones.
+        pytest.param(
+            clock, play, pace, marks=() if (play and clock != "fast") or clock == HARDEST else pytest.mark.long
+        )
+        for clock in CLOCKS
+        for play, pace in ((True, SMOOTH), *((False, pace) for pace in PACES))
+    ],
+)
 def test_axes_that_lag_settle_at_standstill_whole_and_in_blocks(
     bench: MachineFile, monkeypatch, clock, play, pace
 ) -> None:

@@ -37,7 +37,7 @@ def moved(name: str, aside: tuple[float, float, float], slip: float) -> Problem:
     return build_problem(file, make_table(None, sent, reached + random.normal(0.0, 0.03, (ROWS, 3))))
 
 
-@pytest.mark.parametrize("name", ["kuka_iiwa", "assembly_robot"])
+@pytest.mark.parametrize("name", ["kuka_iiwa", pytest.param("assembly_robot", marks=pytest.mark.long)])
 def test_a_tool_that_moved_in_its_holder_is_told_with_the_moment(name: str) -> None:
     problem = moved(name, (0.3, -0.2, 0.25), 0.0)
     found = diagnose(Model(problem.file), problem)

@@ -20,7 +20,7 @@ NOISE = 0.004
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(9, marks=pytest.mark.long)])
-@pytest.mark.parametrize("wave", [3, 4])
+@pytest.mark.parametrize("wave", [3, pytest.param(4, marks=pytest.mark.long)])
 def test_of_few_rows_a_lead_and_a_wave_are_no_curve(seed: int, wave: int) -> None:
     file, random = bench(), np.random.default_rng(seed)
     file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": NOISE, "frame": "trusted"}))

@@ -69,7 +69,7 @@ def test_the_other_methods_learn_too(changes):
         assert training.mse_curve.shape == (0, 3)
 
 
-@pytest.mark.parametrize("blocks", [5, 12, 180])
+@pytest.mark.parametrize("blocks", [5, pytest.param(12, marks=pytest.mark.long), 180])
 def test_noise_alone_chooses_the_null_network(blocks):
     p, pose = helix()
     learned = 0

@@ -27,7 +27,7 @@ def behind(angles: np.ndarray, height: float, length: float) -> np.ndarray:
     return -height * side
 
 
-@pytest.mark.parametrize(("name", "joint"), [("kuka_iiwa", 3), ("ur10", 4)])
+@pytest.mark.parametrize(("name", "joint"), [pytest.param("kuka_iiwa", 3, marks=pytest.mark.long), ("ur10", 4)])
 def test_wind_up_of_one_joint_is_named(name: str, joint: int) -> None:
     file, random, rows = load_machine(MACHINES / f"{name}.toml"), np.random.default_rng(5), 220
     file = replace(file, tracker=file.tracker.model_copy(update={"sigma_mm": 0.03, "frame": "fitted"}))

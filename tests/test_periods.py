@@ -57,7 +57,11 @@ def test_what_each_pose_has_to_itself_is_worth_no_line(turning):
 
 @pytest.mark.parametrize(
     ("period", "rows", "turns"),
-    [(1.7, 90, 45.0), (0.3, 300, 300.0), pytest.param(2.3, 90, 33.0, marks=pytest.mark.long)],
+    [
+        (1.7, 90, 45.0),
+        pytest.param(0.3, 300, 300.0, marks=pytest.mark.long),
+        pytest.param(2.3, 90, 33.0, marks=pytest.mark.long),
+    ],
 )
 def test_a_wave_finer_than_the_readings_are_many_is_found_among_poses_at_random(
     period: float, rows: int, turns: float

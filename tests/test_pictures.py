@@ -96,7 +96,7 @@ def test_targets_along_a_vertical_line_are_drawn_with_a_key_that_fits() -> None:
     assert png(figure).startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("rows", [4, 5])
+@pytest.mark.parametrize("rows", [4, pytest.param(5, marks=pytest.mark.long)])
 def test_a_few_readings_are_drawn_though_nothing_can_be_held_against_them(rows: int, tmp_path: Path, capsys) -> None:
     sample = DATA / "sealed_three"
     lines = (sample / "run.csv").read_text().splitlines()[: rows + 1]

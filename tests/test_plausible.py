@@ -43,7 +43,15 @@ def helix(rows: int) -> np.ndarray:
     return np.column_stack([50.0 * np.cos(turn), 50.0 * np.sin(turn), np.linspace(-40.0, 40.0, rows)])
 
 
-@pytest.mark.parametrize(("row", "seed"), [(5, 1), (6, 2), (60, 3), (86, 4)])
+@pytest.mark.parametrize(
+    ("row", "seed"),
+    [
+        (5, 1),
+        pytest.param(6, 2, marks=pytest.mark.long),
+        (60, 3),
+        pytest.param(86, 4, marks=pytest.mark.long),
+    ],
+)
 def test_one_wrong_reading_of_a_smooth_path_is_left_out(row: int, seed: int) -> None:
     """Not its neighbour in its place, and nothing that happened just before it and was undone just after."""
     random, target = np.random.default_rng(seed), helix(90)
@@ -91,7 +99,7 @@ def test_readings_of_one_visit_that_err_alike_by_twenty_times_the_noise_are_not_
     assert found.verdict == "unknown" and found.suggested == ()
 
 
-@pytest.mark.parametrize(("count", "seed"), [(6, 1), (10, 2)])
+@pytest.mark.parametrize(("count", "seed"), [(6, 1), pytest.param(10, 2, marks=pytest.mark.long)])
 def test_a_few_loaded_poses_among_many_are_no_gross_errors(count: int, seed: int) -> None:
     """A column bends under 5 kg, which few of 120 poses carried."""
     random = np.random.default_rng(seed)
@@ -104,7 +112,7 @@ def test_a_few_loaded_poses_among_many_are_no_gross_errors(count: int, seed: int
     assert [names[0] for names in found.suggested] == ["column-bend"]
 
 
-@pytest.mark.parametrize(("seed", "height"), [(1, 0.0), (2, 0.0), (1, 1500.0)])
+@pytest.mark.parametrize(("seed", "height"), [pytest.param(1, 0.0, marks=pytest.mark.long), (2, 0.0), (1, 1500.0)])
 def test_a_zero_that_follows_warmth_without_any_growth_is_no_screw(seed: int, height: float) -> None:
     """Slider 3 rises by 60 um/K wherever it stands; a steel screw of half a metre grows by 6."""
     random, target = np.random.default_rng(seed), np.random.default_rng(seed).uniform(-50.0, 50.0, (200, 3))
@@ -117,7 +125,7 @@ def test_a_zero_that_follows_warmth_without_any_growth_is_no_screw(seed: int, he
     assert found.depends_on[0].on in ("temperature", "time")
 
 
-@pytest.mark.parametrize("bearing", [-200.0, 150.0, 450.0])
+@pytest.mark.parametrize("bearing", [-200.0, pytest.param(150.0, marks=pytest.mark.long), 450.0])
 def test_a_screw_that_grows_away_from_its_bearing_is_named(bearing: float) -> None:
     random, target = np.random.default_rng(7), np.random.default_rng(8).uniform(-50.0, 50.0, (200, 3))
     warm = 20.0 + 6.0 * (1.0 - np.exp(-np.arange(200) / 60.0))

@@ -206,9 +206,19 @@ def test_what_is_of_the_tool_alone_fits_arms_as_well(tmp_path: Path, entry: dict
 @pytest.mark.parametrize(
     ("place", "follows", "law"),
     [
-        ("slider 1", "b3", {"kind": "cross-coupling", "leg": 1, "other": 3, "height_mm": 290.0, "span_mm": 60.0}),
+        pytest.param(
+            "slider 1",
+            "b3",
+            {"kind": "cross-coupling", "leg": 1, "other": 3, "height_mm": 290.0, "span_mm": 60.0},
+            marks=pytest.mark.long,
+        ),
         ("rail 2 outward", "b1", {"place": "radial", "leg": 2, "variables": ["b1"], "span": [[200.0, 400.0]]}),
-        ("link 3", "x", {"place": "link", "leg": 3, "variables": ["x"], "span": [[-60.0, 60.0]]}),
+        pytest.param(
+            "link 3",
+            "x",
+            {"place": "link", "leg": 3, "variables": ["x"], "span": [[-60.0, 60.0]]},
+            marks=pytest.mark.long,
+        ),
         ("y", "x", {"place": "tool-y", "variables": ["x"], "span": [[-60.0, 60.0]]}),
     ],
 )

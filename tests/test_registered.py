@@ -33,7 +33,7 @@ def told(shift: float, wander: float, rows: int = 200, seed: int = 0) -> Diagnos
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.long)])
-@pytest.mark.parametrize("times", [4.0, 12.0])
+@pytest.mark.parametrize("times", [4.0, pytest.param(12.0, marks=pytest.mark.long)])
 def test_a_constant_that_no_wander_shows_is_not_the_wander_s(times: float, seed: int) -> None:
     """One that lasts four times as long as the run could be off by it from the first row on."""
     found = told(times * np.sqrt(3.0) * SIGMA, 0.0, seed=seed)

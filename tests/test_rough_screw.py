@@ -66,7 +66,10 @@ def test_one_screw_ground_in_stretches_is_a_rough_screw_and_no_unknown_of_its_ow
 
 @pytest.mark.parametrize(
     ("damage", "shape"),
-    [(lambda q: 0.02 * (q > 290.0), "step"), (lambda q: 0.04 * np.exp(-np.square((q - 300.0) / 3.0)), "bump")],
+    [
+        (lambda q: 0.02 * (q > 290.0), "step"),
+        pytest.param(lambda q: 0.04 * np.exp(-np.square((q - 300.0) / 3.0)), "bump", marks=pytest.mark.long),
+    ],
 )
 def test_a_splice_or_a_spot_of_one_screw_is_no_rough_screw(damage, shape):
     found = told_of_screws(lambda q: damage(q) * [1.0, 0.0, 0.0])

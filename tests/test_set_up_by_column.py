@@ -19,7 +19,7 @@ from ptt.run.table import make_table
 from ptt.run.watched import watch
 
 
-@pytest.mark.parametrize("column", ["temperature", "sun [W/m2]"])
+@pytest.mark.parametrize("column", [pytest.param("temperature", marks=pytest.mark.long), "sun [W/m2]"])
 def test_a_tilt_that_follows_a_column_is_unknown_and_told_by_it(column: str) -> None:
     """The tracker's frame is trusted, the room warms as after a start in the morning, the sun stands on one side."""
     random, rows = np.random.default_rng(5), 160

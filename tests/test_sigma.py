@@ -130,8 +130,17 @@ def bent(height: np.ndarray, seed: int) -> np.ndarray:
     return np.asarray((level + slope * place + bow * np.cos(2 * np.pi * place)).round(2))
 
 
-@pytest.mark.parametrize("partners", [(), ("homing-offset", "lead-scale")], ids=["alone", "beside homing and lead"])
-@pytest.mark.parametrize("frame", ["trusted", "fitted"])
+@pytest.mark.parametrize(
+    ("frame", "partners"),
+    [
+        pytest.param("trusted", (), id="trusted-alone", marks=pytest.mark.long),
+        pytest.param("trusted", ("homing-offset", "lead-scale"), id="trusted-beside homing and lead"),
+        pytest.param("fitted", (), id="fitted-alone"),
+        pytest.param(
+            "fitted", ("homing-offset", "lead-scale"), id="fitted-beside homing and lead", marks=pytest.mark.long
+        ),
+    ],
+)
 def test_a_smooth_screw_is_corrected_between_the_heights_of_a_raster(tmp_path, frame, partners):
     """Without homing and lead in the model the curve must not bend between the heights to imitate them."""
     file = replace(FILE, tracker=TrackerSpec(frame=frame, sigma_mm=SIGMA))

@@ -82,7 +82,7 @@ def test_a_foreign_machine_is_said_the_size_that_it_has() -> None:
     assert ("toward +x" if true > 0 else "toward -x") in first.words
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [pytest.param(1.0, marks=pytest.mark.long), -1.0])
 def test_a_joint_of_an_arm_is_said_the_way_that_it_turns(sign) -> None:
     """Joint 4 stands 300 urad off the one way when joint 3 arrives forward, and as much as that less when it backs."""
     case = plan("none", 1, 0, bench=load_machine(DATA / "machines" / "ur10.toml"), arm=True, rows=200)[0]

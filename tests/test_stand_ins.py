@@ -81,7 +81,7 @@ def test_a_wrong_unit_of_length_of_a_tracker_far_away_is_no_tower(seed: int) -> 
     [
         (0.012, 5),
         pytest.param(0.012, 6, marks=pytest.mark.long),
-        (0.02, 0),
+        pytest.param(0.02, 0, marks=pytest.mark.long),
         pytest.param(0.02, 2, marks=pytest.mark.long),
     ],
 )
@@ -100,7 +100,8 @@ def test_what_stands_for_two_is_one_step_where_no_more_may_be_added() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "side", "size", "lasts", "seed"), [(166, 60.0, 0.026, 750.0, 8), (96, 40.0, 0.036, 220.0, 11)]
+    ("rows", "side", "size", "lasts", "seed"),
+    [pytest.param(166, 60.0, 0.026, 750.0, 8, marks=pytest.mark.long), (96, 40.0, 0.036, 220.0, 11)],
 )
 def test_a_joint_that_settles_is_no_drift_of_the_tracker(
     rows: int, side: float, size: float, lasts: float, seed: int

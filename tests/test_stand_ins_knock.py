@@ -15,7 +15,7 @@ from ptt.model.model import Model
 from ptt.run.problem import Problem, build_problem
 
 
-@pytest.mark.parametrize("frame", ["fitted", "fitted-per-run"])
+@pytest.mark.parametrize("frame", [pytest.param("fitted", marks=pytest.mark.long), "fitted-per-run"])
 def test_a_slip_between_two_runs_is_placed_there(frame: str) -> None:
     """Not told as a wind-up that is never over, though the travel turns over where it slipped."""
     rows = 218

@@ -37,7 +37,7 @@ def test_a_windup_that_would_outlast_the_travel_is_held_where_it_still_is_one() 
     assert float(read_model(file).terms[0].theta[-1]) == pytest.approx(3.0 * LONGEST)
 
 
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [1, pytest.param(3, marks=pytest.mark.long)])
 def test_play_is_told_on_short_runs_that_come_from_the_other_side(seed: int) -> None:
     """The first row of a run is taken to arrive as the second moves; three of 48 rows that did not are left aside."""
     random = np.random.default_rng(seed)
@@ -57,7 +57,7 @@ def test_play_is_told_on_short_runs_that_come_from_the_other_side(seed: int) -> 
     assert {names[0] for names in found.suggested} == {"backlash", "homing-slip"}
 
 
-@pytest.mark.parametrize("left", [0.05, 0.0])
+@pytest.mark.parametrize("left", [0.05, pytest.param(0.0, marks=pytest.mark.long)])
 def test_a_play_that_dies_away_is_no_constant_play_beside_an_unknown(left: float) -> None:
     """A constant in its middle would be sent, and be wrong by half of it at either end."""
     random, rows = np.random.default_rng(5), 300

@@ -31,7 +31,9 @@ def with_levels(seed: int, heights: np.ndarray, *, slider: int | None = None) ->
     return build_problem(file, replace(table, measured=view.p.numpy() + moved + random.normal(0.0, SIGMA, (ROWS, 3))))
 
 
-@pytest.mark.parametrize("times", [3.0, 5.0, 8.0])
+@pytest.mark.parametrize(
+    "times", [3.0, pytest.param(5.0, marks=pytest.mark.long), pytest.param(8.0, marks=pytest.mark.long)]
+)
 def test_a_tool_that_is_pushed_aside_now_and_then_is_told_with_the_moments(times: float) -> None:
     problem = with_levels(1, np.outer([0.0, 1.0, 0.0, 1.0], [0.0, 0.0, -times * SIGMA]))
     found = diagnose(Model(problem.file), problem)
@@ -52,7 +54,9 @@ def test_levels_of_a_slider_are_told_of_that_slider() -> None:
     assert len(found.depends_on[0].moments) == len(SWITCHED)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, pytest.param(1, marks=pytest.mark.long), 2, pytest.param(3, marks=pytest.mark.long)]
+)
 def test_a_random_walk_has_no_levels(seed: int) -> None:
     random, file = np.random.default_rng(100 + seed), machine(frame="fitted")
     table = make_table(random.uniform(-60.0, 60.0, (ROWS, 3)), time_s=STEP_S * np.arange(ROWS))

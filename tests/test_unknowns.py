@@ -85,7 +85,7 @@ def test_what_went_along_with_the_variable_is_told(along: bool, rivals: tuple[st
     assert (found.residual, found.on, found.rivals) == ("z", "temperature", rivals)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.long)])
 def test_what_follows_several_variables_has_nothing_that_went_along_with_one(seed: int) -> None:
     random, rows = np.random.default_rng(seed), 160
     target = random.uniform(-60.0, 60.0, (rows, 3))

@@ -64,7 +64,7 @@ def test_links_are_the_same_bodies_in_both_conventions() -> None:
         torch.testing.assert_close(*turned, atol=1e-9, rtol=1e-6)
 
 
-@pytest.mark.parametrize("link", [1, 2])
+@pytest.mark.parametrize("link", [pytest.param(1, marks=pytest.mark.long), 2])
 def test_a_link_that_warms_alone_is_told_and_written(tmp_path: Path, link: int) -> None:
     """The elbow's side of the arm is warmed by its motors; its zero lies at the drawing's temperature."""
     file, random, rows = arm(), np.random.default_rng(link), 220

@@ -48,7 +48,13 @@ def test_a_drift_is_the_trackers_alone_where_base_reflectors_were_read_along_the
 
 @pytest.mark.parametrize(
     "um_per_k",
-    [pytest.param(-40.0, marks=pytest.mark.long), -17.0, 9.0, pytest.param(17.0, marks=pytest.mark.long), 40.0],
+    [
+        pytest.param(-40.0, marks=pytest.mark.long),
+        -17.0,
+        pytest.param(9.0, marks=pytest.mark.long),
+        pytest.param(17.0, marks=pytest.mark.long),
+        40.0,
+    ],
 )
 def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_per_k: float) -> None:
     """Told is a machine that could be, and that a tracker looks the same; or that no known effect describes it."""
@@ -68,7 +74,7 @@ def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_pe
         assert -3.0 * each.std < each.value < 4.8e-5 + 3.0 * each.std
 
 
-@pytest.mark.parametrize("per_k", [(1e-4, 7e-5), (7e-5, 1.2e-4)])
+@pytest.mark.parametrize("per_k", [pytest.param((1e-4, 7e-5), marks=pytest.mark.long), (7e-5, 1.2e-4)])
 def test_a_frame_that_grows_more_than_any_metal_is_named_where_its_form_shows(per_k: tuple[float, float]) -> None:
     """The sensor may hang where it sees a tenth of the warmth that the frame has."""
     random, file, rows = np.random.default_rng(3), bench_machine(), 120
