@@ -69,7 +69,19 @@ def test_every_variable_that_an_unknown_may_follow_has_a_label_with_its_unit_in_
     view = sample_view(kind)
     table = make_table(view.p.numpy(), view.q.numpy(), measured=view.p.numpy(), time_s=view.time.numpy())
     problem = build_problem(sample_machine(kind), table)
-    names = [*MOVES, "feed", f"{problem.file.machine.letter}2", "direction2", "speed2", "payload", "time", "run", "x"]
+    load = "torque2" if kind == "serial" else "force2"
+    names = [
+        *MOVES,
+        "feed",
+        f"{problem.file.machine.letter}2",
+        "direction2",
+        "speed2",
+        load,
+        "payload",
+        "time",
+        "run",
+        "x",
+    ]
     labels = {name: variable_label(name, problem) for name in names}
     for name, label in labels.items():
         assert ("joint" in label or "slider" in label) == name.endswith("2"), label
