@@ -9,7 +9,7 @@ CONSTRAINTS ?= -c constraints.txt
 # Each takes a stretch of the tests, so that what a file sets up is set up once, and then what others have left.
 WORKERS ?= $(shell n=$$(nproc 2>/dev/null || echo 2); echo $$((n < 2 ? 2 : n > 4 ? 4 : n)))
 
-.PHONY: demo test test-long lint bench docs clean
+.PHONY: demo test tests test-long lint bench docs clean
 
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -36,8 +36,12 @@ lint: $(VENV)/.test-ready
 	MYPYPATH=data $(BIN)/mypy data/*.py
 	$(BIN)/lint-imports
 
+# Beside each other: types are checked on one core, and take as long as a tenth of the tests.
+test: $(VENV)/.test-ready
+	@$(MAKE) --no-print-directory -j 2 lint tests
+
 # Tests of the studio need a Chromium; where none can be had they are skipped and say so.
-test: lint
+tests: $(VENV)/.test-ready
 	@command -v chromium >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null && \
 		{ apt-get update -qq; apt-get install -y -qq chromium; } >/dev/null 2>&1; } || true
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal

@@ -109,6 +109,7 @@ def test_noise_that_was_told_before_all_was_named_is_told_again() -> None:
     assert (found.verdict, {group[0] for group in found.suggested}) == ("missing", names)
 
 
+@pytest.mark.long
 def test_a_curve_that_bends_further_does_not_make_a_twist_needless() -> None:
     found = told("multi", 990028)
     assert {group[0] for group in found.suggested} >= {"platform-twist", "frame-growth"}

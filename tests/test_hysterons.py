@@ -78,6 +78,7 @@ def test_a_hysteresis_is_told_by_its_slider_and_written_as_a_law(tmp_path: Path)
     assert after < 0.4 * before
 
 
+@pytest.mark.long
 def test_a_hysteresis_whose_blocks_cancel_has_the_size_of_its_two_sides(monkeypatch: pytest.MonkeyPatch) -> None:
     """An arm's blocks did, and the diagnosis ended in an error: the travel since a reversal is no context of rows."""
     monkeypatch.setattr(sizes, "LARGER_FACTOR", 0.0)
@@ -93,6 +94,7 @@ def test_travel_since_a_reversal_begins_anew_with_each_and_with_each_run() -> No
     np.testing.assert_array_equal(since_reversal(q, starts), [0.0, 2.0, 5.0, 5.0, 1.0, 4.0, 2.0, 0.0, 0.0, 1.0])
 
 
+@pytest.mark.long
 def test_runs_that_were_come_to_from_opposite_sides_are_one_hysteresis() -> None:
     file, table = machine(), lines()
     problem = stiff(table.replace(run=np.repeat([0, 1], table.rows // 2)), file, 1, 0.05, 0.9, -0.9)

@@ -101,6 +101,7 @@ def test_a_run_along_a_line_asks_for_poses_on_it_and_one_at_a_place_for_none():
     np.testing.assert_allclose(table.target[:, 1:], np.tile([0.0, 30.0], (table.rows, 1)), atol=1e-3)
 
 
+@pytest.mark.long
 def test_the_poses_that_are_advised_show_what_ran_together_on_the_first_path(tmp_path):
     """A scale's pitch error along slider 1, which 300 readings of a smooth path tell as curves over b1, x and y."""
     folder, rig, more = tmp_path / "sealed", tmp_path / "rig.toml", tmp_path / "next.csv"

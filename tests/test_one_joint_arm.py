@@ -42,6 +42,7 @@ def test_wind_up_of_one_joint_is_named(name: str, joint: int) -> None:
     assert (found.verdict, found.suggested) == ("missing", (("windup",),))
 
 
+@pytest.mark.long
 def test_a_zero_that_is_off_is_no_unknown_which_is_hardly_more_than_a_level() -> None:
     """Its name has to pay for its size and the choice of its joint, a block of that joint with a level does not."""
     case = next(case for case in plan("multi", 24, 95210, arm=True, bench=None) if case.seed == 95214)
