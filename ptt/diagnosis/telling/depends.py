@@ -202,7 +202,7 @@ def _of_several(
     if block.is_spell:
         curve = _curve_of_levels(problem.view.clock.numpy(), left, block.jumps)
         return replace(found, shape="levels", place=None, moments=block.jumps, curve=curve)
-    if not _is_field(block) or alone >= ENOUGH_ALONE:
+    if not _is_field(block) or (alone >= ENOUGH_ALONE and not _is_of_one_axis(block)):
         return found
     return replace(  # the shape of a curve that leaves most of the unknown aside says nothing
         found, shape="smooth", place=None, period_mm=None, with_=None, rivals=(), together=block.on,
@@ -231,6 +231,11 @@ def _between(values: np.ndarray, jump: float) -> tuple[float, float]:
 def _is_field(block: Block) -> bool:
     """Whether an unknown is a smooth function of several variables, so that a curve over one may be a small part."""
     return len(block.on) > 1 and block.period is None and not block.reverses and not block.gradual
+
+
+def _is_of_one_axis(block: Block) -> bool:
+    """Whether an unknown moves the tool along one axis, as a field over the workspace: a curve would explain less."""
+    return _is_field(block) and block.place.residual in AXES and block.on[0] == "x"
 
 
 def _centred_curve(values: np.ndarray, readings: np.ndarray, side: np.ndarray | float = 1.0) -> np.ndarray:
@@ -275,7 +280,7 @@ def _acts_on(block: Block) -> str | None:
     """The place on which a block acts: the set-up, the mount, or one of one direction and no field; None where open."""
     if block.place.residual in ("set-up", "mount", "load"):
         return block.place.residual
-    field = len(block.on) > 1 and block.on[0] == "x"
+    field = len(block.on) > 1 and block.on[0] == "x" and not _is_of_one_axis(block)
     return None if field or block.place.slopes.shape[2] > 1 else block.place.residual
 
 

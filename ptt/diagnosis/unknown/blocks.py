@@ -62,6 +62,8 @@ def _recipes(problem: Problem, chain: Chain, places: Sequence[Place], span: Span
     q, p = scaled(raw, span.q), scaled(problem.view.p.numpy(), span.p)
     yield _named(tool, AXES, partial(field_over, p, _degree(problem)))
     yield _named(tool, AXES, partial(field_over, p, GENTLE_DEGREE), "gently ")
+    for axis in tool_axes(tool):  # what bends one way only has a third of the features
+        yield _named(axis, AXES, partial(field_over, p, _degree(problem)))
     turned = _turned(problem, span)
     mount = mount_of(problem, chain)
     if mount is not None:
