@@ -20,6 +20,7 @@ from ptt.fleet.log_whole import Display, display_of, require_filled, require_onc
 from ptt.fleet.readings import plain_columns
 from ptt.machine import MachineFile
 from ptt.run.base_frame import into_base
+from ptt.run.behind import carried_on
 from ptt.run.driven import by_feed
 from ptt.run.lost import without_lost
 from ptt.run.noise import Noise
@@ -29,7 +30,8 @@ from ptt.run.rounded import rounded_to, unrounded_by
 from ptt.run.table import Table
 from ptt.run.target_frame import in_base
 from ptt.run.turns import Entry
-from ptt.run.viewing import build_view
+from ptt.run.view import View
+from ptt.run.viewing import build_view, lags_of
 
 SPREAD = 4_000  # rows, evenly spaced over a log, from which the frame and what varies are found (one to two times)
 KEPT_ROWS = 4  # of these rows that `Log.whole` keeps: it is sent with every task
@@ -46,12 +48,15 @@ class LogState:
         direction: direction in which each joint moved last, (k,), +1 or -1.
         clock: last time that was read, s since the first row; NaN where there was none yet.
         back: sum of all steps by which the time went back until then, s.
+        behind: how much warmer bodies are than the temperature there, which they follow late, (m,) K; None where they
+            are not late.
     """
 
     entry: Entry
     direction: Tensor
     clock: float
     back: float
+    behind: Tensor | None
 
 
 @dataclass(frozen=True)
@@ -143,6 +148,7 @@ def read_part(log: Log, part: Part) -> Problem:
     fed = by_feed(view, *log.ranges.get("feed_mm_s", (0.0, 0.0)))
     view = replace(
         view if log.driven else view.standing(fed), varies=whole.view.varies, time=time,
+        behind=None if whole.view.behind is None else lags_of(table),
         number=torch.arange(low, high, dtype=torch.float64),
     )  # fmt: skip
     frame, observed = np.zeros(table.rows, dtype=int), np.isfinite(table.measured).all(axis=1)
@@ -169,8 +175,18 @@ def enter_part(problem: Problem, part: Part, state: LogState | None) -> Problem:
     if state is not None:
         problem = replace(problem, view=keep_direction(problem.view, state.direction))
     low = int(number[0])
+    if state is not None and state.behind is not None:
+        problem = replace(problem, view=_carried_on(problem.view, part[0] - low - 1, state.behind))
     problem = take_entered(problem, [(part[0] - low, part[1] - low)], [state.entry if state else None])
     return replace(problem, view=replace(problem.view, time=problem.view.time + _gone_back(problem.view.time, state)))
+
+
+def _carried_on(view: View, row: int, behind: Tensor) -> View:
+    """The view with bodies as warm as they are from a row on, whose lags are known, (m,) K."""
+    assert view.behind is not None
+    time = (view.time + _gone_back(view.time, None))[row:].numpy()
+    after = torch.as_tensor(carried_on(view.behind[row:].numpy(), time, behind.numpy()))
+    return replace(view, behind=torch.cat([view.behind[:row], after]))
 
 
 def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
@@ -178,10 +194,13 @@ def hand_on(problem: Problem, part: Part, state: LogState | None) -> LogState:
     view, low = enter_part(problem, part, state).view, max(part[0] - NEIGHBOUR_ROWS, 0)
     shown = problem.view.time[part[0] - low : part[1] - low]
     told = torch.isfinite(shown)
+    behind = None if view.behind is None else view.behind[-1]
     if not told.any():
-        return LogState(entry_after(view), view.direction[-1], *((state.clock, state.back) if state else (np.nan, 0.0)))
-    clock = float(shown[told][-1])
-    return LogState(entry_after(view), view.direction[-1], clock, float(view.time[told][-1]) - clock)
+        clock, back = (state.clock, state.back) if state else (np.nan, 0.0)
+    else:
+        clock = float(shown[told][-1])
+        back = float(view.time[told][-1]) - clock
+    return LogState(entry_after(view), view.direction[-1], clock, back, behind)
 
 
 def _gone_back(shown: Tensor, state: LogState | None) -> Tensor:

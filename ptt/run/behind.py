@@ -22,6 +22,21 @@ def lags_behind(warmth: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.
     Returns:
         (n, m) K, for each time constant of `LAGS_S`.
     """
-    step = np.diff(time, prepend=time[:1])
-    rate = np.diff(warmth, prepend=warmth[:1]) / np.where((step > 0.0) & ~starts, step, np.inf)
+    step, more = (np.nan_to_num(np.diff(values, prepend=values[:1])) for values in (time, warmth))
+    rate = more / np.where((step > 0.0) & ~starts, step, np.inf)
     return np.column_stack([trailing(-lag * rate, kept_shares(step, starts, lag)) for lag in LAGS_S])
+
+
+def carried_on(behind: np.ndarray, time: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """Lags of rows that were worked out as if nothing had gone before them.
+
+    Args:
+        behind: these lags, (n, m) K.
+        time: (n,) s.
+        first: true lags at the first row, (m,) K.
+
+    Returns:
+        (n, m) K: what a body has too much or too little at the first row dies away.
+    """
+    since = np.nan_to_num(time - time[0])[:, None]
+    return np.asarray(behind + np.exp(-since / np.array(LAGS_S)) * (first - behind[0]))

@@ -153,7 +153,7 @@ def elapsed(table: "Table") -> Tensor:
 def lags_of(table: "Table") -> Tensor | None:
     """How much warmer bodies are than the temperature, which they follow late by each of `ptt.run.behind.LAGS_S`.
 
-    A body goes on from run to run, as long as the clock does.
+    A body goes on from run to run, unless the clock begins anew with a run.
 
     Args:
         table: n rows.
@@ -163,8 +163,8 @@ def lags_of(table: "Table") -> Tensor | None:
     """
     if table.temp_c is None or table.time_s is None:
         return None
-    anew = np.diff(table.time_s, prepend=table.time_s[:1]) < 0.0
-    return _tensor(lags_behind(np.asarray(table.temp_c, dtype=float), elapsed(table).numpy(), anew))
+    back, other = np.diff(table.time_s, prepend=table.time_s[:1]) < 0.0, np.diff(table.run, prepend=table.run[:1]) != 0
+    return _tensor(lags_behind(np.asarray(table.temp_c, dtype=float), elapsed(table).numpy(), back & other))
 
 
 def joint_limits(file: "MachineFile") -> Tensor:
