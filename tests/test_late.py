@@ -157,3 +157,13 @@ def test_a_long_list_is_corrected_as_a_whole(tmp_path: Path, monkeypatch: pytest
         assert run(["predict", str(tmp_path / "t.csv"), "--model", str(tmp_path / "m.toml"), "--out",
                     str(tmp_path / name)]) == 0  # fmt: skip
     assert (tmp_path / "whole.csv").read_text() == (tmp_path / "long.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("late", "said"), [(0.0, "screw growth"), (1900.0, "about 32 min behind"), (9600.0, "about 2.7 h behind")]
+)
+def test_how_late_is_said_in_minutes_or_hours(late, said):
+    term = model_of(late).terms[0]
+    words = term.effect.cause(term.theta, build_view(TRUSTED, make_table(np.zeros((3, 3)))))
+    assert said in words and ("behind" in words) is (late > 0.0)
+    assert "behind" not in SAY(words)

@@ -13,13 +13,14 @@ from ptt.effects.refinement import between_trials
 from ptt.run.behind import LAGS_S
 from ptt.run.view import View
 
-MINUTE = 60.0  # s
+MINUTE = 60.0  # s; and minutes in an hour
+MOST_MINUTES = 90.0  # beyond these, hours are said
 # Nats against a growth that is late: what is told of a time that readings hardly show would be chance. A fit asks for
 # as much of any shape but the first.
 LATE_NATS = 5.0
 
 LATE = Parameter(
-    "late", "s", LAGS_S[2], "time constant by which it follows the temperature late", lower=0.0, upper=LAGS_S[-1],
+    "late", "s", LAGS_S[2], "time constant by which it follows the temperature late, searched from 5 min to 5 h; 0 at once", lower=0.0, upper=LAGS_S[-1],
     role="given", default=0.0,
 )  # fmt: skip
 """The parameter that growth has beside its sizes, last of all."""
@@ -51,8 +52,11 @@ class Growth(Effect):
 
     def cause(self, theta: Tensor, view: View) -> str:
         """With how late it is."""
-        late = float(theta[-1]) / MINUTE
-        return super().cause(theta, view) + (f", about {late:.2g} min behind the temperature" if late > 0.0 else "")
+        minutes = float(theta[-1]) / MINUTE
+        if minutes <= 0.0:
+            return super().cause(theta, view)
+        told = f"{minutes:.2g} min" if minutes < MOST_MINUTES else f"{minutes / MINUTE:.2g} h"
+        return f"{super().cause(theta, view)}, about {told} behind the temperature"
 
 
 def late_warmth(view: View, late: Tensor) -> Tensor:

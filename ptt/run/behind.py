@@ -5,7 +5,7 @@ import numpy as np
 from ptt.run.fading import kept_shares, trailing
 
 # s: time constants, each twice the one before, from a thin screw's to a heavy frame's
-LAGS_S = (300.0, 600.0, 1200.0, 2400.0, 4800.0, 9600.0)
+LAGS_S = (300.0, 600.0, 1200.0, 2400.0, 4800.0, 9600.0, 19200.0)
 
 
 def lags_behind(warmth: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.ndarray:
