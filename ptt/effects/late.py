@@ -20,8 +20,8 @@ MOST_MINUTES = 90.0  # beyond these, hours are said
 LATE_NATS = 5.0
 
 LATE = Parameter(
-    "late", "s", LAGS_S[2], "time constant by which it follows the temperature late, searched from 5 min to 5 h; 0 at once", lower=0.0, upper=LAGS_S[-1],
-    role="given", default=0.0,
+    "late", "s", LAGS_S[2], "time constant by which it follows the temperature late, searched from 5 min to 5 h",
+    lower=0.0, upper=LAGS_S[-1], role="given", default=0.0,
 )  # fmt: skip
 """The parameter that growth has beside its sizes, last of all."""
 
