@@ -16,6 +16,7 @@ from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.search.moves import LEAST_NATS
 from ptt.diagnosis.search.turn import still_missed
 from ptt.diagnosis.telling import steps
+from ptt.diagnosis.unknown import blocks
 from ptt.effects import library
 from ptt.fitting.solve import fit
 from ptt.machine import MachineFile, load_machine
@@ -112,8 +113,8 @@ def test_a_wide_play_of_one_slider_is_found_beside_a_wind_up(seed):
     assert found.verdict == "missing" and {names[0] for names in found.suggested} == {"backlash", "windup"}
 
 
-def test_an_unknown_is_told_with_the_part_of_effects_that_are_not_named():
-    """A tracker's azimuth errs four times a turn; a block beside towers that are not named is a third of it."""
+def erring_azimuth() -> tuple[MachineFile, Problem]:
+    """A tracker's azimuth errs four times a turn: mostly along y."""
     file, random = bench(0.004), np.random.default_rng(2)
     poses = random.uniform(-50.0, 50.0, (220, 3))
     x, y, _ = (poses - [180.0, -60.0, 40.0]).T
@@ -121,7 +122,14 @@ def test_an_unknown_is_told_with_the_part_of_effects_that_are_not_named():
     errors = turned[:, None] * np.column_stack([-y, x, np.zeros(len(x))]) / np.hypot(x, y)[:, None]
     errors *= 0.042 / np.sqrt(np.square(errors).sum(axis=1).mean())
     measured = poses + errors + random.normal(0.0, 0.004, poses.shape)
-    found = diagnose(Model(file), build_problem(file, make_table(poses, measured=measured)))
+    return file, build_problem(file, make_table(poses, measured=measured))
+
+
+def test_an_unknown_is_told_with_the_part_of_effects_that_are_not_named(monkeypatch):
+    """Without fields of one axis a block is found beside towers that are not named, which is a third of the error."""
+    monkeypatch.setattr(blocks, "tool_axes", lambda tool: [])
+    file, problem = erring_azimuth()
+    found = diagnose(Model(file), problem)
     assert (found.verdict, found.suggested) == ("unknown", ()) and "tower-position" in found.perhaps
     first = found.depends_on[0]
     assert first.residual == "y" and first.size is not None and first.size.rms is not None
@@ -153,3 +161,11 @@ def test_what_a_screw_errs_each_turn_more_and_more_is_told_beside_its_mean():
     assert (found.verdict, found.suggested) == ("unknown", (("once-per-rev",),))
     first = found.depends_on[0]
     assert first.acts_on == "slider 1" and first.together == ("time", "b1") and first.share > 0.8
+
+
+def test_what_errs_along_one_axis_needs_no_towers_beside_it():
+    file, problem = erring_azimuth()
+    found = diagnose(Model(file), problem)
+    assert (found.verdict, found.suggested, found.perhaps) == ("unknown", (), ())
+    first = found.depends_on[0]
+    assert (first.residual, first.acts_on) == ("y", "y") and first.share > 0.9
