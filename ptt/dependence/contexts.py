@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from ptt.dependence.way import last_moves, ways_of
-from ptt.effects.curve_basis import GRAVITY, value_of
+from ptt.effects.curve_basis import GRAVITY, LOAD, value_of
 from ptt.run.axes import AXES
 from ptt.run.frames import by_own, rigid_columns
 from ptt.run.mounts import mount_slopes
@@ -295,8 +295,8 @@ def unit_of(problem: Problem, name: str) -> str:
     own["time"] = "s" if "time" in problem.view.varies else ""
     if name in own:
         return own[name]
-    if name.startswith(("force", "torque")):
-        return "N" if name.startswith("force") else "N m"
+    if load := LOAD.fullmatch(name):
+        return {"force": "N", "torque": "N m"}[load[1]]
     return angle if is_joint(name) else f"{angle}/s" if name.startswith("speed") else ""
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ptt.dependence.size import Size
+from ptt.effects.curve_basis import LOAD
 from ptt.effects.phrases import SIGNIFICANT, capital, figure, listed, places, scaled
 
 NO_CHANCE = 1e-12  # smaller p-values are shown as below this one
@@ -31,8 +32,8 @@ LOADED = {"force": "slider", "torque": "joint"}  # name of a load, without the j
 
 def described(on: str) -> str | None:
     """What a variable is that is no column of a table, as 'the load on slider 2' of 'force2'; None for a column."""
-    name, number = on.rstrip("0123456789"), on.lstrip("abcdefghijklmnopqrstuvwxyz ")
-    return f"the load on {LOADED[name]} {number}" if name in LOADED and number else MOVES.get(on)
+    load = LOAD.fullmatch(on)
+    return f"the load on {LOADED[load[1]]} {load[2]}" if load else MOVES.get(on)
 
 
 def _toward(axis: str, whose: str = "") -> tuple[str, str, str]:

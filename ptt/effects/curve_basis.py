@@ -13,7 +13,7 @@ from ptt.run.axes import AXES
 from ptt.run.view import View
 
 JOINT = re.compile(r"(b|q|direction|speed|force|torque)([1-9][0-9]*)")
-LOAD = re.compile(r"(force|torque)[1-9][0-9]*")  # of what JOINT has, what a joint bears
+LOAD = re.compile(r"(force|torque)([1-9][0-9]*)")  # of what JOINT has, what a joint bears
 SMOOTH = SHAPES + 2  # bending modes, slope and level of a smooth curve
 GRAVITY = tuple(f"gravity {axis}" for axis in AXES)  # its components along the axes of an arm's tool
 DEGREE = 4  # of the polynomial in x, y and z that stands for a free field over the workspace

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ptt.dependence.contexts import context_views, loads_of
+from ptt.dependence.contexts import context_views
 from ptt.run.problem import Problem
 
 HEIGHTS = 64  # values at which a law along one variable may jump, at equal shares of the rows
@@ -51,22 +51,21 @@ def passed_again(problem: Problem) -> Iterator[Jump]:
                     yield on, (float(value),), above
 
 
-def sides_of(problem: Problem, load: str) -> Iterator[Jump]:
+def sides_of(problem: Problem, load: str, values: np.ndarray) -> Iterator[Jump]:
     """The jump of what has play and bears on one side or the other, by the sign of a joint's load.
 
     Args:
         problem: n rows.
         load: name of the load.
+        values: of the load, (n,).
 
     Yields:
         The load, zero, and half of the jump on either side of it, (n,); nothing where too few rows are on one side.
     """
-    loads = loads_of(problem)
-    if load in loads:
-        above = loads[load] > 0.0
-        fewer = min(above[problem.used].sum(), (~above[problem.used]).sum())
-        if fewer >= max(int(END_SHARE * problem.used.sum()), LEAST_END):
-            yield load, (0.0,), above - 0.5
+    above = values > 0.0
+    fewer = min(above[problem.used].sum(), (~above[problem.used]).sum())
+    if fewer >= max(int(END_SHARE * problem.used.sum()), LEAST_END):
+        yield load, (0.0,), above - 0.5
 
 
 def spells_of(problem: Problem, moments: Sequence[float]) -> Iterator[Jump]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from ptt.dependence.contexts import hanging_of, is_direction, load_name, path_views
+from ptt.dependence.contexts import hanging_of, is_direction, load_name, loads_of, path_views
 from ptt.diagnosis.unknown.block import Block
 from ptt.diagnosis.unknown.blocks import field_over
 from ptt.diagnosis.unknown.jumps import Jump, heights_of, passed_again, sides_of, spells_of, switches_of
@@ -50,7 +50,7 @@ def laws_of(
     passed, spells = list(passed_again(problem)), list(spells_of(problem, moments))
     finer = {f"{letter}{joint + 1}": _curve(q[:, joint], OWN_COSINES) for joint in range(problem.view.joints)}
     hung = [(on, varied.pop(on)) for on in GRAVITY if on in varied]
-    loads = [load_name(problem, joint) for joint in range(problem.view.joints)]
+    loads = loads_of(problem)
     loaded = {on: varied.pop(on) for on in loads if on in varied}
     for place in _places(problem, chain):
         if place.joint is None:
@@ -59,12 +59,13 @@ def laws_of(
         own, heights = f"{letter}{place.joint + 1}", q[:, place.joint]
         here = varied | {on: finer[own] for on in varied if on == own}
         last = hung if place.kind == "joint" and place.joint == problem.view.joints - 1 else []
-        load = loads[place.joint]
+        load = load_name(problem, place.joint)
         bears = [(load, loaded[load])] if load in loaded else []
         laws = [_law(place, (on,), shapes) for on, shapes in (*here.items(), *bears, *last)]
         laws += [_law(place, ons, shapes) for ons, shapes in _arrivals(problem, place.joint)]
         jumps = [(own, (float(height),), heights > height) for height in heights_of(heights[problem.used])]
-        sides = sides_of(problem, load) if place.kind != "link" else []  # a link that changes sides is an effect
+        changes = bears and place.kind != "link"  # a link that changes sides is an effect
+        sides = sides_of(problem, load, loads[load]) if changes else []
         yield [*laws, *_jumps(place, [*jumps, *sides, *passed, *spells])]
     tool, mount = places_of_chain(problem, chain)[0], mount_of(problem, chain)
     held = [stand_of(problem), *([] if mount is None else [mount])]

@@ -28,7 +28,7 @@ TIME_COSINES = 10  # cosines over the time of the run
 FEED_SHARE = 0.05  # share of the largest feed that a feed has to vary by
 MOST_RUNS = 6  # runs up to which the beginning of each has columns of its own; more of them are short
 MOST_REMEMBERED = 20_000  # rows beyond which how a run was entered is too small a part to matter
-LAGS_S = (300.0, 1200.0, 4000.0)  # s: thermal time constants of screws, frames and rooms
+MEMORIES_S = (300.0, 1200.0, 4000.0)  # s: thermal time constants of screws, frames and rooms
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,9 @@ class Span:
         contexts: what varies beside the pose, with shapes on all n rows.
         two_sided: joints that reached readings that count from both directions, (k,) bool.
         settling: functions of time for a joint that drifts or settles over the run, (n, 5).
-        loads: load of each joint, as a context of its own, k of them; None where it is unknown or the same everywhere.
         begun: decaying memory of the direction in which each run was entered, columns of its own for each run,
             (n, k, c).
+        loads: load of each joint, as a context of its own, k of them; None where it is unknown or the same everywhere.
         levers: name of a place -> its lever, where other rows of the run have determined it.
     """
 
@@ -207,6 +207,6 @@ def _bowed(values: np.ndarray) -> np.ndarray:
 
 
 def _memory(warm: np.ndarray, time: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """Lag of bodies behind the measured temperature, one column for each time constant of `LAGS_S`, (n, 3)."""
+    """Lag of bodies behind the measured temperature, one column for each time constant of `MEMORIES_S`, (n, 3)."""
     step = np.diff(time, prepend=time[:1])
-    return np.column_stack([unit(trailing(warm, kept_shares(step, starts, lag)) - warm) for lag in LAGS_S])
+    return np.column_stack([unit(trailing(warm, kept_shares(step, starts, lag)) - warm) for lag in MEMORIES_S])
