@@ -9,18 +9,23 @@ import torch
 from made_legs import drawing
 from test_report_chinese import SAY
 
+import ptt
 from ptt.commands.main import run
 from ptt.correct import blocks
 from ptt.correct.compensate import compensate
+from ptt.correct.doubt import beginning_doubt
+from ptt.correct.terms import split_terms
 from ptt.diagnosis.diagnose import Diagnosis, diagnose
 from ptt.door import streaming
-from ptt.effects.late import Growth, is_late, late_warmth
+from ptt.effects.late import STARTS, Growth, is_late, late_warmth
 from ptt.effects.screw import ScrewGrowth
 from ptt.effects.structure import FrameGrowth
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.mechanisms.three_ptt import ThreePtt
+from ptt.model.chain import predict
 from ptt.model.entries import read_model, write_model
 from ptt.model.model import Model, Term
+from ptt.model.of_run import for_runs
 from ptt.run.behind import LAGS_S, lags_behind
 from ptt.run.problem import Problem, build_problem
 from ptt.run.table import Table, make_table
@@ -33,9 +38,10 @@ FILE = MachineFile(machine=drawing())
 TRUSTED = replace(FILE, tracker=FILE.tracker.model_copy(update={"sigma_mm": SIGMA, "frame": "trusted"}))
 
 
-def followed(time: np.ndarray, warm: np.ndarray, constant: float) -> np.ndarray:
+def followed(time: np.ndarray, warm: np.ndarray, constant: float, start: float = 0.0) -> np.ndarray:
     """Temperature of a body, (n,): two hundred small steps from row to row."""
-    body, state = [warm[0]], warm[0]
+    state = warm[0] + start
+    body = [state]
     for row in range(1, len(time)):
         for share in (np.arange(200) + 0.5) / 200.0:
             cause = warm[row - 1] + share * (warm[row] - warm[row - 1])
@@ -50,11 +56,13 @@ def room(count: int) -> tuple[np.ndarray, np.ndarray]:
     return time, 21.0 + 3.0 * np.sin(2.0 * np.pi * time / 16000.0) + 0.8 * np.sin(2.0 * np.pi * time / 5100.0)
 
 
-def warmed(constant: float, count: int = 200, runs: int = 1, seed: int = 1) -> tuple[Problem, Table]:
+def warmed(
+    constant: float, count: int = 200, runs: int = 1, seed: int = 1, start: float = 0.0
+) -> tuple[Problem, Table]:
     """A machine whose screws grow from their upper ends, by the temperature of a body that follows the room's late."""
     random, robot = np.random.default_rng(seed), ThreePtt.from_spec(FILE.machine)
     time, warm = room(count)
-    body = followed(time, warm, constant) if constant else warm
+    body = followed(time, warm, constant, start) if constant else warm
     sent = random.uniform(250.0, 380.0, (count, 3))
     grown = sent + STEEL * (body - 20.0)[:, None] * (sent - 420.0) * 3.0
     reached = robot.forward(torch.as_tensor(grown)).numpy()
@@ -86,9 +94,9 @@ def test_between_two_times_a_body_is_between_them_and_as_good_as_right():
     problem, _ = warmed(0.0)
     time, warm = room(200)
     for constant, most in ((150.0, 0.05), (420.0, 0.03), (1700.0, 0.03), (3500.0, 0.03), (9000.0, 0.02)):
-        own = late_warmth(problem.view, torch.tensor([constant])).numpy() + 20.0
+        own = late_warmth(problem.view, torch.zeros(1), torch.tensor([constant], dtype=torch.float64)).numpy() + 20.0
         assert np.abs(own - followed(time, warm, constant)).max() < most * np.ptp(warm)
-    assert late_warmth(problem.view, torch.zeros(1)) is problem.view.warmth
+    assert late_warmth(problem.view, torch.zeros(1), torch.zeros(1)) is problem.view.warmth
 
 
 def test_screws_that_follow_late_are_named_with_how_late(found):
@@ -99,6 +107,61 @@ def test_screws_that_follow_late_are_named_with_how_late(found):
     assert values["growth_per_k 1"] == pytest.approx(3.0 * STEEL, rel=0.03)
     assert "min behind the temperature" in said.words
     assert "min behind" not in SAY(said.words) and "滞后" in SAY(said.words)
+
+
+@pytest.mark.parametrize("start", [-2.5, 3.0])
+def test_screws_that_were_not_at_rest_as_the_run_began_are_named_alone(start):
+    said = diagnose(Model(TRUSTED), warmed(LATE_S, start=start)[0])
+    assert (said.verdict, said.suggested) == ("missing", (("screw-growth",),))
+    values = {value.name: value for value in said.candidates[0].parameters}
+    assert values["late_s"].value == pytest.approx(LATE_S, abs=4.0 * values["late_s"].std)
+    assert values["start_k"].value == pytest.approx(start, abs=4.0 * values["start_k"].std)
+    assert values["start_k"].std < 0.5
+    assert f"K {'cooler' if start < 0.0 else 'warmer'} than the recorded temperature" in said.words
+    assert "起" not in SAY(said.words) and "所记录的温度" in SAY(said.words)
+
+
+def began_by(start: float) -> Model:
+    """A machine whose screws were away from the room's temperature as its run began."""
+    values = torch.tensor([3e-5, 2e-5, 4e-5, 0.0, 0.0, 0.0, start, LATE_S], dtype=torch.float64)
+    return Model(TRUSTED) + Term(ScrewGrowth(), values)
+
+
+def test_how_warm_a_body_began_is_of_its_run_alone():
+    """Commands and other runs have the growth without it, the run itself with it."""
+    problem = build_problem(TRUSTED, warmed(LATE_S)[1].replace(run_sha256=("own",)))
+    own = write_model(began_by(-4.0), runs=("own",))
+    assert own.effect[0].runs == ("own",)
+    began, rest = read_model(parse_machine(format_machine(own))), model_of(LATE_S)
+    time, warm = room(60)
+    targets = make_table(np.random.default_rng(2).uniform(-40.0, 40.0, (60, 3)), time_s=time, temp_c=warm)
+    sent = [compensate(model, targets, reversal="none") for model in (began, rest)]
+    np.testing.assert_allclose(sent[0].q, sent[1].q, atol=1e-12)
+    for files, applies in ((("own",), True), (("other",), False)):
+        model, lines = for_runs(replace(began, terms=(replace(began.terms[0], runs=files),)), problem)
+        shifts = [predict([(term.effect, term.theta)], problem.view).reading for term in (*model.terms, *rest.terms)]
+        assert bool(lines) is not applies
+        assert (float((shifts[0] - shifts[1]).abs().max()) > 1e-3) is applies
+
+
+def test_commands_say_that_nobody_knows_how_warm_a_body_begins(tmp_path: Path):
+    """Their standard deviation is the error of a list that begins as the measured run did, dying away."""
+    time, warm = room(120)
+    place, robot = np.tile([[20.0, -30.0, 10.0]], (120, 1)), ThreePtt.from_spec(FILE.machine)
+    view = build_view(TRUSTED, make_table(place, time_s=time, temp_c=warm))
+    q = view.q.numpy()
+    grown = q + np.array([3e-5, 2e-5, 4e-5]) * -4.0 * np.exp(-time / LATE_S)[:, None] * (q - robot.home().numpy())
+    off = (robot.forward(torch.as_tensor(grown)) - view.p).norm(dim=1).numpy()
+    np.testing.assert_allclose(beginning_doubt(split_terms(began_by(-4.0))[0], view), off, rtol=0.02)
+    assert not beginning_doubt(split_terms(model_of(LATE_S))[0], view).any()
+    said = dict[str, str]()
+    write_table(make_table(place, time_s=time, temp_c=warm), tmp_path / "t.csv")
+    for name, model in (("began", began_by(-4.0)), ("rest", model_of(LATE_S))):
+        (tmp_path / name).write_text(format_machine(write_model(model, runs=("own",))))
+        notes = list[str]()
+        ptt.predict(ptt.load(tmp_path / name), tmp_path / "t.csv", note=notes.append)
+        said[name] = " ".join(notes)
+    assert "4.0 K cooler as the measured run began" in said["began"] and "cooler" not in said["rest"]
 
 
 def test_screws_that_follow_at_once_are_not_said_to_be_late():
@@ -114,12 +177,12 @@ def test_without_a_clock_or_another_temperature_no_lateness_is_tried():
         view = build_view(TRUSTED, changed)
         assert view.behind is None and len(ScrewGrowth().search(view)) == 1
         late = torch.tensor([LATE_S], dtype=torch.float64)
-        torch.testing.assert_close(late_warmth(view, late), view.warmth)
-    assert len(FrameGrowth().search(problem.view)) == 1 + len(LAGS_S)
+        torch.testing.assert_close(late_warmth(view, torch.zeros(1), late), view.warmth)
+    assert len(FrameGrowth().search(problem.view)) == 1 + len(LAGS_S) * (1 + len(STARTS))
 
 
 def model_of(late: float) -> Model:
-    values = torch.tensor([3e-5, 2e-5, 4e-5, 0.0, 0.0, 0.0, late], dtype=torch.float64)
+    values = torch.tensor([3e-5, 2e-5, 4e-5, 0.0, 0.0, 0.0, 0.0, late], dtype=torch.float64)
     return Model(TRUSTED) + Term(ScrewGrowth(), values)
 
 

@@ -70,7 +70,7 @@ def test_a_tripod_that_rises_with_the_room_is_no_frame_of_unheard_of_metal(um_pe
     assert found.verdict == "missing" and step.effect in ("frame-growth", "screw-growth", "tracker-drift")
     assert (DRIFT_OPEN if step.effect == "tracker-drift" else GROWTH_OPEN) in step.words
     assert step.effect == "tracker-drift" or step.tool_doubt > 10.0
-    for each in step.parameters if step.effect == "frame-growth" else ():
+    for each in step.parameters[:2] if step.effect == "frame-growth" else ():
         assert -3.0 * each.std < each.value < 4.8e-5 + 3.0 * each.std
 
 
@@ -108,7 +108,7 @@ def warming(evenly: bool) -> tuple[Problem, Noise, np.ndarray]:
 @pytest.mark.parametrize("ramp", [True, False])
 def test_what_a_growth_shifts_alike_may_be_a_drift_where_temperature_went_with_the_clock(ramp: bool) -> None:
     problem, noise, _ = warming(ramp)
-    growth = term("screw-growth", [8e-6, 12e-6, 16e-6, 0.002, -0.001, -0.003, 0.0])
+    growth = term("screw-growth", [8e-6, 12e-6, 16e-6, 0.002, -0.001, -0.003, 0.0, 0.0])
     said = unwitnessed(growth, problem, noise)
     assert [line.endswith("temperature went with the clock.") for line in said] == ([True] if ramp else [])
     assert (own_drift([growth], problem, noise) > 0.002) is ramp

@@ -10,7 +10,7 @@ from torch import Tensor
 from ptt.correct.blocks import Settled, settle_task
 from ptt.correct.commands import ROUNDING, UNCERTAIN, Commands, sent_rows
 from ptt.correct.context import far_beyond
-from ptt.correct.doubt import NetworkError, approach_doubt, command_sigma, doubtful
+from ptt.correct.doubt import NetworkError, approach_doubt, beginning_doubt, command_sigma, doubtful
 from ptt.correct.nearest import nearest_of
 from ptt.correct.settle import first_order, nearest_commands
 from ptt.correct.task import CommandTask, Correction
@@ -139,7 +139,7 @@ def finish(plan: InversionPlan, settled: Settled) -> Commands:
         terms, paced = [*part.steady, *part.reversing], part.paced(sent)
         sigma, promised = command_sigma(plan.model, paced, terms, solved.q, part.in_domain, plan.network)
         approach = approach_doubt(paced, terms, solved.q)
-        sigma = np.hypot(sigma, approach)
+        sigma = np.hypot(np.hypot(sigma, approach), beginning_doubt(terms, paced.view_of(solved.q)))
     q, height, sent, sigma = solved.q[own].numpy(), solved.height[own], sent[own], sigma[own]
     status, shift = settled.outcome.status[own].copy(), settled.outcome.shift_mm[own]
     missed = np.where(sent, solved.missed[own].norm(dim=1).numpy(), np.nan)

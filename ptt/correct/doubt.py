@@ -7,6 +7,8 @@ import torch
 from torch import Tensor
 
 from ptt.correct.task import CommandTask
+from ptt.effects.dated import unplaced
+from ptt.effects.late import has_begun
 from ptt.fitting.kept import kept_covariance
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.model.chain import EffectTerms
@@ -97,6 +99,29 @@ def approach_doubt(task: CommandTask, terms: EffectTerms, q: Tensor) -> np.ndarr
     stands = ever == torch.where(view.starts, ever, torch.zeros_like(ever)).cummax(dim=0).values  # where the run began
     stands &= view.starts.cumsum(dim=0) > 0
     return np.hypot(torch.where(stands, torch.zeros_like(off), off).numpy(), past)
+
+
+def beginning_doubt(terms: EffectTerms, view: View) -> np.ndarray:
+    """Standard deviation of the tool because the targets do not say how warm a late body is at their first row.
+
+    It is taken to be as warm as the air. How far from it it was as the measured run began is taken to be likely.
+
+    Args:
+        terms: effects of the machine with their parameters.
+        view: of the commands, n rows.
+
+    Returns:
+        (n,) mm.
+    """
+    square = torch.zeros(view.rows, dtype=view.q.dtype)
+    for effect, theta in terms:
+        if not has_begun(effect, theta):
+            continue
+        measured = unplaced(effect)(label=effect.label)
+        off = measured.shift(theta, view) - effect.shift(theta, view)
+        tool = (view.jacobian @ off[:, :, None])[:, :, 0] if effect.stage == "drive" else off
+        square += tool.square().sum(dim=1)
+    return np.asarray(square.sqrt().numpy())
 
 
 def from_other_side(task: CommandTask, view: View) -> View | None:

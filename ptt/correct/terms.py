@@ -3,9 +3,9 @@
 from typing import Literal
 
 from ptt.effects import Effect
-from ptt.effects.dated import RunPlace, at_place, is_dated
+from ptt.effects.dated import RunPlace, at_place, has_date
 from ptt.model.chain import EffectTerms
-from ptt.model.model import Model
+from ptt.model.model import Model, Term
 
 Reversal = Literal["software", "none"]
 
@@ -22,9 +22,7 @@ def split_terms(model: Model, reversal: Reversal | None = None) -> tuple[EffectT
         Steady effects (they depend on pose and context alone) and reversing ones (on direction or travel before), with
         their flat parameters, and words on who compensates the latter.
     """
-    terms = [
-        (_now(term.effect), term.theta) for term in model.terms if term.effect.stage != "metrology" and len(term.theta)
-    ]
+    terms = [(_now(term), term.theta) for term in model.terms if term.effect.stage != "metrology" and len(term.theta)]
     steady = [item for item in terms if not item[0].reverses and not _is_left(item[0], model)]
     reversing = [item for item in terms if item[0].reverses]
     if not reversing:
@@ -48,9 +46,9 @@ def _is_left(effect: Effect, model: Model) -> bool:
     return not {effect.name, effect.key}.isdisjoint(model.file.controller.compensates)
 
 
-def _now(effect: Effect) -> Effect:
+def _now(term: Term) -> Effect:
     """The effect as it is now: a change at some moment of a run is in force from the first row on."""
-    return at_place(effect, RunPlace(())) if is_dated(effect) else effect
+    return at_place(term.effect, RunPlace(())) if has_date(term.effect, term.theta) else term.effect
 
 
 def _keys(terms: EffectTerms) -> str:

@@ -20,6 +20,8 @@ from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
 from ptt.door.tally import Tally, tally
 from ptt.door.words import as_targets
+from ptt.effects.late import has_begun
+from ptt.effects.phrases import SIGNIFICANT, figure
 from ptt.errors import InputError, TableError
 from ptt.files import write_parts
 from ptt.fitting.kept import why_not_kept
@@ -158,6 +160,7 @@ def predict(
     told = placed(machine.file, table)
     note_places(placed_rows(rows.table, told), tell)
     note_frames(frames, tell)
+    note_beginnings(machine, tell)
     commands = without(_invert(machine, asked, reversal, limit_mm, progress), table.role == "base")
     network = machine.compensator.network is not None
     warnings = warnings_of(machine, asked, tally(table, commands))
@@ -182,6 +185,20 @@ def note_frames(frames: Iterable[RunFrame], note: Note) -> None:
     for frame in frames:
         if frame.source not in ("base", "unknown"):
             note(f"targets are taken to be in {frame.words}")
+
+
+def note_beginnings(machine: Model, note: Note) -> None:
+    """Note growth whose body was not at rest as its run began: how warm it is at the first target is not known."""
+    for term in machine.physics.terms:
+        if not has_begun(term.effect, term.theta):
+            continue
+        kelvin, error = float(term.theta[-2]), np.nan if term.std is None else float(term.std[-2])
+        if abs(kelvin) > SIGNIFICANT * np.nan_to_num(error):
+            note(
+                f"{term.effect.key} follows the temperature late: what grows is taken to be as warm as temp_c at the "
+                f"first target; it was {figure(abs(kelvin))} K {'warmer' if kelvin > 0.0 else 'cooler'} as the "
+                "measured run began, and sigma_um allows for as much"
+            )
 
 
 def warnings_of(

@@ -148,14 +148,23 @@ def check_rows(case: Case) -> str:
 
 
 def check_derivative(case: Case) -> str:
-    """The derivative by the parameters equals central differences, at usual size."""
-    _, exact = case.differentiate(case.effect, case.theta, case.view)
+    """The derivative by the parameters equals central differences, at usual size; also in the last of its shapes."""
+    linear = linear_size(case.effect, case.view.joints)
+    last = flatten(case.effect, tuple(case.effect.search(case.view))[-1], case.view.joints)
+    last[:linear] = case.theta[:linear]
+    return _check_derivative(case, case.theta) or _check_derivative(case, last)
+
+
+def _check_derivative(case: Case, theta: Tensor) -> str:
+    _, exact = case.differentiate(case.effect, theta, case.view)
     start = 0
     for parameter, size in zip(case.effect.parameters, sizes(case.effect, case.view.joints), strict=True):
-        for index in range(start, start + size) if parameter.role != "given" else ():
-            step = torch.zeros_like(case.theta)
+        plain = parameter.default is not None and bool((theta[start : start + size] == parameter.default).all())
+        held = parameter.role == "given" or plain  # no fit changes a shape at its default
+        for index in () if held else range(start, start + size):
+            step = torch.zeros_like(theta)
             step[index] = 1e-4 * parameter.on(case.kind).usual
-            ends = [case.effect.shift(case.theta + sign * step, case.view) for sign in (1.0, -1.0)]
+            ends = [case.effect.shift(theta + sign * step, case.view) for sign in (1.0, -1.0)]
             broken = _compare(exact[..., index], ends, float(step[index]))
             if broken:
                 return f"derivative by {parameter.stem} {index - start + 1}: {broken}"

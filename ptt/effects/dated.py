@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
+from ptt.effects.late import has_begun
 from ptt.effects.sudden import Sudden
 from ptt.run.view import View
 
@@ -42,6 +43,16 @@ def is_dated(effect: Effect) -> bool:
     return effect.of_run or isinstance(effect, Sudden)
 
 
+def has_date(effect: Effect, theta: Tensor) -> bool:
+    """Whether an effect with these values depends on the run that they were fitted on.
+
+    Args:
+        effect: the effect.
+        theta: all its parameters, flat; empty before a fit.
+    """
+    return is_dated(effect) or has_begun(effect, theta)
+
+
 def unplaced(effect: Kind) -> type[Kind]:
     """Class of an effect without the place that `at_place` has given it.
 
@@ -57,7 +68,7 @@ def at_place(effect: Kind, place: RunPlace) -> Kind:
 
     An effect of the set-up is zero in the rows of other runs. A change of the machine at some moment is zero in runs
     before its own, and holds from the first row in runs after it; where the table lacks its own run, that run is taken
-    to lie in the past.
+    to lie in the past. Growth holds in all runs, and what its body had too much when its own began in that one alone.
 
     Args:
         effect: it belongs to one run; a place that it has already is replaced.
@@ -82,7 +93,7 @@ def at_place(effect: Kind, place: RunPlace) -> Kind:
         parts["slope"] = lambda self, theta, view: (
             _weight(effect, view, place)[..., None] * own.slope(self, theta, _local(effect, view, place))
         )
-    if not place.runs:
+    if not place.runs and is_dated(effect):
         parts["needs"] = lambda self, view: "the run that it was found on"
     made = type(own.__name__, (own,), parts)
     return made(**values)

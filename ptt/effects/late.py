@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import ClassVar
 
 import torch
 from torch import Tensor
 
 from ptt.effects.base import Effect
+from ptt.effects.layout import shape_of
 from ptt.effects.parameter import Parameter
+from ptt.effects.phrases import Phrase
 from ptt.effects.refinement import between_trials
 from ptt.run.behind import LAGS_S
 from ptt.run.view import View
@@ -18,29 +21,54 @@ MOST_MINUTES = 90.0  # beyond these, hours are said
 # Nats against a growth that is late: what is told of a time that readings hardly show would be chance. A fit asks for
 # as much of any shape but the first.
 LATE_NATS = 5.0
+START_SCATTER = 3.0  # K: how much warmer or cooler than the air bodies usually are as a run begins
+# Shares of the range of the recorded temperature by which a body may be warmer or cooler as the run begins: each four
+# times the one before, as a fit finds its way from half and from twice the true one.
+STARTS = (0.05, -0.05, 0.2, -0.2, 0.8, -0.8)
+
+START = Parameter(
+    "start", "K", 1.0, "how much warmer than the recorded temperature the body is at the run's first row",
+    role="searched", held=True, default=0.0,
+)  # fmt: skip
+"""The parameter before the last one of growth; it belongs to the run."""
+
+BEGAN = Phrase(
+    "start",
+    "began the run {what} warmer than the recorded temperature",
+    "began the run {what} cooler than the recorded temperature",
+    "what grows",
+)
+"""Words of it."""
 
 LATE = Parameter(
     "late", "s", LAGS_S[2], "time constant by which it follows the temperature late, searched from 5 min to 5 h",
-    lower=0.0, upper=LAGS_S[-1], role="given", default=0.0,
+    lower=0.0, upper=LAGS_S[-1], role="searched", default=0.0,
 )  # fmt: skip
-"""The parameter that growth has beside its sizes, last of all."""
+"""The last parameter of growth."""
 
 
 @dataclass(frozen=True)
 class Growth(Effect):
-    """Base of what grows with temperature, at once or late; how late is its last parameter, `LATE`."""
+    """Base of what grows with temperature, at once or late; its last parameters are `START` and `LATE`."""
 
     requires: ClassVar[tuple[str, ...]] = ("temperature",)
     follows_clock: ClassVar[bool] = True
 
     def search(self, view: View) -> Sequence[Mapping[str, Tensor]]:
-        """At once, and late by each of `LAGS_S` where a clock and a temperature that varies can show it."""
-        late = LAGS_S if view.behind is not None else ()
-        return tuple({"late": torch.tensor([value], dtype=torch.float64)} for value in (0.0, *late))
+        """At once, and late by each of `LAGS_S` where a clock and a temperature that varies can show it.
+
+        A late body is at the recorded temperature when the run begins, or by one of `STARTS` away from it.
+        """
+        if view.behind is None:
+            return (_shape(0.0, 0.0),)
+        spread = float(view.warmth.max() - view.warmth.min())
+        starts = (0.0, *(share * spread for share in STARTS))
+        return (_shape(0.0, 0.0), *(_shape(late, start) for start, late in product(starts, LAGS_S)))
 
     def odds_of_shape(self, shape: Mapping[str, Tensor]) -> float:
-        """Against growth that is late."""
-        return LATE_NATS if float(shape["late"]) > 0.0 else 0.0
+        """Against growth that is late, more the less its body was at rest; they cover the choice of a trial as well."""
+        away = float(shape["start"]) / START_SCATTER
+        return LATE_NATS + 0.5 * away**2 if float(shape["late"]) > 0.0 else 0.0
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Times between its neighbours, where it is late."""
@@ -59,24 +87,63 @@ class Growth(Effect):
         return f"{super().cause(theta, view)}, about {told} behind the temperature"
 
 
-def late_warmth(view: View, late: Tensor) -> Tensor:
+def _shape(late: float, start: float) -> Mapping[str, Tensor]:
+    return {stem: torch.tensor([value], dtype=torch.float64) for stem, value in (("start", start), ("late", late))}
+
+
+def late_warmth(view: View, start: Tensor, late: Tensor) -> Tensor:
     """Temperature of a body above the reference, (n,) K.
+
+    Source: as `ptt.run.behind.lags_behind`; what a body has too much at the first row dies away, start exp(-t / tau).
 
     Args:
         view: n rows.
-        late: its time constant, (1,) s; between two of `LAGS_S` the share of each goes by its logarithm. Without a
+        start: how much warmer than recorded it is at the first row, (1,) K.
+        late: its time constant, (1,) s; between those of `LAGS_S` the lag is interpolated over its logarithm. Without a
             clock, or at a steady temperature, no body is late.
     """
-    constant = float(late)
-    if view.behind is None or constant <= 0.0:
+    if view.behind is None or float(late.detach()) <= 0.0:
         return view.warmth
-    place = torch.tensor(LAGS_S, dtype=torch.float64).log2() - torch.tensor(constant, dtype=torch.float64).log2()
-    share = (1.0 - place.abs()).clamp(min=0.0)
-    if constant < LAGS_S[0]:  # next to none of the least
-        share[0] = constant / LAGS_S[0]
-    return view.warmth + view.behind @ share
+    own = torch.isfinite(view.time) & (view.time >= 0.0)  # other rows have endless times: their run is another one
+    dying = torch.exp(-torch.where(own, view.time, 0.0) / late) * own
+    return view.warmth + view.behind @ _shares(late) + start * dying
+
+
+def _shares(late: Tensor) -> Tensor:
+    """Share of the lag of each of `LAGS_S`, (m,): cubic Hermite pieces with Catmull and Rom's slopes.
+
+    Below the least time a lag is in proportion to it.
+    """
+    least, last = LAGS_S[0], len(LAGS_S) - 1
+    shares = [late.new_zeros(()) for _ in LAGS_S]
+    if float(late.detach()) <= least:
+        shares[0] = late[0] / least
+        return torch.stack(shares)
+    place = torch.log2(late[0] / least)
+    left = min(int(place.detach()), last - 1)
+    u = place - left
+    heights = {left: 2.0 * u**3 - 3.0 * u**2 + 1.0, left + 1: 3.0 * u**2 - 2.0 * u**3}
+    slopes = {left: u**3 - 2.0 * u**2 + u, left + 1: u**3 - u**2}
+    for at, weight in heights.items():
+        shares[at] = shares[at] + weight
+    for at, weight in slopes.items():
+        low, high = max(at - 1, 0), min(at + 1, last)
+        shares[high] = shares[high] + weight / (high - low)
+        shares[low] = shares[low] - weight / (high - low)
+    return torch.stack(shares)
+
+
+def warmth_of(effect: Growth, theta: Tensor, view: View) -> Tensor:
+    """Temperature above the reference of the body that grows, (n,) K; theta: all its parameters, flat."""
+    shape = shape_of(effect, theta, view.joints)
+    return late_warmth(view, shape["start"], shape["late"])
 
 
 def is_late(effect: Effect, theta: Tensor) -> bool:
     """Whether an effect with these parameters depends on the temperatures of the rows before."""
-    return isinstance(effect, Growth) and float(theta[-1]) > 0.0
+    return isinstance(effect, Growth) and len(theta) > 0 and float(theta[-1]) > 0.0
+
+
+def has_begun(effect: Effect, theta: Tensor) -> bool:
+    """Whether an effect with these parameters says how warm a body was when one run began."""
+    return is_late(effect, theta) and float(theta[-2]) != 0.0

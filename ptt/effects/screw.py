@@ -11,7 +11,7 @@ from torch import Tensor
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
 from ptt.effects.curves import covered_range, curve_extremes
-from ptt.effects.late import LATE, Growth, late_warmth
+from ptt.effects.late import BEGAN, LATE, START, Growth, late_warmth
 from ptt.effects.layout import family, per_joint
 from ptt.effects.phrases import Phrase, ValuePhrase, figure, said
 from ptt.effects.shapes import SHAPES, WAVES, smooth_shapes, straight_shapes, wave_shapes
@@ -252,17 +252,19 @@ class ScrewGrowth(Growth):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("growth", "1/K", 1.2e-5, "expansion of the screw", True, within=(-0.1, LARGEST_EXPANSION)),
         Parameter("shift", "mm/K", 3e-3, "growth between the fixed end and the height of home", True),
+        START,
         LATE,
     )
     called: ClassVar[str] = "screw growth"
     phrases: ClassVar[tuple[Phrase, ...]] = (
         Phrase("growth", "grow{s} {what} with warmth", "shrink{s} {what} with warmth"),
         Phrase("shift", "rise{s} {what} at home with warmth", "sink{s} {what} at home with warmth"),
+        BEGAN,
     )
     card: ClassVar[Card] = Card(
         cause="The screw warms and grows away from its fixed bearing.",
         equation="dq_i = a_i dT (q_i - q0_i) + d_i dT, dT = temp_c - reference_temp_c, or that of a body that is late: "
-        "tau dT/dt = temp_c - T; d carries the unknown fixed end",
+        "tau dT/dt = temp_c - T, T = temp_c + start at a run's first row; d carries the unknown fixed end",
         source="linear thermal expansion (steel 11 to 12 um/m/K); method of ISO 230-3",
         size="35 um at 300 mm and 10 K",
         fingerprint="The slope of J e against height drifts with temperature, more where the axis works most.",
@@ -283,5 +285,5 @@ class ScrewGrowth(Growth):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Warmth times distance from home, and warmth."""
-        warmth = late_warmth(view, shape["late"])[:, None]
+        warmth = late_warmth(view, shape["start"], shape["late"])[:, None]
         return per_joint(warmth * (view.q - view.home), warmth.expand_as(view.q))

@@ -9,8 +9,9 @@ from torch import Tensor
 
 from ptt.effects.base import Effect, Parameter, Stage
 from ptt.effects.card import Card
-from ptt.effects.late import LATE, Growth, late_warmth
+from ptt.effects.late import BEGAN, LATE, START, Growth, late_warmth, warmth_of
 from ptt.effects.phrases import Phrase
+from ptt.mechanisms.derivatives import by_parameters
 from ptt.mechanisms.sensitivity import sensitivity
 from ptt.run.view import View
 
@@ -90,6 +91,7 @@ class FrameGrowth(Growth):
         Parameter(
             "link", "1/K", 1.2e-5, "expansion of the links (serial: of every d)", within=(-0.1, LARGEST_EXPANSION)
         ),
+        START,
         LATE,
     )
     called: ClassVar[str] = "frame growth"
@@ -109,12 +111,14 @@ class FrameGrowth(Growth):
             "the links",
             arm_who="the lengths along z",
         ),
+        BEGAN,
     )
     card: ClassVar[Card] = Card(
         cause="Frame and links grow as they warm; each with its own material.",
         equation=(
             "dp = f(q; R (1 + a_R dT), L (1 + a_L dT)) - f(q; R, L), R the base radius, L the links (serial: every a, "
-            "every d), f the forward kinematics, dT = temp_c - reference_temp_c, or that of a body that is late"
+            "every d), f the forward kinematics, dT = temp_c - reference_temp_c, or that of a body that is late "
+            "(as of screw-growth)"
         ),
         source="linear thermal expansion (steel 11 to 12, aluminium 23 um/m/K); method of ISO 230-3",
         size="5 to 7 um at 2 K",
@@ -136,22 +140,24 @@ class FrameGrowth(Growth):
 
     def basis(self, view: View, shape: Mapping[str, Tensor]) -> Tensor:
         """Tool shift per unit strain of radius and links, times warmth: the limit of a small strain."""
-        return self._per_strain(view, late_warmth(view, shape["late"]), torch.zeros_like(view.growth[:1]))
+        warmth = late_warmth(view, shape["start"], shape["late"])
+        return warmth[:, None, None] * self._per_strain(view, torch.zeros_like(view.growth[:1]))
 
     def slope(self, theta: Tensor, view: View) -> Tensor:
-        """Derivative by both expansions at the strain that there is; none by how late they are, which is given."""
-        warmth = late_warmth(view, theta[2:])
-        by_size = self._per_strain(view, warmth, (warmth[:, None] * theta[:2]) @ view.growth)
-        return torch.nn.functional.pad(by_size, (0, 1))
+        """Derivative at the strain that there is: by both expansions, and by what the body's warmth depends on."""
+        warmth = warmth_of(self, theta, view)
+        by_strain = self._per_strain(view, (warmth[:, None] * theta[:2]) @ view.growth)
+        by_shape = by_parameters(lambda shape: late_warmth(view, shape[:1], shape[1:]), theta[2:])
+        return torch.cat([warmth[:, None, None] * by_strain, (by_strain @ theta[:2, None]) * by_shape[:, None]], dim=-1)
 
-    def _per_strain(self, view: View, warmth: Tensor, grown: Tensor) -> Tensor:
-        """Tool shift per unit of either expansion, (n, 3, 2) mm K, at geometry shifts (n, G)."""
+    def _per_strain(self, view: View, grown: Tensor) -> Tensor:
+        """Tool shift per unit strain of radius and links, (n, 3, 2) mm, at geometry shifts (n, G)."""
         _, _, by_slot = sensitivity(view.mechanism, view.q, view.mounted(grown))
-        return warmth[:, None, None] * (by_slot @ view.growth.T)
+        return by_slot @ view.growth.T
 
     def shift(self, theta: Tensor, view: View) -> Tensor:
         """Position of the grown machine less that of the drawn one: near a singularity 1e-4 is no small strain."""
-        strain = late_warmth(view, theta[2:])[:, None] * theta[:2]  # shape: (n, 2)
+        strain = warmth_of(self, theta, view)[:, None] * theta[:2]  # shape: (n, 2)
         still = torch.zeros_like(view.growth[:1])
         grown = view.mechanism.forward(view.q, view.mounted(strain @ view.growth))
         return grown - view.mechanism.forward(view.q, view.mounted(still))

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ptt.effects.layout import shape_of
 from ptt.effects.parameter import Parameter
 from ptt.effects.usual import usual_values
 from ptt.model.model import Model, Term, parameter_names
@@ -37,8 +38,8 @@ class Layout:
         owner: (u,) int, index of the term; FRAME or MOUNT for those.
         group: (u,) int, group of unknowns with a common prior variance: those of one parameter (slopes and levels
             apart) and of parameters joined to it; -1 for frames and mounts.
-        kinds: of each group: 'free', 'held' as above, 'searched', or 'apart' where each joint has its own value of what
-            was searched as one value for all.
+        kinds: of each group: 'free', 'held' as above, 'searched', or 'near' where a searched value stays as near as it
+            is large: each joint's own of what was searched as one for all, and what is about zero.
         names: one for each unknown.
         frames: number of frames.
         mounts: number of reflector mounts.
@@ -60,7 +61,7 @@ class Layout:
     @property
     def searched(self) -> np.ndarray:
         """(u,) bool, nonlinear shape parameters, which start where a search left them."""
-        return np.array([kind in ("searched", "apart") for kind in self.kinds] + [False])[self.group]
+        return np.array([kind in ("searched", "near") for kind in self.kinds] + [False])[self.group]
 
     def thetas(self, unknowns: np.ndarray) -> list[Tensor]:
         """Full flat parameters of every term at these unknowns."""
@@ -160,20 +161,21 @@ def _of_term(
     term: Term, index: int, kind: str, view: View, fitted: set[str], kinds: list[str]
 ) -> tuple[list[_Unknown], np.ndarray]:
     """Unknowns of one term, and which of its values they are, (P,) bool; its groups are appended to `kinds`."""
-    unknowns, flags = [], []
+    unknowns, flags = list[_Unknown](), list[bool]()
     joints, usual = view.joints, iter(usual_values(term.effect, view).tolist())
-    local = iter(parameter_names(term.effect, kind, joints))
+    local, held = iter(parameter_names(term.effect, kind, joints)), _held_stems(term, joints)
     for parameter in (p.on(kind) for p in term.effect.parameters):
         size = parameter.size(joints)
         names, sizes = list(islice(local, size)), list(islice(usual, size))
-        open_ = parameter.role != "given" and parameter.stem not in term.fixed
+        present = term.theta[len(flags) : len(flags) + size].numpy()
+        open_ = parameter.stem not in held
         flags += [open_] * size
         if not open_:
             continue
         parts = _kinds(parameter, size, fitted)
         groups = list(dict.fromkeys(parts))
         first = len(kinds) - parameter.joined
-        low, high = bounds_of(parameter, term.theta[len(flags) - size : len(flags)].numpy())
+        low, high = bounds_of(parameter, present)
         unknowns += [
             _Unknown(
                 f"{term.effect.key} {name}", own, index, first + groups.index(part), low / own, high / own,
@@ -183,6 +185,18 @@ def _of_term(
         ]  # fmt: skip
         kinds += [own for own, _ in groups[len(kinds) - first :]]
     return unknowns, np.array(flags, dtype=bool)
+
+
+def _held_stems(term: Term, joints: int) -> set[str]:
+    """Parameters that no fit changes: given and fixed ones, and a shape that a search left at its default throughout.
+
+    In that shape the effect is without what it describes (growth that is late), which a fit does not bring in.
+    """
+    parameters, shape = term.effect.parameters, shape_of(term.effect, term.theta, joints)
+    plain = {each.stem: each.default for each in parameters if each.role == "searched" and each.default is not None}
+    without = all(bool((shape[stem] == default).all()) for stem, default in plain.items())
+    given = {each.stem for each in parameters if each.role == "given"}
+    return given | term.fixed | (set(plain) if without else set())
 
 
 def bounds_of(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
@@ -206,7 +220,7 @@ def bounds_of(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
 
 def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:
     """Kind of each value, and the effect that it is lent to or ''; values equal in both share a prior variance."""
-    found = "apart" if parameter.apart else "searched"
+    found = "near" if parameter.apart or parameter.held else "searched"
     kind = found if parameter.role == "searched" else "held" if parameter.held else "free"
     if not parameter.lent:
         return [(kind, "")] * size

@@ -16,8 +16,9 @@ MOST_FREEDOM = 100.0  # degrees of freedom that a stated noise counts for at mos
 SURE_ERRORS = 3.0  # standard deviations of the design effect from which rows are no longer taken for independent
 # of searched parameters: ten usual sizes, which holds them where the rows see nothing of them
 SEARCHED_VARIANCE = 100.0
-# of parameters of each joint that a search found as one: a joint that shows nothing stays by the others
-APART_VARIANCE = 1.0
+# of parameters of each joint that a search found as one (a joint that shows nothing stays by the others), and of those
+# that are about zero
+NEAR_VARIANCE = 1.0
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,9 @@ def usual_prior(layout: Layout) -> Prior:
 
 
 def _before(layout: Layout, group: int, centre: np.ndarray) -> float:
-    """Prior variance of a group before any rows; lengths of each joint's own differ by as much as they are."""
-    if layout.kinds[group] == "apart":
-        return max(APART_VARIANCE, float(np.square(centre[layout.group == group]).max()))
+    """Prior variance of a group before any rows; what is near where a search left it may be off by as much as it is."""
+    if layout.kinds[group] == "near":
+        return max(NEAR_VARIANCE, float(np.square(centre[layout.group == group]).max()))
     return SEARCHED_VARIANCE if layout.kinds[group] == "searched" else 1.0
 
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from ptt.effects import Effect, Library, library
-from ptt.effects.dated import is_dated
+from ptt.effects.dated import has_date
 from ptt.effects.layout import sizes, total_size
 from ptt.effects.registry import make_effect, parse_key
 from ptt.errors import ModelError, shown
@@ -84,8 +84,7 @@ def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:
         The file with the model's effects in it, those set aside for other runs (`Model.aside`) too.
     """
     terms = [
-        replace(term, runs=tuple(runs)) if is_dated(term.effect) and len(term.theta) and not term.runs else term
-        for term in model.terms
+        replace(term, runs=tuple(runs)) if not term.runs and _is_told_of_run(term) else term for term in model.terms
     ]
     taken = {term.effect.key for term in terms}
     for term in model.aside:
@@ -94,6 +93,10 @@ def write_model(model: Model, runs: Sequence[str] = ()) -> MachineFile:
         taken.add(term.effect.key)
         terms.append(term)
     return replace(model.file, effect=tuple(_write_term(term, model) for term in sorted(terms, key=by_stage)))
+
+
+def _is_told_of_run(term: Term) -> bool:
+    return len(term.theta) > 0 and has_date(term.effect, term.theta)
 
 
 def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
@@ -120,12 +123,13 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
         stds.append(_expanded(std, size, name))
         measured.append(_expanded(seen, size, name).bool())
     fixed = frozenset(p.stem for name, p in specs.items() if name in entry.parameters and entry.parameters[name].fixed)
-    return Term(effect, torch.cat(values), torch.cat(stds), torch.cat(measured), fixed, _runs_of(entry, effect, model))
+    theta = torch.cat(values)
+    return Term(effect, theta, torch.cat(stds), torch.cat(measured), fixed, _runs_of(entry, effect, theta, model))
 
 
-def _runs_of(entry: EffectEntry, effect: Effect, model: Model) -> tuple[str, ...]:
+def _runs_of(entry: EffectEntry, effect: Effect, theta: Tensor, model: Model) -> tuple[str, ...]:
     """Runs that an effect belongs to; where the entry does not say, those of the step that brought it in."""
-    if entry.runs or not is_dated(effect):
+    if entry.runs or not has_date(effect, theta):
         return entry.runs
     steps = [row for row in model.file.history if effect.key in row.get("added", ())]
     return tuple(item["sha256"] for item in steps[-1].get("files", ())) if steps else ()

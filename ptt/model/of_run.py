@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ptt.effects.dated import RunPlace, at_place, is_dated
+from ptt.effects.dated import RunPlace, at_place, has_date, is_dated
 from ptt.model.model import Model, Term
 from ptt.run.problem import Problem
 from ptt.run.table import Table
@@ -15,8 +15,8 @@ def for_runs(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
     """The model as it holds for the runs of a problem.
 
     An effect of the set-up (a frame, a drift, a knock) is set aside for runs that it was not fitted on. A change of the
-    machine at some moment of one run (a slip) holds for later runs from their first row on. The frame in which the
-    targets were stated is kept for targets to come.
+    machine at some moment of one run (a slip) holds for later runs from their first row on. How warm a body was when a
+    run began is of that run. The frame in which the targets were stated is kept for targets to come.
 
     Args:
         model: as read.
@@ -27,7 +27,7 @@ def for_runs(model: Model, problem: Problem) -> tuple[Model, tuple[str, ...]]:
     """
     terms, aside, lines = [], list(model.aside), []
     for term in model.terms:
-        if not is_dated(term.effect) or not len(term.theta):
+        if not has_date(term.effect, term.theta) or not len(term.theta):
             terms.append(term)
             continue
         place = _find(term, problem)
@@ -50,6 +50,8 @@ def _partly(term: Term, place: RunPlace) -> str:
     """To which rows an effect is applied, in words."""
     if term.effect.of_run:
         return f"{term.effect.key} applies to the rows of its own run alone ({term.runs[0][:12]})"
+    if not is_dated(term.effect):
+        return f"{term.effect.key}: how warm its body began is of its own run alone ({term.runs[0][:12]})"
     when = "from the first row of the runs behind it" if place.runs else "from the first row"
     return f"{term.effect.key} happened in run {term.runs[0][:12]}: it holds {when}"
 

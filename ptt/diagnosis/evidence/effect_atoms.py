@@ -23,7 +23,9 @@ FEW_JOINTS = 3  # joints up to which the odds of choosing some of them cost what
 def odds_of_effect(effect: Effect, effects: int, shapes: int) -> float:
     """Prior odds in nats against an effect, given the number of testable effects and of shapes tried."""
     each = EFFECT_ODDS + float(np.log(max(effects, 1)))
-    return causes(effect) * each + SHAPE_POWER * float(np.log(max(shapes, 1))) + effect.odds_of_kind
+    own = type(effect).odds_of_shape is not Effect.odds_of_shape  # odds of its own cover the choice among its shapes
+    chosen = 0.0 if own else SHAPE_POWER * float(np.log(max(shapes, 1)))
+    return causes(effect) * each + chosen + effect.odds_of_kind
 
 
 def atoms_of(linear: Linear, fitted: FitResult, problem: Problem, candidates: Sequence[Effect]) -> dict[str, Atom]:

@@ -89,8 +89,9 @@ def _nats_beyond_reach(state: State, atom: Atom, scale: np.ndarray) -> float:
     if atom.reach is None or atom.key not in state.variances:
         return 0.0
     (values, covariance), size = state.amounts([atom], scale), atom.sizes(scale)
-    widest, nats = state.posterior.phi * float(state.variances[atom.key].max()), 0.0
-    for own in np.arange(len(values)).reshape(2, -1).T:  # both values of each joint, in usual sizes of the second
+    widest, nats = state.posterior.phi * float(state.variances[atom.key][atom.group[0]]), 0.0
+    linear = np.flatnonzero(atom.group == atom.group[0])  # without those of the shape
+    for own in linear.reshape(2, -1).T:  # both values of each joint, in usual sizes of the second
         unit = np.array([atom.reach, 1.0]) / size[own[1]]
         both = unit[:, None] * covariance[np.ix_(own, own)] * unit
         nats += min(nats_of_product(unit * values[own], both, widest), 0.0)

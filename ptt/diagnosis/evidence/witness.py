@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ptt.diagnosis.evidence.at_tool import at_tool_um, moved_by, without_rigid_motion
 from ptt.effects import Effect
-from ptt.effects.late import Growth, late_warmth
+from ptt.effects.late import Growth, warmth_of
 from ptt.effects.metrology import SetupJump
 from ptt.effects.sudden import Sudden
 from ptt.fitting.chunks import sampled_if_long
@@ -156,8 +156,8 @@ def _beside_shift(moved: np.ndarray, term: Term, problem: Problem) -> np.ndarray
 
 def _warmth(term: Term, problem: Problem) -> Tensor:
     """Temperature that an effect follows above the reference, (n,) K: that of a growth may be late."""
-    late = isinstance(term.effect, Growth)
-    return late_warmth(problem.view, term.theta[-1:]) if late else problem.view.warmth
+    effect, view = term.effect, problem.view
+    return warmth_of(effect, term.theta, view) if isinstance(effect, Growth) else view.warmth
 
 
 def _was_watched_at(moment: float, problem: Problem) -> bool:

@@ -55,7 +55,8 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
     """A scorer with the model's effects also in other given shapes, as alternatives to the present ones.
 
     A given parameter (such as what a row's speed means) is chosen before other effects are named, and no fit changes
-    it; another choice may be better once play is named. Moments of sudden effects are treated by `best_moments`.
+    it, nor brings in a shape that a search left at its default; another choice may be better once play is named.
+    Moments of sudden effects are treated by `best_moments`.
 
     Args:
         scorer: of a linearised problem.
@@ -68,7 +69,7 @@ def with_other_meanings(scorer: Scorer, fitted: FitResult, problem: Problem) -> 
     system = rows_of(scorer.system)
     for term in fitted.model.terms:
         key, effect = term.effect.key, term.effect
-        stems = {parameter.stem for parameter in effect.parameters if parameter.role == "given"}
+        stems = {each.stem for each in effect.parameters if each.role == "given" or each.default is not None}
         shapes = [shape for shape in effect.search(problem.view) if set(shape) == stems]
         if (
             key in scorer.given
