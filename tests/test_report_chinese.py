@@ -51,6 +51,7 @@ CURVES = (  # what is said of curves, beside the phrases of the effects
     ),
 )
 SIDES = (  # two sides in English, and the same in Chinese
+    (("warmer", "cooler"), ("高", "低")),
     (("higher", "lower"), ("高", "低")),
     (("high", "low"), ("高", "低")),
     (("up", "down"), ("上", "下")),
