@@ -139,6 +139,7 @@ class JointClearance(ThreePttEffect):
         fingerprint="A step where a link force changes sign, outside the triangle of the joints; poor repeats there.",
         confused_with=(
             ("backlash", "follows direction, not force: a linear scale and the tracker at once"),
+            ("play of a nut", "by the side that its load pushes to is alike under steep links: a linear scale sees it"),
             ("axis-compliance", "grows with load: load and unload through several payloads"),
         ),
         remedy="Preload the joints with springs, replace pins; or work inside the triangle with a load on.",
