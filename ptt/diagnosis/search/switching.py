@@ -15,6 +15,7 @@ from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.wander import Clock, tracker_likelihood, white_likelihood
 from ptt.diagnosis.search.joint_wander import along_place
 from ptt.diagnosis.unknown.block import Block
+from ptt.diagnosis.unknown.jumps import MOST_EVENTS
 from ptt.diagnosis.unknown.places import one_way_each, places_of_chain
 from ptt.run.axes import AXES
 
@@ -24,6 +25,7 @@ from ptt.run.axes import AXES
 SURE_NATS = 10.0
 MOST_BINS = 600  # neighbouring rows that are taken together beyond, as every pair of rows is tried
 ALIKE_ERRORS = 2.0  # standard errors of white noise by which neighbours have to be alike for levels to be looked for
+SAME_ERRORS = 3.0  # standard errors up to which two levels count as the same one
 LEAST_SHARE = 0.5  # variance of the levels over the white one: smaller ones are not looked for
 LEAST_VARIANCE = 1e-12  # against division by zero, in units of the noise
 
@@ -31,8 +33,9 @@ LEAST_VARIANCE = 1e-12  # against division by zero, in units of the noise
 def switching_moments(system: System, state: State) -> dict[str, tuple[float, ...]]:
     """Moments between which the readings stay at a level, where that explains them better than a wander does.
 
-    At the tool and along a joint also better than a single change, which is a knock's or a slip's. A rail or a link,
-    which the library has none for, may come loose at a single moment.
+    At the tool and along a joint also better than a single change, which is a knock's or a slip's; and few changes have
+    to come back to a level that was left. A rail or a link, which the library has none for, may come loose at a single
+    moment.
 
     Args:
         system: the linearised problem; that of a long run, which holds no rows, tells nothing.
@@ -52,7 +55,8 @@ def switching_moments(system: System, state: State) -> dict[str, tuple[float, ..
         levels = _levels_of(along, lever, clock)
         nats, rows = _best_levels(left, levels, clock)
         least = wandering if may_jump_once else max(wandering, _one_change(left, levels))
-        if len(rows) and nats > least + SURE_NATS:
+        recurs = may_jump_once or len(rows) > MOST_EVENTS or _comes_back(levels, rows)
+        if len(rows) and nats > least + SURE_NATS and recurs:
             found[residual] = tuple((0.5 * (clock.time[rows - 1] + clock.time[rows])).tolist())
     return found
 
@@ -162,6 +166,16 @@ def _best_levels(left: np.ndarray, levels: _Levels, clock: Clock) -> tuple[float
     end, changes = np.append(begin[1:], rows), begin[~clock.starts[begin]]
     log_noise = float(levels.log_noise(begin, end).sum()) + price * len(changes)
     return white_likelihood(left, float(levels.taken(begin, end).sum()), log_noise), changes
+
+
+def _comes_back(levels: _Levels, changes: np.ndarray) -> bool:
+    """Whether a level is one that was left before: what goes on to another level each time are separate events."""
+    begin, end = np.append(0, changes), np.append(changes, levels.rows)
+    weight = np.maximum(levels.weights[end] - levels.weights[begin], LEAST_VARIANCE)
+    height, variance = (levels.sums[end] - levels.sums[begin]) / weight[:, None], levels.noise / weight
+    bound = SAME_ERRORS**2 * (variance[:, None] + variance)
+    alike = (np.square(height[:, None] - height).max(axis=2) < bound) & np.triu(np.ones_like(bound, dtype=bool), 2)
+    return bool(alike.any())
 
 
 def _one_change(left: np.ndarray, levels: _Levels) -> float:
