@@ -32,7 +32,7 @@ from ptt.mechanisms.statics import GRAVITY, link_forces, weight
 from ptt.mechanisms.three_ptt import ThreePtt
 from ptt.mechanisms.workspace import reach, travel_margin, workspace_map
 from ptt.show.plots.common import save
-from ptt.show.plots.workspace import GRID, _heights, draw_dexterity
+from ptt.show.plots.workspace import _heights, draw_dexterity
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 SINE = math.sqrt(3.0) / 2.0
@@ -264,7 +264,8 @@ def test_workspace_map_is_the_pointwise_condition():
     assert_close(result.condition, result.condition.flip(1), equal_nan=True)
 
 
-def test_workspace_map_picture(tmp_path):
+def test_workspace_map_picture(tmp_path, monkeypatch):
+    monkeypatch.setattr("ptt.show.plots.workspace.GRID", 81)
     for name, changes in (("upright", {}), ("leaning", {"slider_lean_deg": (6.0, 6.0, 6.0), "sliders": "below"})):
         spec = drawing(**changes, slider_travel_mm=(-420.0, -150.0) if changes else (150.0, 420.0))
         save(draw_dexterity(spec), tmp_path / f"{name}.png")
@@ -316,11 +317,12 @@ def test_equal_radii_are_told_as_the_singularity_that_they_are(tmp_path, capsys)
     assert said["condition"] is None and said["status"] == "near singular"
 
 
-def test_a_place_of_infinite_condition_number_is_drawn_dark_and_not_as_out_of_reach():
+def test_a_place_of_infinite_condition_number_is_drawn_dark_and_not_as_out_of_reach(monkeypatch):
+    monkeypatch.setattr("ptt.show.plots.workspace.GRID", 81)
     drawn = draw_dexterity(drawing(base_radius_mm=100.0))
     for panel in drawn.axes[:3]:
         shown = np.ma.masked_invalid(panel.collections[0].get_array())
-        middle = shown.reshape(GRID, GRID)[GRID // 2, GRID // 2]
+        middle = shown.reshape(81, 81)[40, 40]
         assert middle is not np.ma.masked and middle > panel.collections[0].norm.vmax
 
 

@@ -218,7 +218,8 @@ def test_an_effect_of_the_wrist_is_tried_on_an_arm_that_has_one(cls, joints):
     assert [finding for finding in check_effect(cls(), differentiate) if not finding.passed] == []
 
 
-def test_an_own_effect_of_a_wrist_is_written_and_drawn(tmp_path):
+def test_an_own_effect_of_a_wrist_is_written_and_drawn(tmp_path, monkeypatch):
+    monkeypatch.setattr("ptt.show.plots.atlas.GRID", 31)
     curve = {"at": [-1.5, 0.0, 1.5], "mean_um": [0.0, 1.0, 2.0], "half_width_um": [1.0, 1.0, 1.0]}
     cause = {"residual": "joint 5", "on": "q4", "acts_on": "joint 5", "shape": "smooth", "curve": curve}
     (tmp_path / "own.py").write_text(prefilled("own-cause", [cause]).text)
@@ -294,7 +295,8 @@ def test_command_writes_checks_and_draws(tmp_path):
     assert "checks fail, first 'shapes and numbers' of cable-drag" in str(outcome.exception)
 
 
-def test_atlas_draws_an_arm_too(tmp_path):
+def test_atlas_draws_an_arm_too(tmp_path, monkeypatch):
+    monkeypatch.setattr("ptt.show.plots.atlas.GRID", 31)
     path = tmp_path / "arm.py"
     path.write_text(template("arm-drag").replace('("three-ptt",)', '("serial",)'))
     assert run("arm-drag", "--effects", path, "--plot", tmp_path).exit_code == 0
