@@ -163,7 +163,7 @@ def test_a_report_of_a_long_run_is_diagnosed_in_chunks(here: Path, monkeypatch: 
     def in_chunks(*given: object, size: int, **more: object) -> None:
         raise InputError(f"chunks of {size}")
 
-    monkeypatch.setitem(MOST_WHOLE_ROWS, "three-ptt", 200)
+    monkeypatch.setitem(MOST_WHOLE_ROWS, "three-ptt", 100)
     monkeypatch.setattr("ptt.diagnosis.diagnose.diagnose_long", in_chunks)
     opened = opening.open_both(RUN, MACHINE)
     assert gather(opened.table, opened.model.file).drawing.why_not == f"chunks of {CHUNK}"
