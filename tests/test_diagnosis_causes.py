@@ -52,7 +52,9 @@ def told(level: str, seed: int) -> tuple[Truth, Diagnosis]:
         pytest.param(
             "none", 1030020, marks=pytest.mark.long
         ),  # a stand that moves the sharp axis of a tracker as far as its blunt ones
-        ("none", 1030009),  # half a minute of a wander of ten, in a frame that the file trusts
+        pytest.param(
+            "none", 1030009, marks=pytest.mark.long
+        ),  # half a minute of a wander of ten, in a frame that the file trusts
         ("none", 1100236),  # a wander of which knocks had taken so much that nothing of it was left to see
         pytest.param(
             "none", 1100194, marks=pytest.mark.long

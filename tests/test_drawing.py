@@ -72,7 +72,10 @@ def off_in_all(
     return build_problem(told, replace(make_table(target, q), measured=read))
 
 
-@pytest.mark.parametrize(("times", "seed"), [(1.0, 3), (1.0, 8), pytest.param(2.0, 4, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("times", "seed"),
+    [pytest.param(1.0, 3, marks=pytest.mark.long), (1.0, 8), pytest.param(2.0, 4, marks=pytest.mark.long)],
+)
 def test_sizes_that_are_all_off_a_little_are_named_and_no_unknown_of_the_place(times: float, seed: int) -> None:
     found = diagnose(Model(bench()), off_in_all(150, seed, times=times))
     assert found.verdict == "missing" and len(found.suggested) > 1
@@ -109,7 +112,7 @@ def pulls_of(found: Diagnosis, times: float) -> np.ndarray:
     [
         pytest.param(4.0, 5, marks=pytest.mark.long),
         (4.0, 9),
-        (10.0, 4),
+        pytest.param(10.0, 4, marks=pytest.mark.long),
         pytest.param(10.0, 6, marks=pytest.mark.long),
         pytest.param(10.0, 8, marks=pytest.mark.long),
     ],

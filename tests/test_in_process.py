@@ -27,7 +27,7 @@ def process(*words: str, program: tuple[str, ...] = ("-m", "ptt.commands.main"))
         ["train", "--help"],
         [],
         ["levitate"],
-        ["predict", "none.csv", "--model", MACHINE, "--out", "none/out.csv"],
+        pytest.param(["predict", "none.csv", "--model", MACHINE, "--out", "none/out.csv"], marks=pytest.mark.long),
         ["predict", str(DATA / "targets.csv")],
         ["compare", "--no-such-option"],
     ],

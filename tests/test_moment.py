@@ -94,6 +94,7 @@ def test_a_slip_that_a_law_lets_in_has_its_value_like_any_other() -> None:
     assert [one.effect for one in found.candidates[: len(named)]] == named
 
 
+@pytest.mark.long
 def test_a_moment_needs_sound_readings_on_both_sides() -> None:
     """Of the first readings two are gross: a slip before which two others are left would explain whatever they say."""
     case = plan("single", 1, 2700013, kinds="all", noise=None, bench=None, rows=None, visible=True)[0]

@@ -76,7 +76,9 @@ def look(file: MachineFile, table: Table) -> Diagnosis:
 
 
 @pytest.mark.parametrize("name", ["ur10", pytest.param("kuka_iiwa", marks=pytest.mark.long)])
-@pytest.mark.parametrize("kind", list(EXPECTED))
+@pytest.mark.parametrize(  # links of a fresh arm are asked for in another file
+    "kind", [pytest.param(kind, marks=pytest.mark.long) if kind == "link" else kind for kind in EXPECTED]
+)
 def test_hidden_fault_is_named_first(name: str, kind: str) -> None:
     file = arm(name)
     random = np.random.default_rng([len(name), len(kind)])

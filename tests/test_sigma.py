@@ -69,7 +69,7 @@ def shown(problem, ladder: Ladder, place: np.ndarray) -> np.ndarray:
     return moved @ problem.rotation[0].T + problem.shift[0]
 
 
-@pytest.mark.parametrize("frame", ["trusted", "fitted"])
+@pytest.mark.parametrize("frame", [pytest.param("trusted", marks=pytest.mark.long), "fitted"])
 def test_errors_of_the_rig_are_as_large_as_stated(tmp_path, frame):
     """Eight noises, targets inside and outside the measured volume: the error over sigma scatters about one."""
     file = replace(FILE, tracker=TrackerSpec(frame=frame, sigma_mm=SIGMA))

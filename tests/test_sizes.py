@@ -46,7 +46,7 @@ def hiding(protocol, fault):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.long) if n in ("scale", "neighbour") else n for n in HIDDEN]
+    "name", [pytest.param(n, marks=pytest.mark.long) if n in ("scale", "neighbour", "play") else n for n in HIDDEN]
 )
 def test_size_and_sign_are_those_of_the_fault(name) -> None:
     protocol, fault, of, kind, um, words = HIDDEN[name]
