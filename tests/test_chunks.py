@@ -43,7 +43,7 @@ def _problem(rows: int = 900, runs: int = 2, seed: int = 3) -> Problem:
 @pytest.mark.parametrize("size", [1, 7, 100, 450, 2000])
 @pytest.mark.parametrize("operator", ["play", "reversal", "slope"])
 def test_memory_is_handed_on(size: int, operator: str) -> None:
-    problem = _problem(100 if size == 1 else 900)
+    problem = _problem(100 if size == 1 else 480)
     functions = {
         "play": lambda view: play(view, GAP),
         "reversal": lambda view: gradual_reversal(view, LENGTH),

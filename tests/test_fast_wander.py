@@ -8,7 +8,7 @@ import pytest
 from ptt.challenge.challenge import bench
 from ptt.diagnosis.diagnose import diagnose
 from ptt.diagnosis.search.find import find
-from ptt.effects import library
+from ptt.diagnosis.search.found import Found
 from ptt.model.model import Model
 from ptt.run.problem import build_problem
 from ptt.run.table import make_table
@@ -25,7 +25,9 @@ def wandering(random: np.random.Generator) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("by_pose", "verdict"), [(False, "nothing-missing"), (True, "unknown")])
-def test_a_fast_wander_is_no_error_of_poses_that_are_read_twice_in_a_row(by_pose: bool, verdict: str) -> None:
+def test_a_fast_wander_is_no_error_of_poses_that_are_read_twice_in_a_row(
+    by_pose: bool, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Both make the two readings of a pose alike; those of neighbours in time are alike in a wander alone."""
     file, random = bench(), np.random.default_rng(6)
     file = replace(file, tracker=file.tracker.model_copy(update={"frame": "fitted", "sigma_mm": None}))
@@ -37,8 +39,10 @@ def test_a_fast_wander_is_no_error_of_poses_that_are_read_twice_in_a_row(by_pose
     measured = np.stack([np.full_like(read, np.nan), read], axis=1).reshape(-1, 3)
     table = make_table(target, measured=measured, time_s=0.5 * STEP * np.arange(len(target)))
     problem = build_problem(file, table)
+    searched: list[Found] = []
+    monkeypatch.setattr("ptt.diagnosis.diagnose.find", lambda *given: searched.append(find(*given)) or searched[-1])
     assert diagnose(Model(file), problem).verdict == verdict
-    memory = find(Model(file), problem, library(), lambda what: None).state.memory
+    memory = searched[0].state.memory
     if by_pose:
         assert memory.pose and memory.wander is None
     else:

@@ -276,14 +276,15 @@ def test_a_mechanism_takes_tensors_as_its_docstrings_say(here):
         assert "float64" in (verb.__doc__ or "") and "tensor" in (verb.__doc__ or "")
 
 
-@pytest.mark.parametrize("kind", [str, Path])
-def test_a_model_to_evaluate_may_be_named_by_the_path_of_its_file_or_folder(here, done, kind):
-    run, folder = kind(here / "run.csv"), kind(here / "compensator")
-    assert str(ptt.evaluate(kind(here / "solved.toml"), run)) == str(done["evaluate"])
-    assert str(ptt.evaluate(folder, run)) == str(ptt.evaluate(done["train"], run))
-    for model in (kind(here / "solved.toml"), folder):
-        with pytest.raises(PttError, match="exchange them"):
-            ptt.evaluate(run, model)
+def test_a_model_to_evaluate_may_be_named_by_the_path_of_its_file_or_folder(here, done):
+    trained = str(ptt.evaluate(done["train"], here / "run.csv"))
+    for kind in (str, Path):
+        run, folder = kind(here / "run.csv"), kind(here / "compensator")
+        assert str(ptt.evaluate(kind(here / "solved.toml"), run)) == str(done["evaluate"])
+        assert str(ptt.evaluate(folder, run)) == trained
+        for model in (kind(here / "solved.toml"), folder):
+            with pytest.raises(PttError, match="exchange them"):
+                ptt.evaluate(run, model)
 
 
 def test_readings_are_never_written_over(here, done):

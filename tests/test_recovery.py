@@ -5,7 +5,7 @@ import klipper
 import numpy as np
 import pytest
 
-DRAWS = 4
+DRAWS = 3
 
 
 @pytest.fixture(scope="module")
