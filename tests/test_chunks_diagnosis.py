@@ -24,7 +24,7 @@ ROW = 2180  # of what happens at once
 
 def test_the_diagnosis_is_that_of_the_whole(problem: Problem) -> None:
     whole = diagnose(MODEL, problem)
-    parts = diagnose_long(MODEL, problem, size=900, sample_rows=1600)
+    parts = diagnose_long(MODEL, problem, size=900, sample_rows=1200)
     assert parts.verdict == whole.verdict == "missing"
     assert [step[0] for step in parts.suggested] == [step[0] for step in whole.suggested]
     assert {"backlash", "once-per-rev", "screw-growth"} == {step[0] for step in parts.suggested}

@@ -33,7 +33,7 @@ from ptt.run.table import make_table, take_rows
 MACHINE = bench_machine()
 
 
-def run(folder, seed: int, *faults: str, rows: int = 300, **tracker: float):
+def run(folder, seed: int, *faults: str, rows: int = 200, **tracker: float):
     protocol = FAULTS[faults[0]].protocols[-1] if faults else "volume"
     drawn = hide_faults(draw_rig(seed, MACHINE, protocol, rows=rows), faults, seed)
     rig = drawn.rig

@@ -1,6 +1,7 @@
 """Parts of the studio by themselves: sessions on disk, who is let in, shared processes, the card, ghosts, columns."""
 
 import json
+import pickle
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,6 @@ from studio_sample import folder as folder
 from studio_sample import here as here
 
 from ptt.challenge.challenge import open_challenge
-from ptt.diagnosis.diagnose import diagnose
 from ptt.errors import SetupError
 from ptt.machine import parse_machine
 from ptt.show.card.bar import bar_html, parts_of_bar
@@ -129,9 +129,8 @@ def test_the_card_says_side_size_cure_and_how_sure(diagnosed: Diagnosed):
     assert [part[:2] for part in unknown[:2]] == [("noise", 4.0), ("without a name", 16.0)]
 
 
-def test_the_card_says_that_an_unknown_may_do_a_part_of_what_is_named(here: Path):
-    opened = open_both(RUN, MACHINE)
-    found = diagnose(opened.model, opened.problem, opened.library)
+def test_the_card_says_that_an_unknown_may_do_a_part_of_what_is_named(here: Path, diagnosed: Diagnosed):
+    opened, found = open_both(RUN, MACHINE), pickle.loads(diagnosed.whole)
     sure = card_of_diagnosis(found, opened.problem).words
     chances = {"missing": 0.78, "unknown": 0.22, "nothing-missing": 0.0}
     doubtful = card_of_diagnosis(replace(found, verdict_probability=chances), opened.problem).words
