@@ -75,7 +75,7 @@ def test_other_candidates_show_no_size_that_the_run_does_not_tell(tmp_path):
 
 
 def test_a_later_step_says_after_which_its_error_is(tmp_path):
-    _, found = learn(tmp_path, 1, "backlash", "lead-scale")
+    _, found = learn(tmp_path, 1, "backlash", "lead-scale", rows=300)
     steps = found.candidates[: len(found.suggested)]
     assert len(steps) > 1
     assert " after " not in steps[0].words
