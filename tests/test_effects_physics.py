@@ -130,7 +130,7 @@ def test_a_rail_that_leans_far_is_turned_not_stretched(bench):
 
 def test_screw_growth(bench):
     view = build_view(bench, make_table(POSES, temp_c=[20.0, 30.0, 25.0, 15.0]))
-    shift = library()["screw-growth"]().shift(tensor([1.1e-5] * 3 + [2e-3] * 3 + [0.0, 0.0]), view)
+    shift = library()["screw-growth"]().shift(tensor([1.1e-5] * 3 + [2e-3] * 3 + [0.0] * 5), view)
     warmth = np.array([0.0, 10.0, 5.0, -5.0])[:, None]
     assert_close(shift, tensor(warmth * (1.1e-5 * (view.q.numpy() - HOME) + 2e-3)))
 
@@ -140,7 +140,7 @@ def test_frame_growth_is_a_bigger_machine(bench):
     spec = bench.machine
     update = {"base_radius_mm": RADIUS * (1 + 10 * share[0]), "link_length_mm": LINK * (1 + 10 * share[1])}
     warm = ThreePtt.from_spec(spec.model_copy(update=update)).forward(view.q) - view.p
-    shift = shift_of("frame-growth", [*share, 0.0, 0.0], view)
+    shift = shift_of("frame-growth", [*share, *[0.0] * 5], view)
     assert_close(shift[1:], warm[1:], rtol=0.0, atol=1e-10)
     assert shift[0].abs().max() == 0.0
 

@@ -17,7 +17,7 @@ from ptt.correct.doubt import beginning_doubt
 from ptt.correct.terms import split_terms
 from ptt.diagnosis.diagnose import Diagnosis, diagnose
 from ptt.door import streaming
-from ptt.effects.late import STARTS, Growth, is_late, late_warmth
+from ptt.effects.late import START, STARTS, Growth, is_late, late_warmth
 from ptt.effects.screw import ScrewGrowth
 from ptt.effects.structure import FrameGrowth
 from ptt.machine import MachineFile, format_machine, parse_machine
@@ -34,6 +34,7 @@ from ptt.run.written import write_table
 
 HOURS, SIGMA, STEEL = 6.0, 0.003, 11.5e-6  # mm of noise, and steel's expansion in 1/K
 LATE_S = 1900.0  # s, between two of the times that are tried
+AT_REST = [0.0] * START.count
 FILE = MachineFile(machine=drawing())
 TRUSTED = replace(FILE, tracker=FILE.tracker.model_copy(update={"sigma_mm": SIGMA, "frame": "trusted"}))
 
@@ -94,9 +95,14 @@ def test_between_two_times_a_body_is_between_them_and_as_good_as_right():
     problem, _ = warmed(0.0)
     time, warm = room(200)
     for constant, most in ((150.0, 0.05), (420.0, 0.03), (1700.0, 0.03), (3500.0, 0.03), (9000.0, 0.02)):
-        own = late_warmth(problem.view, torch.zeros(1), torch.tensor([constant], dtype=torch.float64)).numpy() + 20.0
+        own = (
+            late_warmth(
+                problem.view, torch.zeros(1, dtype=torch.float64), torch.tensor([constant], dtype=torch.float64)
+            ).numpy()
+            + 20.0
+        )
         assert np.abs(own - followed(time, warm, constant)).max() < most * np.ptp(warm)
-    assert late_warmth(problem.view, torch.zeros(1), torch.zeros(1)) is problem.view.warmth
+    assert late_warmth(problem.view, torch.zeros(1, dtype=torch.float64), torch.zeros(1)) is problem.view.warmth
 
 
 def test_screws_that_follow_late_are_named_with_how_late(found):
@@ -115,15 +121,44 @@ def test_screws_that_were_not_at_rest_as_the_run_began_are_named_alone(start):
     assert (said.verdict, said.suggested) == ("missing", (("screw-growth",),))
     values = {value.name: value for value in said.candidates[0].parameters}
     assert values["late_s"].value == pytest.approx(LATE_S, abs=4.0 * values["late_s"].std)
-    assert values["start_k"].value == pytest.approx(start, abs=4.0 * values["start_k"].std)
-    assert values["start_k"].std < 0.5
+    assert values["start_k 1"].value == pytest.approx(start, abs=4.0 * values["start_k 1"].std)
+    assert values["start_k 1"].std < 0.5
     assert f"K {'cooler' if start < 0.0 else 'warmer'} than the recorded temperature" in said.words
     assert "起" not in SAY(said.words) and "所记录的温度" in SAY(said.words)
 
 
+@pytest.mark.parametrize("frame", ["trusted", "fitted-per-run"])
+def test_each_time_that_the_clock_begins_anew_a_body_begins_anew(frame):
+    """Cold, at rest, and warmed by earlier work: three mornings."""
+    starts, count, random, robot = (-3.0, 0.0, 2.0), 80, np.random.default_rng(3), ThreePtt.from_spec(FILE.machine)
+    time, warm = np.tile(np.linspace(0.0, 9000.0, count), 3), room(3 * count)[1]
+    days = range(0, 3 * count, count)
+    body = np.concatenate([
+        followed(time[day : day + count], warm[day : day + count], LATE_S, start)
+        for day, start in zip(days, starts, strict=True)
+    ])  # fmt: skip
+    sent = random.uniform(250.0, 380.0, (3 * count, 3))
+    grown = sent + STEEL * np.array([3.0, 9.0, 6.0]) * (body - 20.0)[:, None] * (sent - 420.0)
+    reached = robot.forward(torch.as_tensor(grown)).numpy() + random.normal(0.0, SIGMA, (3 * count, 3))
+    table = make_table(None, sent, reached, time_s=time, temp_c=warm, run=np.repeat([0, 1, 2], count))
+    file = replace(TRUSTED, tracker=TRUSTED.tracker.model_copy(update={"frame": frame}))
+    said = diagnose(Model(file), build_problem(file, table))
+    assert (said.verdict, said.suggested) == ("missing", (("screw-growth",),))
+    values = {value.name: value for value in said.candidates[0].parameters}
+    for day, start in enumerate(starts, 1):
+        assert values[f"start_k {day}"].value == pytest.approx(start, abs=4.0 * values[f"start_k {day}"].std + 0.1)
+    assert "start_k 4" not in values
+
+
+def test_a_long_pause_is_a_beginning():
+    time = np.concatenate([np.arange(0.0, 600.0, 60.0), 20000.0 + np.arange(0.0, 600.0, 60.0)])
+    table = make_table(np.zeros((20, 3)), time_s=time, temp_c=20.0 + np.arange(20.0))
+    assert build_view(TRUSTED, table).beginnings == (0.0, 20000.0)
+
+
 def began_by(start: float) -> Model:
     """A machine whose screws were away from the room's temperature as its run began."""
-    values = torch.tensor([3e-5, 2e-5, 4e-5, 0.0, 0.0, 0.0, start, LATE_S], dtype=torch.float64)
+    values = torch.tensor([3e-5, 2e-5, 4e-5, 0.0, 0.0, 0.0, start, *AT_REST[1:], LATE_S], dtype=torch.float64)
     return Model(TRUSTED) + Term(ScrewGrowth(), values)
 
 
@@ -133,6 +168,7 @@ def test_how_warm_a_body_began_is_of_its_run_alone():
     own = write_model(began_by(-4.0), runs=("own",))
     assert own.effect[0].runs == ("own",)
     began, rest = read_model(parse_machine(format_machine(own))), model_of(LATE_S)
+    assert torch.equal(began.terms[0].theta, began_by(-4.0).terms[0].theta)
     time, warm = room(60)
     targets = make_table(np.random.default_rng(2).uniform(-40.0, 40.0, (60, 3)), time_s=time, temp_c=warm)
     sent = [compensate(model, targets, reversal="none") for model in (began, rest)]
@@ -182,7 +218,7 @@ def test_without_a_clock_or_another_temperature_no_lateness_is_tried():
 
 
 def model_of(late: float) -> Model:
-    values = torch.tensor([3e-5, 2e-5, 4e-5, 0.0, 0.0, 0.0, 0.0, late], dtype=torch.float64)
+    values = torch.tensor([3e-5, 2e-5, 4e-5, 0.0, 0.0, 0.0, *AT_REST, late], dtype=torch.float64)
     return Model(TRUSTED) + Term(ScrewGrowth(), values)
 
 

@@ -37,7 +37,7 @@ def test_a_spring_that_moves_against_its_load_is_told_as_an_unknown() -> None:
 
 def test_screws_that_shrink_with_warmth_are_not_named() -> None:
     warm = np.linspace(18.0, 26.0, 160)
-    growth = [-4e-5, -4e-5, -4e-5, 2e-3, -3e-3, 1e-3, 0.0, 0.0]
+    growth = [-4e-5, -4e-5, -4e-5, 2e-3, -3e-3, 1e-3, *[0.0] * 5]
     table = read("screw-growth", growth, temp_c=warm, time_s=60.0 * np.arange(160.0))
     found = diagnose(Model(FILE), build_problem(FILE, table))
     assert not any(item.effect == "screw-growth" and min(p.value for p in item.parameters[:3]) < -2e-5

@@ -108,7 +108,7 @@ def warming(evenly: bool) -> tuple[Problem, Noise, np.ndarray]:
 @pytest.mark.parametrize("ramp", [True, False])
 def test_what_a_growth_shifts_alike_may_be_a_drift_where_temperature_went_with_the_clock(ramp: bool) -> None:
     problem, noise, _ = warming(ramp)
-    growth = term("screw-growth", [8e-6, 12e-6, 16e-6, 0.002, -0.001, -0.003, 0.0, 0.0])
+    growth = term("screw-growth", [8e-6, 12e-6, 16e-6, 0.002, -0.001, -0.003, *[0.0] * 5])
     said = unwitnessed(growth, problem, noise)
     assert [line.endswith("temperature went with the clock.") for line in said] == ([True] if ramp else [])
     assert (own_drift([growth], problem, noise) > 0.002) is ramp

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ptt.correct.task import CommandTask
 from ptt.effects.dated import unplaced
-from ptt.effects.late import has_begun
+from ptt.effects.late import has_begun, starts_of
 from ptt.fitting.kept import kept_covariance
 from ptt.fitting.tool_sigma import tool_sigma
 from ptt.model.chain import EffectTerms
@@ -104,7 +104,7 @@ def approach_doubt(task: CommandTask, terms: EffectTerms, q: Tensor) -> np.ndarr
 def beginning_doubt(terms: EffectTerms, view: View) -> np.ndarray:
     """Standard deviation of the tool because the targets do not say how warm a late body is at their first row.
 
-    It is taken to be as warm as the air. How far from it it was as the measured run began is taken to be likely.
+    It is taken to be as warm as the air. How far from it it was at most as a measured run began is taken to be likely.
 
     Args:
         terms: effects of the machine with their parameters.
@@ -118,7 +118,9 @@ def beginning_doubt(terms: EffectTerms, view: View) -> np.ndarray:
         if not has_begun(effect, theta):
             continue
         measured = unplaced(effect)(label=effect.label)
-        off = measured.shift(theta, view) - effect.shift(theta, view)
+        away = theta.clone()
+        starts_of(away)[:] = starts_of(theta).abs().max()
+        off = measured.shift(away, view) - effect.shift(theta, view)
         tool = (view.jacobian @ off[:, :, None])[:, :, 0] if effect.stage == "drive" else off
         square += tool.square().sum(dim=1)
     return np.asarray(square.sqrt().numpy())

@@ -98,7 +98,7 @@ class CommandTask:
     def view_of(self, q: Tensor) -> View:
         """The view of the travel that commands q (n, k) make, with the context of the targets."""
         view = build_view(self.model.file, replace(self.targets, command=q.numpy()))
-        view = replace(view, time=self.time, behind=self.behind)
+        view = replace(view, time=self.time, behind=self.behind, beginnings=(0.0,))
         if self.velocity is not None:
             view = replace(view, velocity=self.velocity, paces=None)
         elif self.pace is not None:

@@ -20,7 +20,7 @@ from ptt.door.result import Note, NoteCollector, Result, ignore_note
 from ptt.door.sliders import frame_figures, sliders_columns, summary_of, text_of_figures
 from ptt.door.tally import Tally, tally
 from ptt.door.words import as_targets
-from ptt.effects.late import has_begun
+from ptt.effects.late import has_begun, starts_of
 from ptt.effects.phrases import SIGNIFICANT, figure
 from ptt.errors import InputError, TableError
 from ptt.files import write_parts
@@ -192,7 +192,11 @@ def note_beginnings(machine: Model, note: Note) -> None:
     for term in machine.physics.terms:
         if not has_begun(term.effect, term.theta):
             continue
-        kelvin, error = float(term.theta[-2]), np.nan if term.std is None else float(term.std[-2])
+        most = int(starts_of(term.theta).abs().argmax())
+        kelvin, error = (
+            float(starts_of(term.theta)[most]),
+            np.nan if term.std is None else float(starts_of(term.std)[most]),
+        )
         if abs(kelvin) > SIGNIFICANT * np.nan_to_num(error):
             note(
                 f"{term.effect.key} follows the temperature late: what grows is taken to be as warm as temp_c at the "

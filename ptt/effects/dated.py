@@ -121,4 +121,5 @@ def _local(effect: Effect, view: View, place: RunPlace) -> View:
         view,
         time=torch.where(own, view.time - place.time, endless),
         number=torch.where(own, view.row_numbers - place.number, endless),
+        beginnings=(0.0, *(each - place.time for each in view.beginnings if each > place.time)),
     )

@@ -27,10 +27,10 @@ START_SCATTER = 3.0  # K: how much warmer or cooler than the air bodies usually 
 STARTS = (0.05, -0.05, 0.2, -0.2, 0.8, -0.8)
 
 START = Parameter(
-    "start", "K", 1.0, "how much warmer than the recorded temperature the body is at the run's first row",
-    role="searched", held=True, default=0.0,
+    "start", "K", 1.0, "how much warmer than the recorded temperature the body is at the first row, where the clock "
+    "begins anew, and after a pause of an hour", count=4, role="searched", held=True, at_beginnings=True, default=0.0,
 )  # fmt: skip
-"""The parameter before the last one of growth; it belongs to the run."""
+"""The parameter before the last one of growth; it belongs to the run. At further beginnings a body is at rest."""
 
 BEGAN = Phrase(
     "start",
@@ -60,15 +60,15 @@ class Growth(Effect):
         A late body is at the recorded temperature when the run begins, or by one of `STARTS` away from it.
         """
         if view.behind is None:
-            return (_shape(0.0, 0.0),)
+            return (_shape(0.0, 0.0, view),)
         spread = float(view.warmth.max() - view.warmth.min())
         starts = (0.0, *(share * spread for share in STARTS))
-        return (_shape(0.0, 0.0), *(_shape(late, start) for start, late in product(starts, LAGS_S)))
+        return (_shape(0.0, 0.0, view), *(_shape(late, start, view) for start, late in product(starts, LAGS_S)))
 
     def odds_of_shape(self, shape: Mapping[str, Tensor]) -> float:
         """Against growth that is late, more the less its body was at rest; they cover the choice of a trial as well."""
-        away = float(shape["start"]) / START_SCATTER
-        return LATE_NATS + 0.5 * away**2 if float(shape["late"]) > 0.0 else 0.0
+        away = shape["start"] / START_SCATTER
+        return LATE_NATS + 0.5 * float(away.square().sum()) if float(shape["late"]) > 0.0 else 0.0
 
     def refine(self, view: View, shape: Mapping[str, Tensor]) -> Sequence[Mapping[str, Tensor]]:
         """Times between its neighbours, where it is late."""
@@ -87,26 +87,33 @@ class Growth(Effect):
         return f"{super().cause(theta, view)}, about {told} behind the temperature"
 
 
-def _shape(late: float, start: float) -> Mapping[str, Tensor]:
-    return {stem: torch.tensor([value], dtype=torch.float64) for stem, value in (("start", start), ("late", late))}
+def _shape(late: float, start: float, view: View) -> Mapping[str, Tensor]:
+    """A shape with the same start at all beginnings."""
+    starts = torch.zeros(START.count, dtype=torch.float64)
+    starts[: len(view.beginnings)] = start
+    return {"start": starts, "late": torch.tensor([late], dtype=torch.float64)}
 
 
 def late_warmth(view: View, start: Tensor, late: Tensor) -> Tensor:
     """Temperature of a body above the reference, (n,) K.
 
-    Source: as `ptt.run.behind.lags_behind`; what a body has too much at the first row dies away, start exp(-t / tau).
+    Source: as `ptt.run.behind.lags_behind`; what a body has too much at a beginning dies away, start exp(-t / tau).
 
     Args:
         view: n rows.
-        start: how much warmer than recorded it is at the first row, (1,) K.
+        start: how much warmer than recorded it is at the first of `View.beginnings`, (b,) K.
         late: its time constant, (1,) s; between those of `LAGS_S` the lag is interpolated over its logarithm. Without a
             clock, or at a steady temperature, no body is late.
     """
     if view.behind is None or float(late.detach()) <= 0.0:
         return view.warmth
-    own = torch.isfinite(view.time) & (view.time >= 0.0)  # other rows have endless times: their run is another one
-    dying = torch.exp(-torch.where(own, view.time, 0.0) / late) * own
-    return view.warmth + view.behind @ _shares(late) + start * dying
+    begin = torch.tensor(view.beginnings, dtype=torch.float64)
+    last = torch.searchsorted(begin, view.time, right=True) - 1  # its number, of each row
+    # Rows of another run have endless times.
+    own = torch.isfinite(view.time) & (last >= 0) & (last < len(start))
+    last = torch.where(own, last, 0)
+    since = torch.where(own, view.time - begin[last], 0.0)
+    return view.warmth + view.behind @ _shares(late) + start[last] * torch.exp(-since / late) * own
 
 
 def _shares(late: Tensor) -> Tensor:
@@ -146,4 +153,9 @@ def is_late(effect: Effect, theta: Tensor) -> bool:
 
 def has_begun(effect: Effect, theta: Tensor) -> bool:
     """Whether an effect with these parameters says how warm a body was when one run began."""
-    return is_late(effect, theta) and float(theta[-2]) != 0.0
+    return is_late(effect, theta) and bool((starts_of(theta) != 0.0).any())
+
+
+def starts_of(values: Tensor) -> Tensor:
+    """How warm a body began, (b,) K; values: all parameters of growth, or their standard errors, flat."""
+    return values[-1 - START.count : -1]

@@ -36,6 +36,7 @@ class Parameter:
         bands: group number of each of the `count` values; in a diagnosis those of one group share a learned variance,
             for each joint. () puts all in one group.
         joined: shares its learned variance with the parameter before it: of one cause, their proportion is known.
+        at_beginnings: its values are those at the first of `View.beginnings`, in their order; further ones are zero.
         default: value at which files and lists leave the parameter out, so that files from before it existed stay
             valid; None where it is always written.
     """
@@ -60,6 +61,7 @@ class Parameter:
     bands: tuple[int, ...] = ()
     joined: bool = False
     default: float | None = None
+    at_beginnings: bool = False
 
     @property
     def apart(self) -> bool:

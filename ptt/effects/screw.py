@@ -264,7 +264,7 @@ class ScrewGrowth(Growth):
     card: ClassVar[Card] = Card(
         cause="The screw warms and grows away from its fixed bearing.",
         equation="dq_i = a_i dT (q_i - q0_i) + d_i dT, dT = temp_c - reference_temp_c, or that of a body that is late: "
-        "tau dT/dt = temp_c - T, T = temp_c + start at a run's first row; d carries the unknown fixed end",
+        "tau dT/dt = temp_c - T, T = temp_c + start where a clock begins; d carries the unknown fixed end",
         source="linear thermal expansion (steel 11 to 12 um/m/K); method of ISO 230-3",
         size="35 um at 300 mm and 10 K",
         fingerprint="The slope of J e against height drifts with temperature, more where the axis works most.",

@@ -147,7 +147,7 @@ class FrameGrowth(Growth):
         """Derivative at the strain that there is: by both expansions, and by what the body's warmth depends on."""
         warmth = warmth_of(self, theta, view)
         by_strain = self._per_strain(view, (warmth[:, None] * theta[:2]) @ view.growth)
-        by_shape = by_parameters(lambda shape: late_warmth(view, shape[:1], shape[1:]), theta[2:])
+        by_shape = by_parameters(lambda shape: late_warmth(view, shape[:-1], shape[-1:]), theta[2:])
         return torch.cat([warmth[:, None, None] * by_strain, (by_strain @ theta[:2, None]) * by_shape[:, None]], dim=-1)
 
     def _per_strain(self, view: View, grown: Tensor) -> Tensor:

@@ -168,11 +168,11 @@ def _of_term(
         size = parameter.size(joints)
         names, sizes = list(islice(local, size)), list(islice(usual, size))
         present = term.theta[len(flags) : len(flags) + size].numpy()
-        open_ = parameter.stem not in held
-        flags += [open_] * size
-        if not open_:
+        count = min(size, len(view.beginnings)) if parameter.at_beginnings else size
+        flags += [parameter.stem not in held and number < count for number in range(size)]
+        if parameter.stem in held:
             continue
-        parts = _kinds(parameter, size, fitted)
+        names, sizes, parts = names[:count], sizes[:count], _kinds(parameter, count, fitted)
         groups = list(dict.fromkeys(parts))
         first = len(kinds) - parameter.joined
         low, high = bounds_of(parameter, present)

@@ -114,14 +114,15 @@ def _read_term(entry: EffectEntry, effect: Effect, model: Model) -> Term:
         given = entry.parameters.get(name)
         if given is None and parameter.role != "linear" and parameter.default is None:
             raise ModelError(f"parameter '{name}' is missing", fix="add it, or leave all parameters out and fit")
-        values.append(_expanded(given.value if given else parameter.default or 0.0, size, name))
+        expand = _begun if parameter.at_beginnings else _expanded
+        values.append(expand(given.value if given else parameter.default or 0.0, size, name))
         low, high = parameter.lower, parameter.upper
         if not bool(((values[-1] >= low) & (values[-1] <= high)).all()):
             raise ModelError(f"parameter '{name}' is out of its bounds", fix=f"give {low:g} to {high:g}")
         std = torch.nan if given is None or given.std is None else given.std
         seen = True if given is None or given.measured is None else given.measured
-        stds.append(_expanded(std, size, name))
-        measured.append(_expanded(seen, size, name).bool())
+        stds.append(expand(std, size, name))
+        measured.append(expand(seen, size, name).bool())
     fixed = frozenset(p.stem for name, p in specs.items() if name in entry.parameters and entry.parameters[name].fixed)
     theta = torch.cat(values)
     return Term(effect, theta, torch.cat(stds), torch.cat(measured), fixed, _runs_of(entry, effect, theta, model))
@@ -133,6 +134,14 @@ def _runs_of(entry: EffectEntry, effect: Effect, theta: Tensor, model: Model) ->
         return entry.runs
     steps = [row for row in model.file.history if effect.key in row.get("added", ())]
     return tuple(item["sha256"] for item in steps[-1].get("files", ())) if steps else ()
+
+
+def _begun(value: object, size: int, name: str) -> Tensor:
+    """Values at the first beginnings, and zero at further ones, as a vector (size,)."""
+    tensor = torch.as_tensor(value, dtype=torch.float64).reshape(-1)
+    if len(tensor) > size:
+        raise ModelError(f"parameter '{name}' has {len(tensor)} values", fix=f"give {size} at most")
+    return torch.nn.functional.pad(tensor, (0, size - len(tensor)))
 
 
 def _expanded(value: object, size: int, name: str) -> Tensor:
@@ -152,8 +161,10 @@ def _write_term(term: Term, model: Model) -> EffectEntry:
         for parameter, size in zip(effect.parameters, sizes(effect, joints), strict=True):
             part = slice(start, start + size)
             start += size
-            if not told[part.start]:
+            if not any(told[part]):
                 continue
+            if parameter.at_beginnings:
+                part = slice(part.start, max(place for place in range(part.start, part.stop) if told[place]) + 1)
             fitted = term.std is not None and parameter.role != "given" and parameter.stem not in term.fixed
             entries[parameter.on(kind).name] = ParameterEntry(
                 value=_plain(term.theta[part]),

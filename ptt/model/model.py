@@ -124,6 +124,8 @@ def parameter_names(effect: Effect, kind: str, joints: int) -> list[str]:
 def told_values(effect: Effect, theta: Tensor, joints: int) -> list[bool]:
     """Which values of an effect files and lists state: all but those of a parameter that stands at its default.
 
+    And those at beginnings that a run does not have.
+
     Args:
         effect: the effect.
         theta: all its parameters, flat; empty before a fit, when those with a default count as standing at it.
@@ -135,8 +137,9 @@ def told_values(effect: Effect, theta: Tensor, joints: int) -> list[bool]:
     told, start = list[bool](), 0
     for parameter in effect.parameters:
         size = parameter.size(joints)
-        usual = parameter.default is not None and bool((theta[start : start + size] == parameter.default).all())
-        told += [not usual] * size
+        own = theta[start : start + size]
+        usual = parameter.default is not None and bool((own == parameter.default).all())
+        told += (own != 0.0).tolist() if parameter.at_beginnings and len(own) else [not usual] * size
         start += size
     return told
 

@@ -57,6 +57,8 @@ class View:
         number: index of each row in the whole table where the view is a part of it, (n,) float; None for the whole.
         entries: for each row before which rows are left out, what the joints remember of those.
         began: time of the first row by the table's own clock, s.
+        beginnings: times at which a body's temperature is not known from the rows before, s, ascending: the first row,
+            those at which the clock begins anew with a run, and those after a long pause.
         kept: cache of gradual reversals of these rows, by the identity of the length (`keep_reversals`).
     """
 
@@ -91,6 +93,7 @@ class View:
     number: Tensor | None = None
     entries: tuple[Entry, ...] = ()
     began: float = 0.0
+    beginnings: tuple[float, ...] = (0.0,)
     kept: dict[int, tuple[Tensor, Tensor]] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property

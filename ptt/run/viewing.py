@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ptt.run.table import Table
 
 EVEN = 0.05  # relative scatter of speeds below which effects of speed look like those of direction
+PAUSE = 3600.0  # s between two rows: after as long a pause a room may be anywhere between
 MOMENT = 1.0  # s: assumed time from the last row of a run to the first of one whose clock starts anew
 
 
@@ -125,6 +126,7 @@ def build_view(file: "MachineFile", table: "Table") -> View:
         varies=varies,
         read=_rows_read(table),
         behind=lags_of(table) if {"temperature", "time"} <= varies else None,
+        beginnings=_beginnings(table),
     )
 
 
@@ -163,8 +165,23 @@ def lags_of(table: "Table") -> Tensor | None:
     """
     if table.temp_c is None or table.time_s is None:
         return None
+    return _tensor(lags_behind(np.asarray(table.temp_c, dtype=float), elapsed(table).numpy(), _anew(table)))
+
+
+def _beginnings(table: "Table") -> tuple[float, ...]:
+    """`View.beginnings` of a table: over a pause nobody has recorded the temperature that bodies followed."""
+    time = elapsed(table).numpy()
+    if table.time_s is None:
+        return (0.0,)
+    paused = np.diff(time, prepend=time[:1]) > PAUSE
+    return (0.0, *time[paused | _anew(table)].tolist())
+
+
+def _anew(table: "Table") -> np.ndarray:
+    """Rows at which the clock begins anew with a run, (n,) bool."""
+    assert table.time_s is not None
     back, other = np.diff(table.time_s, prepend=table.time_s[:1]) < 0.0, np.diff(table.run, prepend=table.run[:1]) != 0
-    return _tensor(lags_behind(np.asarray(table.temp_c, dtype=float), elapsed(table).numpy(), back & other))
+    return np.asarray(back & other)
 
 
 def joint_limits(file: "MachineFile") -> Tensor:
