@@ -1,7 +1,7 @@
 """Growth that follows the recorded temperature late, as a screw or a frame does that a thermometer is ahead of."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import ClassVar
 
@@ -11,7 +11,7 @@ from torch import Tensor
 from ptt.effects.base import Effect
 from ptt.effects.layout import shape_of
 from ptt.effects.parameter import Parameter
-from ptt.effects.phrases import Phrase
+from ptt.effects.phrases import Phrase, ValuePhrase
 from ptt.effects.refinement import between_trials
 from ptt.run.behind import LAGS_S
 from ptt.run.view import View
@@ -22,13 +22,14 @@ MOST_MINUTES = 90.0  # beyond these, hours are said
 # as much of any shape but the first.
 LATE_NATS = 5.0
 START_SCATTER = 3.0  # K: how much warmer or cooler than the air bodies usually are as a run begins
-# Shares of the range of the recorded temperature by which a body may be warmer or cooler as the run begins: each four
-# times the one before, as a fit finds its way from half and from twice the true one.
-STARTS = (0.05, -0.05, 0.2, -0.2, 0.8, -0.8)
+# K by which a body may be warmer or cooler as the run begins: each four times the one before, as a fit finds its way
+# from half and from twice the true one. In a steady room, too, a machine may be cold from the night.
+STARTS = (0.5, -0.5, 2.0, -2.0, 8.0, -8.0)
 
 START = Parameter(
-    "start", "K", 1.0, "how much warmer than the recorded temperature the body is at the first row, where the clock "
-    "begins anew, and after a pause of an hour", count=4, role="searched", held=True, at_beginnings=True, default=0.0,
+    "start", "K", START_SCATTER, "how much warmer than the recorded temperature the body is at the first row, where "
+    "the clock begins anew, and after a pause of an hour",
+    count=4, role="searched", held=True, at_beginnings=True, default=0.0,
 )  # fmt: skip
 """The parameter before the last one of growth; it belongs to the run. At further beginnings a body is at rest."""
 
@@ -61,9 +62,8 @@ class Growth(Effect):
         """
         if view.behind is None:
             return (_shape(0.0, 0.0, view),)
-        spread = float(view.warmth.max() - view.warmth.min())
-        starts = (0.0, *(share * spread for share in STARTS))
-        return (_shape(0.0, 0.0, view), *(_shape(late, start, view) for start, late in product(starts, LAGS_S)))
+        late = (_shape(late, start, view) for start, late in product((0.0, *STARTS), LAGS_S))
+        return (_shape(0.0, 0.0, view), *late)
 
     def odds_of_shape(self, shape: Mapping[str, Tensor]) -> float:
         """Against growth that is late, more the less its body was at rest; they cover the choice of a trial as well."""
@@ -77,6 +77,11 @@ class Growth(Effect):
     def usual_trial(self, view: View) -> Mapping[str, Tensor]:
         """At once."""
         return self.search(view)[0]
+
+    def say(self, theta: Tensor, std: Tensor, view: View) -> tuple[ValuePhrase, ...]:
+        """As of every effect; how warm its body began ranks by kelvin, to be said beside six values of screws."""
+        parts = super().say(theta, std, view)
+        return tuple(replace(part, worth=part.size) if part.unit == START.unit else part for part in parts)
 
     def cause(self, theta: Tensor, view: View) -> str:
         """With how late it is."""

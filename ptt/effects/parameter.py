@@ -28,7 +28,7 @@ class Parameter:
         axis: measured along the axis, so its unit follows the joint's.
         usual_rad: usual size on a serial arm, where it differs.
         held: kept near zero by a prior of its usual size, because the effect is defined without it; over the finite
-            range of the data a little of it remains. A searched one stays near where the search left it.
+            range of the data a little of it remains. So may a searched one be.
         lent: for each of the `count` held values the effect that it belongs to. Where that effect is not in the model
             the fit frees the value, since other values would have to imitate it.
         fine: detail of the parameter before it, mostly far below the noise, with a learned variance of its own.

@@ -38,8 +38,8 @@ class Layout:
         owner: (u,) int, index of the term; FRAME or MOUNT for those.
         group: (u,) int, group of unknowns with a common prior variance: those of one parameter (slopes and levels
             apart) and of parameters joined to it; -1 for frames and mounts.
-        kinds: of each group: 'free', 'held' as above, 'searched', or 'near' where a searched value stays as near as it
-            is large: each joint's own of what was searched as one for all, and what is about zero.
+        kinds: of each group: 'free', 'held' as above, 'searched', 'near' where each joint has its own value of what was
+            searched as one value for all, or 'resting' where a searched value is about zero.
         names: one for each unknown.
         frames: number of frames.
         mounts: number of reflector mounts.
@@ -61,7 +61,7 @@ class Layout:
     @property
     def searched(self) -> np.ndarray:
         """(u,) bool, nonlinear shape parameters, which start where a search left them."""
-        return np.array([kind in ("searched", "near") for kind in self.kinds] + [False])[self.group]
+        return np.array([kind in ("searched", "near", "resting") for kind in self.kinds] + [False])[self.group]
 
     def thetas(self, unknowns: np.ndarray) -> list[Tensor]:
         """Full flat parameters of every term at these unknowns."""
@@ -220,7 +220,7 @@ def bounds_of(parameter: Parameter, present: np.ndarray) -> tuple[float, float]:
 
 def _kinds(parameter: Parameter, size: int, fitted: set[str]) -> list[tuple[str, str]]:
     """Kind of each value, and the effect that it is lent to or ''; values equal in both share a prior variance."""
-    found = "near" if parameter.apart or parameter.held else "searched"
+    found = "near" if parameter.apart else "resting" if parameter.held else "searched"
     kind = found if parameter.role == "searched" else "held" if parameter.held else "free"
     if not parameter.lent:
         return [(kind, "")] * size

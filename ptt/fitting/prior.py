@@ -16,8 +16,7 @@ MOST_FREEDOM = 100.0  # degrees of freedom that a stated noise counts for at mos
 SURE_ERRORS = 3.0  # standard deviations of the design effect from which rows are no longer taken for independent
 # of searched parameters: ten usual sizes, which holds them where the rows see nothing of them
 SEARCHED_VARIANCE = 100.0
-# of parameters of each joint that a search found as one (a joint that shows nothing stays by the others), and of those
-# that are about zero
+# of parameters of each joint that a search found as one: a joint that shows nothing stays by the others
 NEAR_VARIANCE = 1.0
 
 
@@ -28,7 +27,8 @@ class Prior:
     Attributes:
         variance: (u,) prior variance of each unknown, in usual sizes squared.
         group_variances: (g,) the same for each group of the layout.
-        centre: (u,) prior mean of each unknown: of searched parameters where the search left them, of all others zero.
+        centre: (u,) prior mean of each unknown: of searched parameters where the search left them, of all others and of
+            those that rest at zero it is zero.
         widening: variance of the rows over that of the noise that whitened them, at least one.
         design_effect: rows that count as one independent row (`design_effect_of`).
     """
@@ -67,12 +67,13 @@ def usual_prior(layout: Layout) -> Prior:
     Returns:
         The prior.
     """
-    centre = np.where(layout.searched, layout.start(), 0.0)
+    resting = np.array([kind == "resting" for kind in layout.kinds] + [False])[layout.group]
+    centre = np.where(layout.searched & ~resting, layout.start(), 0.0)
     return _prior(layout, np.array([_before(layout, group, centre) for group in range(len(layout.kinds))]), centre)
 
 
 def _before(layout: Layout, group: int, centre: np.ndarray) -> float:
-    """Prior variance of a group before any rows; what is near where a search left it may be off by as much as it is."""
+    """Prior variance of a group before any rows; lengths of each joint's own differ by as much as they are."""
     if layout.kinds[group] == "near":
         return max(NEAR_VARIANCE, float(np.square(centre[layout.group == group]).max()))
     return SEARCHED_VARIANCE if layout.kinds[group] == "searched" else 1.0

@@ -16,6 +16,9 @@ from ptt.run.problem import Problem
 
 # Prior variance in usual sizes squared: three hundred usual sizes, as drawings are off by that much
 MOST_EFFECT_VARIANCE = 1e5
+# The same of a searched value about zero: one usual size. Its column is the derivative of the effect, and with a large
+# value would be as much as the effect itself.
+MOST_RESTING_VARIANCE = 1.0
 MOST_HELD_VARIANCE = 1e2  # the same of values kept near zero: ten usual sizes; larger waves could imitate whole links
 FEW_JOINTS = 3  # joints up to which the odds of choosing some of them cost what leaving the sound ones out gains
 
@@ -142,6 +145,7 @@ def effect_atom(
     group = np.unique(kinds.group, return_inverse=True)[1].reshape(-1)
     most = np.full(int(group.max(initial=-1)) + 1, MOST_EFFECT_VARIANCE)
     most[group[kinds.near_zero]] = MOST_HELD_VARIANCE
+    most[group[kinds.resting]] = MOST_RESTING_VARIANCE
     # Only for effects of one kind of value: a link off in all of its lengths and angles is no plainer than several
     # links off in one.
     one_kind = len({parameter.unit for parameter in effect.parameters if parameter.role == "linear"}) == 1
@@ -163,6 +167,7 @@ class ValueKinds:
         group: values of one number share a prior variance, (w,) int.
         non_negative: whether a value cannot be negative, (w,) bool.
         near_zero: whether a value is kept near zero by the definition of the effect, (w,) bool.
+        resting: whether a value is searched and about zero, (w,) bool.
         joint: joint of each value, -1 for none, (w,) int.
         fine: whether a value is fine detail of a curve, (w,) bool.
         within: lowest and highest size that the cause can have, (w, 2) in usual sizes.
@@ -171,6 +176,7 @@ class ValueKinds:
     group: np.ndarray
     non_negative: np.ndarray
     near_zero: np.ndarray
+    resting: np.ndarray
     joint: np.ndarray
     fine: np.ndarray
     within: np.ndarray
@@ -184,6 +190,7 @@ def _kinds_of_values(effect: Effect, joints: int, chosen: np.ndarray | slice) ->
         group=_groups(effect, joints)[chosen],
         non_negative=np.repeat([parameter.lower >= 0.0 for parameter in each], sizes)[chosen],
         near_zero=np.repeat([parameter.held and not parameter.lent for parameter in each], sizes)[chosen],
+        resting=np.repeat([parameter.held and parameter.role == "searched" for parameter in each], sizes)[chosen],
         joint=np.concatenate([_joint_of(parameter, joints) for parameter in each])[chosen],
         fine=np.repeat([parameter.fine for parameter in each], sizes)[chosen],
         within=np.repeat([parameter.within or (-np.inf, np.inf) for parameter in each], sizes, axis=0)[chosen],
