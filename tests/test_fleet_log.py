@@ -108,6 +108,18 @@ def test_a_clock_that_is_set_back_goes_on_from_part_to_part_as_in_a_run(empty: b
     np.testing.assert_allclose(np.concatenate(parts)[told], whole, atol=1e-9)
 
 
+def test_a_part_with_a_pause_knows_no_beginning_but_that_of_its_log(tmp_path):
+    """A part's own clock would put it at another time than the rows have."""
+    machine, path, table = load_machine(MACHINE), tmp_path / "log.parquet", made(300)
+    clock = np.asarray(table.time_s) + np.where(np.arange(300) >= 250, 7200.0, 0.0)
+    connection = duckdb.connect()
+    connection.register("rows", table_to_frame(table).assign(time_s=clock))
+    connection.execute(f"COPY rows TO '{path}' (FORMAT parquet)")
+    log = open_log(machine, path, 100)
+    for view in (log.whole.view, *(read_part(log, part).view for part in log.parts)):
+        assert view.beginnings == (0.0,)
+
+
 def test_readings_of_a_pose_fall_into_one_bucket_where_its_target_is_written_to_the_micron():
     random = np.random.default_rng(4)
     place = np.round(random.uniform(-80.0, 80.0, (2000, 3)), 3)

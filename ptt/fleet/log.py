@@ -123,7 +123,9 @@ def open_log(machine: MachineFile, file: str | Path, size: int = CHUNK) -> Log:
     clock = 0.0 if table.time_s is None else float(table.time_s[0])
     varies = first.view.varies | spread.view.varies - {"speed", "direction"}  # these two need consecutive rows
     whole = take_entered(spread, [(0, KEPT_ROWS)], [None])
-    whole = replace(whole, view=replace(whole.view, varies=varies))
+    whole = replace(
+        whole, view=replace(whole.view, varies=varies, beginnings=(0.0,))
+    )  # one run, whose clock is its own
     rounded = rounded_to(machine, in_base(spread.table, spread.stated_in))
     return Log(
         machine, path, rows, parts, whole, ranges_of(spread), driven, clock, first.noise, rounded, display
@@ -149,7 +151,7 @@ def read_part(log: Log, part: Part) -> Problem:
     view = replace(
         view if log.driven else view.standing(fed), varies=whole.view.varies, time=time,
         behind=None if whole.view.behind is None else lags_of(table),
-        number=torch.arange(low, high, dtype=torch.float64),
+        number=torch.arange(low, high, dtype=torch.float64), beginnings=whole.view.beginnings,
     )  # fmt: skip
     frame, observed = np.zeros(table.rows, dtype=int), np.isfinite(table.measured).all(axis=1)
     measured = into_base(table.measured, frame, whole.rotation, whole.shift)
