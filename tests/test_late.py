@@ -16,9 +16,11 @@ from ptt.correct.compensate import compensate
 from ptt.correct.doubt import beginning_doubt
 from ptt.correct.terms import split_terms
 from ptt.diagnosis.diagnose import Diagnosis, diagnose
+from ptt.diagnosis.telling.mimic import kept_warm
 from ptt.door import streaming
 from ptt.effects.late import START, STARTS, Growth, is_late, late_warmth
-from ptt.effects.screw import ScrewGrowth
+from ptt.effects.metrology import TrackerScale
+from ptt.effects.screw import LeadScale, ScrewGrowth
 from ptt.effects.structure import FrameGrowth
 from ptt.machine import MachineFile, format_machine, parse_machine
 from ptt.mechanisms.three_ptt import ThreePtt
@@ -160,6 +162,17 @@ def began_by(start: float) -> Model:
     """A machine whose screws were away from the room's temperature as its run began."""
     values = torch.tensor([3e-5, 2e-5, 4e-5, 0.0, 0.0, 0.0, start, *AT_REST[1:], LATE_S], dtype=torch.float64)
     return Model(TRUSTED) + Term(ScrewGrowth(), values)
+
+
+@pytest.mark.parametrize(("start", "others", "said"), [
+    (-4.0, (LeadScale(),), True), (4.0, (LeadScale(),), False), (-4.0, (), False), (-4.0, (TrackerScale(),), False),
+    (0.0, (LeadScale(),), False),
+])  # fmt: skip
+def test_what_motors_keep_warm_looks_like_an_error_of_the_drawing_beside_a_cold_start(start, others, said):
+    beside = [Term(effect, torch.ones(3, dtype=torch.float64)) for effect in others]
+    words = " ".join(kept_warm(began_by(start).terms[0], beside))
+    assert ("with lead-scale: measure again after hours of rest" in words) is said
+    assert not words or "电机" in SAY(words)
 
 
 def test_how_warm_a_body_began_is_of_its_run_alone():

@@ -17,7 +17,7 @@ from ptt.diagnosis.search.fits import without_carried
 from ptt.diagnosis.search.found import Found
 from ptt.diagnosis.telling.coincidence import coincidences
 from ptt.diagnosis.telling.exchange import Exchange, exchanged_doubt
-from ptt.diagnosis.telling.mimic import EITHER, find_sum, growth_doubt, is_growth
+from ptt.diagnosis.telling.mimic import EITHER, find_sum, growth_doubt, is_growth, kept_warm
 from ptt.diagnosis.telling.steps import Named, Step, share_of
 from ptt.diagnosis.telling.words import explain_step
 from ptt.effects import Effect
@@ -136,7 +136,9 @@ def candidates_of_steps(
                 _parameters(term, problem),
                 step.others,
                 sums[name],
-                " ".join([words, *coincidences(term, problem), *unwitnessed(term, problem, noise)]),
+                " ".join(
+                    [words, *coincidences(term, problem), *unwitnessed(term, problem, noise), *kept_warm(term, beside)]
+                ),
                 own,
             )
         )

@@ -4,6 +4,7 @@ Links, radius and lead together stretch a machine just as a wrong scale of the t
 faults at once: a machine is longer in all its parts where it is warmer than its drawing says.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,9 @@ from ptt.diagnosis.evidence.system import System
 from ptt.diagnosis.noise.memory import WHITE
 from ptt.diagnosis.search.instead import commoner
 from ptt.diagnosis.search.plainest import PLAIN_NATS
+from ptt.effects.late import has_begun, starts_of
 from ptt.effects.metrology import TrackerScale
+from ptt.effects.phrases import SIGNIFICANT, listed
 from ptt.fitting.projected import Projected, gain, project
 from ptt.model.model import Term
 from ptt.run.problem import Problem
@@ -67,6 +70,30 @@ def growth_doubt(term: Term, problem: Problem) -> float:
     """
     apart = without_rigid_motion(term.effect.shift(term.theta, problem.view).numpy(), problem)
     return float(np.sqrt(EITHER * np.square(apart).sum(axis=1).mean()))
+
+
+def kept_warm(term: Term, beside: Sequence[Term]) -> list[str]:
+    """Say which errors of the drawing may be growth of a machine that its own motors keep warmer than the air.
+
+    A body that is warmed by a constant amount begins cooler by it, and ends with every size a little too large.
+
+    Args:
+        term: an effect at its values.
+        beside: the other named effects at theirs.
+
+    Returns:
+        One sentence for growth that clearly began cooler than the air beside errors of the drawing, else none.
+    """
+    drawn = [other.effect.key for other in beside if other.effect.of_drawing]
+    if not drawn or not has_begun(term.effect, term.theta):
+        return []
+    first = float(starts_of(term.theta)[0])
+    error = float(np.nan_to_num(starts_of(term.std)[0])) if term.std is not None else 0.0
+    if first > -SIGNIFICANT * error:
+        return []
+    return [
+        f"Motors that keep a machine warm would look like it with {listed(drawn)}: measure again after hours of rest."
+    ]
 
 
 def _unseen(system: System, state: State, key: str) -> tuple[str, ...]:
